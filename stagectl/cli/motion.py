@@ -1,0 +1,128 @@
+"""Verbs that move something: run, simulate, virtual-drive, demo."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from stagectl.cli.show import console, emit, summary
+from stagectl.cli.show import progress as bar
+from stagectl.units import StageError
+
+StageArgument = Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")]
+TrajectoryArgument = Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")]
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
+Without = Annotated[
+    list[str] | None, typer.Option("--without", metavar="LAYER", help="Switch a layer off: ptc, friction.")
+]
+Output = Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Where to record.")]
+Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
+LAYERS = ("ptc", "friction")
+
+
+def register(app: typer.Typer) -> None:
+    """Add these verbs to the command line."""
+    app.command("run")(run)
+    app.command("simulate")(simulate)
+    app.command("virtual-drive")(virtual_drive)
+    app.command("demo")(demo)
+
+
+def run(
+    stage: StageArgument,
+    trajectory: TrajectoryArgument,
+    without: Without = None,
+    json: Json = None,
+    output: Output = None,
+    channel: Channel = None,
+) -> None:
+    """Run a trajectory on the drive and record it.
+
+    On the embedded bus a virtual drive is started where none answers.
+
+    Example: stagectl run config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
+    """
+    os.environ["STAGECTL_KERNELS"] = "interpreted"  # nothing is simulated in this process
+    from stagectl.session import on_channel, perform, prepare
+
+    setup = on_channel(_load(stage), channel)
+    motion = prepare(setup, trajectory, _layers(without), output)
+    with bar(f"run {motion.meta['trajectory']}", len(motion.plan.references)) as update:
+        result = perform(motion, console.print, update)
+    console.print(summary(result))
+    emit(result, json)
+    if not result["in_position"]:
+        raise typer.Exit(1)
+
+
+def simulate(
+    stage: StageArgument,
+    trajectory: TrajectoryArgument,
+    without: Without = None,
+    json: Json = None,
+    output: Output = None,
+) -> None:
+    """Run the same law on the stage model, compiled, faster than real time.
+
+    Example: stagectl simulate config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --json -
+    """
+    from stagectl.session import prepare, pretend
+
+    motion = prepare(_load(stage), trajectory, _layers(without), output)
+    result = pretend(motion, record=output is not None)
+    console.print(f"simulated: {summary(result)}")
+    emit(result, json)
+    if not result["in_position"]:
+        raise typer.Exit(1)
+
+
+def virtual_drive(stage: StageArgument, channel: Channel = None) -> None:
+    """Be a virtual CANopen drive with the stage inside, until interrupted.
+
+    Example: stagectl virtual-drive config/ball-screw.yaml
+    """
+    os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
+    from stagectl.daemon.virtual import serve
+    from stagectl.session import canopen, on_channel
+
+    stopped: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: stopped.append(number))
+    setup = on_channel(_load(stage), channel)
+    serve(setup, canopen(setup), lambda text: print(text, flush=True), lambda: bool(stopped))
+
+
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to put it all.")] = Path(
+        "demo"
+    ),
+) -> None:
+    """Move a virtual ball-screw stage over a CAN bus: three sines, with and without friction compensation."""
+    os.environ["STAGECTL_KERNELS"] = "interpreted"
+    from stagectl.demo import demo as show
+
+    page = show(output, console.print, bar)
+    console.print(f"report: [bold]{page}[/]")
+
+
+def _layers(without: list[str] | None) -> frozenset[str]:
+    for layer in without or ():
+        if layer not in LAYERS:
+            raise StageError(f"--without {layer}; must be one of {', '.join(LAYERS)}")
+    return frozenset(without or ())
+
+
+def _load(path: Path) -> Any:
+    from stagectl.config.stage_file import load_stage
+
+    return load_stage(path)
+
+
+def stamp() -> str:
+    """Now, as part of a file's name."""
+    return time.strftime("%Y%m%d-%H%M%S")

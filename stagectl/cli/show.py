@@ -1,0 +1,60 @@
+"""How results appear: plain words on the terminal, JSON where it was asked for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from stagectl.words import length
+
+console = Console(stderr=True, soft_wrap=True, highlight=False)  # standard output is for results only
+
+
+def emit(result: dict[str, Any], target: str | None) -> None:
+    """Write `result` as JSON to the file `target`, ``-`` for standard output."""
+    if target is None:
+        return
+    text = json.dumps(result, indent=2, allow_nan=False) + "\n"
+    if target == "-":
+        print(text, end="")
+    else:
+        Path(target).parent.mkdir(parents=True, exist_ok=True)
+        Path(target).write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def progress(title: str, total: int) -> Iterator[Any]:
+    """A bar with the time left; yields ``update(done, total)``."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda done, _total: bar.update(task, completed=done)
+        bar.update(task, completed=total)
+
+
+def summary(result: dict[str, Any]) -> str:
+    """The run in plain words."""
+    error, unit = result["tracking_error"], result["unit"]
+    window = f"{result['steady'][0]:.3g} to {result['steady'][1]:.3g} s"
+    lines = [
+        f"{result['stage']}, {result['trajectory']}: tracking error peak [bold]{length(error['peak'], unit)}[/], "
+        f"rms {length(error['rms'], unit)} over {window} (nd = {result['nd']})"
+    ]
+    if result["late_cycles"]:
+        lines.append(f"{result['late_cycles']} of {result['cycles']} cycles were late")
+    if result["saturated_cycles"]:
+        lines.append(f"the current limit was reached in {result['saturated_cycles']} cycles")
+    if not result["in_position"]:
+        lines.append("[bold red]the axis did not come to stand in position[/]")
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Configuration: YAML to checked NamedTuples; the type hints are the schema."""

@@ -1,0 +1,92 @@
+"""JSON schema of the configuration files, from the same type hints that the loader reads."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from stagectl.config.loader import Tagged
+from stagectl.config.stage_file import StageFile
+from stagectl.config.trajectory_file import BLOCKS, Entry
+from stagectl.units import Quantity, quantity_of
+
+_DRAFT = "https://json-schema.org/draft/2020-12/schema"
+_NUMBER = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?"
+
+
+def stage_schema() -> dict[str, Any]:
+    """Of a stage file."""
+    return {"$schema": _DRAFT, "title": "stagectl stage", **_of(StageFile)}
+
+
+def trajectory_schema() -> dict[str, Any]:
+    """Of a trajectory file."""
+    blocks = {name: _block(kind, "type", name) for name, kind in BLOCKS.items()}
+    one_of = [{"$ref": f"#/$defs/{name}"} for name in blocks]
+    return {"$schema": _DRAFT, "title": "stagectl trajectory", "oneOf": one_of, "$defs": blocks}
+
+
+SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {"stage": stage_schema, "trajectory": trajectory_schema}
+
+
+def _of(hint: Any) -> dict[str, Any]:
+    if hint == Entry:
+        return {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in BLOCKS]}
+    extras = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+    plain = get_args(hint)[0] if extras else hint
+    tag = next((extra for extra in extras if isinstance(extra, Tagged)), None)
+    if tag is not None:
+        return {"oneOf": [_block(kind, tag.key, name) for name, kind in tag.blocks.items()]}
+    words = next((extra for extra in extras if isinstance(extra, str)), None)
+    described = {"description": words} if words else {}
+    return {**_plain(plain, quantity_of(hint)), **described}
+
+
+def _plain(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
+    if hasattr(plain, "_fields"):
+        return _block(plain)
+    if get_origin(plain) is tuple:
+        return _list(plain, quantity)
+    if get_origin(plain) in (Union, types.UnionType):
+        inner = next(kind for kind in get_args(plain) if kind is not type(None))
+        return {"anyOf": [_plain(inner, quantity), {"type": "null"}]}
+    if get_origin(plain) is Literal:
+        return {"enum": list(get_args(plain))}
+    if plain is str:
+        return {"type": "string"}
+    if plain is bool:
+        return {"type": "boolean"}
+    return _number(plain, quantity)
+
+
+def _list(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
+    kinds = get_args(plain)
+    kind = Annotated[kinds[0], quantity] if quantity else kinds[0]
+    bounds = {"minItems": 1} if kinds[-1] is Ellipsis else {"minItems": len(kinds), "maxItems": len(kinds)}
+    return {"type": "array", "items": _of(kind), **bounds}
+
+
+def _number(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
+    """A pure number is a number; one with a unit is text that begins with a number."""
+    if quantity is None:
+        return {"type": "integer"}
+    described = {"description": f"{quantity.meaning}; {quantity.interval} {quantity.unit}".rstrip()}
+    if quantity.unit:
+        return {"type": "string", "pattern": _NUMBER + r"\s*\S+", **described}
+    if plain is int:
+        low, high = quantity.bounds()
+        return {"type": "integer", "minimum": low, "maximum": high, **described}
+    return {"type": ["number", "string"], **described}
+
+
+def _block(kind: Any, tag: str = "", name: str = "") -> dict[str, Any]:
+    hints = get_type_hints(kind, include_extras=True)
+    properties = {field: _of(hints[field]) for field in kind._fields}
+    required = [field for field in kind._fields if field not in kind._field_defaults]
+    if tag:
+        properties = {tag: {"const": name}, **properties}
+        required = [tag, *required]
+    summary = (kind.__doc__ or "").split("\n")[0]
+    block = {"type": "object", "description": summary, "properties": properties, "additionalProperties": False}
+    return {**block, "required": required} if required else block

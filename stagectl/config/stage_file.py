@@ -1,0 +1,245 @@
+"""The stage file: one machine, from its mechanics to its bus, and what is checked before anything moves."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import yaml
+
+from stagectl import design
+from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
+from stagectl.drives import bus
+from stagectl.drives.drive import Canopen
+from stagectl.drives.simulated import Simulation
+from stagectl.kernels import friction, stage
+from stagectl.kernels.jit import table
+from stagectl.units import LINEAR, ROTARY, Quantity
+
+Positive = "(0, 1e6]"
+
+
+class Axis(NamedTuple):
+    """What a position is: an angle at the motor, or a length."""
+
+    kind: Annotated[Literal["rotary", "linear"], "rotary (a ball screw is: it has a lead) or linear"]
+    lead: Annotated[float, Quantity("m", "[0, 10]", "table travel per revolution; 0: none")] = 0.0
+
+    @property
+    def travel_per_unit(self) -> float:
+        """Metres of table per rad (ball screw), 1 on a linear axis; 1 without a lead, then travel is in rad."""
+        return self.lead / (2.0 * math.pi) if self.kind == ROTARY and self.lead else 1.0
+
+    @property
+    def travel_unit(self) -> str:
+        """Unit of what the user sees as travel."""
+        return "m" if self.kind == LINEAR or self.lead else "rad"
+
+    @property
+    def position_unit(self) -> str:
+        """SI unit of a position inside."""
+        return "m" if self.kind == LINEAR else "rad"
+
+    @property
+    def effort_unit(self) -> str:
+        """SI unit of force or torque inside."""
+        return "N" if self.kind == LINEAR else "N m"
+
+
+class Rolling(NamedTuple):
+    """Rolling friction by its picture: equal elements whose slips are spaced geometrically."""
+
+    coulomb: Annotated[float, Quantity("N m | N", "[0, 1e6]", "friction when all elements slip, T_c")]
+    shortest: Annotated[float, Quantity("rad | m", "(0, 1e3]", "slip of the stiffest element")]
+    longest: Annotated[float, Quantity("rad | m", "(0, 1e3]", "slip of the softest element")]
+    elements: Annotated[int, Quantity("", "[1, 64]", "number of stop operators")] = 12
+    stribeck: friction.Stribeck = friction.Stribeck()
+
+    def operators(self) -> friction.StopOperators:
+        """The elements, one by one."""
+        steps = max(self.elements - 1, 1)
+        ratio = self.longest / self.shortest
+        slips = [self.shortest * ratio ** (j / steps) for j in range(self.elements)]
+        return friction.StopOperators(table([self.coulomb / self.elements] * self.elements), table(slips))
+
+
+class Operators(NamedTuple):
+    """Rolling friction element by element, as an identification writes it."""
+
+    weight: Annotated[tuple[float, ...], Quantity("N m | N", "[0, 1e6]", "force at which each element slips")]
+    slip: Annotated[tuple[float, ...], Quantity("rad | m", "(0, 1e3]", "displacement at which each slips")]
+    stribeck: friction.Stribeck = friction.Stribeck()
+
+    def operators(self) -> friction.StopOperators:
+        """The elements, as given."""
+        return friction.StopOperators(table(self.weight), table(self.slip))
+
+
+class Encoder(NamedTuple):
+    """Position measurement; exactly one of `counts_per_revolution` and `step`."""
+
+    counts_per_revolution: Annotated[int | None, Quantity("", "[1, 1e9]", "counts per revolution")] = None
+    step: Annotated[float | None, Quantity("rad | m", "(0, 1]", "length or angle of one count")] = None
+    delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods from latch to controller, nm")] = 0
+
+
+class InProcess(NamedTuple):
+    """No wire: the stage model runs in the loop's own process."""
+
+
+class Drive(NamedTuple):
+    """The servo drive and how it is reached."""
+
+    current_lag: Annotated[float, Quantity("s", "[0, 0.1]", "time constant of the current loop")]
+    current_limit: Annotated[float, Quantity("A", "(0, 1e4]", "largest current, of drive and law alike")]
+    wire: Annotated[Canopen | InProcess, Tagged("kind", {"canopen": Canopen, "simulated": InProcess})]
+    delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods between command and action, nd")] = 1
+
+
+class Limits(NamedTuple):
+    """What no trajectory may exceed and no motion leave."""
+
+    travel: Annotated[tuple[float, float], Quantity("rad | m", "[-1e6, 1e6]", "lowest and highest position")]
+    speed: Annotated[float, Quantity("rad/s | m/s", Positive, "largest speed")]
+    acceleration: Annotated[float, Quantity("rad/s^2 | m/s^2", Positive, "largest acceleration")]
+    following_error: Annotated[float, Quantity("rad | m", Positive, "largest error before a quick stop")]
+
+
+class Realtime(NamedTuple):
+    """How the loop's process asks the kernel for punctuality; what is not permitted is said, not hidden."""
+
+    priority: Annotated[int, Quantity("", "[0, 99]", "SCHED_FIFO priority; 0: ordinary scheduling")] = 80
+    cpu: Annotated[int | None, Quantity("", "[0, 4095]", "number of the CPU the loop is pinned to")] = None
+    late_limit: Annotated[int, Quantity("", "[1, 1000000]", "late cycles in a row that cause a quick stop")] = 10
+
+
+class StageFile(NamedTuple):
+    """The whole file."""
+
+    name: Annotated[str, "what the machine is called"]
+    axis: Axis
+    motor: stage.Motor
+    mechanics: stage.Mechanics
+    friction: Annotated[Rolling | Operators, Tagged("law", {"rolling": Rolling, "stop-operators": Operators})]
+    encoder: Encoder
+    drive: Drive
+    control: design.Control
+    limits: Limits
+    realtime: Realtime = Realtime()
+    simulation: Simulation = Simulation()
+
+
+class Setup(NamedTuple):
+    """A stage file, read, checked and assembled."""
+
+    path: Path
+    file: StageFile
+    stage: stage.Stage  # the model: what the law is designed for, and the plant where there is no machine
+
+    @property
+    def dt(self) -> float:
+        """Control period Ts (s)."""
+        return self.file.control.period
+
+
+def load_stage(path: Path) -> Setup:
+    """Read a stage file.
+
+    Raises ConfigError with every error, and DesignError where the loop it describes is refused.
+    """
+    file: StageFile = load(path, _read)
+    wire = file.drive.wire
+    if isinstance(wire, Canopen):
+        eds = (path.parent / wire.eds).resolve()
+        file = file._replace(drive=file.drive._replace(wire=wire._replace(eds=str(eds))))
+    setup = Setup(path, file, _assembled(file))
+    design.design(setup.stage, file.control)  # a loop that must not run is refused here, before anything moves
+    return setup
+
+
+def _read(reader: Reader, root: yaml.Node) -> StageFile:
+    if isinstance(root, yaml.MappingNode):  # the axis first: it says how lengths and angles convert
+        for key, value in root.value:
+            if getattr(key, "value", None) == "axis":
+                axis = Reader(reader.path, Lengths()).value(Axis, value, "axis")
+                if isinstance(axis, Axis) and axis.kind in (ROTARY, LINEAR):
+                    reader.lengths = Lengths(axis.kind, axis.lead or 0.0)
+    file: StageFile = reader.value(StageFile, root, "")
+    if not reader.errors:
+        _check(reader, file, root)
+    return file
+
+
+def _check(reader: Reader, file: StageFile, root: yaml.Node) -> None:
+    """What no single field can tell."""
+    for wrong in (*_check_parts(file), *_check_wire(file, reader.path)):
+        block = wrong.split(".")[0].split(" ")[0]
+        assert isinstance(root, yaml.MappingNode)
+        node = next((value for key, value in root.value if key.value == block), root)
+        reader.refuse(node, wrong)
+
+
+def _check_parts(file: StageFile) -> list[str]:
+    wrong = []
+    encoder, axis = file.encoder, file.axis
+    if (encoder.counts_per_revolution is None) == (encoder.step is None):
+        wrong.append("encoder needs exactly one of counts_per_revolution and step")
+    if axis.kind == LINEAR and (axis.lead or encoder.counts_per_revolution):
+        wrong.append("axis.kind = linear; a lead or counts_per_revolution belong to a rotary axis")
+    if file.limits.travel[0] >= file.limits.travel[1]:
+        wrong.append(f"limits.travel = {list(file.limits.travel)}; the first must be below the second")
+    rolling = file.friction
+    if isinstance(rolling, Rolling) and rolling.shortest > rolling.longest:
+        wrong.append("friction.shortest must not exceed friction.longest")
+    if isinstance(rolling, Operators) and len(rolling.weight) != len(rolling.slip):
+        wrong.append(f"friction.weight has {len(rolling.weight)} entries and friction.slip {len(rolling.slip)}")
+    return wrong
+
+
+def _check_wire(file: StageFile, path: Path) -> list[str]:
+    wire = file.drive.wire
+    if not isinstance(wire, Canopen):
+        return []
+    wrong = []
+    if file.drive.delay_samples < 1:
+        wrong.append("drive.delay_samples = 0; over CAN the command acts from the next SYNC on: at least 1")
+    if not (path.parent / wire.eds).is_file():
+        wrong.append(f"drive.wire.eds = {wire.eds}; no such file beside {path.name}")
+    for name, pdo, needed in (("rpdo", wire.rpdo, wire.command_object), ("tpdo", wire.tpdo, wire.current_object)):
+        if needed and needed not in pdo:
+            wrong.append(f"drive.wire.{name} must hold the object {needed:#08x} that the cycle uses")
+    load_share = bus.load(1.0 / file.control.period, wire.bitrate, (0, 8, 8))
+    if load_share > wire.bus_load_limit:
+        wrong.append(_overload(file, wire, load_share))
+    return wrong
+
+
+def _overload(file: StageFile, wire: Canopen, share: float) -> str:
+    longest = file.control.period * share / wire.bus_load_limit
+    return (
+        f"drive.wire.bitrate = {wire.bitrate / 1e3:g} kbit/s; SYNC and two PDOs every {file.control.period * 1e3:g} ms "
+        f"take {100 * share:.0f} % of the bus, the limit is {100 * wire.bus_load_limit:.0f} %: raise the bit rate, or "
+        f"take control.period of at least {longest * 1e3:.3g} ms"
+    )
+
+
+def _assembled(file: StageFile) -> stage.Stage:
+    wire, counts = file.drive.wire, file.encoder.counts_per_revolution
+    step = 2.0 * math.pi / counts if counts else file.encoder.step
+    assert step is not None  # exactly one of the two, checked above
+    return stage.Stage(
+        stage.Drive(
+            wire.command_scale if isinstance(wire, Canopen) else 0.0,
+            file.drive.delay_samples,
+            file.drive.current_limit,
+            file.drive.current_lag,
+        ),
+        file.motor,
+        file.mechanics,
+        stage.Friction(file.friction.operators(), file.friction.stribeck),
+        stage.Encoder(step, file.encoder.delay_samples),
+    )
+
+
+__all__ = ["Axis", "ConfigError", "Limits", "Setup", "StageFile", "load_stage"]

@@ -1,0 +1,149 @@
+"""The trajectory file: ``type: sine`` and its numbers, or a sequence of such blocks."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import math
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import yaml
+
+from stagectl import trajectories
+from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
+from stagectl.config.stage_file import Setup
+from stagectl.units import LINEAR, ROTARY, factor
+
+MOST_PARTS = 1000
+
+
+class Csv(NamedTuple):
+    """A recorded motion from a CSV file with the columns ``time_s`` and ``reference_mm`` (or another unit)."""
+
+    file: Annotated[str, "the CSV file, relative to this one"]
+
+
+class Parts(NamedTuple):
+    """Trajectories one after another."""
+
+    parts: Annotated[tuple[Entry, ...], "list of trajectories, each a block with its type"]
+
+
+BLOCKS: dict[str, Any] = {**trajectories.TYPES, "csv": Csv, "sequence": Parts}
+Entry = Annotated[Any, Tagged("type", BLOCKS)]
+
+
+class Axis(NamedTuple):
+    """What of a stage its trajectories depend on."""
+
+    lengths: Lengths
+    encoder_step: float  # m of travel (rad where travel is an angle); 0 where it is not known
+
+
+def axis_of(setup: Setup) -> Axis:
+    """The axis that a trajectory is read for."""
+    axis = setup.file.axis
+    lengths = Lengths(axis.kind, axis.lead, axis.kind == ROTARY and not axis.lead)
+    return Axis(lengths, setup.stage.encoder.step * axis.travel_per_unit)
+
+
+def load_trajectory(path: Path, axis: Axis) -> trajectories.Trajectory:
+    """Read a trajectory for this axis; positions come out in metres of travel (rad without a lead).
+
+    Raises ConfigError or TrajectoryError with the place and the reason.
+    """
+    entry = load(path, lambda reader, root: _read(reader, root), axis.lengths)
+    trajectory = _resolved(entry, path, axis)
+    try:
+        trajectories.check(trajectory)
+    except trajectories.TrajectoryError as error:
+        raise trajectories.TrajectoryError(f"{error} ({path})") from error
+    return trajectory
+
+
+def _read(reader: Reader, root: yaml.Node) -> Any:
+    if _count(root, 0) > MOST_PARTS:
+        reader.refuse(root, f"parts: more than {MOST_PARTS} trajectories; write several files")
+        return None
+    return reader.value(Entry, root, "")
+
+
+def _count(node: yaml.Node, depth: int) -> int:
+    """Blocks below `node`, aliases expanded; stops counting past the limit."""
+    inner = [value for _, value in node.value] if isinstance(node, yaml.MappingNode) else []
+    inner = node.value if isinstance(node, yaml.SequenceNode) else inner
+    total = 1
+    for child in inner:
+        if total > 20 * MOST_PARTS or depth > 40:
+            return 20 * MOST_PARTS
+        total += _count(child, depth + 1) if not isinstance(child, yaml.ScalarNode) else 0
+    return total
+
+
+def _resolved(entry: Any, path: Path, axis: Axis) -> trajectories.Trajectory:
+    """Files read, parts resolved."""
+    if isinstance(entry, Csv):
+        return _recorded(path.parent / entry.file, axis)
+    if isinstance(entry, Parts):
+        return trajectories.Sequence(tuple(_resolved(part, path, axis) for part in entry.parts))
+    found: trajectories.Trajectory = entry
+    return found
+
+
+def _recorded(path: Path, axis: Axis) -> trajectories.Recorded:
+    header, rows = _table(path)
+    where = trajectories.columns(header)
+    scale = _scale(where.unit, axis, path)
+    times, positions = [], []
+    for number, row in rows:
+        try:
+            times.append(float(row[where.time]))
+            positions.append(float(row[where.position]) * scale)
+        except (ValueError, IndexError) as error:
+            raise ConfigError(
+                f"row without a number for time or position: {','.join(row)[:60]} ({path}:{number})"
+            ) from error
+    return trajectories.Recorded(times, positions)
+
+
+def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path} is no CSV text: {error}") from error
+    if not lines:
+        raise ConfigError(f"{path} is empty")
+    return lines[0][1], lines[1:]
+
+
+def _scale(unit: str, axis: Axis, path: Path) -> float:
+    """Factor from the file's unit to the unit of travel."""
+    lengths = axis.lengths
+    if unit == "counts":
+        if not axis.encoder_step:
+            raise ConfigError(f"positions in counts need the stage file, for the encoder's step ({path}:1)")
+        return axis.encoder_step
+    if (unit == "rad") == lengths.angular:
+        return factor(unit, "rad" if lengths.angular else "m")
+    if unit == "rad" and lengths.axis == ROTARY:
+        return lengths.lead / (2.0 * math.pi)
+    raise ConfigError(
+        f"positions in {unit} do not fit this axis, whose travel is in {'rad' if lengths.angular else 'm'} ({path}:1)"
+    )
+
+
+FREE = (Axis(Lengths(LINEAR), 0.0), Axis(Lengths(ROTARY, 0.0, True), 0.0))  # without a stage: a length, or an angle
+
+
+def load_free(path: Path) -> trajectories.Trajectory:
+    """Read a trajectory without a stage: travel is a length, or an angle where the file says so."""
+    try:
+        return load_trajectory(path, FREE[0])
+    except ConfigError:
+        with contextlib.suppress(ConfigError):
+            return load_trajectory(path, FREE[1])
+        raise

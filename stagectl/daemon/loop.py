@@ -1,0 +1,180 @@
+"""The loop: a process of its own, interpreted kernels, no other Python thread.
+
+Run as ``python -m stagectl.daemon.loop``; one pickled `Job` comes on standard input, events go out as JSON
+lines on standard output, before and after the motion only.  During it the ring is the only way out.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import signal
+import struct
+import sys
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from stagectl.daemon import realtime, safety
+from stagectl.drives.bus import open_bus
+from stagectl.drives.canopen import CanopenDrive
+from stagectl.drives.drive import Canopen, Drive, DriveError, Fault
+from stagectl.drives.simulated import Plant, Simulated, Simulation
+from stagectl.kernels import law, stage
+from stagectl.recording.ring import Ring
+from stagectl.units import StageError
+
+_REFERENCE = struct.Struct("<7d")
+
+
+class Job(NamedTuple):
+    """All that one motion needs, designed and checked beforehand."""
+
+    law: law.Law
+    references: bytes  # (n, 7) float64, relative to where the axis stands
+    dt: float  # s
+    wire: Canopen | None  # None: the stage model in this process
+    stage: stage.Stage
+    simulation: Simulation
+    envelope: safety.Envelope
+    priority: int
+    cpu: int | None
+    ring: int  # descriptor
+    width: int
+    capacity: int
+
+
+class Tally(NamedTuple):
+    """How the motion went."""
+
+    cycles: int
+    late: int
+    fault: Fault
+
+
+def connect(job: Job) -> Drive:
+    """The drive behind the job's wire."""
+    if job.wire is None:
+        return Simulated(Plant(job.stage, job.simulation, job.dt))
+    bus = open_bus(job.wire.interface, job.wire.channel, job.wire.bitrate)
+    return CanopenDrive(job.wire, bus, job.stage.encoder.step, job.dt)
+
+
+def references(table: bytes, origin: float) -> Iterator[law.Reference]:
+    """The rows of the table, moved to where the axis stands (rad | m)."""
+    for r, d, a, av, b, bv, f in _REFERENCE.iter_unpack(table):
+        yield law.Reference(r + origin, d + origin, a + origin, av, b + origin, bv, f + origin)
+
+
+class Cycle:
+    """The state of the running loop; `__call__` is one period."""
+
+    def __init__(self, job: Job, drive: Drive, ring: Ring, origin: float) -> None:
+        self.job, self.drive, self.ring = job, drive, ring
+        self.state = law.at_rest(job.law, origin)
+        self.position = origin
+        self.cycles, self.late, self.late_in_a_row = 0, 0, 0
+        self.metronome = realtime.Metronome(job.dt)
+
+    def __call__(self, reference: law.Reference) -> Fault:
+        """Wait, sample, compute, apply, record; the reason to stop, if there is one."""
+        job, dt = self.job, self.job.dt
+        lateness = self.metronome.wait()
+        feedback = self.drive.sample()
+        output, self.state = law.step(job.law, self.state, reference, feedback.position)
+        speed = (feedback.position - self.position) / dt
+        fault = safety.judge(job.envelope, feedback.fault, feedback.position, speed, output.error)
+        self.drive.apply(output.current if fault is Fault.NONE else 0.0)
+        late = self.metronome.overran()
+        self.ring.write(
+            (
+                self.cycles * dt,
+                *reference,
+                *output,
+                feedback.position,
+                _NAN,
+                feedback.current,
+                lateness,
+                late,
+                feedback.statusword,
+                fault,
+            )
+        )
+        self.position = feedback.position
+        self.cycles += 1
+        self.late += late
+        self.late_in_a_row = self.late_in_a_row + 1 if late else 0
+        if self.late_in_a_row >= job.envelope.late_limit:
+            return Fault.LATE
+        return fault
+
+
+_NAN = float("nan")
+
+
+def run(job: Job, drive: Drive, ring: Ring, origin: float, stopped: list[int]) -> Tally:
+    """The motion, from first row to last or to the first fault."""
+    cycle = Cycle(job, drive, ring, origin)
+    fault = Fault.NONE
+    for reference in references(job.references, origin):
+        fault = cycle(reference)
+        if stopped:
+            fault = Fault.OPERATOR
+        if fault is not Fault.NONE:
+            drive.quick_stop()
+            break
+    return Tally(cycle.cycles, cycle.late, fault)
+
+
+def _fits(job: Job, origin: float) -> None:
+    positions = [row[0] for row in _REFERENCE.iter_unpack(job.references)]
+    low, high = origin + min(positions), origin + max(positions)
+    if low < job.envelope.low or high > job.envelope.high:
+        raise DriveError(
+            f"the axis stands at {origin:.6g}, from where the motion goes to [{low:.6g}, {high:.6g}]; limits.travel is "
+            f"[{job.envelope.low:.6g}, {job.envelope.high:.6g}] in axis units: move it back, then run again"
+        )
+
+
+def _say(event: str, **facts: Any) -> None:
+    print(json.dumps({"event": event, **facts}), flush=True)
+
+
+def serve(job: Job) -> None:
+    """Connect, enable, move, disable; every step is an event.
+
+    Raises DriveError where the drive does not follow, or the motion would leave the travel from where it stands.
+    """
+    ring = Ring(job.ring, job.width, job.capacity)
+    stopped: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: stopped.append(number))
+    signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
+    drive = connect(job)
+    try:
+        _say("connected", drive=drive.describe())
+        if sys.stdin.readline().strip() != "go":  # the recorder must be ready, with the drive's identity in its file
+            return
+        refused = realtime.prepare(job.priority, job.cpu)
+        origin = drive.enable().position
+        _fits(job, origin)
+        _say("moving", refused=refused, origin=origin)
+        tally = run(job, drive, ring, origin, stopped)
+        reason = drive.explain() if Fault.NONE < tally.fault < Fault.FOLLOWING_ERROR else ""
+        ring.close()
+        _say("ended", **tally._asdict(), words=safety.words(tally.fault), reason=reason)
+    finally:
+        drive.close()
+
+
+def main() -> None:
+    """Entry of the process; exit 2 with the reason as an event where it could not be done."""
+    job: Job = pickle.load(sys.stdin.buffer)
+    try:
+        serve(job)
+    except StageError as error:
+        _say("failed", reason=str(error))
+        os._exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,188 @@
+"""One motion on a drive: start the loop and its recorder, watch them, tell how it went.
+
+::
+
+    this process -- job ------> loop process ====== CAN ====== drive (virtual: a process of its own)
+         |                        | ring in shared memory
+         +------ order -------> recorder process ---> recording.h5
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import select
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from stagectl.config.stage_file import Setup
+from stagectl.daemon.loop import Job
+from stagectl.daemon.safety import Envelope
+from stagectl.drives.drive import Canopen, DriveError
+from stagectl.kernels import law, rollout
+from stagectl.plan import Plan
+from stagectl.recording.meta import portable
+from stagectl.recording.recorder import Order
+from stagectl.recording.ring import Ring
+
+Progress = Callable[[int, int], None]  # (cycles done, cycles in all)
+
+
+class Motion(NamedTuple):
+    """What to run, and where to record it."""
+
+    setup: Setup
+    plan: Plan
+    law: law.Law
+    meta: dict[str, Any]
+    recording: Path
+
+
+class Ended(NamedTuple):
+    """How the loop says it went."""
+
+    cycles: int
+    late: int
+    fault: int
+    words: str
+    reason: str
+    refused: list[str]  # what the kernel did not permit
+    drive: dict[str, str]
+
+
+def move(motion: Motion, progress: Progress) -> Ended:
+    """Run the motion to its end or its first fault.
+
+    Raises DriveError where the drive cannot be reached or enabled, or the loop's process dies.
+    """
+    motion.recording.parent.mkdir(parents=True, exist_ok=True)
+    ring = Ring.create(rollout.WIDTH)
+    alive, held = os.pipe()
+    with _started("recorder", (ring.descriptor, alive)) as recorder, _started("loop", (ring.descriptor, held)) as loop:
+        os.close(held)
+        return _watch(motion, loop, recorder, (ring, alive), progress)
+
+
+def _watch(motion: Motion, loop: _Process, recorder: _Process, shared: tuple[Ring, int], progress: Progress) -> Ended:
+    ring, alive = shared
+    loop.send(_job(motion, ring))
+    connected = _event(loop, "connected")
+    meta = {**motion.meta, "drive": connected["drive"]}
+    recorder.send(
+        Order(ring.descriptor, ring.width, ring.capacity, alive, str(motion.recording), meta, rollout.COLUMNS)
+    )
+    if recorder.line() != "ready":
+        raise DriveError(f"the recorder cannot write {motion.recording}: nothing has moved; see the message above")
+    loop.say("go")
+    moving = _event(loop, "moving")
+    ended = _follow(loop, ring, len(motion.plan.references), progress)
+    recorder.wait()
+    facts = {name: ended[name] for name in ("cycles", "late", "fault", "words", "reason")}
+    return Ended(**facts, refused=moving["refused"], drive=connected["drive"])
+
+
+def _follow(loop: _Process, ring: Ring, total: int, progress: Progress) -> dict[str, Any]:
+    """Show progress from the ring until the loop says that it has ended; hand an interrupt on to it."""
+    while True:
+        try:
+            if loop.readable(0.05):
+                return _event(loop, "ended")
+            progress(ring.written, total)
+        except KeyboardInterrupt:  # the loop has had the same signal and stops the axis: hear it out
+            loop.signal(signal.SIGINT)
+
+
+def _job(motion: Motion, ring: Ring) -> Job:
+    setup, limits = motion.setup, motion.setup.file.limits
+    envelope = Envelope(*limits.travel, limits.speed * 1.1, limits.following_error, setup.file.realtime.late_limit)
+    wire = setup.file.drive.wire
+    return Job(
+        law=portable(motion.law),
+        references=motion.plan.references.tobytes(),
+        dt=setup.dt,
+        wire=wire if isinstance(wire, Canopen) else None,
+        stage=setup.stage._replace(friction=setup.stage.friction._replace(operators=portable(motion.law).friction)),
+        simulation=setup.file.simulation,
+        envelope=envelope,
+        priority=setup.file.realtime.priority,
+        cpu=setup.file.realtime.cpu,
+        ring=ring.descriptor,
+        width=ring.width,
+        capacity=ring.capacity,
+    )
+
+
+def _event(process: _Process, expected: str) -> dict[str, Any]:
+    """The next event of the loop, which must be `expected`.
+
+    Raises DriveError with the loop's reason otherwise.
+    """
+    line = process.line()
+    if not line:
+        raise DriveError("the loop's process died; the drive stops by itself within its heartbeat time-out")
+    event: dict[str, Any] = json.loads(line)
+    if event["event"] != expected:
+        raise DriveError(event.get("reason", f"the loop said {event['event']} instead of {expected}"))
+    return event
+
+
+class _Process:
+    """A child that takes one pickled order and answers in lines."""
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdin is not None and process.stdout is not None
+        self._process, self._in, self._out = process, process.stdin, process.stdout
+
+    def send(self, order: object) -> None:
+        with contextlib.suppress(BrokenPipeError):  # it has died: the next line() tells
+            pickle.dump(order, self._in)
+            self._in.flush()
+
+    def say(self, word: str) -> None:
+        with contextlib.suppress(BrokenPipeError):
+            self._in.write(f"{word}\n".encode())
+            self._in.flush()
+
+    def line(self) -> str:
+        return self._out.readline().decode().strip()
+
+    def readable(self, timeout: float) -> bool:
+        return bool(select.select([self._out], [], [], timeout)[0])
+
+    def signal(self, number: int) -> None:
+        self._process.send_signal(number)
+
+    def wait(self) -> None:
+        with contextlib.suppress(BrokenPipeError):
+            self._in.close()
+        self._process.wait()
+
+    def terminate(self) -> None:
+        if self._process.poll() is None:
+            self._process.terminate()
+
+
+@contextlib.contextmanager
+def _started(part: str, descriptors: tuple[int, ...]) -> Iterator[_Process]:
+    module = {"loop": "stagectl.daemon.loop", "recorder": "stagectl.recording.recorder"}[part]
+    environment = {**os.environ, "STAGECTL_KERNELS": "interpreted"}  # no numba in their memory
+    process = subprocess.Popen(
+        [sys.executable, "-m", module],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        pass_fds=descriptors,
+        env=environment,
+    )
+    child = _Process(process)
+    try:
+        yield child
+    finally:
+        if part == "loop":
+            child.terminate()  # it stops the axis and leaves; then the recorder ends by itself
+        child.wait()

@@ -1,0 +1,1 @@
+"""Drives: the only place that talks to hardware, real or virtual."""

@@ -1,0 +1,228 @@
+"""Tables of CiA 402 (IEC 61800-7-201) and CiA 301, as far as cyclic synchronous torque mode needs them.
+
+::
+
+    NOT READY -> SWITCH ON DISABLED <--2/7--> READY <--3/6--> SWITCHED ON <--4/5--> OPERATION ENABLED
+                    ^         ^                                                         | 11
+                    | 15      `---------------- 12 ---------- QUICK STOP ACTIVE <-------'
+                  FAULT <--14-- FAULT REACTION ACTIVE <--13-- (any)
+"""
+
+from __future__ import annotations
+
+import enum
+
+# objects of CiA 301
+DEVICE_TYPE, ERROR_REGISTER, ERROR_HISTORY, SYNC_COB_ID = 0x1000, 0x1001, 0x1003, 0x1005
+DEVICE_NAME, HARDWARE_VERSION, SOFTWARE_VERSION = 0x1008, 0x1009, 0x100A
+CONSUMER_HEARTBEAT, PRODUCER_HEARTBEAT, IDENTITY = 0x1016, 0x1017, 0x1018
+RPDO_PARAMETER, RPDO_MAPPING, TPDO_PARAMETER, TPDO_MAPPING = 0x1400, 0x1600, 0x1800, 0x1A00
+
+# objects of CiA 402
+ABORT_CONNECTION, ERROR_CODE, CONTROLWORD, STATUSWORD = 0x6007, 0x603F, 0x6040, 0x6041
+QUICK_STOP_OPTION, SHUTDOWN_OPTION, DISABLE_OPTION, FAULT_REACTION = 0x605A, 0x605B, 0x605C, 0x605E
+MODE, MODE_DISPLAY, SUPPORTED_MODES = 0x6060, 0x6061, 0x6502
+POSITION, VELOCITY, TARGET_TORQUE, ACTUAL_TORQUE = 0x6064, 0x606C, 0x6071, 0x6077
+RATED_CURRENT, QUICK_STOP_DECELERATION = 0x6075, 0x6085
+
+PROFILE, SERVO_DRIVE = 402, 0x0002_0000  # low word of 0x1000; its bit for a servo drive
+CYCLIC_SYNCHRONOUS_TORQUE = 10
+CYCLIC_SYNCHRONOUS_TORQUE_BIT = 1 << 9  # in 0x6502
+TORQUE_PERMILLE = 1e-3  # 0x6071 and 0x6077 count thousandths of the rated value
+
+# NMT (CiA 301): commands and the states that a heartbeat carries
+NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL = 0x01, 0x02, 0x80
+INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
+
+
+class State(enum.Enum):
+    """States of the power drive system; the value is their statusword (mask, bits)."""
+
+    NOT_READY = (0x4F, 0x00)
+    SWITCH_ON_DISABLED = (0x4F, 0x40)
+    READY = (0x6F, 0x21)
+    SWITCHED_ON = (0x6F, 0x23)
+    OPERATION_ENABLED = (0x6F, 0x27)
+    QUICK_STOP_ACTIVE = (0x6F, 0x07)
+    FAULT_REACTION_ACTIVE = (0x4F, 0x0F)
+    FAULT = (0x4F, 0x08)
+
+    @property
+    def words(self) -> str:
+        """Name as the standard writes it."""
+        names = {State.NOT_READY: "Not ready to switch on", State.READY: "Ready to switch on"}
+        return names.get(self, self.name.replace("_", " ").capitalize())
+
+
+class Command(enum.Enum):
+    """Device control commands; the value is their controlword (mask, bits)."""
+
+    SHUTDOWN = (0x87, 0x06)
+    SWITCH_ON = (0x8F, 0x07)  # "disable operation" where operation is enabled
+    ENABLE_OPERATION = (0x8F, 0x0F)
+    DISABLE_VOLTAGE = (0x82, 0x00)
+    QUICK_STOP = (0x86, 0x02)
+    FAULT_RESET = (0x80, 0x80)  # on its rising edge
+
+    @property
+    def controlword(self) -> int:
+        """The controlword that gives this command and nothing else."""
+        return self.value[1]
+
+
+# Commands and where they lead from each state; the numbers are the standard's transitions.
+TRANSITIONS: dict[tuple[State, Command], State] = {
+    (State.SWITCH_ON_DISABLED, Command.SHUTDOWN): State.READY,  # 2
+    (State.READY, Command.SWITCH_ON): State.SWITCHED_ON,  # 3
+    (State.READY, Command.ENABLE_OPERATION): State.SWITCHED_ON,  # 3, and 4 with the next controlword
+    (State.SWITCHED_ON, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,  # 4
+    (State.OPERATION_ENABLED, Command.SWITCH_ON): State.SWITCHED_ON,  # 5
+    (State.SWITCHED_ON, Command.SHUTDOWN): State.READY,  # 6
+    (State.READY, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,  # 7
+    (State.READY, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,  # 7
+    (State.OPERATION_ENABLED, Command.SHUTDOWN): State.READY,  # 8
+    (State.OPERATION_ENABLED, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,  # 9
+    (State.SWITCHED_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,  # 10
+    (State.SWITCHED_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,  # 10
+    (State.OPERATION_ENABLED, Command.QUICK_STOP): State.QUICK_STOP_ACTIVE,  # 11
+    (State.QUICK_STOP_ACTIVE, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,  # 12
+    (State.FAULT, Command.FAULT_RESET): State.SWITCH_ON_DISABLED,  # 15
+    (State.QUICK_STOP_ACTIVE, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,  # 16, options 5 to 8 only
+}
+
+# What a master sends in each state to come nearer to Operation enabled.
+TOWARDS_ENABLED: dict[State, Command] = {
+    State.NOT_READY: Command.DISABLE_VOLTAGE,
+    State.SWITCH_ON_DISABLED: Command.SHUTDOWN,
+    State.READY: Command.SWITCH_ON,
+    State.SWITCHED_ON: Command.ENABLE_OPERATION,
+    State.OPERATION_ENABLED: Command.ENABLE_OPERATION,
+    State.QUICK_STOP_ACTIVE: Command.QUICK_STOP,  # until it stands; then Disable voltage
+    State.FAULT_REACTION_ACTIVE: Command.DISABLE_VOLTAGE,
+    State.FAULT: Command.FAULT_RESET,
+}
+
+OPTIONS: dict[int, tuple[str, dict[int, str]]] = {
+    QUICK_STOP_OPTION: (
+        "quick stop option (0x605A)",
+        {
+            0: "power off, the axis coasts",
+            1: "slow down on the slow down ramp, then Switch on disabled",
+            2: "slow down on the quick stop ramp, then Switch on disabled",
+            3: "slow down on the current limit, then Switch on disabled",
+            4: "slow down on the voltage limit, then Switch on disabled",
+            5: "slow down on the slow down ramp and stay in Quick stop active",
+            6: "slow down on the quick stop ramp and stay in Quick stop active",
+            7: "slow down on the current limit and stay in Quick stop active",
+            8: "slow down on the voltage limit and stay in Quick stop active",
+        },
+    ),
+    SHUTDOWN_OPTION: (
+        "shutdown option (0x605B)",
+        {0: "power off, the axis coasts", 1: "slow down on the slow down ramp, then power off"},
+    ),
+    DISABLE_OPTION: (
+        "disable operation option (0x605C)",
+        {0: "power off, the axis coasts", 1: "slow down on the slow down ramp, then power off"},
+    ),
+    FAULT_REACTION: (
+        "fault reaction option (0x605E)",
+        {
+            0: "power off, the axis coasts",
+            1: "slow down on the slow down ramp",
+            2: "slow down on the quick stop ramp",
+            3: "slow down on the current limit",
+            4: "slow down on the voltage limit",
+        },
+    ),
+    ABORT_CONNECTION: (
+        "abort connection option (0x6007)",
+        {
+            0: "NO ACTION: the axis goes on when the controller is lost",
+            1: "fault",
+            2: "power off, the axis coasts",
+            3: "quick stop",
+        },
+    ),
+}
+
+# Emergency error codes of CiA 301 and CiA 402, the most specific mask first.
+EMERGENCIES: tuple[tuple[int, int, str], ...] = (
+    (0xFFFF, 0x8130, "the heartbeat of the controller is lost"),
+    (0xFFFF, 0x8140, "recovered from bus off"),
+    (0xFFFF, 0x8210, "a PDO was not processed: wrong length"),
+    (0xFFFF, 0x8220, "a PDO is longer than its mapping"),
+    (0xFFFF, 0x8240, "unexpected length of SYNC"),
+    (0xFFFF, 0x8250, "the cyclic command (RPDO) is lost"),
+    (0xFF00, 0x0000, "error reset, or no error"),
+    (0xFF00, 0x1000, "generic error"),
+    (0xFF00, 0x2100, "current on the input side of the device"),
+    (0xFF00, 0x2200, "current inside the device"),
+    (0xFF00, 0x2300, "current on the output side of the device: short circuit or overload of the motor"),
+    (0xF000, 0x2000, "current"),
+    (0xFF00, 0x3100, "mains voltage"),
+    (0xFF00, 0x3200, "voltage of the DC link"),
+    (0xF000, 0x3000, "voltage"),
+    (0xFF00, 0x4200, "temperature of the device"),
+    (0xFF00, 0x4300, "temperature of the drive"),
+    (0xF000, 0x4000, "temperature"),
+    (0xF000, 0x5000, "hardware of the device"),
+    (0xF000, 0x6000, "software or parameters of the device"),
+    (0xFF00, 0x7100, "brake or power module"),
+    (0xFF80, 0x7300, "sensor or encoder"),
+    (0xF000, 0x7000, "additional module"),
+    (0xFF00, 0x8100, "communication"),
+    (0xFF00, 0x8200, "protocol"),
+    (0xFF00, 0x8300, "torque control"),
+    (0xFF00, 0x8400, "velocity control"),
+    (0xFFFF, 0x8611, "following error"),
+    (0xFF00, 0x8600, "position control"),
+    (0xF000, 0x8000, "monitoring"),
+    (0xF000, 0x9000, "external error"),
+    (0xFF00, 0xF000, "additional function"),
+    (0xFF00, 0xFF00, "specific to this device: see its manual"),
+)
+HEARTBEAT_LOST, RPDO_LOST = 0x8130, 0x8250
+COMMUNICATION_ERROR = 0x10  # bit of the error register 0x1001
+GENERIC_ERROR = 0x01
+
+# SDO abort codes (CiA 301) that are given or looked at here.
+NOT_READABLE, NOT_WRITABLE, NO_OBJECT, NOT_MAPPABLE = 0x0601_0001, 0x0601_0002, 0x0602_0000, 0x0604_0041
+PDO_TOO_LONG, WRONG_LENGTH, NO_SUBINDEX, OUT_OF_RANGE = 0x0604_0042, 0x0607_0010, 0x0609_0011, 0x0609_0030
+WRONG_STATE = 0x0800_0022
+
+
+def state(statusword: int) -> State:
+    """State that a statusword says; Not ready to switch on where it says none of the standard's."""
+    return _STATES[statusword & 0x6F]
+
+
+def command(controlword: int) -> Command | None:
+    """Command in a controlword, None where it is none; fault reset is an edge of bit 7 and not found here."""
+    return None if controlword & 0x80 else _COMMANDS[controlword & 0x0F]
+
+
+def option(index: int, value: int) -> str:
+    """An option code in words; negative codes are the vendor's own."""
+    known = OPTIONS[index][1]
+    if value in known:
+        return known[value]
+    return f"{value}: specific to the vendor, see the drive's manual" if value < 0 else f"{value}: reserved"
+
+
+def emergency(code: int) -> str:
+    """Class of an emergency error code in words."""
+    return next((words for mask, bits, words in EMERGENCIES if code & mask == bits), "unknown class")
+
+
+def _matching_state(bits: int) -> State:
+    return next((s for s in State if bits & s.value[0] == s.value[1]), State.NOT_READY)
+
+
+def _matching_command(bits: int) -> Command | None:
+    plain = (c for c in Command if c is not Command.FAULT_RESET)
+    return next((c for c in plain if bits & c.value[0] == c.value[1]), None)
+
+
+_STATES = [_matching_state(bits) for bits in range(0x70)]
+_COMMANDS = [_matching_command(bits) for bits in range(0x10)]

@@ -1,0 +1,102 @@
+"""What the loop asks of a drive, whatever the wire.
+
+One control period, as every drive sees it::
+
+      t_k                                             t_k+1
+       |--- sample() ---> law ---> apply(i_k) ----------|--- sample() ...
+       |    latches position        the drive holds i_k |    from t_k+1 on it acts (nd = 1)
+
+`sample` and `apply` never raise: what went wrong is in `Feedback.fault`, and the loop's safety decides, once.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import Annotated, NamedTuple, Protocol
+
+from stagectl.units import Quantity, StageError
+
+
+class DriveError(StageError):
+    """A drive that cannot be reached, configured or enabled; the message names the next step."""
+
+
+class Fault(enum.IntEnum):
+    """Why the loop must stop, as one number that fits a recording's column."""
+
+    NONE = 0
+    FEEDBACK_LOST = 1  # no answer within the time-out
+    DRIVE_FAULT = 2  # the drive reports a fault or left Operation enabled by itself
+    EMERGENCY = 3  # EMCY frame (CiA 301)
+    BUS = 4  # the bus itself failed
+    FOLLOWING_ERROR = 10  # the loop's own reasons, from here on
+    TRAVEL = 11
+    SPEED = 12
+    LATE = 13
+    OPERATOR = 14
+
+
+class Feedback(NamedTuple):
+    """What a drive reported in this cycle, in SI units of the axis."""
+
+    position: float  # rad | m, at the instant of the latch
+    current: float  # A, measured by the drive; NaN where it reports none
+    statusword: int  # CiA 402 statusword; other drives map theirs onto it
+    fault: Fault
+
+
+class Drive(Protocol):
+    """A servo drive in current mode."""
+
+    def enable(self) -> Feedback:
+        """Bring the drive from any state to Operation enabled at zero current.
+
+        Raises DriveError with the drive's own reason where it does not follow.
+        """
+
+    def sample(self) -> Feedback:
+        """Latch position and current now; the drive starts to act on the last `apply`."""
+
+    def apply(self, current: float) -> None:
+        """Hand over the current command (A, positive current moves the axis to positive positions)."""
+
+    def quick_stop(self) -> Feedback:
+        """Let the drive stop the axis by its own ramp; returns when it stands or the stop's time is over."""
+
+    def describe(self) -> dict[str, str]:
+        """Identity, option codes in words and scales, as read back from the drive (for the recording)."""
+
+    def explain(self) -> str:
+        """The last fault in words: what the drive said, the probable causes, the next command."""
+
+    def close(self) -> None:
+        """Disable the power stage and leave the wire; safe to call twice."""
+
+
+class Canopen(NamedTuple):
+    """A CiA 402 drive in cyclic synchronous torque mode over CAN."""
+
+    eds: Annotated[str, "EDS or DCF file, relative to the stage file"]
+    node: Annotated[int, Quantity("", "[1, 126]", "CANopen node id of the drive")]
+    rated_current: Annotated[float, Quantity("A", "(0, 1000]", "current that 1000 per mille stand for")]
+    command_scale: Annotated[float, Quantity("A", "(0, 10]", "current of one count of the command object")]
+    current_scale: Annotated[float, Quantity("A", "(0, 10]", "current of one count of the current object")]
+    quick_stop_deceleration: Annotated[
+        float, Quantity("rad/s^2 | m/s^2", "(0, 1e7]", "ramp of the drive's own stop (0x6085)")
+    ]
+    interface: Annotated[str, "embedded, socketcan, or any interface name of python-can"] = "embedded"
+    channel: Annotated[str, "can0; on the embedded bus a name or a folder"] = "stage"
+    bitrate: Annotated[float, Quantity("bit/s", "[10e3, 1e6]", "bit rate of the bus")] = 1e6
+    rpdo: Annotated[tuple[int, ...], "objects the drive receives each cycle, index_subindex"] = (0x604000, 0x607100)
+    tpdo: Annotated[tuple[int, ...], "objects the drive sends each cycle, index_subindex"] = (
+        0x604100,
+        0x606400,
+        0x607700,
+    )
+    command_object: Annotated[int, "object that takes the current command, index_subindex"] = 0x607100
+    current_object: Annotated[int, "object with the measured current, index_subindex; 0: none"] = 0x607700
+    heartbeat: Annotated[float, Quantity("s", "[0.001, 10]", "period of both heartbeats")] = 0.1
+    heartbeat_timeout: Annotated[float, Quantity("s", "[0.002, 60]", "silence after which a partner is lost")] = 0.5
+    rpdo_timeout: Annotated[float, Quantity("s", "[0, 60]", "silence of the RPDO that stops the drive; 0: off")] = 0.5
+    feedback_timeout: Annotated[float, Quantity("s", "(0, 60]", "longest wait for the answer to SYNC")] = 0.5
+    bus_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of the bus that the cycle may take")] = 0.8

@@ -1,0 +1,43 @@
+"""How the virtual drive supervises its controller: the heartbeat, and the deadline of the cyclic command."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Lost(NamedTuple):
+    """A partner that fell silent."""
+
+    code: int  # emergency error code
+    what: str  # in plain words
+    silence: float  # s
+    timeout: float  # s
+
+
+class Watchdog:
+    """Trips once when nothing was heard for `timeout`; armed by the first sign of life."""
+
+    def __init__(self, code: int, what: str) -> None:
+        """Report `code` (EMCY) and `what` (words) when it trips."""
+        self._code, self._what = code, what
+        self.timeout = 0.0  # s; 0: off
+        self._heard = 0.0
+        self.armed = self.tripped = False
+
+    def alive(self, now: float) -> bool:
+        """A sign of life at `now` (s); True where the partner had been lost."""
+        self._heard, self.armed = now, True
+        returned, self.tripped = self.tripped, False
+        return returned
+
+    def disarm(self) -> None:
+        """Expect nothing until the next sign of life."""
+        self.armed = False
+
+    def check(self, now: float) -> Lost | None:
+        """The loss, in the moment it is noticed; None before and after."""
+        silence = now - self._heard
+        if not self.armed or self.timeout <= 0.0 or silence <= self.timeout:
+            return None
+        self.armed, self.tripped = False, True
+        return Lost(self._code, self._what, silence, self.timeout)

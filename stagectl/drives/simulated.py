@@ -1,0 +1,109 @@
+"""The stage model behind the drive protocol, in process; and the plant that the virtual node carries."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Annotated, Literal, NamedTuple
+
+from stagectl.drives.drive import Fault, Feedback
+from stagectl.kernels import stage
+from stagectl.units import Quantity
+
+OPERATION_ENABLED = 0x0027
+
+
+class Simulation(NamedTuple):
+    """How the stage model is run where it stands in for a machine."""
+
+    substeps: Annotated[int, Quantity("", "[1, 10000]", "number of integration steps per control period")] = 10
+    current_noise: Annotated[float, Quantity("A", "[0, 100]", "rms noise on the motor current, one draw a period")] = (
+        0.0
+    )
+    encoder_noise: Annotated[float, Quantity("rad | m", "[0, 1]", "rms noise before the encoder rounds")] = 0.0
+    seed: Annotated[int, Quantity("", "[0, 2147483647]", "seed of that noise")] = 1
+    clock: Annotated[Literal["sync", "wall"], "what moves a virtual drive's plant: each SYNC by Ts, or the clock"] = (
+        "sync"
+    )
+
+
+def draw(p: Simulation, periods: int) -> list[stage.Noise]:
+    """The noise of `periods` control periods: the same sequence wherever the same seed is simulated."""
+    source = random.Random(p.seed)
+    return [stage.Noise(source.gauss(0.0, p.current_noise), source.gauss(0.0, p.encoder_noise)) for _ in range(periods)]
+
+
+class Plant:
+    """A stage that moves when told: the mutable shell around the pure kernel."""
+
+    def __init__(self, p: stage.Stage, simulation: Simulation, dt: float) -> None:
+        self.p, self.simulation, self.dt = p, simulation, dt
+        self.state = stage.at_rest(p)
+        self._random = random.Random(simulation.seed)
+        self.powered = False
+        self._noise = self._draw()
+
+    def advance(self, command: float) -> None:
+        """One control period under `command` (A); without power no current flows and none is noisy."""
+        heard, substeps = self._heard(), self.simulation.substeps
+        self.state = stage.period(self.p, self.state, command * self.powered, heard, self.dt, substeps)
+        if self.powered:
+            self._noise = self._draw()
+
+    @property
+    def position(self) -> float:
+        """Measured position (rad | m)."""
+        return stage.measured(self.p.encoder, self.state, self._heard())
+
+    @property
+    def position_counts(self) -> int:
+        """Measured position in encoder counts."""
+        return round(self.position / self.p.encoder.step)
+
+    def _heard(self) -> stage.Noise:
+        return self._noise if self.powered else stage.SILENT
+
+    def _draw(self) -> stage.Noise:
+        gauss, p = self._random.gauss, self.simulation
+        return stage.Noise(gauss(0.0, p.current_noise), gauss(0.0, p.encoder_noise))
+
+
+class Simulated:
+    """A drive whose stage is in this process and whose time advances by one period per `apply`."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+
+    def enable(self) -> Feedback:
+        """Power the stage; nothing can refuse."""
+        self.plant.powered = True
+        return self.sample()
+
+    def sample(self) -> Feedback:
+        """Measured position and motor current now."""
+        return Feedback(self.plant.position, self.plant.state.current, OPERATION_ENABLED, Fault.NONE)
+
+    def apply(self, current: float) -> None:
+        """Hold `current` for one period; the model's own delay line adds nd periods."""
+        self.plant.advance(current)
+
+    def quick_stop(self) -> Feedback:
+        """Cut the current and let friction stop the axis: at most ten simulated seconds."""
+        self.plant.powered = False
+        for _ in range(math.ceil(10.0 / self.plant.dt)):
+            self.plant.advance(0.0)
+            if abs(self.plant.state.velocity) < 1e-9:
+                break
+        return self.sample()
+
+    def describe(self) -> dict[str, str]:
+        """What it is, for the recording."""
+        return {"drive": "simulated in process", "substeps": str(self.plant.simulation.substeps)}
+
+    def explain(self) -> str:
+        """A simulated drive has no faults of its own."""
+        return "the simulated drive reports no fault"
+
+    def close(self) -> None:
+        """Cut the power."""
+        self.plant.powered = False

@@ -1,0 +1,62 @@
+"""What a run achieved, from its rows: the numbers that `run` and `simulate` report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.drives.drive import Fault
+
+WINDOW_COUNTS = 50.0  # in position: within so many encoder counts of the reference, over the last DWELL
+DWELL = 0.05  # s
+
+
+def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
+    """Tracking error (reference minus measured) over the steady window, and how the run went.
+
+    `samples` is a recording's structured rows; lengths come out in the unit of travel, m or rad.
+    """
+    scale = meta["axis"]["travel_per_unit"]
+    inside = window(samples["time"], meta["steady"])
+    error = (samples["reference"] - samples["measured"]) * scale
+    found: dict[str, Any] = {
+        "stage": meta["name"],
+        "trajectory": meta["trajectory"],
+        "unit": meta["axis"]["travel_unit"],
+        "steady": meta["steady"],
+        "tracking_error": size(error[inside]),
+        "nd": meta["nd"],
+        "nm": meta["nm"],
+        "cycles": len(samples),
+        "late_cycles": int(np.sum(samples["late"])),
+        "saturated_cycles": int(np.sum(samples["command"] != samples["current"])),
+        "peak_current": float(np.max(np.abs(samples["current"]), initial=0.0)),
+        "in_position": in_position(samples, meta),
+    }
+    true = (samples["reference"] - samples["true_position"]) * scale
+    if np.all(np.isfinite(true)):
+        found["tracking_error_true"] = size(true[inside])
+    return found
+
+
+def window(time: NDArray[np.float64], steady: list[float]) -> NDArray[np.bool_]:
+    """Rows within the steady window (s)."""
+    return (time >= steady[0]) & (time < steady[1])
+
+
+def size(error: NDArray[np.float64]) -> dict[str, float | None]:
+    """Peak and root mean square; None where the run ended before the window."""
+    if not error.size:
+        return {"peak": None, "rms": None}
+    return {"peak": float(np.max(np.abs(error))), "rms": float(np.sqrt(np.mean(np.square(error))))}
+
+
+def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
+    """Whether the run ended without a fault, standing within the window for the whole dwell."""
+    last = samples[-max(1, round(DWELL / meta["dt"])) :]
+    allowed = WINDOW_COUNTS * (meta["axis"]["encoder_step"] or 1e-9)
+    near = np.abs(last["reference"] - last["measured"]) <= allowed
+    whole = samples["time"][-1:] >= meta["duration"]
+    return bool(whole.all() and near.all() and np.all(samples["fault"] == Fault.NONE))

@@ -1,0 +1,1 @@
+"""Identification: one file a method, offline, over captured buffers."""

@@ -1,0 +1,1 @@
+"""Pure kernels: math on NamedTuples, compiled or interpreted with the same bits."""

@@ -1,0 +1,57 @@
+"""Law and stage in closed loop: a whole run inside compiled code, row for row what the real loop records."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+from stagectl.kernels import law, stage
+from stagectl.kernels.jit import kernel
+from stagectl.units import Quantity
+
+
+class Observed(NamedTuple):
+    """What is known of the machine in one period, beside the law's own terms."""
+
+    measured: Annotated[float, Quantity("rad | m", "[-inf, inf]", "position reported by the encoder")]
+    true_position: Annotated[float, Quantity("rad | m", "[-inf, inf]", "position of the model; NaN on a machine")]
+    measured_current: Annotated[float, Quantity("A", "[-inf, inf]", "current reported by the drive")]
+    lateness: Annotated[float, Quantity("s", "[-inf, inf]", "how late the period began; 0 in simulation")]
+    late: Annotated[float, Quantity("", "[0, 1]", "1: the command left after the period had ended")]
+    statusword: Annotated[float, Quantity("", "[0, 65535]", "CiA 402 statusword; 0 in simulation")]
+    fault: Annotated[float, Quantity("", "[0, 255]", "reason to stop, see drives.drive.Fault")]
+
+
+COLUMNS: tuple[str, ...] = ("time", *law.Reference._fields, *law.Output._fields, *Observed._fields)
+WIDTH = len(COLUMNS)
+
+
+class Loop(NamedTuple):
+    """Both halves of a closed loop."""
+
+    law: law.Law
+    stage: stage.Stage
+
+
+@kernel
+def closed_loop(p: Loop, x: law.State, plant: stage.State, inputs: Any, dt: float, substeps: int) -> Any:
+    """Run all periods of `inputs` = (references (n, 7), noise (n, 2), rows (n, WIDTH) to be filled).
+
+    Returns both final states.  Position and current are latched at the start of each period, then the law
+    runs, then the plant takes its command: with `delay_samples` = nd this is the order of the real cycle.
+    """
+    references, noises, rows = inputs
+    for k in range(len(references)):
+        r = references[k]
+        reference = law.Reference(r[0], r[1], r[2], r[3], r[4], r[5], r[6])
+        noise = stage.Noise(noises[k, 0], noises[k, 1])
+        measured = stage.measured(p.stage.encoder, plant, noise)
+        output, x = law.step(p.law, x, reference, measured)
+        rows[k, 0] = k * dt
+        rows[k, 1:8] = r
+        for j, term in enumerate(output):
+            rows[k, 8 + j] = term
+        rows[k, 17] = measured
+        rows[k, 18] = plant.position
+        rows[k, 19] = plant.current
+        plant = stage.period(p.stage, plant, output.current, noise, dt, substeps)
+    return x, plant

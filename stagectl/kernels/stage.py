@@ -1,0 +1,193 @@
+"""The plant: one fixed pipeline in physical order.
+
+::
+
+    command --> drive -------> motor ------> mechanics <------ friction        encoder --> measured
+                quantise       i -> effort   v, x: inertia     stop operators  delay nm Ts
+                delay nd Ts                  viscous, bias     Stribeck        noise
+                limit                                                          steps
+                current loop
+
+Every effect has its place in one of these five blocks, is always there, and vanishes bit for bit at its
+neutral parameters.  Adding one: a field in the block's parameters, a function, a line in the block.
+
+Axis units are rad and N m (rotary) or m and N (linear); the code does not know which.  Positive current
+gives positive effort and moves towards positive positions; friction opposes the velocity.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+from stagectl.kernels import friction
+from stagectl.kernels.jit import kernel
+from stagectl.units import Quantity
+
+# A delay line of whole control periods, newest first.
+Line = tuple[float, float, float, float, float, float, float, float]
+
+
+class Drive(NamedTuple):
+    """The servo drive between command and motor current."""
+
+    current_quantum: Annotated[float, Quantity("A", "[0, 10]", "step of the command; 0: none")]
+    delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods between command and action, nd")]
+    current_limit: Annotated[float, Quantity("A", "(0, inf]", "largest current the drive gives")]
+    current_lag: Annotated[float, Quantity("s", "[0, 0.1]", "time constant of the current loop")]
+
+
+class Motor(NamedTuple):
+    """From current to effort."""
+
+    force_constant: Annotated[float, Quantity("N m/A | N/A", "(0, 1e6]", "effort of one ampere, Kt")]
+
+
+class Mechanics(NamedTuple):
+    """All that moves, seen at the motor."""
+
+    inertia: Annotated[float, Quantity("kg m^2 | kg", "(0, 1e6]", "moving inertia J or mass M")]
+    viscous: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e6]", "viscous friction D")]
+    bias: Annotated[float, Quantity("N m | N", "[-1e6, 1e6]", "constant effort on the axis, e.g. gravity")] = 0.0
+
+
+class Friction(NamedTuple):
+    """What depends on displacement and on the sign of the motion."""
+
+    operators: friction.StopOperators
+    stribeck: friction.Stribeck
+
+
+class Encoder(NamedTuple):
+    """From true to measured position."""
+
+    step: Annotated[float, Quantity("rad | m", "[0, 1]", "one count; 0: continuous")]
+    delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods from latch to controller, nm")]
+
+
+class Stage(NamedTuple):
+    """Parameters of the whole plant, in physical order."""
+
+    drive: Drive
+    motor: Motor
+    mechanics: Mechanics
+    friction: Friction
+    encoder: Encoder
+
+
+class State(NamedTuple):
+    """The plant at the start of a control period."""
+
+    commands: Line  # A
+    latched: Line  # rad | m, true positions at the starts of the last periods
+    current: float  # A, in the motor
+    position: float  # rad | m
+    velocity: float  # rad/s | m/s
+    force: float  # N m | N, friction at this position and velocity
+    stops: Any  # (n,) operators of the rolling friction, changed in place
+
+
+class Noise(NamedTuple):
+    """One period's random numbers, drawn outside."""
+
+    current: float  # A, added to the motor current during the period
+    position: float  # rad | m, added before the encoder rounds
+
+
+SILENT = Noise(0.0, 0.0)
+
+
+class _Coefficients(NamedTuple):
+    """Exact solution of the linear parts over half an integration step."""
+
+    h: float  # s, whole step
+    lag: float  # decay of the current error in half a step
+    lag_mean: float  # its mean over that half step
+    damping: float  # decay of the velocity
+    gain: float  # velocity per effort
+
+
+def at_rest(p: Stage, position: float = 0.0) -> State:
+    """The plant standing at `position`, unloaded, without current."""
+    place = float(position)
+    none: Line = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    here: Line = (place, place, place, place, place, place, place, place)
+    return State(none, here, 0.0, place, 0.0, 0.0, friction.relaxed(p.friction.operators))
+
+
+@kernel
+def pushed(line: Line, value: float) -> Line:
+    """`line` with `value` in front; the oldest one falls out."""
+    a, b, c, d, e, f, g, _ = line
+    return (value, a, b, c, d, e, f, g)
+
+
+@kernel
+def delivered(p: Drive, commands: Line) -> float:
+    """Current the drive aims at in this period: the command of `delay_samples` periods ago, limited."""
+    return min(max(commands[p.delay_samples], -p.current_limit), p.current_limit)
+
+
+@kernel
+def rounded(p: Drive, command: float) -> float:
+    """Command in whole steps of the drive's object, halves upwards."""
+    if p.current_quantum == 0.0:
+        return command
+    return math.floor(command / p.current_quantum + 0.5) * p.current_quantum
+
+
+@kernel
+def _coefficients(p: Stage, h: float) -> _Coefficients:
+    half = 0.5 * h
+    lag, lag_mean = 0.0, 0.0
+    if p.drive.current_lag > 0.0:
+        ratio = half / p.drive.current_lag
+        lag = math.exp(-ratio)
+        lag_mean = -math.expm1(-ratio) / ratio
+    damped = p.mechanics.viscous * half / p.mechanics.inertia
+    gain = half / p.mechanics.inertia
+    if damped > 0.0:
+        gain = -math.expm1(-damped) / p.mechanics.viscous
+    return _Coefficients(h, lag, lag_mean, math.exp(-damped), gain)
+
+
+@kernel
+def _substep(p: Stage, c: _Coefficients, x: State, target: float, extra: float) -> State:
+    """Kick, drift, kick (velocity Verlet): second order, symmetric, exact in current loop and viscous part."""
+    error = x.current - target
+    effort = p.motor.force_constant * (target + error * c.lag_mean + extra) + p.mechanics.bias
+    half_way = c.damping * x.velocity + c.gain * (effort - x.force)
+    dx = c.h * half_way
+    force = friction.stops(p.friction.operators, x.stops, dx) * friction.stribeck(p.friction.stribeck, half_way)
+    error *= c.lag
+    effort = p.motor.force_constant * (target + error * c.lag_mean + extra) + p.mechanics.bias
+    velocity = c.damping * half_way + c.gain * (effort - force)
+    current = target + error * c.lag
+    return State(x.commands, x.latched, current, x.position + dx, velocity, force, x.stops)
+
+
+@kernel
+def period(p: Stage, x: State, command: float, noise: Noise, dt: float, substeps: int) -> State:
+    """Advance the plant by one control period `dt` under a held `command` (A)."""
+    commands = pushed(x.commands, rounded(p.drive, command))
+    target = delivered(p.drive, commands)
+    c = _coefficients(p, dt / substeps)
+    for _ in range(substeps):
+        x = _substep(p, c, x, target, noise.current)
+    latched = pushed(x.latched, x.position)
+    return State(commands, latched, x.current, x.position, x.velocity, x.force, x.stops)
+
+
+@kernel
+def counts(p: Encoder, position: float) -> float:
+    """Encoder counts of a position: rounded to the nearest, halves upwards."""
+    return math.floor(position / p.step + 0.5)
+
+
+@kernel
+def measured(p: Encoder, x: State, noise: Noise) -> float:
+    """Position as the encoder reports it (rad | m)."""
+    position = x.latched[p.delay_samples] + noise.position
+    if p.step == 0.0:
+        return position
+    return counts(p, position) * p.step

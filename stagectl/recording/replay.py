@@ -1,0 +1,56 @@
+"""Replay: the recorded feedback through the recorded law must give the recorded commands, bit for bit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.kernels import law
+from stagectl.recording.hdf5 import Recording, RecordingError
+from stagectl.recording.meta import read_law
+
+
+def outputs(recording: Recording) -> NDArray[np.float64]:
+    """What the law answers to the recorded references and positions: (n, terms of law.Output).
+
+    Raises RecordingError where rows are missing or the recording holds no law of ours.
+    """
+    if "law" not in recording.meta:
+        raise RecordingError(f"{recording.path} was imported: it holds no law to replay")
+    if recording.lost_rows:
+        raise RecordingError(f"{recording.path} lacks {recording.lost_rows} rows: the law's memory cannot be followed")
+    if not len(recording.samples):
+        raise RecordingError(f"{recording.path} holds no rows")
+    p = read_law(recording.meta["law"])
+    rows = recording.samples[[*law.Reference._fields, "measured"]].tolist()
+    state = law.at_rest(p, recording.samples["reference"][0])
+    found = []
+    for *reference, measured in rows:
+        output, state = law.step(p, state, law.Reference(*reference), measured)
+        found.append(output)
+    return np.array(found)
+
+
+def replay(recording: Recording) -> dict[str, Any]:
+    """Compare; the result as JSON values."""
+    again = outputs(recording)
+    recorded = np.stack([recording.column(name) for name in law.Output._fields], axis=1)
+    differs = np.flatnonzero(np.any(again != recorded, axis=1))
+    cycles = len(recorded)
+    if not differs.size:
+        return {
+            "identical": True,
+            "cycles": cycles,
+            "words": f"{cycles} cycles replayed: every command is the same, bit for bit",
+        }
+    first = int(differs[0])
+    term = law.Output._fields[int(np.flatnonzero(again[first] != recorded[first])[0])]
+    words = (
+        f"{differs.size} of {cycles} cycles differ, the first at {recording.samples['time'][first]:.6g} s in {term}: "
+        f"recorded {recorded[first][law.Output._fields.index(term)]!r}, now "
+        f"{again[first][law.Output._fields.index(term)]!r}; "
+        f"recorded with kernels {recording.meta['versions']['kernels']}"
+    )
+    return {"identical": False, "cycles": cycles, "words": words}

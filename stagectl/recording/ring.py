@@ -1,0 +1,77 @@
+"""Rows from the loop to whoever listens, through shared memory: one writer that never waits.
+
+::
+
+    | written | closed |  row 0 | row 1 | ... | row capacity-1 |
+      uint64    uint64    width x float64 each
+
+The writer counts up after each row; a reader that falls more than `capacity` rows behind has lost some, and
+knows how many.  The memory has no name: its file descriptor is inherited, and it goes with its last user.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+from collections.abc import Sequence
+
+HEADER = 64
+_COUNT = struct.Struct("<Q")
+_CLOSED = 8
+
+
+class Ring:
+    """Shared rows of `width` float64; create with `Ring.create`, join with the descriptor."""
+
+    def __init__(self, descriptor: int, width: int, capacity: int) -> None:
+        self.descriptor, self.width, self.capacity = descriptor, width, capacity
+        self.memory = mmap.mmap(descriptor, HEADER + 8 * width * capacity)
+        self._row = struct.Struct(f"<{width}d")
+        self._written = self.written
+
+    @classmethod
+    def create(cls, width: int, capacity: int = 1 << 15) -> Ring:
+        """New shared memory; its descriptor is inheritable by the processes it is handed to."""
+        descriptor = os.memfd_create("stagectl-ring")
+        os.ftruncate(descriptor, HEADER + 8 * width * capacity)
+        return cls(descriptor, width, capacity)
+
+    @property
+    def written(self) -> int:
+        """Rows written since the start."""
+        count: int = _COUNT.unpack_from(self.memory, 0)[0]
+        return count
+
+    @property
+    def closed(self) -> bool:
+        """Whether the writer has said that no more rows will come."""
+        return bool(_COUNT.unpack_from(self.memory, _CLOSED)[0])
+
+    def write(self, row: Sequence[float]) -> None:
+        """Add one row; never waits, never fails."""
+        slot = self._written % self.capacity
+        self._row.pack_into(self.memory, HEADER + slot * self._row.size, *row)
+        self._written += 1
+        _COUNT.pack_into(self.memory, 0, self._written)
+
+    def close(self) -> None:
+        """Say that no more rows will come."""
+        _COUNT.pack_into(self.memory, _CLOSED, 1)
+
+    def read(self, start: int, most: int) -> tuple[int, bytes]:
+        """Rows from number `start` on, at most `most`: (number of the first one returned, their bytes).
+
+        The first number is larger than `start` where the rows between have been overwritten.
+        """
+        first = max(start, self.written - self.capacity)
+        count = min(self.written - first, most)
+        parts, number = [], first
+        while number < first + count:
+            slot = number % self.capacity
+            run = min(first + count - number, self.capacity - slot)
+            begin = HEADER + slot * self._row.size
+            parts.append(self.memory[begin : begin + run * self._row.size])
+            number += run
+        overwritten = max(0, self.written - self.capacity - first)  # while this was copying
+        return first + overwritten, b"".join(parts)[overwritten * self._row.size :]

@@ -1,0 +1,99 @@
+"""Figures: the same colour for the same thing, axes with units, ready to stand in a page or a README."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+TARGET, WITHOUT, WITH = "#334155", "#d97706", "#0f766e"
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e2e8f0",
+    "axes.edgecolor": "#94a3b8",
+    "axes.labelcolor": "#334155",
+    "xtick.color": "#475569",
+    "ytick.color": "#475569",
+    "legend.frameon": False,
+}
+
+
+class Pair(NamedTuple):
+    """The same motion twice: structured rows without and with friction compensation, and what they have in common."""
+
+    title: str
+    without: NDArray[Any]
+    compensated: NDArray[Any]
+    travel_per_unit: float  # m per rad, or 1
+    steady: tuple[float, float]  # s
+
+
+def motion(pairs: list[Pair]) -> Figure:
+    """One column a motion; rows: target, error without compensation, error with it, control input."""
+    with mpl.rc_context(STYLE):
+        figure, grid = plt.subplots(4, len(pairs), figsize=(3.6 * len(pairs) + 0.4, 8.2), squeeze=False, sharex="col")
+        for column, pair in zip(grid.T, pairs, strict=True):
+            _column(column, pair)
+        for row in grid[:, 1:].flat:
+            row.set_ylabel("")
+        figure.align_ylabels(grid[:, 0])
+        figure.tight_layout()
+    return figure
+
+
+def _column(axes: NDArray[Any], pair: Pair) -> None:
+    target, bare, compensated, current = axes
+    target.set_title(pair.title, loc="left", fontweight="bold", color=TARGET)
+    _line(target, pair.without, pair.without["reference"] * pair.travel_per_unit * 1e3, TARGET)
+    target.set_ylabel("target [mm]")
+    _line(bare, pair.without, _error(pair.without, pair) * 1e6, WITHOUT, "without compensation")
+    _line(bare, pair.compensated, _error(pair.compensated, pair) * 1e6, WITH, "with compensation")
+    bare.set_ylabel("tracking error [µm]")
+    bare.legend(loc="upper center", fontsize=8, ncols=2, columnspacing=1.0, handlelength=1.2)
+    _room(bare, _error(pair.without, pair) * 1e6, 1.5)
+    _line(compensated, pair.compensated, _error(pair.compensated, pair) * 1e9, WITH)
+    inside = (pair.compensated["time"] >= pair.steady[0]) & (pair.compensated["time"] < pair.steady[1])
+    _room(compensated, _error(pair.compensated, pair)[inside] * 1e9, 2.5)
+    compensated.set_ylabel("error with\ncompensation [nm]")
+    _line(current, pair.without, pair.without["current"], WITHOUT)
+    _line(current, pair.compensated, pair.compensated["current"], WITH)
+    current.set_ylabel("current [A]")
+    current.set_xlabel("time [s]")
+    for axis in axes:
+        axis.axvspan(*pair.steady, color="#f1f5f9", zorder=-1)
+
+
+def _line(axes: Axes, samples: NDArray[Any], values: NDArray[np.float64], colour: str, label: str = "") -> None:
+    axes.plot(samples["time"], values, color=colour, linewidth=0.9, label=label)
+
+
+def _room(axes: Axes, values: NDArray[np.float64], factor: float) -> None:
+    """Limits symmetric about zero, with `factor` times the room that `values` need."""
+    largest = factor * float(np.max(np.abs(values), initial=1e-3))
+    axes.set_ylim(-largest, largest)
+
+
+def _error(samples: NDArray[Any], pair: Pair) -> NDArray[np.float64]:
+    error: NDArray[np.float64] = (samples["reference"] - samples["measured"]) * pair.travel_per_unit
+    return error
+
+
+def embedded(figure: Figure, dpi: int = 170) -> str:
+    """The figure as the ``src`` of an image in a page; closes it."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    plt.close(figure)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()

@@ -1,0 +1,43 @@
+"""One design of page for every report; the template is beside this file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import jinja2
+
+
+class Picture(NamedTuple):
+    """A figure of the page."""
+
+    image: str  # data URI
+    caption: str
+
+
+class Table(NamedTuple):
+    """A table of the page."""
+
+    title: str
+    head: list[str]
+    rows: list[list[str]]
+
+
+class Page(NamedTuple):
+    """A report: the answer in plain words comes first."""
+
+    title: str
+    answer: str
+    notes: list[str]
+    figures: list[Picture]
+    tables: list[Table]
+    commands: list[str]
+    versions: dict[str, str]
+
+
+def write(page: Page, path: Path) -> Path:
+    """Write the page as one self-contained file."""
+    source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
+    template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
+    path.write_text(template.render(page._asdict()), encoding="utf-8")
+    return path

@@ -1,0 +1,96 @@
+"""From two YAML files to a result: what `run`, `simulate` and `demo` share."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from stagectl import design
+from stagectl.config.stage_file import Setup
+from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.daemon import virtual
+from stagectl.daemon.run import Motion, Progress, move
+from stagectl.drives.drive import Canopen, DriveError
+from stagectl.evaluation import evaluate
+from stagectl.plan import plan
+from stagectl.recording.hdf5 import open_recording, save
+from stagectl.recording.meta import describe
+
+Say = Callable[[str], None]
+
+
+def canopen(setup: Setup) -> Canopen:
+    """The CANopen wire of the stage.
+
+    Raises DriveError where the stage has none.
+    """
+    wire = setup.file.drive.wire
+    if not isinstance(wire, Canopen):
+        raise DriveError(f"drive.wire.kind of {setup.path} is not canopen: there is no bus to be on")
+    return wire
+
+
+def on_channel(setup: Setup, channel: str | None) -> Setup:
+    """The same stage on another channel of its bus."""
+    if channel is None:
+        return setup
+    drive = setup.file.drive._replace(wire=canopen(setup)._replace(channel=channel))
+    return setup._replace(file=setup.file._replace(drive=drive))
+
+
+def prepare(setup: Setup, trajectory: Path, without: frozenset[str], recording: Path | None) -> Motion:
+    """Read, check and lay out a motion; nothing moves yet."""
+    law = design.design(setup.stage, setup.file.control, without)
+    laid_out = plan(setup, load_trajectory(trajectory, axis_of(setup)))
+    stamp = time.strftime("%Y%m%d-%H%M%S")
+    meta = {**describe(setup, laid_out, law, trajectory), "without": sorted(without)}
+    return Motion(setup, laid_out, law, meta, recording or Path("recordings") / f"{stamp}-{trajectory.stem}.h5")
+
+
+def pretend(motion: Motion, record: bool) -> dict[str, Any]:
+    """Simulate the motion; the result as JSON values."""
+    from stagectl.simulation import simulate  # compiles
+
+    samples = simulate(motion.setup, motion.plan, motion.law)
+    meta = {**motion.meta, "drive": {"drive": "simulated, compiled"}}
+    if record:
+        motion.recording.parent.mkdir(parents=True, exist_ok=True)
+        save(motion.recording, meta, samples, "complete")
+    return {**evaluate(samples, meta), "recording": str(motion.recording) if record else None, "simulated": True}
+
+
+def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
+    """Run the motion on its drive; the result as JSON values.
+
+    Raises DriveError where the drive cannot be reached or enabled.
+    """
+    with drive_present(motion.setup, say):
+        ended = move(motion, progress)
+    for refusal in ended.refused:
+        say(f"[yellow]not real time:[/] {refusal}")
+    if motion.setup.file.simulation.clock == "sync" and motion.setup.file.drive.wire:
+        say("the virtual plant's clock is SYNC: late cycles do not disturb it, and time-outs are relaxed")
+    if ended.fault:
+        say(f"[bold red]stopped after {ended.cycles} cycles: {ended.words}[/]. {ended.reason}")
+    recording = open_recording(motion.recording)
+    result = evaluate(recording.samples, recording.meta)
+    return {**result, "fault": ended.words, "recording": str(motion.recording), "simulated": False}
+
+
+@contextlib.contextmanager
+def drive_present(setup: Setup, say: Say) -> Iterator[None]:
+    """Make sure that the embedded bus has a drive: a virtual one where none answers."""
+    wire = setup.file.drive.wire
+    if not isinstance(wire, Canopen) or wire.interface != "embedded" or virtual.answers(wire):
+        yield
+        return
+    say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
+    process = virtual.start(setup.path, wire.channel)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait()

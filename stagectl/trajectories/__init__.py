@@ -1,0 +1,39 @@
+"""Reference trajectories: where the axis shall be, at any instant, with exact velocity and acceleration.
+
+Each trajectory is a NamedTuple of plain numbers with
+
+* ``at(t)``, the `Motion` at any times (n,) s: relative to where the axis stands, 0 before t = 0, then the
+  motion, then standing at ``end`` for ever;
+* ``duration`` (s) and ``end`` (m);
+* ``steady``, the window (s) over which a tracking error is taken: the periods at full amplitude of a periodic
+  motion, else the whole run;
+
+`check` it before use; `peaks` are what to compare with the limits of a machine.  Lengths are in the unit of
+travel: m here, whatever the configuration converts them to.
+"""
+
+from stagectl.trajectories.limits import Peaks, check, peaks
+from stagectl.trajectories.motion import Motion, TrajectoryError
+from stagectl.trajectories.periodic import Multisine, Sine
+from stagectl.trajectories.profiles import Dwell, SCurve, Trapezoid
+from stagectl.trajectories.recorded import Columns, Recorded, columns
+from stagectl.trajectories.sequence import TYPES, Sequence, Trajectory
+
+__all__ = [
+    "TYPES",
+    "Columns",
+    "Dwell",
+    "Motion",
+    "Multisine",
+    "Peaks",
+    "Recorded",
+    "SCurve",
+    "Sequence",
+    "Sine",
+    "Trajectory",
+    "TrajectoryError",
+    "Trapezoid",
+    "check",
+    "columns",
+    "peaks",
+]

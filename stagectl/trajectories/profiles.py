@@ -1,0 +1,180 @@
+r"""Point-to-point moves within limits: as fast as velocity, acceleration and jerk allow, and no faster.
+
+::
+
+    trapezoid   velocity        s_curve   acceleration
+                   ______                  ____
+                  /      \                /    \  reached: jerk +, 0, -, 0, -, 0, +
+                 /        \          ____/      \_____________         _____
+                /          \                                 \_____/
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from stagectl.trajectories.motion import Array, Motion, contained
+from stagectl.units import Quantity
+
+
+class Dwell(NamedTuple):
+    """Standing still."""
+
+    duration: Annotated[float, Quantity("s", "(0, 86400]", "how long")]
+
+    @property
+    def end(self) -> float:
+        """Where it stands (m)."""
+        return 0.0
+
+    @property
+    def steady(self) -> tuple[float, float]:
+        """All of it (s)."""
+        return 0.0, self.duration
+
+    def at(self, t: npt.ArrayLike) -> Motion:
+        """Zeros at the times `t` (n,) s."""
+        zero = np.zeros(np.shape(t))
+        return Motion(zero, zero.copy(), zero.copy())
+
+
+class Trapezoid(NamedTuple):
+    """Moves of constant acceleration; a triangle where the velocity is not reached."""
+
+    distance: Annotated[float, Quantity("m", "[-1e6, 1e6]", "of one move, signed, not 0")]
+    velocity: Annotated[float, Quantity("m/s", "[1e-9, 1e6]", "limit, reached where the distance allows")]
+    acceleration: Annotated[float, Quantity("m/s^2", "[1e-9, 1e9]", "of both ramps")]
+    dwell: Annotated[float, Quantity("s", "[0, 86400]", "standstill after each move")] = 0.0
+    cycles: Annotated[int, Quantity("", "[1, 10000000]", "there and back; one way: moves")] = 1
+    one_way: Annotated[bool, "no way back: each move goes on from the end of the last"] = False
+
+    @property
+    def duration(self) -> float:
+        """All moves and dwells (s)."""
+        return _legs(self) * (self._phases.time[-1] + self.dwell)
+
+    @property
+    def end(self) -> float:
+        """Where it stands afterwards (m)."""
+        return _end(self)
+
+    @property
+    def steady(self) -> tuple[float, float]:
+        """All of it (s)."""
+        return 0.0, self.duration
+
+    def at(self, t: npt.ArrayLike) -> Motion:
+        """Motion at the times `t` (n,) s; the acceleration jumps, and counts from its jump on."""
+        return contained(lambda s: _moves(self, self._phases, s), t, self.duration, self.end)
+
+    @property
+    def _phases(self) -> _Phases:
+        distance = abs(self.distance)
+        speed = min(self.velocity, math.sqrt(distance * self.acceleration))
+        rise = speed / self.acceleration
+        cruise = max(distance / speed - rise, 0.0)
+        a = self.acceleration
+        return _integrated((rise, cruise, rise), (a, 0.0, -a), (0.0, 0.0, 0.0), distance)
+
+
+class SCurve(NamedTuple):
+    """Moves of limited jerk: the fastest symmetric seven-phase profile, from rest to rest."""
+
+    distance: Annotated[float, Quantity("m", "[-1e6, 1e6]", "of one move, signed, not 0")]
+    velocity: Annotated[float, Quantity("m/s", "[1e-9, 1e6]", "limit, reached where the distance allows")]
+    acceleration: Annotated[float, Quantity("m/s^2", "[1e-9, 1e9]", "limit, reached where the others allow")]
+    jerk: Annotated[float, Quantity("m/s^3", "[1e-9, 1e12]", "of all ramps of the acceleration")]
+    dwell: Annotated[float, Quantity("s", "[0, 86400]", "standstill after each move")] = 0.0
+    cycles: Annotated[int, Quantity("", "[1, 10000000]", "there and back; one way: moves")] = 1
+    one_way: Annotated[bool, "no way back: each move goes on from the end of the last"] = False
+
+    @property
+    def duration(self) -> float:
+        """All moves and dwells (s)."""
+        return _legs(self) * (self._phases.time[-1] + self.dwell)
+
+    @property
+    def end(self) -> float:
+        """Where it stands afterwards (m)."""
+        return _end(self)
+
+    @property
+    def steady(self) -> tuple[float, float]:
+        """All of it (s)."""
+        return 0.0, self.duration
+
+    def at(self, t: npt.ArrayLike) -> Motion:
+        """Motion at the times `t` (n,) s."""
+        return contained(lambda s: _moves(self, self._phases, s), t, self.duration, self.end)
+
+    @property
+    def _phases(self) -> _Phases:
+        """Phases of one move: ramp the acceleration for `turn`, hold it for `push`, cruise.
+
+        With the acceleration reached ``A = J turn`` and the speed reached ``V = A (turn + push)`` a move
+        without cruise covers ``V (2 turn + push)``; each phase takes the most that all limits leave it.
+        """
+        distance, j = abs(self.distance), self.jerk
+        turn = min(self.acceleration / j, math.sqrt(self.velocity / j), math.cbrt(0.5 * distance / j))
+        a = j * turn
+        by_distance = 0.5 * (math.sqrt(turn * turn + 4.0 * distance / a) - 3.0 * turn)
+        push = max(min(by_distance, self.velocity / a - turn), 0.0)
+        cruise = max(distance / (a * (turn + push)) - (2.0 * turn + push), 0.0)
+        durations = (turn, push, turn, cruise, turn, push, turn)
+        return _integrated(durations, (0.0, a, a, 0.0, 0.0, -a, -a), (j, 0.0, -j, 0.0, -j, 0.0, j), distance)
+
+
+class _Phases(NamedTuple):
+    """One move in the positive direction: what holds at the start of each phase, lastly of the standstill."""
+
+    time: list[float]
+    position: list[float]
+    velocity: list[float]
+    acceleration: list[float]
+    jerk: list[float]
+
+
+def _integrated(
+    durations: tuple[float, ...], acceleration: tuple[float, ...], jerk: tuple[float, ...], distance: float
+) -> _Phases:
+    """Integrate from rest; standstill is put exactly at `distance` (m), not where rounding led."""
+    time, x, v = [0.0], [0.0], [0.0]
+    for h, a, j in zip(durations, acceleration, jerk, strict=True):
+        time.append(time[-1] + h)
+        x.append(x[-1] + h * (v[-1] + h * (0.5 * a + h * j / 6.0)))
+        v.append(v[-1] + h * (a + 0.5 * h * j))
+    x[-1], v[-1] = distance, 0.0
+    return _Phases(time, x, v, [*acceleration, 0.0], [*jerk, 0.0])
+
+
+def _legs(p: Trapezoid | SCurve) -> int:
+    return p.cycles if p.one_way else 2 * p.cycles
+
+
+def _end(p: Trapezoid | SCurve) -> float:
+    return p.cycles * p.distance if p.one_way else 0.0
+
+
+def _moves(p: Trapezoid | SCurve, phases: _Phases, t: Array) -> Motion:
+    """All moves of `p` at the times `t` (n,) s within its duration."""
+    lap = phases.time[-1] + p.dwell
+    leg = np.minimum(np.floor(t / lap), _legs(p) - 1)
+    one = _move(phases, np.maximum(t - leg * lap, 0.0))
+    back = np.zeros(t.shape) if p.one_way else leg % 2.0
+    start = p.distance * (leg if p.one_way else back)
+    way = math.copysign(1.0, p.distance) * (1.0 - 2.0 * back)
+    return Motion(start + way * one.position, way * one.velocity, way * one.acceleration)
+
+
+def _move(phases: _Phases, t: Array) -> Motion:
+    """One move from 0, at the times `t` (n,) s >= 0."""
+    index = np.searchsorted(phases.time, t, side="right") - 1
+    start, x, v, a, j = (np.asarray(column)[index] for column in phases)
+    h = t - start
+    # Rounding must not lead beyond the end: a limit may lie exactly there.
+    place = np.minimum(x + h * (v + h * (0.5 * a + h * j / 6.0)), phases.position[-1])
+    return Motion(place, v + h * (a + 0.5 * h * j), a + h * j)

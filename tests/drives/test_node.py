@@ -1,0 +1,337 @@
+"""The virtual drive: byte scripts from CiA 301 and CiA 402, its delay, its own stops, and the stock library."""
+
+from __future__ import annotations
+
+import random
+import struct
+import time
+from collections.abc import Callable
+from typing import Any
+
+import canopen
+import pytest
+from canopen.profiles.p402 import BaseNode402
+from conftest import DT, STEP, SYNC, Script, Workbench, linear_stage
+
+from stagectl.drives.bus import Embedded, frame, parse
+from stagectl.drives.can_plugin import EmbeddedBus
+from stagectl.drives.cia402 import State
+from stagectl.drives.drive import DriveError
+from stagectl.drives.node import VirtualNode
+from stagectl.drives.simulated import Plant, Simulation
+from stagectl.kernels import stage
+
+START, STOP, RESET = (frame(0, bytes([command, 5])) for command in (0x01, 0x02, 0x81))
+MAPPED = (0x6040_0010, 0x2071_0020)
+
+
+def sdo(text: str) -> bytes:
+    """An SDO request from its bytes as the standard prints them."""
+    return frame(0x605, bytes.fromhex(text))
+
+
+def write(index: int, subindex: int, value: int, size: int) -> bytes:
+    head = bytes([0x23 | (4 - size) << 2]) + struct.pack("<HB", index, subindex)
+    return frame(0x605, head + value.to_bytes(size, "little", signed=value < 0).ljust(4, b"\0"))
+
+
+def rpdo(controlword: int, current: int = 0) -> bytes:
+    return frame(0x205, struct.pack("<Hi", controlword, current))
+
+
+def remapped() -> list[bytes]:
+    """The RPDO of the tests: controlword and fine current."""
+    return [
+        write(0x1400, 1, 0x8000_0205, 4),
+        write(0x1600, 0, 0, 1),
+        *(write(0x1600, n, entry, 4) for n, entry in enumerate(MAPPED, start=1)),
+        write(0x1600, 0, 2, 1),
+        write(0x1400, 1, 0x205, 4),
+        write(0x6060, 0, 10, 1),
+    ]
+
+
+def enabled() -> list[bytes]:
+    return [*remapped(), START, rpdo(6), SYNC, rpdo(7), SYNC, rpdo(15), SYNC]
+
+
+def play(bench: Workbench, script: Script, *steps: bytes | Callable[[], Any], **changes: Any) -> VirtualNode:
+    node = bench.node(script, **changes)
+    script.steps.extend(steps)
+    node.run(script.done)
+    return node
+
+
+def answers(script: Script, identifier: int = 0x585) -> list[str]:
+    return [parse(raw)[1].hex(" ") for raw in script.sent if parse(raw)[0] == identifier]
+
+
+def tpdos(script: Script) -> list[tuple[int, int, int]]:
+    """Statusword, position (counts) and current (per mille) of each TPDO."""
+    data = [parse(raw)[1] for raw in script.sent if parse(raw)[0] == 0x185]
+    return [struct.unpack("<Hih", each) for each in data]
+
+
+def test_it_boots_and_answers_as_cia_301_says(bench: Workbench, script: Script) -> None:
+    play(
+        bench,
+        script,
+        sdo("40 00 10 00 00 00 00 00"),  # device type
+        sdo("40 08 10 00 00 00 00 00"),  # its name, in segments
+        sdo("60 00 00 00 00 00 00 00"),
+        sdo("40 34 12 00 00 00 00 00"),  # no such object
+        sdo("40 18 10 09 00 00 00 00"),  # no such subindex
+        sdo("2b 41 60 00 00 00 00 00"),  # the statusword is read only
+        sdo("2f 40 60 00 06 00 00 00"),  # one byte for two
+    )
+    assert answers(script, 0x705) == ["00"]  # boot-up
+    assert answers(script) == [
+        "43 00 10 00 92 01 02 00",
+        "41 08 10 00 16 00 00 00",
+        "00 73 74 61 67 65 63 74",
+        "80 34 12 00 00 00 02 06",
+        "80 18 10 09 11 00 09 06",
+        "80 41 60 00 02 00 01 06",
+        "80 40 60 00 10 00 07 06",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("steps", "abort"),
+    [
+        ([write(0x1600, 1, 0x6041_0010, 4)], 0x0800_0022),  # the PDO exists
+        ([write(0x1400, 1, 0x8000_0205, 4), write(0x1600, 1, 0x6040_0010, 4)], 0x0800_0022),  # count is not 0
+        ([write(0x1A01, 0, 0, 1), write(0x1A01, 1, 0x6040_0008, 4)], 0x0607_0010),  # wrong length
+        ([write(0x1A01, 0, 0, 1), write(0x1A01, 1, 0x1018_0120, 4)], 0x0604_0041),  # not mappable
+        ([write(0x1A01, 0, 0, 1), write(0x1A01, 1, 0x5555_0020, 4)], 0x0602_0000),  # no such object
+        ([write(0x1601, 0, 0, 1), write(0x1601, 1, 0x6041_0010, 4)], 0x0604_0041),  # not to be written
+        ([write(0x1A01, 0, 0, 1), *(write(0x1A01, n, 0x6064_0020, 4) for n in (1, 2, 3)), write(0x1A01, 0, 3, 1)],
+         0x0604_0042),  # twelve bytes
+        ([write(0x1800, 1, 0x186, 4)], 0x0609_0030),  # an existing PDO keeps its identifier
+        ([write(0x1800, 2, 254, 1)], 0x0609_0030),  # event-driven TPDOs are not offered
+        ([write(0x605A, 0, 3, 2)], 0x0609_0030),
+        ([write(0x605A, 0, -1, 2)], 0x0609_0030),
+        ([write(0x6060, 0, 8, 1)], 0x0609_0030),  # no position mode
+    ],
+)  # fmt: skip
+def test_what_the_standard_forbids_is_aborted(
+    bench: Workbench, script: Script, steps: list[bytes], abort: int
+) -> None:
+    play(bench, script, *steps)
+    assert answers(script)[-1].endswith(abort.to_bytes(4, "little").hex(" "))
+    assert all(answer.startswith("60") for answer in answers(script)[:-1])
+
+
+def test_the_state_machine_goes_up_and_down_by_pdos(bench: Workbench, script: Script) -> None:
+    down = [rpdo(7), SYNC, rpdo(6), SYNC, rpdo(0), SYNC, SYNC]
+    play(bench, script, *enabled(), *down)
+    # each TPDO carries the state before the RPDO that acts with the same SYNC
+    assert [hex(status & 0x6F) for status, _, _ in tpdos(script)] == [
+        "0x40", "0x21", "0x23", "0x27", "0x23", "0x21", "0x40"]  # fmt: skip
+
+
+def test_nothing_is_skipped_and_nothing_moves_before(bench: Workbench, script: Script) -> None:
+    node = play(bench, script, *remapped(), START, rpdo(15, 500_000), SYNC, rpdo(7, 500_000), *[SYNC] * 20)
+    assert node.axis.state is State.SWITCH_ON_DISABLED
+    assert {position for _, position, _ in tpdos(script)} == {0}
+
+
+def test_pdos_need_operational_and_another_mode_gives_no_current(bench: Workbench, script: Script) -> None:
+    node = play(bench, script, *remapped(), SYNC, rpdo(6), SYNC)
+    assert (tpdos(script), node.axis.state) == ([], State.SWITCH_ON_DISABLED)
+    script.steps += [*enabled(), write(0x6060, 0, 0, 1), rpdo(15, 900_000), *[SYNC] * 20]
+    node.run(script.done)
+    assert node.axis.state is State.OPERATION_ENABLED
+    assert tpdos(script)[-1][1] == 0
+
+
+def test_the_delay_is_exactly_one_period(bench: Workbench, script: Script) -> None:
+    draw = random.Random(7)
+    commands = [draw.randrange(-800_000, 800_000) for _ in range(200)]
+    play(bench, script, *enabled(), *(step for count in commands for step in (SYNC, rpdo(15, count))))
+    measured = [position for _, position, _ in tpdos(script)][-len(commands) :]
+    p = linear_stage()
+    p = p._replace(drive=p.drive._replace(delay_samples=1))
+    x, expected = stage.at_rest(p), []
+    for count in commands:  # latch, then command: what `sample` and `apply` do
+        expected.append(round(stage.measured(p.encoder, x, stage.SILENT) / STEP))
+        x = stage.period(p, x, count * 1e-5, stage.SILENT, DT, 4)
+    assert measured == expected
+    assert max(expected) - min(expected) > 1000
+
+
+def test_per_mille_of_rated_current_is_offered_too(bench: Workbench, script: Script) -> None:
+    changes = {"command_object": 0x607100, "command_scale": 0.01}
+    mapping = [step for step in remapped()]
+    mapping[3] = write(0x1600, 2, 0x6071_0010, 4)
+    steps = [*mapping, START]
+    for word, current in ((6, 0), (7, 0), (15, 0), (15, 123), (15, 123), (15, 123)):
+        steps += [frame(0x205, struct.pack("<Hh", word, current)), SYNC]
+    node = play(bench, script, *steps, **changes)
+    assert node.axis.applied == pytest.approx(1.23)
+    assert tpdos(script)[-1][2] == 123  # measured, the current loop being ideal
+
+
+def test_a_wrong_scale_is_refused(bench: Workbench) -> None:
+    with pytest.raises(DriveError, match=r"command_scale = 0.1 A; must be 1e-05 A for object 0x207100"):
+        bench.node(command_scale=0.1)
+    with pytest.raises(DriveError, match=r"dt = 0.002 s, but the plant runs in periods of 0.001 s"):
+        plant = Plant(linear_stage(), Simulation(), DT)
+        VirtualNode(bench.settings(), plant, bench.bus(), "sync", 0.002, 1.0, print)
+
+
+def test_a_fault_is_told_remembered_and_reset(bench: Workbench, script: Script) -> None:
+    node = bench.node(script)
+    script.steps += [
+        *enabled(), lambda: node.trip(0x4310), *[SYNC] * 40,
+        sdo("40 03 10 00 00 00 00 00"), sdo("40 03 10 01 00 00 00 00"), sdo("40 3f 60 00 00 00 00 00"),
+        rpdo(15), SYNC, rpdo(0x8F), SYNC, SYNC,
+    ]  # fmt: skip
+    node.run(script.done)
+    assert answers(script, 0x085) == ["10 43 01 00 00 00 00 00", "00 00 00 00 00 00 00 00"]
+    assert answers(script)[-3:] == [
+        "4f 03 10 00 01 00 00 00",
+        "43 03 10 01 10 43 00 00",
+        "4b 3f 60 00 10 43 00 00",
+    ]
+    states = [hex(status & 0x4F) for status, _, _ in tpdos(script)]
+    assert [state for n, state in enumerate(states[3:]) if state != states[2 + n]] == ["0xf", "0x8", "0x40"]
+    assert bench.said[0] == "fault 0x4310 (temperature of the drive): slow down on the quick stop ramp"
+
+
+@pytest.mark.parametrize(("option", "state"), [(0, 0x40), (2, 0x40), (5, 0x07), (6, 0x07)])
+def test_quick_stop_brakes_on_its_ramp(bench: Workbench, script: Script, option: int, state: int) -> None:
+    push = [rpdo(15, 1_000_000), SYNC] * 60
+    node = bench.node(script)
+    speeds: list[float] = []
+    steps: list[Any] = [write(0x605A, 0, option, 2), write(0x6085, 0, round(2.0 / STEP), 4), *enabled(), *push]
+    for _ in range(400):
+        steps += [SYNC, lambda: speeds.append(node.axis.plant.state.velocity)]
+    steps.insert(-800, rpdo(2))
+    script.steps += steps
+    node.run(script.done)
+    assert tpdos(script)[-1][0] & 0x6F == state
+    assert speeds[0] == pytest.approx(0.28, rel=0.1)  # 50 N/A * 10 A / 10 kg * 60 ms, less the friction
+    if option == 0:
+        assert speeds[200] > 0.1  # coasts
+        return
+    assert abs(speeds[-1]) < 1e-3
+    ideal = speeds[0] ** 2 / (2 * 2.0)
+    duration, counts = (float(word) for word in bench.said[-1].split() if word.lstrip("-").isdigit())
+    assert ideal < counts * STEP < 1.6 * ideal  # the velocity loop lags behind the ramp
+    assert 1.0 <= duration * 1e-3 / (speeds[0] / 2.0) < 1.5
+
+
+def test_quick_stop_options_5_and_6_let_the_axis_be_enabled_again(bench: Workbench, script: Script) -> None:
+    stop = [rpdo(2), *[SYNC] * 60, rpdo(15), SYNC, SYNC]
+    node = play(bench, script, write(0x605A, 0, 6, 2), *enabled(), *stop)
+    assert node.axis.state is State.OPERATION_ENABLED
+
+
+def test_taken_out_of_operation_it_stops(bench: Workbench, script: Script) -> None:
+    node = play(bench, script, *enabled(), STOP, sdo("40 00 10 00 00 00 00 00"))
+    assert node.axis.stopping
+    assert bench.said == ["taken out of operation: quick stop"]
+    assert answers(script)[-1].startswith("60 60 60")  # stopped, the SDO server is silent
+
+
+def test_a_reset_boots_again_with_the_defaults(bench: Workbench, script: Script) -> None:
+    play(bench, script, write(0x605A, 0, 6, 2), RESET, sdo("40 5a 60 00 00 00 00 00"))
+    assert answers(script, 0x705) == ["00", "00"]
+    assert answers(script)[-1] == "4b 5a 60 00 02 00 00 00"
+
+
+def cycle(bus: Embedded, seconds: float, heartbeat: bool, command: bool) -> None:
+    """Be a controller that keeps the axis moving to and fro."""
+    end, n = time.monotonic() + seconds, 0
+    while time.monotonic() < end:
+        bus.send(SYNC)
+        bus.receive(0.1)
+        if command:
+            bus.send(rpdo(15, 500_000 if n % 100 < 50 else -500_000))
+        if heartbeat and n % 5 == 0:
+            bus.send(frame(0x77F, b"\x05"))
+        n += 1
+        time.sleep(0.002)
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 3.0) -> float:
+    """Seconds until `condition` holds."""
+    began = time.monotonic()
+    while not condition():
+        assert time.monotonic() - began < seconds, "it did not happen"
+        time.sleep(0.001)
+    return time.monotonic() - began
+
+
+@pytest.mark.parametrize(("clock", "dies"), [("wall", True), ("sync", True), ("wall", False)])
+def test_without_heartbeat_it_stops_by_itself(bench: Workbench, clock: str, dies: bool) -> None:
+    node = bench.running(clock)
+    bus = bench.bus()
+    ramp = write(0x6085, 0, round(2.0 / STEP), 4)
+    for step in (write(0x1016, 1, 0x7F_0000 | 60, 4), ramp, *enabled()):
+        bus.send(step)
+        bus.receive(0.2)
+    cycle(bus, 0.13, heartbeat=True, command=True)
+    assert node.axis.state is State.OPERATION_ENABLED
+    if not dies:
+        cycle(bus, 0.09, heartbeat=False, command=True)  # commands go on, the heartbeat does not
+    noticed = wait_for(lambda: bool(bench.said))
+    assert noticed < 0.12
+    wait_for(lambda: len(bench.said) > 1)
+    assert node.axis.state is State.SWITCH_ON_DISABLED
+    silence = int(bench.said[0].split()[6])
+    assert bench.said[0] == (
+        f"no heartbeat from the controller for {silence} ms (time-out 60 ms): quick stop"
+    )
+    assert 60 <= silence < 90
+    assert bench.said[1].startswith("stands after ")
+    assert abs(int(bench.said[1].split()[5])) * STEP < 0.05
+    emergencies = [parse(raw) for raw in iter(lambda: bus.receive(0.0), None) if parse(raw)[0] == 0x085]
+    if dies:
+        assert emergencies[0][1].hex(" ") == "30 81 10 00 00 00 00 00"
+
+
+def test_without_commands_it_stops_by_itself(bench: Workbench) -> None:
+    node = bench.running("wall")
+    bus = bench.bus()
+    for step in (write(0x1400, 5, 50, 2), *enabled()):
+        bus.send(step)
+        bus.receive(0.2)
+    cycle(bus, 0.1, heartbeat=True, command=True)
+    assert (node.axis.state, bench.said) == (State.OPERATION_ENABLED, [])
+    cycle(bus, 0.04, heartbeat=True, command=False)
+    assert bench.said == []  # not before its time
+    cycle(bus, 0.15, heartbeat=True, command=False)
+    assert bench.said[0].startswith("no cyclic command (RPDO) from the controller for 5")
+    assert node.objects.error_code == 0x8250
+    assert node.axis.state in (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED)
+
+
+def test_the_stock_library_takes_it_for_a_drive(bench: Workbench) -> None:
+    bench.running("sync")
+    network = canopen.Network(EmbeddedBus(channel=bench.channel))
+    network.connect()
+    try:
+        drive = BaseNode402(5, bench.settings().eds)
+        network.add_node(drive)
+        assert drive.sdo[0x1008].raw == "stagectl virtual drive"
+        drive.nmt.state = "PRE-OPERATIONAL"
+        drive.setup_402_state_machine()
+        drive.nmt.state = "OPERATIONAL"
+        network.sync.start(0.01)
+        drive.rpdo[1].start(0.01)
+        drive.op_mode = "CYCLIC SYNCHRONOUS TORQUE"
+        drive.rpdo[1].update()
+        for state in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
+            drive.state = state
+            assert drive.state == state
+        drive.rpdo[1][0x2071].raw = 500_000
+        drive.rpdo[1].update()
+        wait_for(lambda: drive.tpdo[1][0x6064].raw > 1000)
+        assert drive.tpdo[1][0x6077].raw == 500
+        drive.state = "SWITCH ON DISABLED"
+    finally:
+        network.sync.stop()
+        drive.rpdo[1].stop()
+        network.disconnect()
