@@ -1,0 +1,46 @@
+"""stagectl: real-time control of a precision stage, its simulator, and the gap between the two.
+
+**The tour: the way of one setpoint.**  Open the files in this order; each says what it does in its first lines.
+
+::
+
+    config/ball-screw.yaml  config/trajectories/sine-1.6hz.yaml
+              |                         |
+    [1] config/stage_file.py    [2] config/trajectory_file.py       YAML, with units, strictly read
+              |                         |  trajectories/            position, velocity, acceleration
+    [3] design.py                       |                           gains, margins, refusal
+              |                         |
+    [4] plan.py <-----------------------+                           limits checked, one row a period
+              |
+    [5] daemon/loop.py   one period, 2000 times a second:
+              |
+              |   drives/canopen.py  sample()  -- SYNC -->  drive      the position at t_k is latched,
+              |                                <- TPDO --              the last command begins to act
+              |   kernels/law.py     step()    feedforward (PTC)  kernels/feedforward.py
+              |                                + feedback (PID)   kernels/feedback.py
+              |                                + friction         kernels/friction.py  -> limit -> current
+              |   daemon/safety.py   judge()   may it go on?
+              |   drives/canopen.py  apply()   -- RPDO -->  drive      acts from t_k+1 on: nd = 1
+              |   recording/ring.py  write()   ==> recorder process ==> recording.h5
+              v
+    [6] drives/node.py   the drive, where there is no machine: a CANopen node with kernels/stage.py inside
+
+              command -> drive -> motor -> mechanics <- friction,  encoder -> measured
+
+    [7] kernels/rollout.py   law and stage in one compiled loop: `simulate`; the same rows, to the last bit
+    [8] evaluation.py, report/   what it achieved, in words, figures and one page
+
+**Signs.**  Positive current gives positive effort and moves towards positive positions.  The error is reference
+minus measured.  Friction is what opposes the velocity: positive at positive velocity::
+
+              effort = Kt i  -->  [ J, D ]  -->  + x, + v
+              friction       <--
+
+**Units.**  SI inside, names bare: a rotary axis is in rad and N m, a linear one in m and N, and no kernel knows
+which.  A ball screw is a rotary axis with a lead.  Units appear in YAML values, in column names of exports, and on
+the screen; `units.Quantity` beside each field declares unit, range and meaning once for all of them.
+
+**Where things are decided.**  What runs, and how strictly: YAML.  Whether it may run: `design` (margin) and `plan`
+(limits).  Whether it may go on: `daemon/safety.py`.  Imports run one way only, from `cli` down to `units`; the
+contract stands in pyproject.toml and ``tools/check`` enforces it.
+"""

@@ -6,7 +6,9 @@ hold with its current loop, and nd + nm whole periods of delay.
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -44,7 +46,10 @@ def gains(p: stage.Stage, control: Control) -> feedback.Gains:
 
     Raises DesignError where the bandwidth is too low for the plant's own damping: a gain would be negative.
     """
-    designed = feedback.place_poles(p.mechanics, p.motor.force_constant, control.bandwidth)
+    with _computable(p):
+        designed = feedback.place_poles(p.mechanics, p.motor.force_constant, control.bandwidth)
+    if not all(math.isfinite(gain) for gain in designed):
+        raise DesignError(_incomputable(p))
     if min(designed) <= 0.0:
         least = p.mechanics.viscous / p.mechanics.inertia / (8.0 * math.pi)
         raise DesignError(
@@ -58,8 +63,34 @@ def _listed(designed: feedback.Gains) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in designed._asdict().items())
 
 
+@contextlib.contextmanager
+def _computable(p: stage.Stage) -> Iterator[None]:
+    """Say it in words where the numbers of `p` leave what floats can hold."""
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            yield
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+        raise DesignError(_incomputable(p)) from error
+
+
+def _incomputable(p: stage.Stage) -> str:
+    return (
+        f"the loop of this stage is beyond computing: mechanics.inertia = {p.mechanics.inertia:g}, mechanics.viscous = "
+        f"{p.mechanics.viscous:g}, motor.force_constant = {p.motor.force_constant:g} (SI); check their units and "
+        f"powers of ten"
+    )
+
+
 def margins(p: stage.Stage, designed: feedback.Gains, dt: float) -> Margins:
-    """Margins of the running loop at the period `dt` (s)."""
+    """Margins of the running loop at the period `dt` (s).
+
+    Raises DesignError where the stage's numbers are too extreme to compute with.
+    """
+    with _computable(p):
+        return _margins(p, designed, dt)
+
+
+def _margins(p: stage.Stage, designed: feedback.Gains, dt: float) -> Margins:
     pid = feedback.discretised(designed, dt)
     frequency = np.geomspace(1e-3 / dt, 0.5 / dt, 20_000)
     loop = _open_loop(p, pid, dt, np.exp(2j * np.pi * frequency * dt))

@@ -14,13 +14,13 @@ DWELL = 0.05  # s
 
 
 def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
-    """Tracking error (reference minus measured) over the steady window, and how the run went.
+    """Tracking error over the steady window, and how the run went.
 
-    `samples` is a recording's structured rows; lengths come out in the unit of travel, m or rad.
+    The error is reference minus measured, both of the instant at which the position was latched.  `samples` is a recording's structured rows; lengths come out in the unit of travel, m or rad.
     """
     scale = meta["axis"]["travel_per_unit"]
     inside = window(samples["time"], meta["steady"])
-    error = (samples["reference"] - samples["measured"]) * scale
+    error = (samples["delayed"] - samples["measured"]) * scale
     found: dict[str, Any] = {
         "stage": meta["name"],
         "trajectory": meta["trajectory"],
@@ -57,6 +57,6 @@ def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
     """Whether the run ended without a fault, standing within the window for the whole dwell."""
     last = samples[-max(1, round(DWELL / meta["dt"])) :]
     allowed = WINDOW_COUNTS * (meta["axis"]["encoder_step"] or 1e-9)
-    near = np.abs(last["reference"] - last["measured"]) <= allowed
+    near = np.abs(last["delayed"] - last["measured"]) <= allowed
     whole = samples["time"][-1:] >= meta["duration"]
     return bool(whole.all() and near.all() and np.all(samples["fault"] == Fault.NONE))

@@ -19,6 +19,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.trajectories import Trajectory, TrajectoryError, peaks
 from stagectl.trajectories.motion import Array
 
+LONGEST = 10_000_000  # control periods, 83 minutes at 2 kHz; their rows take 0.6 GB
 SETTLE = 0.1  # s of standstill after the motion, in which the axis must come into position
 
 
@@ -41,8 +42,13 @@ def plan(setup: Setup, trajectory: Trajectory) -> Plan:
 
     Raises TrajectoryError with value, limit and the field to change; nothing has moved then.
     """
-    _within_limits(setup, trajectory)
     dt = setup.dt
+    if trajectory.duration > LONGEST * dt:
+        raise TrajectoryError(
+            f"the trajectory takes {trajectory.duration:g} s; must be at most {LONGEST * dt:g} s, {LONGEST} control "
+            "periods: nothing has moved; run fewer periods or cycles at a time"
+        )
+    _within_limits(setup, trajectory)
     t: Array = dt * np.arange(2 * math.ceil((trajectory.duration + SETTLE) / (2.0 * dt)), dtype=np.float64)
     rows = np.empty((len(t), 7))
     late, ahead = setup.stage.encoder.delay_samples * dt, command_delay(setup)

@@ -16,7 +16,7 @@ from stagectl.daemon.run import Motion, Progress, move
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.evaluation import evaluate
 from stagectl.plan import plan
-from stagectl.recording.hdf5 import open_recording, save
+from stagectl.recording.hdf5 import RecordingError, open_recording, repair, save
 from stagectl.recording.meta import describe
 
 Say = Callable[[str], None]
@@ -67,6 +67,10 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
 
     Raises DriveError where the drive cannot be reached or enabled.
     """
+    for path in sorted(motion.recording.parent.glob("*.h5")):
+        with contextlib.suppress(RecordingError):  # no recording of ours: none of our business
+            if repair(path):
+                say(f"the recorder of {path} had been cut off: the file is repaired, its rows are all there")
     with drive_present(motion.setup, say):
         ended = move(motion, progress)
     for refusal in ended.refused:

@@ -12,6 +12,7 @@ of our own in which the angle is a dimension: 1 Hz is not 1 rad/s, and 1 N m is 
 from __future__ import annotations
 
 import functools
+import math
 import re
 from decimal import Decimal
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
@@ -88,8 +89,11 @@ ohm = V / A = Ohm = Ω
 percent = 0.01 = %
 permille = 0.001 = ‰
 """
-_VALUE = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.DOTALL)
-_UNIT = re.compile(r"[A-Za-zµμ°Ω%‰]*(?:(?:\s*[*·/]\s*|\s+|\^-?\d|\*\*-?\d)[A-Za-zµμ°Ω%‰1]*){0,8}")
+# ASCII digits only: a look-alike from another script must not move an axis.
+_VALUE = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)(?![0-9.,_])(.*)", re.DOTALL)
+_POWER = r"[A-Za-zµμ°Ω%‰]+(?:(?:\^|\*\*)-?[0-9])?"
+_UNIT = re.compile(rf"(?:1(?= ?/)|{_POWER})(?:(?: ?[*·/] ?| ){_POWER}){{0,8}}")
+_LONGEST = 80  # characters of a value; no expression may keep the parsers busy
 
 
 @functools.cache
@@ -101,41 +105,50 @@ def _registry() -> Any:
     return registry
 
 
-@functools.cache
+@functools.lru_cache(maxsize=1024)
 def factor(unit: str, to: str) -> float:
     """Factor that converts `unit` to `to`: ``factor("mm", "m") == 0.001``.
 
-    Raises UnitError where the unit is unknown or of another dimension.
+    Raises UnitError where the unit is unknown, of another dimension, or beyond what a float holds.
     """
     import pint
 
     registry = _registry()
     try:
-        return float(registry.Quantity(1.0, _spelled(unit)).to(_spelled(to)).magnitude)
+        found = float(registry.Quantity(1.0, _spelled(unit)).to(_spelled(to)).magnitude)
+    except UnitError:
+        raise
     except pint.errors.UndefinedUnitError as error:
         raise UnitError(f"unknown unit {unit!r}") from error
     except pint.errors.DimensionalityError as error:
-        raise UnitError(f"{unit!r} is not a unit of {to or 'a pure number'!r}") from error
+        raise UnitError(f"{unit!r} does not measure {to or 'a pure number'}") from error
     except Exception as error:  # pint raises many kinds on text that is no unit at all
         raise UnitError(f"{unit!r} is not a unit") from error
+    if not 0.0 < found < math.inf:
+        raise UnitError(f"{unit!r} is out of all proportion")
+    return found
 
 
 def _spelled(unit: str) -> str:
-    if not _UNIT.fullmatch(unit):
-        raise UnitError(f"{unit!r} is not a unit")
-    return unit.replace("·", "*") or "dimensionless"
+    tidy = " ".join(unit.split())
+    if len(tidy) > _LONGEST or (tidy and not _UNIT.fullmatch(tidy)):
+        raise UnitError(f"{unit[:_LONGEST]!r} is not a unit")
+    return tidy.replace("·", "*") or "dimensionless"
 
 
 def parse(text: str, to: str) -> float:
     """``parse("12 mm", "m") == 0.012``; the unit must be there unless `to` is a pure number.
 
-    Raises UnitError naming the text and the unit that was expected.
+    Raises UnitError saying what is wrong with the text.
     """
-    match = _VALUE.fullmatch(text)
+    match = _VALUE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
     if match is None:
-        raise UnitError(f"{text!r} is not a number with a unit; write for instance '1.5 {to}'".rstrip())
-    number, unit = match.groups()
+        raise UnitError(f"not a number{' with a unit' if to else ''}")
+    number, unit = match[1], match[2].strip()
     if unit == "" and to != "":
-        raise UnitError(f"{text!r} has no unit; write for instance '{number} {to}'")
+        raise UnitError("the unit is missing")
     # In decimal, so that 12 mm is the double nearest to 0.012, as a person would write it.
-    return float(Decimal(number) * Decimal(repr(factor(unit, to))))
+    value = float(Decimal(number) * Decimal(repr(factor(unit, to))))
+    if math.isinf(value):
+        raise UnitError("too large for a number")
+    return value

@@ -8,9 +8,11 @@ has none in its memory.
 from __future__ import annotations
 
 import sys
+from typing import NoReturn
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from stagectl.cli import configuration, motion, records
 from stagectl.units import StageError
@@ -32,14 +34,14 @@ def main() -> None:
     try:
         app()
     except StageError as error:
-        Console(stderr=True, soft_wrap=True).print(f"[bold red]error:[/] {_escaped(str(error))}", highlight=False)
-        sys.exit(2)
+        _fail(str(error))
+    except OSError as error:  # a result that cannot be written, a disk that is full
+        _fail(f"{error.filename or 'the system'}: {error.strerror or error}")
     except KeyboardInterrupt:
-        Console(stderr=True).print("interrupted")
-        sys.exit(2)
+        _fail("interrupted")
 
 
-def _escaped(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)
+def _fail(words: str) -> NoReturn:
+    # Text, not markup: brackets and colons of a file must appear as they stand there.
+    Console(stderr=True, soft_wrap=True).print(Text.assemble(("error:", "bold red"), f" {words}"), highlight=False)
+    sys.exit(2)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from rich.text import Text
 
 from stagectl.cli.show import console
 from stagectl.units import StageError
@@ -23,31 +24,29 @@ def check(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="S
 
 
 def _check(path: Path) -> int:
-    if not path.is_file():
-        console.print(f"[bold red]error:[/] {path}: no such file")
-        return 2
+    from stagectl.config.source import UnreadableError
+
     try:
-        console.print(f"[green]good[/]  {path}: {_words(path)}")
+        console.print(Text.assemble(("good", "green"), f"  {path}: {_words(path)}"))
         return 0
     except StageError as error:
         for line in str(error).splitlines():
-            console.print(f"[bold red]error:[/] {line}", markup=True)
-        return 1
+            console.print(Text.assemble(("error:", "bold red"), f" {line}"))
+        return 2 if isinstance(error, UnreadableError) else 1
 
 
 def _words(path: Path) -> str:
-    from stagectl.config.loader import compose
+    from yaml import MappingNode
+
+    from stagectl.config.source import compose
+    from stagectl.config.stage_file import StageFile
     from stagectl.config.trajectory_file import load_free
 
     node = compose(path)
-    if any(getattr(key, "value", "") == "type" for key, _ in _pairs(node)):
-        trajectory = load_free(path)
-        return f"trajectory of {trajectory.duration:.4g} s"
-    return _stage_words(path)
-
-
-def _pairs(node: Any) -> list[Any]:
-    return node.value if isinstance(node.value, list) and node.id == "mapping" else []
+    words = {getattr(key, "value", "") for key, _ in node.value} if isinstance(node, MappingNode) else set()
+    if "type" not in words and words & set(StageFile._fields):
+        return _stage_words(path)
+    return f"trajectory of {load_free(path).duration:.4g} s"
 
 
 def _stage_words(path: Path) -> str:

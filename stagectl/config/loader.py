@@ -15,14 +15,14 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 
 import yaml
 
-from stagectl.units import LINEAR, Quantity, StageError, UnitError, parse, quantity_of
+from stagectl.config.source import ConfigError as ConfigError  # raised here, known by this name elsewhere
+from stagectl.config.source import compose
+from stagectl.units import LINEAR, ROTARY, Quantity, UnitError, parse, quantity_of
 
-LARGEST_FILE = 4_000_000  # bytes; a configuration is text written by hand
 DEEPEST = 20
-
-
-class ConfigError(StageError):
-    """A configuration file that cannot be used; the message lists every reason with its place."""
+LONGEST_LIST = 1000  # entries
+LONGEST_TEXT = 200  # characters
+MOST_ERRORS = 30  # said of one file; the first ones are the causes
 
 
 class Tagged(NamedTuple):
@@ -49,13 +49,18 @@ class Reader:
 
     def refuse(self, node: yaml.Node | None, message: str) -> None:
         """Note an error at the line of `node`."""
-        line = node.start_mark.line + 1 if node is not None else 1
-        self.errors.append(f"{message} ({self.path}:{line})")
+        self.errors.append(f"{message} ({self.place(node)})")
+
+    def place(self, node: yaml.Node | None) -> str:
+        """Where `node` stands, as ``file:line``."""
+        return f"{self.path}:{node.start_mark.line + 1 if node is not None else 1}"
 
     def finish(self) -> None:
         """Raise ConfigError if anything was refused."""
         if self.errors:
-            raise ConfigError("\n".join(self.errors))
+            more = len(self.errors) - MOST_ERRORS
+            rest = [f"and {more} more errors ({self.path})"] if more > 0 else []
+            raise ConfigError("\n".join(self.errors[:MOST_ERRORS] + rest))
 
     def value(self, hint: Any, node: yaml.Node, name: str) -> Any:
         """`node` as `hint`; after an error any stand-in, as `finish` will raise."""
@@ -71,7 +76,7 @@ class Reader:
             return self._list(plain, quantity, node, name)
         if hasattr(plain, "_fields"):
             return self.block(plain, node, name)
-        return self._scalar(plain, quantity, node, name)
+        return self._scalar(hint, node, name)
 
     def block(self, kind: Any, node: yaml.Node, name: str, skip: str = "") -> Any:
         """A mapping as the NamedTuple `kind`; the key `skip` has been read already."""
@@ -85,7 +90,7 @@ class Reader:
             elif field in kind._field_defaults:
                 found[field] = kind._field_defaults[field]
             else:
-                self.refuse(node, f"{inner} is missing; it is {_wanted(hints[field], self.lengths.axis)}")
+                self.refuse(node, f"{inner} is missing; it is {self._wanted(hints[field])}")
                 found[field] = None
         return kind(**found)
 
@@ -97,7 +102,9 @@ class Reader:
         entries: dict[str, yaml.Node] = {}
         for key, value in node.value:
             word = key.value if isinstance(key, yaml.ScalarNode) else str(key.tag)
-            if word in entries:
+            if word == "<<":
+                self.refuse(key, f"{_under(name, word)}: merge keys are not read; write the keys out")
+            elif word in entries:
                 self.refuse(key, f"{_under(name, word)} stands twice")
             elif word not in known:
                 self.refuse(key, f"{_under(name, word)} is not known{_nearest(word, known)}")
@@ -114,8 +121,7 @@ class Reader:
             self.refuse(node, f"{_under(name, tag.key)} is missing; it is one of {names}")
             return None
         if chosen.value not in tag.blocks:
-            hint = _nearest(chosen.value, tuple(tag.blocks))
-            self.refuse(chosen, f"{_under(name, tag.key)} = {chosen.value}; must be one of {names}{hint}")
+            self.refuse(chosen, f"{_under(name, tag.key)} = {_shown(chosen.value)}; must be one of {names}")
             return None
         return self.block(tag.blocks[chosen.value], node, name, skip=tag.key)
 
@@ -132,28 +138,30 @@ class Reader:
             return ()
         kinds = get_args(plain)
         fixed = len(kinds) if kinds[-1] is not Ellipsis else 0
-        if (fixed and len(node.value) != fixed) or not node.value:
-            self.refuse(node, f"{name} has {len(node.value)} entries; must have {fixed or 'at least 1'}")
+        if (fixed and len(node.value) != fixed) or not 1 <= len(node.value) <= LONGEST_LIST:
+            self.refuse(node, f"{name} has {len(node.value)} entries; must have {fixed or f'1 to {LONGEST_LIST}'}")
             return ()
         kind = Annotated[kinds[0], quantity] if quantity else kinds[0]
         return tuple(self.value(kind, item, f"{name}[{j}]") for j, item in enumerate(node.value))
 
-    def _scalar(self, plain: Any, quantity: Quantity | None, node: yaml.Node, name: str) -> Any:
+    def _scalar(self, hint: Any, node: yaml.Node, name: str) -> Any:
         if not isinstance(node, yaml.ScalarNode):
-            self.refuse(node, f"{name} must be a single value, {_wanted(plain, self.lengths.axis)}")
+            self.refuse(node, f"{name} must be a single value: {self._wanted(hint)}")
             return None
+        quantity = quantity_of(hint)
+        unit = self._unit(quantity)
+        span = f"must lie in {quantity.interval} {unit}".rstrip() if quantity else ""
         try:
-            value = self._convert(plain, quantity, node)
-        except (UnitError, ValueError, OverflowError) as error:
-            self.refuse(node, f"{name} = {_shown(node.value)}; {error}")
+            value = self._convert(_plain(hint), unit, node.value)
+        except (UnitError, ValueError) as error:
+            reason = f"{error}; {span}" if span else str(error)
+            self.refuse(node, f"{name} = {_shown(node.value)}; {reason}")
             return None
         if quantity is not None and not quantity.admits(value):
-            unit = quantity.unit_for(self.lengths.axis)
-            self.refuse(node, f"{name} = {_shown(node.value)}; must lie in {quantity.interval} {unit}".rstrip())
+            self.refuse(node, f"{name} = {_shown(node.value)}; {span}")
         return value
 
-    def _convert(self, plain: Any, quantity: Quantity | None, node: yaml.ScalarNode) -> Any:
-        text = node.value
+    def _convert(self, plain: Any, unit: str, text: str) -> Any:
         if plain is bool:
             if text not in ("true", "false"):
                 raise ValueError("must be true or false")
@@ -161,35 +169,53 @@ class Reader:
         if plain is int:
             return _integer(text)
         if plain is float or plain is Any:
-            return self._number(text, quantity)
+            return self._number(text, unit)
         if get_origin(plain) is Literal:
             if text not in get_args(plain):
                 raise ValueError(f"must be one of {', '.join(get_args(plain))}")
             return text
-        if not text:
-            raise ValueError("must not be empty")
+        if not text or len(text) > LONGEST_TEXT or not text.isprintable():
+            raise ValueError(f"must be 1 to {LONGEST_TEXT} printable characters")
         return str(text)
 
-    def _number(self, text: str, quantity: Quantity | None) -> float:
-        unit = quantity.unit_for(self.lengths.axis) if quantity else ""
-        if self.lengths.angular and _family(unit) == "m":
-            unit = unit.replace("m", "rad", 1)
+    def _number(self, text: str, unit: str) -> float:
         try:
-            value = parse(text, unit)
-        except UnitError as error:
-            value = self._through_lead(text, unit, error)
-        if not math.isfinite(value):
-            raise ValueError("is too large for a number")
-        return value
+            return parse(text, unit)
+        except UnitError:
+            value = self._through_lead(text, unit)
+            if value is None:
+                raise
+            return value
 
-    def _through_lead(self, text: str, unit: str, error: UnitError) -> float:
+    def _through_lead(self, text: str, unit: str) -> float | None:
         """A table length where an angle is wanted, or the other way round: the lead converts."""
-        lead = self.lengths.lead / (2.0 * math.pi)
-        if lead and _family(unit) == "rad":
-            return parse(text, unit.replace("rad", "m", 1)) / lead
-        if lead and _family(unit) == "m":
-            return parse(text, unit.replace("m", "rad", 1)) * lead
-        raise error
+        here, lead = _family(unit), self.lengths.lead / (2.0 * math.pi)
+        if here not in ("rad", "m") or self.lengths.axis != ROTARY:
+            return None
+        try:
+            value = parse(text, unit.replace(here, "m" if here == "rad" else "rad", 1))
+        except UnitError:
+            return None
+        if lead > 0.0:
+            return value / lead if here == "rad" else value * lead
+        if here == "rad":
+            raise UnitError("a length on an axis without a lead: give axis.lead, or write an angle")
+        return None
+
+    def _unit(self, quantity: Quantity | None) -> str:
+        unit = quantity.unit_for(self.lengths.axis) if quantity else ""
+        return unit.replace("m", "rad", 1) if self.lengths.angular and _family(unit) == "m" else unit
+
+    def _wanted(self, hint: Any) -> str:
+        """What belongs here, in words."""
+        tag, quantity = _tag_of(hint), quantity_of(hint)
+        if tag is not None:
+            return f"a block with {tag.key}: {' or '.join(tag.blocks)}"
+        if quantity is not None:
+            return f"the {quantity.meaning}, in {self._unit(quantity)}".removesuffix(", in ")
+        if hasattr(hint, "_fields"):
+            return f"a block of {', '.join(hint._fields)}"
+        return next((extra for extra in get_args(hint)[1:] if isinstance(extra, str)), "required")
 
 
 def _family(unit: str) -> str:
@@ -198,9 +224,11 @@ def _family(unit: str) -> str:
 
 def _integer(text: str) -> int:
     try:
-        return int(text, 0)
+        if text.isascii() and len(text) <= LONGEST_TEXT:  # int() reads the digits of every script
+            return int(text, 0)
     except ValueError:
-        raise ValueError("must be a whole number") from None
+        pass
+    raise ValueError("must be a whole number")
 
 
 def _under(name: str, word: str) -> str:
@@ -208,7 +236,8 @@ def _under(name: str, word: str) -> str:
 
 
 def _shown(text: str) -> str:
-    return text if len(text) <= 60 else text[:57] + "..."
+    text = text if len(text) <= 60 else text[:57] + "..."
+    return text if text.isprintable() and text.strip() else ascii(text)
 
 
 def _nearest(word: str, known: tuple[str, ...]) -> str:
@@ -226,46 +255,6 @@ def _tag_of(hint: Any) -> Tagged | None:
 
 def _plain(hint: Any) -> Any:
     return get_args(hint)[0] if get_origin(hint) is Annotated else hint
-
-
-def _wanted(hint: Any, axis: str) -> str:
-    quantity = quantity_of(hint)
-    if quantity is None:
-        words = [extra for extra in get_args(hint)[1:] if isinstance(extra, str)]
-        return words[0] if words else "required"
-    unit = quantity.unit_for(axis)
-    return f"the {quantity.meaning}, in {unit}" if unit else f"the {quantity.meaning}"
-
-
-def compose(path: Path) -> yaml.Node:
-    """The file's YAML node tree.
-
-    Raises ConfigError where the file cannot be read or is no YAML.
-    """
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ConfigError(f"{path} is larger than {LARGEST_FILE} bytes: not a configuration file")
-        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(
-            f"{path} is not UTF-8 text: byte {error.start} is {error.object[error.start]:#04x}"
-        ) from error
-    except yaml.YAMLError as error:
-        raise ConfigError(_yaml_words(path, error)) from error
-    except (RecursionError, ValueError) as error:  # thousands of nested brackets; a malformed escape
-        raise ConfigError(f"{path} is not usable YAML: {type(error).__name__} while parsing") from error
-    if node is None:
-        raise ConfigError(f"{path} is empty")
-    return node
-
-
-def _yaml_words(path: Path, error: yaml.YAMLError) -> str:
-    mark = getattr(error, "problem_mark", None)
-    line = mark.line + 1 if mark is not None else 1
-    problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "not YAML"
-    return f"{problem}; check indentation, quotes and colons around this line ({path}:{line})"
 
 
 def load(path: Path, read: Callable[[Reader, yaml.Node], Any], lengths: Lengths | None = None) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import types
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -12,7 +13,8 @@ from stagectl.config.trajectory_file import BLOCKS, Entry
 from stagectl.units import Quantity, quantity_of
 
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
-_NUMBER = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?"
+_NUMBER = r"^\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?"
+_UNIT = r"\s*(1 ?/ ?)?[A-Za-zµμ°Ω%‰][^,;:()\[\]{}_]*$"
 
 
 def stage_schema() -> dict[str, Any]:
@@ -68,16 +70,23 @@ def _list(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
 
 
 def _number(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
-    """A pure number is a number; one with a unit is text that begins with a number."""
+    """A pure number is a number, or text such as ``5 %``; one with a unit is text that begins with a number."""
     if quantity is None:
         return {"type": "integer"}
     described = {"description": f"{quantity.meaning}; {quantity.interval} {quantity.unit}".rstrip()}
     if quantity.unit:
-        return {"type": "string", "pattern": _NUMBER + r"\s*\S+", **described}
+        return {"type": "string", "pattern": _NUMBER + _UNIT, **described}
     if plain is int:
-        low, high = quantity.bounds()
-        return {"type": "integer", "minimum": low, "maximum": high, **described}
-    return {"type": ["number", "string"], **described}
+        return {"type": "integer", **_bounds(quantity), **described}
+    return {"type": ["number", "string"], "pattern": f"{_NUMBER}({_UNIT[:-1]})?$", **_bounds(quantity), **described}
+
+
+def _bounds(quantity: Quantity) -> dict[str, float]:
+    """The interval in JSON schema's words; an infinite end is none."""
+    low, high = quantity.bounds()
+    least = "exclusiveMinimum" if quantity.interval[0] == "(" else "minimum"
+    most = "exclusiveMaximum" if quantity.interval[-1] == ")" else "maximum"
+    return {name: end for name, end in ((least, low), (most, high)) if math.isfinite(end)}
 
 
 def _block(kind: Any, tag: str = "", name: str = "") -> dict[str, Any]:

@@ -10,6 +10,7 @@ import yaml
 
 from stagectl import design
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
+from stagectl.config.source import node_at
 from stagectl.drives import bus
 from stagectl.drives.drive import Canopen
 from stagectl.drives.simulated import Simulation
@@ -18,6 +19,8 @@ from stagectl.kernels.jit import table
 from stagectl.units import LINEAR, ROTARY, Quantity
 
 Positive = "(0, 1e6]"
+WIDEST = 1e6  # of the slips of a friction's elements
+OBJECTS = range(0x1000_00, 0x1_0000_00)  # index_subindex; below are the data types of CiA 301
 
 
 class Axis(NamedTuple):
@@ -153,9 +156,7 @@ def load_stage(path: Path) -> Setup:
     if isinstance(wire, Canopen):
         eds = (path.parent / wire.eds).resolve()
         file = file._replace(drive=file.drive._replace(wire=wire._replace(eds=str(eds))))
-    setup = Setup(path, file, _assembled(file))
-    design.design(setup.stage, file.control)  # a loop that must not run is refused here, before anything moves
-    return setup
+    return Setup(path, file, _assembled(file))
 
 
 def _read(reader: Reader, root: yaml.Node) -> StageFile:
@@ -167,17 +168,19 @@ def _read(reader: Reader, root: yaml.Node) -> StageFile:
                     reader.lengths = Lengths(axis.kind, axis.lead or 0.0)
     file: StageFile = reader.value(StageFile, root, "")
     if not reader.errors:
-        _check(reader, file, root)
+        for wrong in (*_check_parts(file), *_check_wire(file, reader.path)):
+            reader.refuse(node_at(root, wrong.split(" ")[0]), wrong)
+    if not reader.errors:
+        _check_loop(reader, file, root)
     return file
 
 
-def _check(reader: Reader, file: StageFile, root: yaml.Node) -> None:
-    """What no single field can tell."""
-    for wrong in (*_check_parts(file), *_check_wire(file, reader.path)):
-        block = wrong.split(".")[0].split(" ")[0]
-        assert isinstance(root, yaml.MappingNode)
-        node = next((value for key, value in root.value if key.value == block), root)
-        reader.refuse(node, wrong)
+def _check_loop(reader: Reader, file: StageFile, root: yaml.Node) -> None:
+    """A loop that must not run is refused here, before anything moves."""
+    try:
+        design.design(_assembled(file), file.control)
+    except design.DesignError as error:
+        raise design.DesignError(f"{error} ({reader.place(node_at(root, 'control.bandwidth'))})") from error
 
 
 def _check_parts(file: StageFile) -> list[str]:
@@ -187,11 +190,12 @@ def _check_parts(file: StageFile) -> list[str]:
         wrong.append("encoder needs exactly one of counts_per_revolution and step")
     if axis.kind == LINEAR and (axis.lead or encoder.counts_per_revolution):
         wrong.append("axis.kind = linear; a lead or counts_per_revolution belong to a rotary axis")
-    if file.limits.travel[0] >= file.limits.travel[1]:
-        wrong.append(f"limits.travel = {list(file.limits.travel)}; the first must be below the second")
+    low, high = (end * axis.travel_per_unit for end in file.limits.travel)
+    if low >= high:
+        wrong.append(f"limits.travel = [{low:g}, {high:g}] {axis.travel_unit}; the first must be below the second")
     rolling = file.friction
-    if isinstance(rolling, Rolling) and rolling.shortest > rolling.longest:
-        wrong.append("friction.shortest must not exceed friction.longest")
+    if isinstance(rolling, Rolling) and not rolling.shortest <= rolling.longest <= WIDEST * rolling.shortest:
+        wrong.append(f"friction.longest must be 1 to {WIDEST:g} times friction.shortest")
     if isinstance(rolling, Operators) and len(rolling.weight) != len(rolling.slip):
         wrong.append(f"friction.weight has {len(rolling.weight)} entries and friction.slip {len(rolling.slip)}")
     return wrong
@@ -204,15 +208,30 @@ def _check_wire(file: StageFile, path: Path) -> list[str]:
     wrong = []
     if file.drive.delay_samples < 1:
         wrong.append("drive.delay_samples = 0; over CAN the command acts from the next SYNC on: at least 1")
-    if not (path.parent / wire.eds).is_file():
-        wrong.append(f"drive.wire.eds = {wire.eds}; no such file beside {path.name}")
+    if not _exists(path.parent / wire.eds):
+        wrong.append(f"drive.wire.eds = {wire.eds}; no such file; the path is relative to {path.parent}")
     for name, pdo, needed in (("rpdo", wire.rpdo, wire.command_object), ("tpdo", wire.tpdo, wire.current_object)):
-        if needed and needed not in pdo:
-            wrong.append(f"drive.wire.{name} must hold the object {needed:#08x} that the cycle uses")
+        wrong += _check_objects(f"drive.wire.{name}", pdo, needed)
     load_share = bus.load(1.0 / file.control.period, wire.bitrate, (0, 8, 8))
     if load_share > wire.bus_load_limit:
         wrong.append(_overload(file, wire, load_share))
     return wrong
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # too long a name, or a folder that may not be entered
+        return False
+
+
+def _check_objects(name: str, pdo: tuple[int, ...], needed: int) -> list[str]:
+    strange = [number for number in pdo if number not in OBJECTS]
+    if strange:
+        return [f"{name} = {strange[0]:#x}; must be an index with its subindex, such as 0x6040_00"]
+    if needed and needed not in pdo:
+        return [f"{name} must hold the object {needed:#x} that the cycle uses"]
+    return []
 
 
 def _overload(file: StageFile, wire: Canopen, share: float) -> str:

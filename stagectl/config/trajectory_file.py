@@ -12,8 +12,9 @@ import yaml
 
 from stagectl import trajectories
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
+from stagectl.config.source import compose, node_at
 from stagectl.config.stage_file import Setup
-from stagectl.units import LINEAR, ROTARY, factor
+from stagectl.units import LINEAR, ROTARY, Quantity, factor
 
 MOST_PARTS = 1000
 
@@ -22,6 +23,15 @@ class Csv(NamedTuple):
     """A recorded motion from a CSV file with the columns ``time_s`` and ``reference_mm`` (or another unit)."""
 
     file: Annotated[str, "the CSV file, relative to this one"]
+    run_up: Annotated[
+        float, Quantity("s", "[0, 60]", "time to reach the first velocity from rest; 0: it begins at rest")
+    ] = 0.0
+    run_out: Annotated[
+        float, Quantity("s", "[0, 60]", "time to come to rest from the last velocity; 0: it ends at rest")
+    ] = 0.0
+    part: Annotated[
+        tuple[float, float] | None, Quantity("s", "[-1e12, 1e12]", "first and last time to run, as in the file")
+    ] = None
 
 
 class Parts(NamedTuple):
@@ -58,7 +68,8 @@ def load_trajectory(path: Path, axis: Axis) -> trajectories.Trajectory:
     try:
         trajectories.check(trajectory)
     except trajectories.TrajectoryError as error:
-        raise trajectories.TrajectoryError(f"{error} ({path})") from error
+        place = node_at(compose(path), str(error).split(" ")[0].partition(".")[2])
+        raise trajectories.TrajectoryError(f"{error} ({path}:{place.start_mark.line + 1})") from error
     return trajectory
 
 
@@ -84,14 +95,14 @@ def _count(node: yaml.Node, depth: int) -> int:
 def _resolved(entry: Any, path: Path, axis: Axis) -> trajectories.Trajectory:
     """Files read, parts resolved."""
     if isinstance(entry, Csv):
-        return _recorded(path.parent / entry.file, axis)
+        return _recorded(path.parent / entry.file, entry, axis)
     if isinstance(entry, Parts):
         return trajectories.Sequence(tuple(_resolved(part, path, axis) for part in entry.parts))
     found: trajectories.Trajectory = entry
     return found
 
 
-def _recorded(path: Path, axis: Axis) -> trajectories.Recorded:
+def _recorded(path: Path, entry: Csv, axis: Axis) -> trajectories.Recorded:
     header, rows = _table(path)
     where = trajectories.columns(header)
     scale = _scale(where.unit, axis, path)
@@ -104,7 +115,19 @@ def _recorded(path: Path, axis: Axis) -> trajectories.Recorded:
             raise ConfigError(
                 f"row without a number for time or position: {','.join(row)[:60]} ({path}:{number})"
             ) from error
-    return trajectories.Recorded(times, positions)
+    first, last = _part(entry.part, times, path)
+    return trajectories.Recorded(times[first:last], positions[first:last], entry.run_up, entry.run_out)
+
+
+def _part(part: tuple[float, float] | None, times: list[float], path: Path) -> tuple[int, int]:
+    """Numbers of the first row to run and of the one after the last."""
+    if part is None:
+        return 0, len(times)
+    inside = [row for row, time in enumerate(times) if part[0] <= time <= part[1]]
+    if not inside:
+        held = f"{min(times):g} s to {max(times):g} s" if times else "no rows"
+        raise ConfigError(f"csv.part = [{part[0]:g} s, {part[1]:g} s] holds no row; the file holds {held} ({path})")
+    return inside[0], inside[-1] + 1
 
 
 def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 import subprocess
@@ -15,6 +16,7 @@ from stagectl.drives.bus import open_bus
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.node import VirtualNode
 from stagectl.drives.simulated import Plant
+from stagectl.words import length
 
 _READY = "virtual drive"
 _FRAME = struct.Struct("<IB3x8s")
@@ -58,7 +60,17 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     inside = p._replace(drive=p.drive._replace(delay_samples=p.drive.delay_samples - 1))
     plant = Plant(inside, setup.file.simulation, setup.dt)
     bus = open_bus(wire.interface, wire.channel, wire.bitrate)
-    damping = p.mechanics.inertia * 2.0 * 3.14159 * 20.0 / p.motor.force_constant  # a 20 Hz velocity loop
-    node = VirtualNode(wire, plant, bus, setup.file.simulation.clock, setup.dt, damping, report)
+    damping = p.mechanics.inertia * 2.0 * math.pi * 20.0 / p.motor.force_constant  # a 20 Hz velocity loop
+    axis = setup.file.axis
+    node = VirtualNode(
+        wire,
+        plant,
+        bus,
+        setup.file.simulation.clock,
+        setup.dt,
+        damping,
+        report,
+        distance=lambda way: length(way * axis.travel_per_unit, axis.travel_unit),
+    )
     report(f"{_READY} of {setup.file.name}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}")
     node.run(until)

@@ -6,9 +6,9 @@ carries it differs, so the cyclic path is the same code on a machine with CAN an
 The embedded bus has no hub: a channel is a folder, every participant binds a socket in it and sends each
 frame to every other one::
 
-    $XDG_RUNTIME_DIR/stagectl/stage/   4711-9f3a  <--.   frames
-                                       4712-02c8  <--+-- 4713-77b1
-                                       4713-77b1
+    $XDG_RUNTIME_DIR/stagectl/stage/   4711-0-9f3a01.can  <--.   frames
+                                       4712-0-02c84d.can  <--+-- 4713-0-77b1c0.can
+                                       4713-0-77b1c0.can
 
 Unlike a real bus it has no arbitration, no bit timing and no order between different senders.
 """
@@ -20,7 +20,6 @@ import itertools
 import os
 import select
 import socket
-import stat
 import struct
 import tempfile
 import time
@@ -34,6 +33,8 @@ REMOTE = 0x4000_0000  # flag in the identifier: remote transmission request
 EXTENDED = 0x8000_0000  # flag in the identifier: 29 bits
 _PATH_LIMIT = 107  # sun_path of AF_UNIX, without its closing zero
 _MTIME_SETTLED = 100_000_000  # ns after which a folder's mtime can no longer hide a second change
+_SUFFIX = ".can"  # of the sockets in a channel's folder; nothing else there is touched
+_FULL = (errno.EAGAIN, errno.ENOBUFS)
 _serial = itertools.count()
 
 
@@ -102,12 +103,14 @@ class _SocketBus:
     def receive(self, timeout: float) -> bytes | None:
         """Next frame, or None after `timeout` seconds."""
         # select rather than a socket time-out: microseconds instead of milliseconds, and no exception if idle
-        if not select.select(self._readable, (), (), max(timeout, 0.0))[0]:
-            return None
-        raw = self._reader.recv(FRAME.size + 1)
-        if len(raw) == FRAME.size:
-            return raw
-        self.malformed += 1
+        deadline = 0.0
+        while select.select(self._readable, (), (), max(timeout, 0.0))[0]:
+            raw = self._reader.recv(FRAME.size + 1)
+            if len(raw) == FRAME.size:
+                return raw
+            self.malformed += 1
+            deadline = deadline or time.monotonic() + timeout  # the clock is read only where something is wrong
+            timeout = deadline - time.monotonic()
         return None
 
     def fileno(self) -> int:
@@ -121,7 +124,7 @@ class Embedded(_SocketBus):
     def __init__(self, channel: str) -> None:
         """Join `channel`, a name or an absolute folder.  Raises BusError."""
         self.folder = _private(folder_of(channel))
-        self._path = self.folder / f"{os.getpid()}-{next(_serial)}-{os.urandom(3).hex()}"
+        self._path = self.folder / f"{os.getpid()}-{next(_serial)}-{os.urandom(3).hex()}{_SUFFIX}"
         if len(os.fsencode(self._path)) > _PATH_LIMIT:
             raise BusError(
                 f"channel = {channel!r}: the socket's path {self._path} has"
@@ -146,10 +149,8 @@ class Embedded(_SocketBus):
         for name, peer in list(self._peers.items()):
             try:
                 peer.send(frame)
-            except BlockingIOError:
-                self.lost += 1
             except OSError as error:
-                if error.errno == errno.ENOBUFS:
+                if error.errno in _FULL:
                     self.lost += 1
                 else:
                     self._remove(name, error)
@@ -164,15 +165,13 @@ class Embedded(_SocketBus):
 
     def _list_peers(self) -> None:
         changed = os.stat(self.folder).st_mtime_ns
-        present = {entry.name for entry in os.scandir(self.folder) if stat.S_ISSOCK(entry.stat().st_mode)}
-        present.discard(self._path.name)
+        present = {name for name in os.listdir(self.folder) if name.endswith(_SUFFIX)} - {self._path.name}
         for name in self._peers.keys() - present:
             self._peers.pop(name).close()
         for name in present - self._peers.keys():
             self._connect(name)
         # Two changes within one tick of the file system's clock share an mtime: list again until it is past.
-        settled = time.time_ns() - changed > _MTIME_SETTLED
-        self._listed = changed if settled else -1
+        self._listed = changed if time.time_ns() - changed > _MTIME_SETTLED else -1
 
     def _connect(self, name: str) -> None:
         # One socket a peer: unread frames fill the sender's buffer; one sleeper must not silence the rest.
@@ -256,12 +255,16 @@ class PythonCan:
 
     def receive(self, timeout: float) -> bytes | None:
         """Next data frame, or None."""
-        try:
-            message = self._bus.recv(max(timeout, 0.0))
-        except self._can.CanError as error:
-            raise OSError(errno.EIO, str(error)) from error
-        if message is None or message.is_error_frame or message.is_fd:
-            return None
+        deadline = time.monotonic() + timeout
+        while True:
+            try:
+                message = self._bus.recv(max(deadline - time.monotonic(), 0.0))
+            except self._can.CanError as error:
+                raise OSError(errno.EIO, str(error)) from error
+            if message is None:
+                return None
+            if not (message.is_error_frame or message.is_fd):
+                break
         flags = EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame
         return frame(message.arbitration_id | flags, bytes(message.data))
 

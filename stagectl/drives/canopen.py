@@ -70,6 +70,8 @@ class CanopenDrive:
         self._heartbeat_cycles = max(1, round(settings.heartbeat / dt))
         self._cycle = 0  # cycles until our next heartbeat
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
+        self._reason: Feedback | None = None  # the first fault since Operation was enabled
+        self._serving = False  # enabled, and not asked to stop
         self._emergency: tuple[int, int, bytes] | None = None  # code, error register, vendor's bytes
         self._heard = math.nan  # s, monotonic, when the drive's heartbeat was last heard
         self._problem = ""  # ours, in words
@@ -84,7 +86,7 @@ class CanopenDrive:
 
         The cycle must go on at once afterwards: the drive's time-outs run.  Raises DriveError.
         """
-        self._problem, self._emergency = "", None
+        self._problem, self._emergency, self._reason = "", None, None
         due = time.monotonic()
         deadline, cycle = due + _ENABLE_TIME, 0
         still = self._standstill()
@@ -95,6 +97,7 @@ class CanopenDrive:
             if now.fault is not Fault.FEEDBACK_LOST:
                 self._controlword = _towards_enabled(state, cycle, stands)
             if now.fault is Fault.NONE:
+                self._serving = True
                 return now
             if state is State.OPERATION_ENABLED:
                 self._emergency = None  # an old one: the drive runs, and would not with an error present
@@ -121,8 +124,7 @@ class CanopenDrive:
             fault = Fault.EMERGENCY
         elif statusword & _ENABLED_MASK != _ENABLED or self._problem:
             fault = Fault.DRIVE_FAULT
-        self._last = Feedback(counts * self._step, current, statusword, fault)
-        return self._last
+        return self._noted(Feedback(counts * self._step, current, statusword, fault))
 
     def apply(self, current: float) -> None:
         """Send the command (A); never raises: what went wrong is in the next `sample`."""
@@ -140,7 +142,7 @@ class CanopenDrive:
 
     def quick_stop(self) -> Feedback:
         """Quick stop by the drive's own ramp, until it stands, its power is off, or ten seconds are over."""
-        self._controlword = cia402.Command.QUICK_STOP.controlword
+        self._controlword, self._serving = cia402.Command.QUICK_STOP.controlword, False
         due = time.monotonic()
         deadline, still = due + _STOP_TIME, self._standstill()
         while time.monotonic() < deadline:
@@ -163,7 +165,7 @@ class CanopenDrive:
 
     def explain(self) -> str:
         """The last fault in words, with the probable causes and the next command."""
-        last = self._last
+        last = self._reason or self._last._replace(fault=Fault.NONE)
         said = [f"node {self._settings.node}: {WHAT[last.fault]}"]
         if self._problem:
             said.append(self._problem)
@@ -211,7 +213,7 @@ class CanopenDrive:
             self._emergency = (code, register, vendor) if code & 0xFF00 else None
         elif identifier == 0x700 + self._settings.node:
             self._heard = time.monotonic()
-        elif identifier == self._answer.identifier:
+        elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
             wanted = self._answer.head[4]
             self._problem = f"its TPDO has {raw[4]} bytes, must have {wanted}; did another master map it?"
 
@@ -223,8 +225,13 @@ class CanopenDrive:
 
     def _failed(self, fault: Fault, problem: str) -> Feedback:
         self._problem = problem or self._problem
-        self._last = self._last._replace(current=math.nan, fault=fault)
-        return self._last
+        return self._noted(self._last._replace(current=math.nan, fault=fault))
+
+    def _noted(self, now: Feedback) -> Feedback:
+        self._last = now
+        if now.fault and self._serving:  # what comes after it, and after a stop, is only its consequence
+            self._reason, self._serving = now, False
+        return now
 
     def _standstill(self) -> _Standstill:
         travel = self._settings.quick_stop_deceleration * _STANDING * _STANDS * self._dt

@@ -34,6 +34,8 @@ class Setup:
 
     def run(self) -> None:
         """Configure the drive and start its PDOs.  Raises DriveError."""
+        if self._settings.reset != "none":
+            self._node.nmt.send_command(cia402.NMT_RESETS[self._settings.reset])
         self._wait_for_answer()
         self._identify()
         self._check_rated_current()

@@ -32,6 +32,7 @@ TORQUE_PERMILLE = 1e-3  # 0x6071 and 0x6077 count thousandths of the rated value
 
 # NMT (CiA 301): commands and the states that a heartbeat carries
 NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL = 0x01, 0x02, 0x80
+NMT_RESETS = {"node": 0x81, "communication": 0x82}
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 
 
@@ -182,7 +183,7 @@ EMERGENCIES: tuple[tuple[int, int, str], ...] = (
     (0xFF00, 0xF000, "additional function"),
     (0xFF00, 0xFF00, "specific to this device: see its manual"),
 )
-HEARTBEAT_LOST, RPDO_LOST = 0x8130, 0x8250
+HEARTBEAT_LOST, PDO_LENGTH, RPDO_LOST = 0x8130, 0x8210, 0x8250
 COMMUNICATION_ERROR = 0x10  # bit of the error register 0x1001
 GENERIC_ERROR = 0x01
 

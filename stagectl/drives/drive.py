@@ -12,7 +12,7 @@ One control period, as every drive sees it::
 from __future__ import annotations
 
 import enum
-from typing import Annotated, NamedTuple, Protocol
+from typing import Annotated, Literal, NamedTuple, Protocol
 
 from stagectl.units import Quantity, StageError
 
@@ -99,4 +99,5 @@ class Canopen(NamedTuple):
     heartbeat_timeout: Annotated[float, Quantity("s", "[0.002, 60]", "silence after which a partner is lost")] = 0.5
     rpdo_timeout: Annotated[float, Quantity("s", "[0, 60]", "silence of the RPDO that stops the drive; 0: off")] = 0.5
     feedback_timeout: Annotated[float, Quantity("s", "(0, 60]", "longest wait for the answer to SYNC")] = 0.5
+    reset: Annotated[Literal["none", "communication", "node"], "what the drive resets when we connect (NMT)"] = "none"
     bus_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of the bus that the cycle may take")] = 0.8

@@ -28,6 +28,7 @@ from stagectl.drives.node_watch import Lost, Watchdog
 from stagectl.drives.simulated import Plant
 from stagectl.drives.wire import Network, load_eds
 
+_SDO_LENGTH = 8  # bytes; a server does not look at others
 _TICK = 0.001  # s between two looks at the clocks
 _PATIENCE = 0.02  # s without SYNC after which a stopping plant follows the wall clock
 _SLIP = 1.0  # s; the plant's wall clock never catches up more than this at once
@@ -115,14 +116,14 @@ class VirtualNode:
         head = raw[:4]
         if head == self._sync_head:
             self._sync()
-        elif raw[:5] in self._rpdos:
-            self._receive(self._rpdos[raw[:5]], raw)
+        elif head in self._rpdos:
+            self._receive(self._rpdos[head], raw)
         elif head == self._partner_head:
             self._hear(self._heartbeat)
         elif head == b"\0\0\0\0":
             self._manage(raw)
-        elif self._node.nmt.state != "STOPPED":
-            self._network.take(raw)  # SDO
+        elif self._node.nmt.state != "STOPPED" and raw[4] == _SDO_LENGTH:
+            self._network.take(raw)
             if self.objects.changed:
                 self._configure()
 
@@ -147,6 +148,10 @@ class VirtualNode:
 
     def _receive(self, pdo: node_pdo.Rpdo, raw: bytes) -> None:
         if not self.operational:
+            return
+        if raw[4] < pdo.length:
+            if self.objects.error_code != cia402.PDO_LENGTH:  # once, not at every cycle
+                self.objects.error(cia402.PDO_LENGTH, cia402.COMMUNICATION_ERROR)
             return
         if self.axis.state is cia402.State.OPERATION_ENABLED:
             self._hear(self._command)
@@ -173,7 +178,10 @@ class VirtualNode:
                 self._report(f"taken out of operation: {self._reaction(cia402.ABORT_CONNECTION)}")
         if self._node.nmt.state == "INITIALISING":
             self._heartbeat.disarm()
-            self.objects.restore(self._settings, communication_only=raw[8] == 130)
+            communication_only = raw[8] == cia402.NMT_RESETS["communication"]
+            self.objects.restore(self._settings, communication_only)
+            if not communication_only:
+                self.axis.restart()
             self._boot()
         self._configure()
 

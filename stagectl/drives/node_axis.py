@@ -132,6 +132,12 @@ class Axis:
         {1: self.trip, 2: self._cut, 3: self.quick_stop}[option]()
         return True
 
+    def restart(self) -> None:
+        """As after power-on, with the machine as new: so that a run can be repeated to the last bit."""
+        self._enter(State.SWITCH_ON_DISABLED)
+        self.mode = self.controlword = 0
+        self.plant.restart()
+
     def _cut(self) -> None:
         self._enter(State.SWITCH_ON_DISABLED)
 

@@ -37,8 +37,10 @@ class Objects:
         self._check_scales(settings)
         self.getters = self._live()
         self.setters = self._obeyed()
-        node.add_read_callback(self._read)
-        node.add_write_callback(self._written)
+        node.sdo._index = node.sdo._subindex = 0  # the library's server fails on an abort before any request
+        node.sdo._buffer = bytearray()
+        node.add_read_callback(self._read)  # type: ignore[no-untyped-call]
+        node.add_write_callback(self._written)  # type: ignore[no-untyped-call]
         self.restore(settings)
 
     def number(self, index: int, subindex: int = 0) -> int:
@@ -61,6 +63,7 @@ class Objects:
         rated = round(settings.rated_current * 1e3)  # mA
         store[cia402.RATED_CURRENT] = {0: rated.to_bytes(4, "little")}
         self._history.clear()
+        self.error_code = self.error_register = 0
         self.changed = True
 
     def options(self) -> Options:

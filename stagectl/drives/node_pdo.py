@@ -35,7 +35,8 @@ Number = Callable[[int, int], int]  # (index, subindex) -> value in the object d
 class Rpdo(NamedTuple):
     """A received PDO, compiled."""
 
-    head: bytes  # identifier and length, as the frame begins
+    head: bytes  # identifier, as the frame begins
+    length: int  # bytes; longer frames are taken, shorter ones are not
     layout: struct.Struct
     objects: tuple[int, ...]  # index << 8 | subindex
     synchronous: bool  # acts at the next SYNC, not at once
@@ -78,9 +79,9 @@ def received(number: Number, od: canopen.ObjectDictionary) -> list[Rpdo]:
         objects, codes, length = _mapped(od, number, cia402.RPDO_MAPPING + n)
         if identifier & INVALID or not objects:
             continue
-        head = struct.pack("<IB", identifier & 0x7FF, length)
+        head = struct.pack("<I", identifier & 0x7FF)
         deadline = number(cia402.RPDO_PARAMETER + n, _EVENT_TIMER) * 1e-3
-        found.append(Rpdo(head, struct.Struct("<8x" + codes), objects, kind <= 240, deadline))
+        found.append(Rpdo(head, length, struct.Struct("<8x" + codes), objects, kind <= 240, deadline))
     return found
 
 

@@ -38,8 +38,12 @@ class Plant:
 
     def __init__(self, p: stage.Stage, simulation: Simulation, dt: float) -> None:
         self.p, self.simulation, self.dt = p, simulation, dt
-        self.state = stage.at_rest(p)
-        self._random = random.Random(simulation.seed)
+        self.restart()
+
+    def restart(self) -> None:
+        """At rest at 0, unloaded, without power, the noise from its beginning."""
+        self.state = stage.at_rest(self.p)
+        self._random = random.Random(self.simulation.seed)
         self.powered = False
         self._noise = self._draw()
 

@@ -7,6 +7,7 @@ the library when somebody calls `pump` or `notify`, and what must be sent period
 from __future__ import annotations
 
 import configparser
+import struct
 import time
 from collections.abc import Iterable
 from typing import Any
@@ -43,6 +44,7 @@ class Network(canopen.Network):
     def __init__(self, wire: Bus) -> None:
         super().__init__()
         self.wire = wire
+        self.malformed = 0  # frames that the library cannot read
         self._periodic: list[Periodic] = []
 
     def send_message(self, can_id: int, data: Iterable[int], remote: bool = False) -> None:
@@ -64,8 +66,12 @@ class Network(canopen.Network):
     def take(self, raw: bytes) -> None:
         """Hand a received frame to the library; remote and extended frames are none of its business."""
         identifier, data = parse(raw)
-        if not identifier & (REMOTE | EXTENDED):
+        if identifier & (REMOTE | EXTENDED):
+            return
+        try:
             self.notify(identifier, bytearray(data), time.monotonic())
+        except struct.error:  # shorter than its protocol says
+            self.malformed += 1
 
     def pump(self, timeout: float) -> bool:
         """Wait for one frame and hand it over; False after `timeout` seconds without one."""

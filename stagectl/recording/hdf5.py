@@ -14,6 +14,7 @@ it is still open; `open_recording` then rewrites the file once, whole.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 from collections.abc import Iterator
@@ -86,6 +87,8 @@ class Writer:
         self._samples.attrs.update(_column_attributes(meta["axis"], columns))
         self._file.flush()
         self._file.swmr_mode = True
+        self._held = path.open("rb+")  # says that the writer lives; HDF5 itself gives its lock up in SWMR mode
+        fcntl.lockf(self._held, fcntl.LOCK_EX)
 
     def append(self, rows: bytes) -> None:
         """Add whole rows (float64, column after column) and push them to the disk's cache."""
@@ -98,6 +101,7 @@ class Writer:
     def close(self, ended: str, lost_rows: int) -> None:
         """Finish the file: complete, with the reason it ended."""
         self._file.close()
+        self._held.close()
         with h5py.File(self.path, "r+", libver="latest") as file:
             file.attrs.update({"complete": True, "ended": ended, "lost_rows": lost_rows})
 
@@ -106,6 +110,15 @@ def _column_attributes(axis: dict[str, Any], columns: tuple[str, ...]) -> dict[s
     known = quantities()
     units = {name: known[name].unit_for(axis["kind"]) for name in columns if name in known}
     return {"units": json.dumps(units), "meanings": json.dumps({n: known[n].meaning for n in units})}
+
+
+def _being_written(path: Path) -> bool:
+    with path.open("rb+") as file:
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def save(path: Path, meta: dict[str, Any], samples: NDArray[Any], ended: str) -> None:
@@ -148,11 +161,16 @@ def open_recording(path: Path) -> Recording:
 
 
 def repair(path: Path) -> bool:
-    """Rewrite a file that a crash left marked as open, so that any HDF5 tool reads it; True if it was."""
+    """Rewrite a file that a crash left marked as open, so that any HDF5 tool reads it; True if it was.
+
+    A file whose writer is alive is left alone.  Raises RecordingError where it is damaged beyond its mark.
+    """
     try:
         h5py.File(path, "r").close()
         return False
     except OSError:
+        if _being_written(path):
+            return False
         recording = open_recording(path)
     fresh = path.with_suffix(".repaired")
     save(fresh, recording.meta, recording.samples, recording.ended)

@@ -17,51 +17,104 @@ LEAST_STEP = 1e-4  # shortest step of time over the longest; below, the spline's
 
 
 class Recorded(NamedTuple):
-    """Quintic spline (not-a-knot) through recorded positions, shifted to begin at 0 at t = 0.
+    r"""Quintic spline (not-a-knot) through recorded positions, moved so that the axis stands at 0 at t = 0.
+
+    ::
+
+        velocity    __ run-up  ____ recorded _____  run-out
+                   |          /                   \ |
+               0 __|____-----´                     `----____
 
     Velocity and acceleration are the spline's own derivatives.  A record that begins or ends in motion begins
-    or ends with a jump of the velocity: see `initial_velocity` and `final_velocity`.
+    or ends with a jump of the velocity, unless `run_up` and `run_out` give it time: then the velocity rises from 0
+    and falls to 0 as ``3 s^2 - 2 s^3``, in front of and behind the record, which itself is not changed.  The
+    acceleration jumps where they join, as a trapezoid's does: a record's own is too rough at its ends to lean on.
     """
 
     time: Annotated[Any, Quantity("s", "[-1e12, 1e12]", "(n,) increasing")]
     position: Annotated[Any, Quantity("m", "[-1e6, 1e6]", "(n,) at these times")]
+    run_up: Annotated[float, Quantity("s", "[0, 60]", "time to reach the record's first velocity; 0: at once")] = 0.0
+    run_out: Annotated[float, Quantity("s", "[0, 60]", "time to stop from the record's last velocity; 0: at once")] = (
+        0.0
+    )
 
     @property
     def duration(self) -> float:
-        """From the first to the last sample (s)."""
-        return float(self.time[-1] - self.time[0])
+        """From the first to the last sample, with run-up and run-out (s)."""
+        return self.run_up + self._length + self.run_out
 
     @property
     def end(self) -> float:
-        """Last position, from the first (m)."""
-        return float(self.position[-1] - self.position[0])
+        """Where it stands afterwards (m)."""
+        first, last = self._end_velocities() if self.run_up or self.run_out else (0.0, 0.0)
+        return 0.5 * first * self.run_up + self._distance + 0.5 * last * self.run_out
 
     @property
     def steady(self) -> tuple[float, float]:
-        """All of it (s)."""
-        return 0.0, self.duration
+        """The recorded part (s)."""
+        return self.run_up, self.run_up + self._length
 
     @property
     def initial_velocity(self) -> float:
         """Velocity that the axis is asked for at once at t = 0 (m/s); what is small, the caller decides."""
-        return float(self._inside(np.zeros(1)).velocity[0])
+        return 0.0 if self.run_up else self._end_velocities()[0]
 
     @property
     def final_velocity(self) -> float:
-        """Velocity that ends at once with the record (m/s)."""
-        return float(self._inside(np.array([self.duration])).velocity[0])
+        """Velocity that ends at once with the motion (m/s)."""
+        return 0.0 if self.run_out else self._end_velocities()[1]
 
     def at(self, t: npt.ArrayLike) -> Motion:
         """Motion at the times `t` (n,) s."""
         return contained(self._inside, t, self.duration, self.end)
 
-    def _inside(self, t: Array) -> Motion:
+    @property
+    def _length(self) -> float:
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def _distance(self) -> float:
+        return float(self.position[-1] - self.position[0])
+
+    def _end_velocities(self) -> tuple[float, float]:
+        first, last = self._curve()(np.array([0.0, self._length]), nu=1)
+        return float(first), float(last)
+
+    def _curve(self) -> Any:
         from scipy.interpolate import make_interp_spline  # not in the memory of a process that needs none
 
         times = np.asarray(self.time, dtype=np.float64)
         positions = np.asarray(self.position, dtype=np.float64)
-        curve = make_interp_spline(times - times[0], positions - positions[0], k=5)
-        return Motion(curve(t), curve(t, nu=1), curve(t, nu=2))
+        return make_interp_spline(times - times[0], positions - positions[0], k=5)
+
+    def _inside(self, t: Array) -> Motion:
+        curve, since = self._curve(), t - self.run_up
+        inner = np.clip(since, 0.0, self._length)
+        motion = Motion(curve(inner), curve(inner, nu=1), curve(inner, nu=2))
+        if not (self.run_up or self.run_out):
+            return motion
+        first, last = curve(np.array([0.0, self._length]), nu=1)
+        start, stop = 0.5 * first * self.run_up, self._distance
+        up, out = since < 0.0, since > self._length
+        motion.position[~up] += start
+        _put(motion, up, _rise(t[up], self.run_up, first))
+        # The run-out is a run-up that is watched backwards from its end.
+        left = self._length + self.run_out - since[out]
+        x, v, a = _rise(left, self.run_out, last)
+        _put(motion, out, Motion(start + stop + 0.5 * last * self.run_out - x, v, -a))
+        return motion
+
+
+def _rise(t: Array, duration: float, velocity: float) -> Motion:
+    """From rest at 0 to `velocity` (m/s) within `duration` (s), over ``velocity duration / 2``."""
+    s = t / (duration or 1.0)
+    place = velocity * duration * s * s * s * (1.0 - 0.5 * s)
+    return Motion(place, velocity * s * s * (3.0 - 2.0 * s), 6.0 * velocity * s * (1.0 - s) / (duration or 1.0))
+
+
+def _put(whole: Motion, where: npt.NDArray[np.bool_], part: Motion) -> None:
+    for column, values in zip(whole, part, strict=True):
+        column[where] = values
 
 
 class Columns(NamedTuple):

@@ -1,130 +1,29 @@
-"""A small stage, a bus in a folder of the test, and a virtual drive in a thread."""
+"""Fixtures of the drive tests: a bus in a folder of the test, virtual drives on it, and byte scripts."""
 
 from __future__ import annotations
 
 import contextlib
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
+from workbench import DT, Script, Workbench, linear_stage
 
-from stagectl.drives.bus import Embedded, frame
-from stagectl.drives.drive import Canopen
-from stagectl.drives.node import VirtualNode
 from stagectl.drives.simulated import Plant, Simulation
-from stagectl.kernels import friction, stage
-from stagectl.kernels.jit import table
-
-EDS = Path(__file__).parents[2] / "config" / "drives" / "stagectl-virtual.eds"
-STEP = 1e-8  # m a count
-DT = 0.001  # s
-GAIN = 20.0  # A s/m: 100/s with 10 kg and 50 N/A
-SYNC = frame(0x080)
 
 
-def linear_stage() -> stage.Stage:
-    """A light stage without the delay that the bus itself makes."""
-    return stage.Stage(
-        stage.Drive(0.0, 0, 20.0, 0.0),
-        stage.Motor(50.0),
-        stage.Mechanics(10.0, 5.0, 0.0),
-        stage.Friction(friction.StopOperators(table([5.0]), table([1e-5])), friction.Stribeck(0.0, 1.0, 1.0)),
-        stage.Encoder(STEP, 0),
-    )
-
-
-def canopen_settings(channel: str, **changes: Any) -> Canopen:
-    """Settings of the virtual drive with the fine command, and time-outs for tests."""
-    settings = Canopen(
-        eds=str(EDS),
-        node=5,
-        rated_current=10.0,
-        command_scale=1e-5,
-        current_scale=0.01,
-        quick_stop_deceleration=2.0,
-        interface="embedded",
-        channel=channel,
-        rpdo=(0x604000, 0x207100),
-        command_object=0x207100,
-        heartbeat=0.02,
-        heartbeat_timeout=1.0,
-        rpdo_timeout=1.0,
-        feedback_timeout=0.5,
-    )
-    return settings._replace(**changes)
-
-
-class Workbench:
-    """Builds drives and buses of one test and clears them away."""
-
-    def __init__(self, folder: Path, stack: contextlib.ExitStack) -> None:
-        self.channel, self._stack = str(folder), stack
-        self.said: list[str] = []
-
-    def settings(self, **changes: Any) -> Canopen:
-        return canopen_settings(self.channel, **changes)
-
-    def bus(self) -> Embedded:
-        bus = Embedded(self.channel)
-        self._stack.callback(bus.close)
-        return bus
-
-    def node(self, bus: Any = None, clock: Any = "sync", **changes: Any) -> VirtualNode:
-        """A virtual drive, not running yet."""
-        plant = Plant(linear_stage(), Simulation(substeps=4), DT)
-        bus = bus or self.bus()
-        return VirtualNode(self.settings(**changes), plant, bus, clock, DT, GAIN, self.said.append)
-
-    def running(self, clock: Any = "sync", **changes: Any) -> VirtualNode:
-        """A virtual drive in a thread, until the end of the test."""
-        node = self.node(clock=clock, **changes)
-        self.stop = self._thread(node.run)
-        return node
-
-    def _thread(self, run: Callable[[Callable[[], bool]], None]) -> Callable[[], None]:
-        over = threading.Event()
-        thread = threading.Thread(target=run, args=(over.is_set,), daemon=True)
-
-        def stop() -> None:
-            over.set()
-            thread.join(5.0)
-
-        thread.start()
-        self._stack.callback(stop)
-        return stop
+@pytest.fixture(scope="session", autouse=True)
+def compiled() -> None:
+    """Kernels compile before any test runs against the wall clock."""
+    plant = Plant(linear_stage(), Simulation(substeps=4), DT)
+    plant.advance(0.0)
+    assert plant.position_counts == 0
 
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Workbench]:
     with contextlib.ExitStack() as stack:
         yield Workbench(tmp_path / "bus", stack)
-
-
-class Script:
-    """A bus that plays frames to a node and keeps what it sends; steps that are callables are called."""
-
-    def __init__(self) -> None:
-        self.steps: list[bytes | Callable[[], Any]] = []
-        self.sent: list[bytes] = []
-
-    def send(self, raw: bytes) -> None:
-        self.sent.append(raw)
-
-    def receive(self, timeout: float) -> bytes | None:
-        while self.steps:
-            step = self.steps.pop(0)
-            if isinstance(step, bytes):
-                return step
-            step()
-        return None
-
-    def close(self) -> None:
-        """Nothing is open."""
-
-    def done(self) -> bool:
-        return not self.steps
 
 
 @pytest.fixture

@@ -89,6 +89,12 @@ def test_a_killed_participant_is_cleared_away(join: Callable[[], Embedded], tmp_
     assert [path.name for path in tmp_path.iterdir()] == [left._path.name]
 
 
+def test_foreign_files_are_left_alone(join: Callable[[], Embedded], tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    join().send(frame(0x80))
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
 def test_what_is_no_frame_is_counted_and_dropped(join: Callable[[], Embedded]) -> None:
     bus = join()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stranger:

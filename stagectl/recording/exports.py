@@ -1,0 +1,225 @@
+"""Recordings for other programs: CSV, Parquet, MAT, a trajectory, or a folder of captures.
+
+Every number keeps all its digits.  Units stand in the CSV's header (``reference_rad``), in the Parquet fields'
+metadata, and beside the samples in the MAT file.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow
+import pyarrow.csv
+import pyarrow.parquet
+import yaml
+from numpy.typing import NDArray
+from scipy.io import savemat
+
+from stagectl.recording.hdf5 import Recording, RecordingError, quantities
+from stagectl.recording.nominal import nominal_of
+from stagectl.trajectories import Recorded
+
+# Columns of a capture folder and ours that they show; the header appends the unit.
+CAPTURE = {
+    "time": "time",
+    "reference": "reference",
+    "position": "measured",
+    "current_command": "command",
+    "current": "measured_current",
+}
+RUN = 0.3  # s, run-up and run-out of an exported trajectory that begins or ends in motion
+AT_REST = 1e-3  # of the largest speed: slower than this is standing
+
+
+class Exported(NamedTuple):
+    """What was written, and what must be said of it."""
+
+    path: Path
+    notes: list[str]
+
+
+def export(recordings: list[Recording], to: str, path: Path | None) -> list[Exported]:
+    """Write `recordings` in the format `to` of FORMATS, each beside its recording where no `path` is given.
+
+    A folder takes all of them together.  Raises RecordingError where the recordings do not fit the format.
+    """
+    if to not in FORMATS:
+        raise RecordingError(f"format {to}; must be one of {', '.join(FORMATS)}")
+    if empty := next((one for one in recordings if not len(one.samples)), None):
+        raise RecordingError(f"{empty.path} holds no rows: there is nothing to export")
+    if to == FOLDER:
+        return [write_folder(recordings, path or recordings[0].path.with_suffix(""))]
+    if path is not None and len(recordings) > 1:
+        raise RecordingError(f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder")
+    suffix = ".yaml" if to == "trajectory" else f".{to}"
+    targets = [path or one.path.with_suffix(suffix) for one in recordings]
+    return [_write(to, one, target) for one, target in zip(recordings, targets, strict=True)]
+
+
+def _write(to: str, recording: Recording, path: Path) -> Exported:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        notes = WRITERS[to](recording, path)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be written: {error.strerror or error}") from error
+    return Exported(path, [*notes, *_losses(recording)])
+
+
+def _losses(recording: Recording) -> list[str]:
+    lost = [f"{recording.lost_rows} rows were lost while it was recorded"] if recording.lost_rows else []
+    return lost + ([] if recording.complete else [f"not complete: {recording.ended}"])
+
+
+def units(recording: Recording) -> dict[str, str]:
+    """SI unit of every column on this axis."""
+    known, kind = quantities(), recording.meta["axis"]["kind"]
+    return {name: known[name].unit_for(kind) for name in recording.samples.dtype.names or () if name in known}
+
+
+def header(name: str, unit: str) -> str:
+    """A column's name with its unit: ``time_s``, ``ahead_velocity_rad_per_s``; a pure number keeps its name."""
+    return f"{name}_{unit.replace('/', '_per_').replace(' ', '')}" if unit else name
+
+
+def write_columns(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """A CSV file with these columns; each number in the fewest digits that give the same bits again."""
+    table = pyarrow.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
+    with path.open("wb") as file:
+        file.write((",".join(columns) + "\n").encode())
+        pyarrow.csv.write_csv(table, file, pyarrow.csv.WriteOptions(include_header=False))
+
+
+def write_csv(recording: Recording, path: Path) -> list[str]:
+    """All columns as CSV."""
+    write_columns(path, {header(name, unit): recording.column(name) for name, unit in units(recording).items()})
+    return []
+
+
+def write_parquet(recording: Recording, path: Path) -> list[str]:
+    """All columns as Parquet; unit and meaning in each field's metadata, the recording's own under ``stagectl``."""
+    known, found = quantities(), units(recording)
+    fields = [
+        pyarrow.field(name, pyarrow.float64(), metadata={"unit": unit, "meaning": known[name].meaning})
+        for name, unit in found.items()
+    ]
+    schema = pyarrow.schema(fields, metadata={"stagectl": json.dumps(recording.meta)})
+    pyarrow.parquet.write_table(pyarrow.table([recording.column(name) for name in found], schema=schema), path)
+    return []
+
+
+def write_mat(recording: Recording, path: Path) -> list[str]:
+    """A MATLAB file: struct ``samples`` of columns, struct ``units`` with the same names, ``meta`` as JSON."""
+    found = units(recording)
+    content = {
+        "samples": {name: recording.column(name) for name in found},
+        "units": found,
+        "meta": json.dumps(recording.meta),
+    }
+    savemat(str(path), content, appendmat=False, oned_as="column")
+    return []
+
+
+def write_trajectory(recording: Recording, path: Path) -> list[str]:
+    """The reference as a trajectory file of ``type: csv``, its samples in a CSV beside it."""
+    time, reference = recording.column("time"), recording.column("reference")
+    curve = Recorded(time, reference)
+    fastest = AT_REST * float(np.abs(np.gradient(reference, time)).max(initial=0.0))
+    ends = {"run_up": abs(curve.initial_velocity) > fastest, "run_out": abs(curve.final_velocity) > fastest}
+    table = path.with_suffix(".csv")
+    found = units(recording)
+    write_columns(table, {header(name, found[name]): recording.column(name) for name in ("time", "reference")})
+    lines = [f"# The reference of {recording.path.name} ({recording.meta['name']}).", "type: csv"]
+    lines += [f"file: {json.dumps(table.name)}"]
+    lines += [f"{name}: {RUN:g} s   # the record is in motion here" for name, moving in ends.items() if moving]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    added = " and ".join(name for name, moving in ends.items() if moving)
+    return [f"the record is in motion at its ends: {added} of {RUN:g} s added around it"] if added else []
+
+
+WRITERS: dict[str, Callable[[Recording, Path], list[str]]] = {
+    "csv": write_csv,
+    "parquet": write_parquet,
+    "mat": write_mat,
+    "trajectory": write_trajectory,
+}
+FOLDER = "folder"
+FORMATS = (*WRITERS, FOLDER)
+
+
+def write_folder(recordings: list[Recording], folder: Path) -> Exported:
+    """A folder of captures: captures.yaml, nominal.yaml and one CSV a recording.
+
+    Raises RecordingError where the recordings are not of one stage and one controller.
+    """
+    nominal = nominal_of(recordings[0])
+    for other in recordings[1:]:
+        if difference := _difference(nominal, nominal_of(other)):
+            raise RecordingError(
+                f"{other.path} differs from {recordings[0].path} in {difference}; the captures of a folder share "
+                "one nominal.yaml: export them to folders of their own"
+            )
+    captures, notes = [], []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for capture, recording in zip(_captures(recordings), recordings, strict=True):
+            notes += [f"{capture['file']}: {note}" for note in _write_capture(recording, folder / capture["file"])]
+            captures.append(capture)
+        _dump(folder / "captures.yaml", {"captures": captures})
+        _dump(folder / "nominal.yaml", nominal)
+    except OSError as error:
+        raise RecordingError(f"{folder} cannot be written: {error.strerror or error}") from error
+    return Exported(folder, notes)
+
+
+def _write_capture(recording: Recording, path: Path) -> list[str]:
+    found, columns, notes = units(recording), {}, _losses(recording)
+    for name, ours in CAPTURE.items():
+        if ours in found and not np.all(np.isnan(recording.column(ours))):
+            columns[header(name, found[ours])] = recording.column(ours)
+        else:
+            notes.append(f"there is no {name}")
+    write_columns(path, columns)
+    return notes
+
+
+def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:
+    """Entries of captures.yaml; the session's clock starts with the first recording."""
+    repeats: Counter[str] = Counter()
+    found = []
+    for recording in recordings:
+        known: dict[str, Any] = dict(recording.meta.get("capture", {}))
+        name = re.sub(
+            r"[^\w.+-]", "_", str(known.get("experiment", recording.meta["trajectory"]))
+        )  # also a file's name
+        repeats[name] += 1
+        entry = {"file": f"{name}-{repeats[name]}.csv", "experiment": name, "repeat": repeats[name], "use": "diagnose"}
+        if "law" in recording.meta:  # the date of an import is not that of its capture
+            entry["start_s"] = _seconds(recording) - min(_seconds(one) for one in recordings)
+        entry.update({key: known[key] for key in ("repeat", "use", "start_s") if key in known})
+        found.append(entry)
+    return found
+
+
+def _seconds(recording: Recording) -> float:
+    return datetime.datetime.strptime(recording.meta["created"], "%Y-%m-%dT%H:%M:%S%z").timestamp()
+
+
+def _difference(one: Any, other: Any, place: str = "") -> str:
+    """Where two nested blocks first differ; an empty string where they are equal."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        keys = dict.fromkeys([*one, *other])
+        differing = (_difference(one.get(key), other.get(key), f"{place}.{key}".lstrip(".")) for key in keys)
+        return next((found for found in differing if found), "")
+    return "" if one == other else f"{place} ({one} and {other})"
+
+
+def _dump(path: Path, values: Any) -> None:
+    text = yaml.safe_dump(values, sort_keys=False, width=120, allow_unicode=True, default_flow_style=None)
+    path.write_text(text, encoding="utf-8")

@@ -1,0 +1,159 @@
+"""No file, however malformed, does anything but load or end in an error that says place and reason."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from stagectl.config.source import LARGEST_FILE, ConfigError, UnreadableError, compose
+from stagectl.config.stage_file import Setup, load_stage
+from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.units import StageError
+from tests.config.corpus import Case, files, mutations, without_comments
+from tests.conftest import CONFIG
+
+STAGES = ("ball-screw.yaml", "linear-slider.yaml")
+TRAJECTORIES = sorted(path.name for path in (CONFIG / "trajectories").glob("*.yaml"))
+PLACE = re.compile(r"\([^()]*[^()/]:(\d+)\)$")  # (folder/file.yaml:12)
+PYTHON = re.compile(r"Traceback|NoneType| object at 0x|list index|invalid literal|unhashable|\bnan deg")
+
+
+def attempt(load: Callable[[Path], Any], path: Path, case: Case) -> str:
+    """Load the case; '' where it is good, else the error, whose form is checked."""
+    path.write_bytes(case.content)
+    try:
+        load(path)
+    except StageError as error:
+        assert case.refused is not False, f"{case.name}: {error}"
+        well_said(str(error), case)
+        return str(error)
+    assert not case.refused, f"{case.name}: accepted"
+    return ""
+
+
+def well_said(message: str, case: Case) -> None:
+    """Each line ends with file and line, is printable and short, and shows no Python."""
+    last = len(re.findall(rb"\r\n|\r|\n", case.content)) + 1
+    for line in message.splitlines():
+        place = PLACE.search(line)
+        assert place or line.startswith("and "), f"{case.name}: no place in {line!r}"
+        assert not place or 1 <= int(place[1]) <= last, f"{case.name}: {line!r}"
+        assert line.isprintable() and len(line) < 700, f"{case.name}: {line!r}"
+        assert not PYTHON.search(line), f"{case.name}: {line!r}"
+    if case.line is not None:
+        assert any((found := PLACE.search(line)) and int(found[1]) == case.line for line in message.splitlines()), message
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that looks like config/: what a stage file names is there."""
+    folder = tmp_path_factory.mktemp("config")
+    (folder / "drives").symlink_to(CONFIG / "drives")
+    return folder
+
+
+def the_corpus(load: Callable[[Path], Any], path: Path, cases: Iterator[Case]) -> tuple[int, int]:
+    """Number of cases, and of those that were refused."""
+    outcomes = [attempt(load, path, case) for case in cases]
+    return len(outcomes), sum(outcome != "" for outcome in outcomes)
+
+
+def test_every_line_of_a_stage_broken_in_every_way(machine: Path) -> None:
+    cases = mutations((CONFIG / "ball-screw.yaml").read_text())
+    # Eight thousand take a minute; every seventh meets each line and, on some line, each way.
+    count, refused = the_corpus(load_stage, machine / "stage.yaml", islice(cases, 0, None, 7))
+    assert count >= 1000
+    assert 0.8 < refused / count < 0.99  # a loader that refused everything would not be one
+
+
+@pytest.mark.parametrize("name", TRAJECTORIES)
+def test_every_line_of_a_trajectory_broken_in_every_way(machine: Path, ball_screw: Setup, name: str) -> None:
+    cases = mutations((CONFIG / "trajectories" / name).read_text())
+    axis = axis_of(ball_screw)
+    count, refused = the_corpus(lambda path: load_trajectory(path, axis), machine / "trajectory.yaml", cases)
+    assert count >= 400
+    assert 0.6 < refused / count < 0.99
+
+
+@pytest.mark.parametrize("case", list(files((CONFIG / "ball-screw.yaml").read_text())), ids=lambda case: case.name)
+def test_whole_files_as_a_stage(machine: Path, case: Case) -> None:
+    began = time.monotonic()
+    attempt(load_stage, machine / "stage.yaml", case)
+    assert time.monotonic() - began < 3.0
+
+
+@pytest.mark.parametrize(
+    "case", list(files((CONFIG / "trajectories" / "sine-2um.yaml").read_text())), ids=lambda case: case.name
+)
+def test_whole_files_as_a_trajectory(machine: Path, ball_screw: Setup, case: Case) -> None:
+    began = time.monotonic()
+    attempt(lambda path: load_trajectory(path, axis_of(ball_screw)), machine / "trajectory.yaml", case)
+    assert time.monotonic() - began < 3.0
+
+
+ODD = st.sampled_from([*"[]{}:,-?&*!|>'\"%@`#\t \n\\0\x00\x7f\u2028\ufeff９µ", "\r\n", "<<: ", "*a", "&a ", "!!map ", "---\n", "...\n"])
+EDITS = st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 40), ODD | st.text(max_size=5)), min_size=1, max_size=4)
+
+
+@pytest.mark.parametrize("name", [*STAGES, *TRAJECTORIES[:1]])
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@given(edits=EDITS)
+def test_any_edit_of_any_file(machine: Path, ball_screw: Setup, name: str, edits: list[tuple[int, int, str]]) -> None:
+    folder = CONFIG if name in STAGES else CONFIG / "trajectories"
+    text = without_comments((folder / name).read_text())
+    for place, cut, instead in edits:
+        start = place % len(text) if text else 0
+        text = text[:start] + instead + text[start + cut :]
+    axis = axis_of(ball_screw)
+    load = load_stage if name in STAGES else lambda path: load_trajectory(path, axis)
+    attempt(load, machine / "edited.yaml", Case(repr(text), text.encode("utf-8", "surrogatepass")))
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@given(content=st.binary(max_size=200))
+def test_any_bytes(machine: Path, content: bytes) -> None:
+    attempt(load_stage, machine / "bytes.yaml", Case(repr(content), content, True))
+
+
+def test_what_is_no_file_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path, tmp_path / "pipe", tmp_path / "absent", Path("/dev/zero"), tmp_path / ("n" * 5000), Path("a\0b")):
+        with pytest.raises(UnreadableError) as caught:
+            compose(path)
+        assert str(caught.value).isprintable()
+
+    def forbidden(*_: Any, **__: Any) -> Any:
+        raise PermissionError(13, "Permission denied")
+
+    (tmp_path / "secret").write_text("type: dwell")
+    monkeypatch.setattr(Path, "open", forbidden)  # mode 000 does not stop root
+    with pytest.raises(UnreadableError, match=r"secret cannot be read: Permission denied$"):
+        compose(tmp_path / "secret")
+
+
+def test_the_largest_file_is_read_and_one_byte_more_is_not(tmp_path: Path) -> None:
+    file = tmp_path / "large.yaml"
+    body = "type: dwell\nduration: 1 s\n"
+    file.write_text(body + "#" * (LARGEST_FILE - len(body)))
+    assert compose(file).tag.endswith(":map")
+    file.write_text(file.read_text() + "#")
+    with pytest.raises(ConfigError, match=f"larger than {LARGEST_FILE} bytes"):
+        compose(file)
+
+
+def test_a_tag_makes_python_do_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "tag.yaml"
+    file.write_text("name: !!python/object/apply:os.system ['touch moved']\n")
+    with pytest.raises(ConfigError):
+        load_stage(file)
+    assert os.listdir(tmp_path) == ["tag.yaml"]

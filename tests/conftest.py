@@ -1,0 +1,82 @@
+"""What all tests share: the repository's own configuration, and small variations of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stagectl import design
+from stagectl.config.stage_file import Setup, load_stage
+from stagectl.plan import plan
+from stagectl.simulation import simulate
+from stagectl.trajectories import Trajectory
+
+Tracked = Callable[..., Any]
+ROOT = Path(__file__).parents[1]
+CONFIG = ROOT / "config"
+
+
+@pytest.fixture(scope="session")
+def ball_screw() -> Setup:
+    """Stage A as the repository ships it."""
+    return load_stage(CONFIG / "ball-screw.yaml")
+
+
+def varied(setup: Setup, **changes: Any) -> Setup:
+    """`setup` with other delays (nd, nm), steps (quantum, step), noise or sub-steps."""
+    drive, encoder = setup.stage.drive, setup.stage.encoder
+    drive = drive._replace(
+        delay_samples=changes.get("nd", drive.delay_samples),
+        current_quantum=changes.get("quantum", drive.current_quantum),
+    )
+    encoder = encoder._replace(
+        delay_samples=changes.get("nm", encoder.delay_samples), step=changes.get("step", encoder.step)
+    )
+    simulation = setup.file.simulation._replace(
+        **{name: changes[name] for name in ("substeps", "current_noise", "encoder_noise", "seed") if name in changes}
+    )
+    return setup._replace(
+        stage=setup.stage._replace(drive=drive, encoder=encoder), file=setup.file._replace(simulation=simulation)
+    )
+
+
+class Run:
+    """A simulated run and its errors in micrometres of table travel."""
+
+    def __init__(self, setup: Setup, trajectory: Trajectory, without: frozenset[str] = frozenset()) -> None:
+        self.setup, self.plan = setup, plan(setup, trajectory)
+        control = setup.file.control._replace(margin=0.15)  # nd = 2 is below what the daemon accepts
+        self.law = design.design(setup.stage, control, without)
+        self.samples = simulate(setup, self.plan, self.law)
+
+    def steady(self) -> NDArray[np.bool_]:
+        """Rows of the steady window."""
+        start, end = self.plan.steady
+        found: NDArray[np.bool_] = (self.samples["time"] >= start) & (self.samples["time"] < end)
+        return found
+
+    def error(self, of: str = "measured") -> NDArray[np.float64]:
+        """Reference minus `of` (um) over the whole run; the measured one with the reference of its instant."""
+        scale = 1e6 * self.setup.file.axis.travel_per_unit
+        reference = self.samples["delayed" if of == "measured" else "reference"]
+        found: NDArray[np.float64] = (reference - self.samples[of]) * scale
+        return found
+
+    def peak(self, of: str = "measured") -> float:
+        """Largest error in the steady window (um)."""
+        return float(np.max(np.abs(self.error(of)[self.steady()])))
+
+
+@pytest.fixture
+def tracked(ball_screw: Setup) -> Callable[..., Run]:
+    """``tracked(trajectory, without=..., nd=..., ...)``: stage A tracks it."""
+
+    def run(trajectory: Trajectory, without: frozenset[str] = frozenset(), **changes: Any) -> Run:
+        return Run(varied(ball_screw, **changes), trajectory, without)
+
+    return run

@@ -1,0 +1,160 @@
+"""The cycle against a drive that does what a test says, and a clock that stands still."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stagectl import design
+from stagectl.config.stage_file import Setup
+from stagectl.daemon import loop, realtime
+from stagectl.daemon.loop import Cycle, Job, run
+from stagectl.daemon.safety import Envelope
+from stagectl.drives.drive import Fault, Feedback
+from stagectl.drives.simulated import Plant, Simulated
+from stagectl.kernels import rollout
+from stagectl.plan import plan
+from stagectl.recording.meta import portable
+from stagectl.recording.ring import Ring
+from stagectl.simulation import simulate
+from stagectl.trajectories import Sine
+
+SINE = Sine(0.001, 3.2, 0.5, 0.5)
+
+
+class Clock:
+    """A monotonic clock that only sleeping and `spend` move."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 100.0
+        monkeypatch.setattr(realtime.time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(realtime.time, "sleep", self.spend)
+
+    def spend(self, seconds: float) -> None:
+        self.now += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    return Clock(monkeypatch)
+
+
+class Scripted(Simulated):
+    """The simulated stage, with a fault, a jump or a delay at a given cycle."""
+
+    def __init__(self, plant: Plant, script: dict[int, Any], clock: Clock) -> None:
+        super().__init__(plant)
+        self.script, self.clock, self.cycle, self.stopped = script, clock, -1, 0
+        self.applied: list[float] = []
+
+    def sample(self) -> Feedback:
+        self.cycle += 1
+        event = self.script.get(self.cycle)
+        feedback = super().sample()
+        if isinstance(event, float):
+            self.clock.spend(event)
+        if isinstance(event, Feedback):
+            return event
+        return feedback._replace(fault=event) if isinstance(event, Fault) else feedback
+
+    def apply(self, current: float) -> None:
+        self.applied.append(current)
+        super().apply(current)
+
+    def quick_stop(self) -> Feedback:
+        self.stopped += 1
+        return super().quick_stop()
+
+
+def job_for(setup: Setup, ring: Ring, late_limit: int = 3) -> Job:
+    law = portable(design.design(setup.stage, setup.file.control))
+    envelope = Envelope(*setup.file.limits.travel, 1e3, setup.file.limits.following_error, late_limit)
+    references = plan(setup, SINE).references.tobytes()
+    machine = (None, setup.stage, setup.file.simulation, envelope, 0, None)
+    native = design.design(setup.stage, setup.file.control)
+    return Job(native._replace(friction=law.friction), references, setup.dt, *machine, ring.descriptor, 24, ring.capacity)
+
+
+def moved(setup: Setup, clock: Clock, script: dict[int, Any], stopped: list[int] | None = None) -> Any:
+    """Run with this script: (tally, drive, rows)."""
+    ring = Ring.create(rollout.WIDTH)
+    job = job_for(setup, ring)
+    job = job._replace(law=design.design(setup.stage, setup.file.control), width=rollout.WIDTH)
+    drive = Scripted(Plant(setup.stage, setup.file.simulation, setup.dt), script, clock)
+    drive.plant.powered = True
+    tally = run(job, drive, ring, 0.0, stopped or [])
+    rows = np.frombuffer(ring.read(0, ring.capacity)[1]).reshape(-1, rollout.WIDTH)
+    return tally, drive, {name: rows[:, k] for k, name in enumerate(rollout.COLUMNS)}
+
+
+def test_a_whole_motion_is_what_simulate_gives(ball_screw: Setup, clock: Clock) -> None:
+    tally, drive, rows = moved(ball_screw, clock, {})
+    law = design.design(ball_screw.stage, ball_screw.file.control)
+    expected = simulate(ball_screw, plan(ball_screw, SINE), law)
+    assert tally == loop.Tally(len(expected), 0, Fault.NONE)
+    for name in ("time", "measured", "target", "command", "current"):
+        assert np.array_equal(rows[name], expected[name]), name
+    assert drive.stopped == 0
+
+
+@pytest.mark.parametrize("fault", [Fault.FEEDBACK_LOST, Fault.DRIVE_FAULT, Fault.EMERGENCY, Fault.BUS])
+def test_a_fault_of_the_drive_ends_the_motion_at_once(ball_screw: Setup, clock: Clock, fault: Fault) -> None:
+    tally, drive, rows = moved(ball_screw, clock, {100: fault})
+    assert tally == loop.Tally(101, 0, fault)
+    assert drive.applied[-1] == 0.0  # no command is computed from feedback that cannot be trusted
+    assert drive.stopped == 1
+    assert rows["fault"][-1] == fault
+    assert np.all(rows["fault"][:-1] == 0)
+
+
+def test_a_jump_of_the_encoder_is_a_following_error(ball_screw: Setup, clock: Clock) -> None:
+    tally, drive, _ = moved(ball_screw, clock, {50: Feedback(1.0, 0.0, 0x27, Fault.NONE)})
+    assert tally.fault is Fault.FOLLOWING_ERROR
+    assert drive.applied[-1] == 0.0
+
+
+def test_late_cycles_are_counted_and_the_grid_moves_on_in_whole_periods(ball_screw: Setup, clock: Clock) -> None:
+    dt = ball_screw.dt
+    tally, drive, rows = moved(ball_screw, clock, {10: 1.5 * dt, 20: 0.9 * dt, 30: 7.2 * dt})
+    assert (tally.late, tally.fault) == (2, Fault.NONE)
+    assert np.flatnonzero(rows["late"]).tolist() == [10, 30]
+    assert rows["lateness"] == pytest.approx(np.zeros(len(rows["late"])), abs=1e-9)  # each begins on the grid
+    assert clock.now - 100.0 == pytest.approx((len(rows["late"]) + 1 + 7) * dt, rel=1e-9)
+    assert drive.stopped == 0
+
+
+def test_too_many_late_cycles_in_a_row_stop_the_axis(ball_screw: Setup, clock: Clock) -> None:
+    late = 1.5 * ball_screw.dt
+    assert moved(ball_screw, clock, {10: late, 11: late, 13: late, 14: late})[0].fault is Fault.NONE
+    tally, drive, _ = moved(ball_screw, clock, {10: late, 11: late, 12: late})
+    assert tally == loop.Tally(13, 3, Fault.LATE)
+    assert drive.stopped == 1
+
+
+def test_the_operator_stops_it(ball_screw: Setup, clock: Clock) -> None:
+    tally, drive, _ = moved(ball_screw, clock, {}, [2])
+    assert tally == loop.Tally(1, 0, Fault.OPERATOR)
+    assert drive.stopped == 1
+
+
+def test_a_motion_from_elsewhere_is_the_same_motion(ball_screw: Setup) -> None:
+    """References are relative to where the axis stands."""
+    table = plan(ball_screw, SINE).references
+    moved_by = list(loop.references(table.tobytes(), 0.25))
+    for name in ("reference", "delayed", "ahead_position", "late_position", "friction_position"):
+        at = rollout.COLUMNS.index(name) - 1
+        assert [getattr(r, name) for r in moved_by] == (table[:, at] + 0.25).tolist()
+    assert [r.ahead_velocity for r in moved_by] == table[:, 3].tolist()
+
+
+def test_a_cycle_never_reads_the_clock_twice_to_sleep_in_the_past(ball_screw: Setup, clock: Clock) -> None:
+    ring = Ring.create(rollout.WIDTH)
+    job = job_for(ball_screw, ring)._replace(law=design.design(ball_screw.stage, ball_screw.file.control))
+    drive = Scripted(Plant(ball_screw.stage, ball_screw.file.simulation, ball_screw.dt), {}, clock)
+    cycle = Cycle(job, drive, ring, 0.0)
+    began = clock.now
+    for reference in list(loop.references(job.references, 0.0))[:100]:
+        cycle(reference)
+    assert clock.now - began == pytest.approx(100 * ball_screw.dt, rel=1e-9)

@@ -1,0 +1,460 @@
+"""Our master: against the virtual drive, against a node of the stock library, and frame by frame."""
+
+from __future__ import annotations
+
+import configparser
+import math
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import canopen
+import pytest
+from workbench import DT, EDS, STEP, SYNC, Workbench, linear_stage
+
+from stagectl.drives import canopen as module
+from stagectl.drives import canopen_setup
+from stagectl.drives.bus import Embedded, frame, parse
+from stagectl.drives.can_plugin import EmbeddedBus
+from stagectl.drives.canopen import CanopenDrive
+from stagectl.drives.canopen_pdo import CommandPdo, FeedbackPdo
+from stagectl.drives.cia402 import State
+from stagectl.drives.cia402 import state as state_of
+from stagectl.drives.drive import Canopen, Drive, DriveError, Fault
+from stagectl.drives.wire import load_eds
+from stagectl.kernels import stage
+
+
+class Tapped:
+    """An embedded bus that a test can break and add frames to."""
+
+    def __init__(self, bus: Embedded) -> None:
+        self._bus = bus
+        self.broken = False
+        self.before: list[bytes] = []  # heard before anything else
+        self.sent: list[bytes] = []
+
+    def send(self, raw: bytes) -> None:
+        if self.broken:
+            raise OSError(100, "Network is down")
+        self.sent.append(raw)
+        self._bus.send(raw)
+
+    def receive(self, timeout: float) -> bytes | None:
+        return self.before.pop(0) if self.before else self._bus.receive(timeout)
+
+    def close(self) -> None:
+        self._bus.close()
+
+
+@pytest.fixture
+def bus(bench: Workbench) -> Tapped:
+    return Tapped(bench.bus())
+
+
+def drive_on(bench: Workbench, bus: Tapped, **changes: Any) -> CanopenDrive:
+    drive = CanopenDrive(bench.settings(**changes), bus, STEP, DT)
+    protocol: Drive = drive  # the protocol holds, says mypy
+    assert protocol is drive
+    return drive
+
+
+def test_a_stage_moves_over_the_bus_with_a_delay_of_one_period(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus)
+    assert drive.enable().position == 0.0
+    p = linear_stage()
+    p = p._replace(drive=p.drive._replace(delay_samples=1, current_quantum=1e-5))
+    x = stage.at_rest(p)
+    for k in range(300):
+        now = drive.sample()
+        assert now.fault is Fault.NONE
+        assert now.position == stage.measured(p.encoder, x, stage.SILENT), k
+        assert now.current == pytest.approx(x.current, abs=0.005)
+        current = 0.7 * math.sin(0.05 * k) + 1.23e-6
+        drive.apply(current)
+        x = stage.period(p, x, current, stage.SILENT, DT, 4)
+    assert abs(x.position) > 1e-3
+    stands = drive.quick_stop()
+    assert state_of(stands.statusword) is State.SWITCH_ON_DISABLED
+    assert "no fault" in drive.explain()  # it was asked for
+    assert bench.said[-1].startswith("stands after")
+    drive.close()
+    drive.close()
+
+
+def test_no_thread_is_started(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    before = threading.active_count()
+    drive = drive_on(bench, bus)
+    drive.enable()
+    assert threading.active_count() == before
+    drive.close()
+
+
+def test_it_configures_and_describes_the_drive(bench: Workbench, bus: Tapped) -> None:
+    node = bench.running("sync")
+    told = drive_on(bench, bus).describe()
+    assert told["device type"] == "0x00020192: CiA 402, servo drive"
+    assert told["device name"] == "stagectl virtual drive"
+    assert told["rated current (0x6075)"] == "10 A"
+    assert told["heartbeat time-out in the drive (0x1016)"] == "1000 ms"
+    assert told["RPDO time-out (0x1400:05)"] == "1000 ms"
+    assert told["quick stop option (0x605A)"].startswith("slow down on the quick stop ramp")
+    assert told["abort connection option (0x6007)"] == "quick stop"
+    assert node.objects.number(0x6085) == round(2.0 / STEP)
+    assert node.objects.number(0x1016, 1) == 127 << 16 | 1000
+    assert [node.objects.number(0x1600, n) for n in range(3)] == [2, 0x60400010, 0x20710020]
+
+
+def test_heartbeats_are_counted_in_cycles(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.enable()
+    bus.sent.clear()
+    for _ in range(100):
+        drive.sample()
+        drive.apply(0.0)
+    assert bus.sent.count(frame(0x77F, b"\x05")) == 5  # 20 ms in cycles of 1 ms
+    assert bus.sent.count(SYNC) == 100
+
+
+@pytest.mark.parametrize("code", [0x2310, 0x7305])
+def test_it_enables_from_fault(bench: Workbench, bus: Tapped, code: int) -> None:
+    node = bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.enable()
+    node.trip(code)
+    faults = []
+    for _ in range(40):
+        faults.append(drive.sample().fault)
+        drive.apply(0.5)
+    assert Fault.EMERGENCY in faults
+    assert f"emergency 0x{code:04X}" in drive.explain()
+    assert "start the run again" in drive.explain()
+    assert drive.enable().fault is Fault.NONE
+    assert drive.enable().fault is Fault.NONE  # enabled already: goes on
+    drive.apply(0.0)
+    assert drive.sample().fault is Fault.NONE
+    assert drive.explain().startswith("node 5: no fault")
+
+
+def test_it_enables_from_quick_stop_active(bench: Workbench, bus: Tapped) -> None:
+    node = bench.running("sync")
+    drive = drive_on(bench, bus)
+    node.objects.node.set_data(0x605A, 0, b"\x06\x00")
+    node.axis.options = node.objects.options()
+    drive.enable()
+    assert state_of(drive.quick_stop().statusword) is State.QUICK_STOP_ACTIVE
+    assert drive.enable().fault is Fault.NONE
+
+
+def test_a_vanished_drive_is_feedback_lost(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus, feedback_timeout=0.05)
+    drive.enable()
+    last = drive.sample()
+    bench.stop()
+    began = time.monotonic()
+    lost = drive.sample()
+    assert 0.05 <= time.monotonic() - began < 0.2
+    assert (lost.fault, lost.position) == (Fault.FEEDBACK_LOST, last.position)
+    assert "no answer to SYNC" in drive.explain()
+    assert "cable" in drive.explain()
+    began = time.monotonic()
+    drive.quick_stop()
+    assert time.monotonic() - began < 2.0
+    assert "no answer to SYNC" in drive.explain()
+    drive.close()
+
+
+def test_a_late_answer_is_not_taken_for_the_next(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus, feedback_timeout=0.05)
+    drive.enable()
+    receive, bus.receive = bus.receive, lambda timeout: None  # type: ignore[method-assign]
+    assert drive.sample().fault is Fault.FEEDBACK_LOST
+    bus.receive = receive  # type: ignore[method-assign]
+    time.sleep(0.02)
+    for _ in range(3):
+        assert drive.sample().fault is Fault.NONE
+        left = list(iter(lambda: bus.receive(0.005), None))
+        assert not [raw for raw in left if parse(raw)[0] == 0x185]  # one answer for each SYNC
+
+
+def test_a_broken_bus_raises_nowhere(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.enable()
+    bus.broken = True
+    drive.apply(1.0)
+    assert drive.sample().fault is Fault.BUS
+    assert "Network is down" in drive.explain()
+    assert drive.quick_stop().fault is Fault.BUS
+    drive.close()
+
+
+def test_a_drive_that_leaves_operation_is_a_drive_fault(bench: Workbench, bus: Tapped) -> None:
+    node = bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.enable()
+    node.axis.quick_stop()
+    assert drive.sample().fault is Fault.DRIVE_FAULT
+    drive.quick_stop()  # does not hide what came first
+    assert "Quick stop active (statusword 0x0217)" in drive.explain()
+
+
+def test_other_frames_are_taken_up_on_the_way(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.enable()
+    bus.before += [frame(0x705, b"\x05"), frame(0x123, b"x"), frame(0x085, bytes.fromhex("1043010102030405"))]
+    assert drive.sample().fault is Fault.EMERGENCY
+    assert "0x4310 (temperature of the drive), error register 0x01, vendor's bytes 01 02 03 04 05" in drive.explain()
+    assert "last heartbeat" in drive.explain()
+    bus.before.append(frame(0x085, bytes(8)))  # error reset
+    assert drive.sample().fault is Fault.NONE
+    bus.before.append(frame(0x185, b"\x37\x12"))  # a TPDO of another mapping
+    assert drive.sample().fault is Fault.DRIVE_FAULT
+    assert "its TPDO has 2 bytes, must have 8" in drive.explain()
+
+
+def test_a_command_that_is_no_number_becomes_zero_and_a_fault(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.enable()
+    drive.sample()
+    drive.apply(math.nan)
+    assert parse(bus.sent[-1])[1] == struct.pack("<Hi", 0x0F, 0)
+    assert drive.sample().fault is Fault.DRIVE_FAULT
+    assert "not a number; zero was sent instead" in drive.explain()
+
+
+def test_a_drive_that_hangs_is_explained(bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = bench.running("sync")
+    monkeypatch.setattr(module, "_ENABLE_TIME", 0.2)
+    drive = drive_on(bench, bus)
+    node.axis.control = lambda controlword: None  # type: ignore[method-assign]
+    with pytest.raises(DriveError) as caught:
+        drive.enable()
+    assert str(caught.value) == (
+        "node 5 does not reach Operation enabled within 0 s: it hangs in Switch on disabled (statusword 0x0250); no"
+        " emergency was sent. Probable causes: no DC link voltage, STO open, or the enable input missing. Close STO,"
+        " then start the run again"
+    )
+
+
+def test_nobody_answers(bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(canopen_setup, "_ANSWER_TIME", 0.1)
+    with pytest.raises(DriveError, match=r"node 5 does not answer on embedded .* is the drive powered"):
+        drive_on(bench, bus)
+
+
+def test_the_drives_rated_current_is_believed(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync", rpdo=(0x604000, 0x607100), command_object=0x607100, command_scale=0.01)
+    with pytest.raises(DriveError, match=r"rated_current = 8 A, but node 5 says 10 A \(0x6075\)"):
+        drive_on(bench, bus, command_object=0x607100, rpdo=(0x604000, 0x607100), rated_current=8.0)
+
+
+def eds_without(folder: Path, *sections: str) -> str:
+    eds = configparser.RawConfigParser()
+    eds.optionxform = str  # type: ignore[assignment,method-assign]
+    eds.read(EDS)
+    for name in [s for s in eds.sections() if s.split("sub")[0] in sections or s in sections]:
+        eds.remove_section(name)
+    path = folder / "less.eds"
+    with path.open("w") as file:
+        eds.write(file)
+    return str(path)
+
+
+def test_objects_that_drives_may_lack_are_described_as_such(bench: Workbench, bus: Tapped, tmp_path: Path) -> None:
+    eds = eds_without(tmp_path, "605B", "6008", "1009", "6502")
+    bench.running("sync")
+    drive = drive_on(bench, bus, eds=eds)
+    assert drive.describe()["shutdown option (0x605B)"] == "not offered by this drive"
+    assert drive.describe()["hardware version"] == "not offered by this drive"
+    assert drive.enable().fault is Fault.NONE
+
+
+def test_objects_it_must_have_are_an_error(bench: Workbench, bus: Tapped, tmp_path: Path) -> None:
+    bench.running("sync")
+    with pytest.raises(DriveError, match=r"read of object 0x6061:00 \(not in the EDS\) failed"):
+        drive_on(bench, bus, eds=eds_without(tmp_path, "6061"))
+    with pytest.raises(DriveError, match=r"eds = .*nowhere.eds: No such file or directory; name the file"):
+        drive_on(bench, bus, eds=str(tmp_path / "nowhere.eds"))
+    with pytest.raises(DriveError, match=r"quick_stop_deceleration = 1e\+07 is 1000000000000000 counts/s\^2"):
+        drive_on(bench, bus, quick_stop_deceleration=1e7)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"rpdo": (0x604000,)}, r"rpdo holds no 0x207100 \(the current command\)"),
+        ({"tpdo": (0x604100, 0x607700)}, r"tpdo holds no 0x606400 \(the position\)"),
+        ({"tpdo": (0x604100, 0x606400, 0x207700)}, r"take 10 bytes; must lie in \[1, 8\]"),
+        ({"rpdo": (0x604000, 0x555500)}, r"object 0x555500 is not in"),
+        ({"rpdo": (0x604000, 0x607500)}, r"object 0x607500 cannot be mapped"),
+        ({"rpdo": (0x604000, 0x100800)}, r"object 0x100800 has data type 0x9; must be an integer"),
+    ],
+)
+def test_a_mapping_that_cannot_work_is_refused(
+    bench: Workbench, bus: Tapped, changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(DriveError, match=message):
+        drive_on(bench, bus, **changes)
+
+
+def pdos(settings: Canopen) -> tuple[CommandPdo, FeedbackPdo]:
+    od = load_eds(settings.eds, settings.node)
+    return CommandPdo(settings, od), FeedbackPdo(settings, od)
+
+
+@pytest.mark.parametrize(
+    ("current", "counts"),
+    [(0.0, 0), (0.0149, 1), (0.015, 2), (-0.015, -1), (1e9, 32767), (-1e9, -32768), (math.inf, 32767)],
+)
+def test_commands_are_rounded_and_saturated(bench: Workbench, current: float, counts: int) -> None:
+    changes = {"rpdo": (0x606000, 0x607100, 0x604000), "command_object": 0x607100, "command_scale": 0.01}
+    command, _ = pdos(bench.settings(**changes))
+    assert command.encode(0x0F, current) == frame(0x205, struct.pack("<bhH", 10, counts, 0x0F))
+
+
+def test_the_position_counter_wraps_around(bench: Workbench) -> None:
+    _, feedback = pdos(bench.settings(tpdo=(0x606400, 0x604100), current_object=0))
+    way = [2**31 - 10, 2**31 + 10, 2**32 + 5, 2**32 - 7, 2**31 + 100, 2**31 - 10, 5, -5, -(2**31) - 1]
+    seen = [feedback.decode(frame(0x185, struct.pack("<IH", count % 2**32, 0x1237))) for count in way]
+    assert [sample.counts for sample in seen] == way
+    assert seen[0].statusword == 0x1237
+    assert math.isnan(seen[0].current)
+
+
+class Echo:
+    """A drive that answers each SYNC in no time."""
+
+    def __init__(self, drive: CanopenDrive) -> None:
+        drive._bus = self
+        self._answer = frame(0x185, struct.pack("<Hih", 0x1237, 123456, 100))
+
+    def send(self, raw: bytes) -> None:
+        """Costs nothing, as what is measured is our own share."""
+
+    def receive(self, timeout: float) -> bytes:
+        return self._answer
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def test_one_cycle_costs_a_few_microseconds(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus)
+    Echo(drive)
+    took = []
+    for k in range(5000):
+        began = time.perf_counter_ns()
+        drive.sample()
+        drive.apply(0.001 * k)
+        took.append(time.perf_counter_ns() - began)
+    assert 0.5e3 < sorted(took)[len(took) // 2] < 10e3
+
+
+CONTROLLER = """
+import sys, time
+sys.path[:0] = {path!r}
+from workbench import canopen_settings, STEP, DT
+from stagectl.drives.bus import open_bus
+from stagectl.drives.canopen import CanopenDrive
+s = canopen_settings({channel!r}, heartbeat_timeout=0.1, rpdo_timeout=0.0)
+drive = CanopenDrive(s, open_bus("embedded", {channel!r}, 1e6), STEP, DT)
+drive.enable()
+print("enabled", flush=True)
+while True:
+    drive.sample(); drive.apply(0.3); time.sleep(DT)
+"""
+
+
+def test_a_killed_controller_leaves_a_drive_that_stops(bench: Workbench) -> None:
+    node = bench.running("wall")
+    program = CONTROLLER.format(path=sys.path, channel=bench.channel)
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as controller:
+        assert controller.stdout is not None
+        assert controller.stdout.readline() == "enabled\n"
+        time.sleep(0.1)
+        assert node.axis.plant.state.velocity > 0.01
+        controller.kill()
+    died = time.monotonic()
+    while len(bench.said) < 2:
+        assert time.monotonic() - died < 2.0
+        time.sleep(0.001)
+    assert "no heartbeat from the controller for 1" in bench.said[0]
+    assert bench.said[1].startswith("stands after")
+    assert node.axis.state is State.SWITCH_ON_DISABLED
+
+
+class StockDrive:
+    """A drive made with the stock library: its node, its threads, and a state machine in callbacks."""
+
+    def __init__(self, channel: str) -> None:
+        self.network = canopen.Network(EmbeddedBus(channel=channel))
+        self.network.connect()
+        self.node = self.network.create_node(5, str(EDS))
+        self.node.add_write_callback(self._written)
+        self.state = State.SWITCH_ON_DISABLED
+        self.position = 0
+        self.target = 0
+        self._received = (0, 0)
+        self.network.subscribe(0x205, self._rpdo)
+        self.network.subscribe(0x080, self._sync)
+        self.node.nmt.state = "PRE-OPERATIONAL"
+
+    def _written(self, *, index: int, subindex: int, od: Any, data: bytes) -> None:
+        if index == 0x6060:
+            self.node.data_store.setdefault(0x6061, {})[0] = bytes(data)
+
+    def _rpdo(self, identifier: int, data: bytearray, timestamp: float) -> None:
+        self._received = struct.unpack("<Hi", data)
+
+    def _sync(self, identifier: int, data: bytearray, timestamp: float) -> None:
+        if self.node.nmt.state != "OPERATIONAL":
+            return
+        fields = 0x0200 | self.state.value[1], self.position, 42
+        self.network.send_message(0x185, struct.pack("<Hih", *fields))
+        controlword, self.target = self._received
+        way = {6: State.READY, 7: State.SWITCHED_ON, 15: State.OPERATION_ENABLED, 2: State.QUICK_STOP_ACTIVE}
+        self.state = way.get(controlword, State.SWITCH_ON_DISABLED)
+        self.position += self.target
+
+
+@pytest.fixture
+def stock(bench: Workbench) -> Iterator[StockDrive]:
+    drive = StockDrive(bench.channel)
+    yield drive
+    drive.node.nmt.stop_heartbeat()
+    drive.network.disconnect()
+
+
+def test_it_drives_a_node_of_the_stock_library(bench: Workbench, bus: Tapped, stock: StockDrive) -> None:
+    drive = drive_on(bench, bus)
+    assert drive.describe()["device name"] == "stagectl virtual drive"
+    assert stock.node.data_store[0x1A00][2] == struct.pack("<I", 0x6064_0020)
+    drive.enable()
+    assert drive.sample().position == 0.0
+    drive.apply(3e-5)
+    positions = []
+    for _ in range(4):
+        now = drive.sample()
+        assert (now.fault, now.current) == (Fault.NONE, 0.42)
+        positions.append(round(now.position / STEP))
+        drive.apply(3e-5)
+    assert positions == [0, 3, 6, 9]
+    assert state_of(drive.quick_stop().statusword) is State.QUICK_STOP_ACTIVE
+    drive.close()
+    time.sleep(0.1)
+    assert stock.state is State.SWITCH_ON_DISABLED
+    assert stock.node.nmt.state == "PRE-OPERATIONAL"

@@ -1,0 +1,67 @@
+"""Compiled and interpreted kernels give the same bits; each kernel has one compiled signature."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stagectl.kernels import feedback, feedforward, friction, law, rollout, stage
+from tests.conftest import ROOT, Tracked
+
+SCRIPT = """
+import hashlib, sys
+from tests.conftest import CONFIG, Run, varied
+from stagectl.config.stage_file import load_stage
+from stagectl.kernels import jit
+from stagectl.trajectories import Sine
+assert jit.INTERPRETED and "numba" not in sys.modules
+setup = varied(load_stage(CONFIG / sys.argv[1]), nm=1, current_noise=0.02, encoder_noise=1e-6)
+stribeck = setup.stage.friction.stribeck._replace(rise=0.3, velocity=0.5, shape=1.3)
+setup = setup._replace(stage=setup.stage._replace(friction=setup.stage.friction._replace(stribeck=stribeck)))
+run = Run(setup, Sine(0.001, 3.2, 0.5, 0.5))
+print(hashlib.sha256(run.samples.tobytes()).hexdigest())
+"""
+
+
+@pytest.mark.parametrize("file", ["ball-screw.yaml"])
+def test_compiled_and_interpreted_give_the_same_bits(file: str) -> None:
+    """A whole closed loop with noise, Stribeck and a delayed measurement, in both ways."""
+    environment = {**os.environ, "STAGECTL_KERNELS": "interpreted", "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", SCRIPT, file]
+    interpreted = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
+    compiled: dict[str, object] = {}
+    script = SCRIPT.replace('assert jit.INTERPRETED and "numba" not in sys.modules', "").replace("print(", "found = (")
+    sys.argv, before = ["", file], sys.argv
+    try:
+        exec(compile(script, "compiled", "exec"), compiled)
+    finally:
+        sys.argv = before
+    assert compiled["found"] == interpreted.stdout.strip()
+
+
+def test_one_signature_each(tracked: Tracked) -> None:
+    """A second signature would mean a stray int or tuple, and a compilation in the middle of a cycle."""
+    from stagectl.trajectories import Sine
+
+    tracked(Sine(0.001, 3.2, 0.5, 0.5))
+    found = {}
+    for module in (friction, stage, feedback, feedforward, law, rollout):
+        for name, item in vars(module).items():
+            if hasattr(item, "signatures") and item.__module__ == module.__name__:
+                found[f"{module.__name__}.{name}"] = len(item.signatures)
+    assert len(found) >= 12
+    assert {name: count for name, count in found.items() if count > 1} == {}
+
+
+def test_the_cache_is_named_after_the_sources(tmp_path: Path) -> None:
+    from stagectl.kernels import jit
+
+    folder = Path(jit.__file__).parent
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(folder.glob("*.py"))))
+    assert jit.source_hash() == digest.hexdigest()[:16]
+    assert os.environ["NUMBA_CACHE_DIR"].endswith(jit.source_hash())

@@ -1,0 +1,236 @@
+"""Exports keep every bit, and a folder alone says how its commands came about."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+import yaml
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.io import loadmat
+from scipy.linalg import expm
+
+from stagectl.cli.records import Format
+from stagectl.config.stage_file import load_stage
+from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.recording.exports import FORMATS, export
+from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, save
+from stagectl.recording.imports import read
+from stagectl.session import prepare, pretend
+
+Array = NDArray[Any]
+CONFIG = Path(__file__).parents[2] / "config"
+SINE = "type: sine\namplitude: 5 mm\nfrequency: 1.6 Hz\nperiods: 1\nramp: 0.5\n"
+
+
+def recorded(folder: Path, name: str, stage: str = "ball-screw", without: frozenset[str] = frozenset()) -> Recording:
+    trajectory = folder / f"{name}.yaml"
+    trajectory.write_text(SINE)
+    path = folder / f"{name}.h5"
+    pretend(prepare(load_stage(CONFIG / f"{stage}.yaml"), trajectory, without, path), record=True)
+    return open_recording(path)
+
+
+@pytest.fixture(scope="module")
+def sine(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    return recorded(tmp_path_factory.mktemp("sine"), "sine")
+
+
+def table(path: Path) -> dict[str, Array]:
+    """A CSV file, read by the standard library."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def test_csv_keeps_every_bit_and_names_units(sine: Recording, tmp_path: Path) -> None:
+    export([sine], "csv", tmp_path / "a.csv")
+    found = table(tmp_path / "a.csv")
+    assert list(found)[:2] == ["time_s", "reference_rad"]
+    for header, name in (
+        ("reference_rad", "reference"),
+        ("ahead_velocity_rad_per_s", "ahead_velocity"),
+        ("command_A", "command"),
+        ("measured_rad", "measured"),
+        ("late", "late"),
+    ):
+        np.testing.assert_array_equal(found[header], sine.column(name))
+    assert len(found) == len(sine.samples.dtype.names)
+
+
+def test_parquet_carries_units_and_meta(sine: Recording, tmp_path: Path) -> None:
+    export([sine], "parquet", tmp_path / "a.parquet")
+    found = pyarrow.parquet.read_table(tmp_path / "a.parquet")
+    for name in sine.samples.dtype.names:
+        np.testing.assert_array_equal(found[name].to_numpy(), sine.column(name))
+    assert found.schema.field("ahead_velocity").metadata[b"unit"] == b"rad/s"
+    assert json.loads(found.schema.metadata[b"stagectl"])["law"] == sine.meta["law"]
+
+
+def test_mat_is_a_struct_with_units(sine: Recording, tmp_path: Path) -> None:
+    export([sine], "mat", tmp_path / "a.mat")
+    found = loadmat(tmp_path / "a.mat", simplify_cells=True)
+    np.testing.assert_array_equal(found["samples"]["measured"], sine.column("measured"))
+    assert found["units"]["command"] == "A" and found["units"]["time"] == "s"
+    assert json.loads(found["meta"])["name"] == "ball-screw stage A"
+
+
+def frame_matrices(model: dict[str, float]) -> tuple[Array, Array, Array, Array]:
+    """``Ad, Bd, A, B`` of the capture folder's description, by the matrix exponential."""
+    a, gain = -model["model_viscous"] / model["model_inertia"], model["model_force_constant"] / model["model_inertia"]
+    whole = expm(model["Ts"] * np.array([[0.0, 1.0, 0.0], [0.0, a, gain], [0.0, 0.0, 0.0]]))
+    ad, bd = whole[:2, :2], whole[:2, 2]
+    return ad, bd, ad @ ad, np.column_stack([ad @ bd, bd])
+
+
+def frames(c: dict[str, Any], reference: Any, rows: int, advance: float) -> tuple[Array, Array]:
+    """(u, y0) (rows,) of the perfect tracking recursion with this advance."""
+    ad, bd, a, b = frame_matrices(c)
+    u, y0 = np.zeros(rows), np.zeros(rows)
+    for i in range(0, rows, 2):
+        start, end = (reference((k * c["Ts"]) + advance) for k in (i, i + 2))
+        pair = np.linalg.solve(b, end - a @ start)
+        u[i : i + 2] = pair
+        y0[i], y0[i + 1] = start[0], (ad @ start + bd * pair[0])[0]
+    return u, y0
+
+
+def recomputed(folder: Path, file: str) -> tuple[Array, Array]:
+    """Command from the folder alone, as its description says, and the recorded one; shares no code with the law."""
+    c = yaml.safe_load((folder / "nominal.yaml").read_text())["controller"]
+    rows = table(folder / file)
+    time, position = rows["time_s"], rows["position_rad"]
+    spline = make_interp_spline(time, rows["reference_rad"], k=5)
+
+    def reference(t: float) -> Array:
+        inside = min(max(t, time[0]), time[-1])
+        return np.array([spline(inside), spline(inside, nu=1) if inside == t else 0.0])
+
+    u, _ = frames(c, reference, len(time), c["feedforward_advance_s"])
+    _, y0 = frames(c, reference, len(time), 0.0)
+    weight, slip = np.array(c["friction_weight"]), np.array(c["friction_slip"])
+    stops, last = np.zeros(len(weight)), rows["reference_rad"][0]
+    ts, pole = c["Ts"], c["derivative_pole"]
+    integral = derivative = before = 0.0
+    command = np.zeros(len(time))
+    for k in range(len(time)):
+        error = y0[k] - position[k]
+        integral += c["Ki"] * ts / 2 * (error + before)
+        derivative = (2 - pole * ts) / (2 + pole * ts) * derivative
+        derivative += 2 * c["Kd"] * pole / (2 + pole * ts) * (error - before)
+        before = error
+        here = reference(time[k] + c["friction_advance_s"])[0]
+        stops, last = np.clip(stops + (here - last) / slip, -1.0, 1.0), here
+        command[k] = c["Kp"] * error + integral + derivative + u[k] + weight @ stops / c["model_force_constant"]
+    return command, rows["current_command_A"]
+
+
+def test_the_folder_alone_gives_the_commands_again(sine: Recording, tmp_path: Path) -> None:
+    """The claim of the capture folder's description: 1e-5 A; the command itself is above 1 A."""
+    export([sine], "folder", tmp_path / "out")
+    found, recorded_command = recomputed(tmp_path / "out", "sine-1.csv")
+    assert np.abs(recorded_command).max() > 1.0
+    assert np.abs(found - recorded_command).max() <= 1e-5
+
+
+def test_gains_in_the_folder_are_the_published_ones(sine: Recording, tmp_path: Path) -> None:
+    """Stage A at 40 Hz: a 991.31, Kp 833.30, Ki 55901, Kd 4.2749; L = 0.159 ms + 1 x 0.5 ms."""
+    export([sine], "folder", tmp_path / "out")
+    c = yaml.safe_load((tmp_path / "out" / "nominal.yaml").read_text())["controller"]
+    assert [c["derivative_pole"], c["Kp"], c["Ki"], c["Kd"]] == pytest.approx([991.31, 833.30, 55901, 4.2749], rel=1e-5)
+    assert c["feedforward_advance_s"] == pytest.approx(0.000659, rel=1e-12)
+    assert c["friction_advance_s"] == pytest.approx(0.000909, rel=1e-12)
+    assert c["anti_windup"].startswith("conditional integration")
+
+
+def test_a_folder_comes_back_as_it_went(sine: Recording, tmp_path: Path) -> None:
+    export([sine, sine], "folder", tmp_path / "out")
+    captures = yaml.safe_load((tmp_path / "out" / "captures.yaml").read_text())["captures"]
+    assert [(one["file"], one["experiment"], one["repeat"], one["use"], one["start_s"]) for one in captures] == [
+        ("sine-1.csv", "sine", 1, "diagnose", 0.0),
+        ("sine-2.csv", "sine", 2, "diagnose", 0.0),
+    ]
+    for back in read(tmp_path / "out"):
+        assert back.samples.dtype.names == ("time", "reference", "command", "measured", "measured_current")
+        for name in back.samples.dtype.names:
+            np.testing.assert_array_equal(back.column(name), sine.column(name))
+        assert back.meta["axis"] == pytest.approx(sine.meta["axis"], rel=1e-15)
+        again = export([back], "folder", tmp_path / "again").path
+        for name in ("nominal.yaml", "sine-1.csv"):
+            assert (again / name).read_text() == (tmp_path / "out" / name).read_text()
+
+
+def test_layers_that_were_off_are_told(tmp_path: Path) -> None:
+    bare = recorded(tmp_path, "bare", "linear-slider", frozenset({"ptc", "friction"}))
+    export([bare], "folder", tmp_path / "out")
+    nominal = yaml.safe_load((tmp_path / "out" / "nominal.yaml").read_text())
+    assert nominal["controller"]["feedforward"].startswith("none")
+    assert nominal["controller"]["friction_weight"] == []
+    assert nominal["friction"]["coulomb"] == pytest.approx(4.5)
+    assert nominal["friction"]["stribeck"]["velocity"] == 0.003
+    assert nominal["stage"]["kind"] == "linear" and nominal["stage"]["travel_per_unit_mm"] == 1000.0
+
+
+def test_the_slider_rings_at_40_hz_when_released() -> None:
+    """Free vibration of the slider's paper: sum(alpha / delta) = M (2 pi 40)^2."""
+    setup = load_stage(CONFIG / "linear-slider.yaml")
+    operators = setup.stage.friction.operators
+    stiffness = float(np.sum(np.array(operators.weight) / np.array(operators.slip)))
+    assert math.sqrt(stiffness / setup.stage.mechanics.inertia) / (2.0 * math.pi) == pytest.approx(40.0, rel=2e-3)
+    at_rest = sum(operators.weight) * (1.0 + setup.stage.friction.stribeck.rise)
+    assert at_rest == pytest.approx(5.3, rel=1e-3)
+
+
+def test_captures_of_two_controllers_do_not_share_a_folder(sine: Recording, tmp_path: Path) -> None:
+    other = recorded(tmp_path, "other", without=frozenset({"friction"}))
+    with pytest.raises(RecordingError, match=r"differs from .* in controller\.friction_weight"):
+        export([sine, other], "folder", tmp_path / "out")
+
+
+def test_a_reference_becomes_a_trajectory(sine: Recording, tmp_path: Path) -> None:
+    export([sine], "trajectory", tmp_path / "again.yaml")
+    trajectory = load_trajectory(tmp_path / "again.yaml", axis_of(load_stage(CONFIG / "ball-screw.yaml")))
+    motion = trajectory.at(sine.column("time"))
+    scale = sine.meta["axis"]["travel_per_unit"]
+    np.testing.assert_allclose(motion.position, sine.column("reference") * scale, atol=1e-12)
+    assert "run_up" not in (tmp_path / "again.yaml").read_text()  # it begins and ends at rest
+
+
+def test_what_cannot_be_exported_is_refused(sine: Recording, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="one file for 2 recordings"):
+        export([sine, sine], "csv", tmp_path / "a.csv")
+    with pytest.raises(RecordingError, match="format xls; must be one of csv, parquet, mat, trajectory, folder"):
+        export([sine], "xls", None)
+    with pytest.raises(RecordingError, match="holds no rows"):
+        export([sine._replace(samples=sine.samples[:0])], "csv", None)
+    (tmp_path / "file").write_text("")
+    for to in ("csv", "folder"):
+        with pytest.raises(RecordingError, match="cannot be written"):
+            export([sine], to, tmp_path / "file" / "a.csv")
+
+
+def test_losses_are_said(sine: Recording, tmp_path: Path) -> None:
+    broken = sine._replace(lost_rows=3, complete=False, ended="cut off")
+    for to in ("csv", "folder"):
+        notes = " ".join(export([broken], to, tmp_path / to)[0].notes)
+        assert "3 rows were lost" in notes and "not complete: cut off" in notes
+
+
+def test_a_machine_without_current_lacks_the_column(sine: Recording, tmp_path: Path) -> None:
+    samples = sine.samples.copy()
+    samples["measured_current"] = np.nan
+    save(tmp_path / "dumb.h5", sine.meta, samples, "complete")
+    found = export([open_recording(tmp_path / "dumb.h5")], "folder", tmp_path / "out")[0]
+    assert found.notes == ["sine-1.csv: there is no current"]
+    assert "current_A" not in table(tmp_path / "out" / "sine-1.csv")
+
+
+def test_the_command_line_knows_every_format() -> None:
+    assert {one.value for one in Format} == set(FORMATS)

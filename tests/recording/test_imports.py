@@ -1,0 +1,214 @@
+"""Imports: known quantities in any unit, the benchmark's file, and words for all that is missing."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from stagectl.config.stage_file import load_stage
+from stagectl.recording.exports import export
+from stagectl.recording.hdf5 import Recording, RecordingError, open_recording
+from stagectl.recording.imports import captures, read, store
+from stagectl.recording.replay import replay
+from stagectl.units import StageError
+
+CONFIG = Path(__file__).parents[2] / "config"
+EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
+NOMINAL = """
+stage: {kind: ball-screw, position_unit: rad, torque_unit: Nm, force_constant: 0.5, travel_per_unit_mm: 2.0,
+        encoder_step: 1e-3}
+drive: {amplifier_A_per_V: 3.0}
+"""
+
+
+def one(folder: Path, text: str, nominal: str = "") -> Recording:
+    (folder / "log.csv").write_text(text)
+    if nominal:
+        (folder / "nominal.yaml").write_text(nominal)
+    (found,) = read(folder / "log.csv")
+    return found
+
+
+@pytest.mark.parametrize(
+    ("header", "column", "value"),
+    [
+        ("position_rad", "measured", 2.0),
+        ("position_mm", "measured", 1.0),  # 2 mm of travel a rad
+        ("position_um", "measured", 1e-3),
+        ("position_counts", "measured", 2e-3),
+        ("position_deg", "measured", 2.0 * math.pi / 180.0),
+        ("position_rad,reference_mm", "reference", 1.0),
+        ("position_rad,current_command_A", "command", 2.0),
+        ("position_rad,current_command_V", "command", 6.0),  # 3 A/V
+        ("position_rad,current_command_Nm", "command", 4.0),  # 0.5 N m/A
+        ("position_rad,torque_Nm", "measured_current", 4.0),
+        ("position_rad,current_mA", "measured_current", 2e-3),
+    ],
+)
+def test_units_become_ours(tmp_path: Path, header: str, column: str, value: float) -> None:
+    row = ",2" * (1 + header.count(","))
+    found = one(tmp_path, f"time_s,{header}\n0{row}\n1{row}\n", NOMINAL)
+    assert found.column(column) == pytest.approx([value, value], rel=1e-12)
+
+
+def test_forces_on_a_linear_axis(tmp_path: Path) -> None:
+    nominal = "stage: {kind: linear, position_unit: m, force_constant: 20}"
+    found = one(tmp_path, "time_ms,position_mm,force_N\n0,1,10\n1,2,-10\n", nominal)
+    assert found.column("measured") == pytest.approx([1e-3, 2e-3])
+    assert found.column("measured_current") == pytest.approx([0.5, -0.5])
+    assert found.meta["dt"] == pytest.approx(1e-3)
+    assert found.meta["axis"]["kind"] == "linear"
+
+
+def test_the_stage_file_gives_the_scales(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time_s,position_counts,torque_Nm\n0,0,0.72\n1,1048576,1.44\n")
+    (found,) = read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"))
+    assert found.column("measured") == pytest.approx([0.0, 2.0 * math.pi])
+    assert found.column("measured_current") == pytest.approx([1.0, 2.0])
+
+
+def test_what_is_missing_is_said(tmp_path: Path) -> None:
+    found = one(tmp_path, "time_s,position_mm,current_command_V,temperature_C\n5,1,0,20\n6,2,0,20\n8,3,0,20\n")
+    assert found.samples.dtype.names == ("time", "measured")
+    np.testing.assert_array_equal(found.column("time"), [0.0, 1.0, 3.0])
+    notes = "\n".join(found.meta["notes"])
+    assert "current_command_V is left out: a voltage has no scale: write drive.amplifier_A_per_V" in notes
+    assert "temperature_C is left out" in notes
+    for words in ("no reference", "no command", "no measured current"):
+        assert words in notes
+    with pytest.raises(RecordingError, match="no column command; it has time, measured"):
+        found.column("command")
+
+
+def test_an_empty_cell_is_a_gap(tmp_path: Path) -> None:
+    found = one(tmp_path, "time_s,position_m,current_A\n0,0,1\n1,0,\n")
+    np.testing.assert_array_equal(found.column("measured_current"), [1.0, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no column position_<unit>"),
+        ("time_s,position_counts\n0,1\n1,2\n", "position in counts does not tell the axis; give --stage"),
+        ("time_s,speed_m\n0,1\n1,2\n", "no column position_<unit>"),
+        ("position_m\n0\n1\n", "must have time_s and a position_<unit>"),
+        ("time_s,position_m\n", "has 0 rows"),
+        ("time_s,position_m\n0,1\n", "has 1 rows; must have at least 2"),
+        ("time_s,position_m\n0,1\n1,x\n", r"Row #\d: .* invalid value 'x'"),
+        ("time_s,position_m\n0,1\n1\n", "Expected 2 columns, got 1"),
+        ("time_s,position_m\n0,1\n1,\n", "has no measured in row 2"),
+        ("time_s,position_m\n0,1\n0,2\n", r"time 0.0 s in row 2 follows 0.0 s; times must increase"),
+        ("time_s,position_m,position_mm\n0,1,2\n1,1,2\n", "two columns for measured, the second is position_mm"),
+        ("time_parsec,position_m\n0,1\n1,2\n", "time_parsec in .*unknown unit 'parsec'"),
+    ],
+)
+def test_a_broken_csv_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(RecordingError, match=message):
+        one(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("nominal", "message"),
+    [
+        ("[1, 2]", "must be a block of"),
+        ("stage: 3", "stage = 3; must be a block"),
+        ("stage: {position_unit: furlong}", "must be rad or m"),
+        ("stage: {encoder_step: many}", r"encoder_step = 'many'; must be a number in \(0, inf\)"),
+        ("stage: {force_constant: -1}", r"force_constant = -1; must be a number in \(0, inf\)"),
+        ("stage: !!python/object:os.system {}", "holds something else than plain values"),
+        ("stage: {position_unit: m}", "position_rad in .* positions are in m"),
+        ("stage: [", "log|nominal"),
+    ],
+)
+def test_a_broken_nominal_is_refused(tmp_path: Path, nominal: str, message: str) -> None:
+    with pytest.raises(StageError, match=message):
+        one(tmp_path, "time_s,position_rad\n0,1\n1,2\n", nominal)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("captures: []", "must hold a list `captures:`"),
+        ("captures: [{experiment: a}]", r"captures\[0\] needs `file:`"),
+        ("captures: [{file: a.csv}]", r"captures\[0\].file = a.csv; no such file"),
+    ],
+)
+def test_a_broken_folder_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "captures.yaml").write_text(text)
+    with pytest.raises(StageError, match=message):
+        read(tmp_path)
+
+
+def test_a_folder_needs_its_list(tmp_path: Path) -> None:
+    with pytest.raises(StageError, match=r"captures\.yaml"):
+        read(tmp_path)
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("")
+    (tmp_path / "bad.mat").write_bytes(b"\x00" * 200)
+    (tmp_path / "empty.mat").write_bytes(b"")
+    savemat(tmp_path / "other.mat", {"x": [1.0]})
+    savemat(tmp_path / "ragged.mat", {"t": [0.0, 1.0], "qm": [0.0]})
+    for name, message in (
+        ("a.txt", "no kind that can be imported"),
+        ("none.csv", "no such file or folder"),
+        ("bad.mat", "cannot be read as a MATLAB file"),
+        ("empty.mat", "cannot be read as a MATLAB file"),
+        ("other.mat", "holds x; the EMPS layout is t, qg, qm, vir, gtau"),
+        ("ragged.mat", "differ in length"),
+    ):
+        with pytest.raises(RecordingError, match=message):
+            read(tmp_path / name)
+
+
+def test_an_import_is_a_recording(tmp_path: Path) -> None:
+    """It is stored, opened, exported in every format and read back; only a replay it refuses."""
+    found = one(tmp_path, "time_s,position_m,reference_m\n0,0.125,0\n1,0.25,1\n2,0.5,2\n3,1,3\n4,1,4\n5,1,5\n")
+    (path,) = store([found], found.path, tmp_path / "new" / "log.h5")
+    stored = open_recording(path)
+    assert stored.complete and stored.ended == "imported from log.csv"
+    assert stored.meta["source"]["sha256"] == hashlib.sha256((tmp_path / "log.csv").read_bytes()).hexdigest()
+    np.testing.assert_array_equal(stored.samples, found.samples)
+    for to in ("csv", "parquet", "mat", "trajectory", "folder"):
+        export([stored], to, tmp_path / to / "log.csv")
+    (back,) = read(tmp_path / "csv" / "log.csv")
+    np.testing.assert_array_equal(back.samples, found.samples)
+    (back,) = captures(tmp_path / "folder" / "log.csv")  # a folder of this name
+    np.testing.assert_array_equal(back.samples, found.samples)
+    with pytest.raises(RecordingError, match="it holds no law to replay"):
+        replay(stored)
+
+
+def test_the_session_clock_survives(tmp_path: Path) -> None:
+    entry = "{file: a.csv, experiment: ../warm, repeat: 4, use: held-out, start_s: 12.5, injection: d.csv}"
+    (tmp_path / "captures.yaml").write_text(f"captures: [{entry}]")
+    (tmp_path / "a.csv").write_text("time_s,position_m\n0,1\n1,2\n")
+    (found,) = read(tmp_path)
+    assert "its injection is left out: a recording has no column for it" in found.meta["notes"]
+    text = (export([found], "folder", tmp_path / "out").path / "captures.yaml").read_text()
+    for words in ("repeat: 4", "use: held-out", "start_s: 12.5", "file: .._warm-1.csv"):
+        assert words in text
+
+
+@pytest.mark.skipif(not EMPS.exists(), reason="the EMPS record is not beside this repository (../shared/data/emps)")
+def test_the_benchmark_comes_in(tmp_path: Path) -> None:
+    """24 841 samples of 1 ms; gtau 35.1507 N/V; 5e-8 m a count."""
+    (found,) = read(EMPS)
+    assert found.samples.dtype.names == ("time", "reference", "command", "measured")
+    assert len(found.samples) == 24841
+    assert found.meta["dt"] == pytest.approx(1e-3, rel=1e-4)
+    assert found.meta["nominal"]["stage"]["force_constant"] == pytest.approx(35.1507, abs=5e-5)
+    assert "an amplifier of 1 A/V" in found.meta["notes"][0]
+    error = found.column("reference") - found.column("measured")
+    assert 1e-4 < np.abs(error).max() < 1e-2
+    # The published control law holds between the columns (0.0037 V rms of 1.54 V).
+    kp, kv = (found.meta["nominal"]["controller"][name] for name in ("kp", "kv"))
+    smooth = 0.5 * (found.column("measured")[1:] + found.column("measured")[:-1])
+    law = kv * (kp * error[2:] - np.diff(smooth) / 1e-3)
+    assert np.std(law - found.column("command")[2:]) == pytest.approx(0.0037, rel=0.2)

@@ -1,0 +1,163 @@
+"""End to end, through real processes: virtual drive, loop, recorder, over the embedded bus."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stagectl.kernels import law
+from stagectl.recording.hdf5 import BLOCK, open_recording, repair
+from stagectl.recording.replay import replay
+from tests.conftest import CONFIG, ROOT
+
+STAGE = CONFIG / "ball-screw.yaml"
+SINE = CONFIG / "trajectories" / "sine-3.2hz.yaml"
+
+
+def stagectl(*words: object, **options: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "stagectl", *map(str, words)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, **options)
+
+
+@contextlib.contextmanager
+def drive(stage: Path, channel: Path) -> Iterator[subprocess.Popen[str]]:
+    """A virtual drive of its own; its lines can be read from `stdout`."""
+    command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage), "--channel", str(channel)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith("virtual drive of ball-screw stage A")
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.communicate()
+
+
+def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path) -> None:
+    """To the encoder count, late cycles or not, in a second run on the same drive, too; and replay agrees."""
+    simulated = stagectl("simulate", STAGE, SINE, "-o", tmp_path / "s.h5", "--json", "-")
+    assert simulated.returncode == 0, simulated.stderr
+    expected = open_recording(tmp_path / "s.h5").samples
+    with drive(STAGE, tmp_path / "bus"):
+        for name in ("first.h5", "second.h5"):
+            done = stagectl("run", STAGE, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / name, "--json", "-")
+            assert done.returncode == 0, done.stderr
+            recording = open_recording(tmp_path / name)
+            assert recording.complete
+            assert recording.ended == "complete"
+            assert recording.lost_rows == 0
+            for column in ("measured", *law.Reference._fields, *law.Output._fields):
+                assert np.array_equal(recording.samples[column], expected[column]), column
+    result, pretended = json.loads(done.stdout), json.loads(simulated.stdout)
+    assert result["tracking_error"] == pretended["tracking_error"]
+    assert 5e-9 < result["tracking_error"]["peak"] < 3e-8
+    assert (result["nd"], result["cycles"], result["steady"]) == (1, len(expected), [0.3125, 1.5625])
+    assert result["recording"] == str(tmp_path / "second.h5")
+    assert replay(recording)["identical"]
+
+
+def test_replay_notices_a_changed_position_and_a_changed_law(tmp_path: Path) -> None:
+    stagectl("simulate", STAGE, CONFIG / "trajectories" / "sine-2um.yaml", "-o", tmp_path / "s.h5", check=True)
+    recording = open_recording(tmp_path / "s.h5")
+    assert replay(recording)["identical"]
+    recording.samples["measured"][1000] += 6e-6
+    found = replay(recording)
+    assert not found["identical"]
+    assert "the first at 0.5 s in error" in found["words"]
+    recording.samples["measured"][1000] -= 6e-6
+    recording.meta["law"]["feedback"]["proportional"] *= 1.0 + 1e-15
+    assert not replay(recording)["identical"]
+
+
+def start_moving(tmp_path: Path, name: str) -> subprocess.Popen[bytes]:
+    """``stagectl run`` in a process group of its own, well into its motion."""
+    path = tmp_path / name
+    command = [sys.executable, "-m", "stagectl", "run", str(STAGE), str(CONFIG / "trajectories" / "sine-0.8hz.yaml")]
+    command += ["--channel", str(tmp_path / "bus"), "-o", str(path)]
+    process = subprocess.Popen(command, cwd=ROOT, start_new_session=True, stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 20.0
+    while time.monotonic() < end:
+        with contextlib.suppress(Exception):
+            if len(open_recording(path).samples) > 4 * BLOCK:
+                return process
+        time.sleep(0.05)
+    raise AssertionError("the motion did not start")
+
+
+def members(group: int) -> dict[str, int]:
+    """Processes of a group by the module they run."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        with contextlib.suppress(OSError, ValueError):
+            words = (entry / "cmdline").read_bytes().split(b"\0")
+            if os.getpgid(int(entry.name)) == group and b"-m" in words:
+                found[words[words.index(b"-m") + 1].decode()] = int(entry.name)
+    return found
+
+
+@pytest.mark.parametrize("victim", ["stagectl.daemon.loop", "everything"])
+def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
+    """The drive stops by itself within its time-out; the recording lacks at most its last block."""
+    with drive(STAGE, tmp_path / "bus") as virtual:
+        run = start_moving(tmp_path, "killed.h5")
+        modules = members(run.pid)
+        rows = len(open_recording(tmp_path / "killed.h5").samples)
+        assert not repair(tmp_path / "killed.h5")  # its writer is alive: left alone
+        if victim == "everything":
+            os.killpg(run.pid, signal.SIGKILL)
+        else:
+            os.kill(modules[victim], signal.SIGKILL)
+        run.wait(timeout=10)
+        assert virtual.stdout is not None
+        lost, stands = virtual.stdout.readline(), virtual.stdout.readline()
+    partner = r"no (heartbeat|cyclic command \(RPDO\)) from the controller"
+    silent = re.fullmatch(partner + r" for (\d+) ms \(time-out 500 ms\): quick stop\n", lost)
+    assert silent is not None, lost
+    assert 500 <= int(silent[2]) < 700
+    stopped = re.fullmatch(r"stands after (\d+) ms and (-?[\d.]+) ([mun]m)\n", stands)
+    assert stopped is not None, stands
+    assert 0 < int(stopped[1]) < 100  # 50 mm/s at 5 m/s^2: 10 ms, and the velocity loop's own time
+    recording = open_recording(tmp_path / "killed.h5")
+    assert len(recording.samples) >= rows
+    assert np.array_equal(np.rint(recording.samples["time"] / 5e-4), np.arange(len(recording.samples)))
+    if victim == "everything":
+        assert not recording.complete
+        assert repair(tmp_path / "killed.h5")
+        assert open_recording(tmp_path / "killed.h5").samples.tobytes() == recording.samples.tobytes()
+    else:
+        assert recording.ended == "the loop process died"
+
+
+def test_the_loop_has_no_other_thread_and_no_heavy_module(tmp_path: Path) -> None:
+    with drive(STAGE, tmp_path / "bus"):
+        run = start_moving(tmp_path, "watched.h5")
+        loop = members(run.pid)["stagectl.daemon.loop"]
+        threads = len(list(Path(f"/proc/{loop}/task").iterdir()))
+        mapped = Path(f"/proc/{loop}/maps").read_text()
+        os.killpg(run.pid, signal.SIGKILL)
+        run.wait()
+    assert threads == 1
+    for heavy in ("numba", "llvmlite", "scipy", "matplotlib", "h5py"):
+        assert f"/{heavy}/" not in mapped, heavy
+
+
+def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path) -> None:
+    with drive(STAGE, tmp_path / "bus"):
+        run = start_moving(tmp_path, "interrupted.h5")
+        os.killpg(run.pid, signal.SIGINT)
+        assert run.wait(timeout=10) == 1
+    recording = open_recording(tmp_path / "interrupted.h5")
+    assert recording.complete
+    assert recording.samples["fault"][-1] == 0 or recording.samples["fault"][-1] == 14
