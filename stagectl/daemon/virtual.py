@@ -73,4 +73,9 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
         distance=lambda way: length(way * axis.travel_per_unit, axis.travel_unit),
     )
     report(f"{_READY} of {setup.file.name}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}")
-    node.run(until)
+    try:
+        node.run(until)
+    except OSError as error:  # its folder was removed, or the interface went down
+        raise DriveError(f"the bus {wire.channel} is gone: {error}; start the virtual drive again") from error
+    finally:
+        bus.close()
