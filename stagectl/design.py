@@ -183,11 +183,12 @@ def design(p: stage.Stage, control: Control, without: frozenset[str] = frozenset
 
 
 def _refusal(p: stage.Stage, control: Control, reached: Margins) -> str:
+    margin = f"a phase margin of {math.degrees(reached.phase):.1f} deg" if math.isfinite(reached.phase) else "no margin"
     state = "" if reached.stable else " and the sampled loop is unstable"
     return (
-        f"control.bandwidth = {control.bandwidth:g} Hz leaves a phase margin of {math.degrees(reached.phase):.1f} deg"
-        f"{state}; at least {math.degrees(control.margin):g} deg are asked for.  Period {control.period * 1e3:g} ms, "
-        f"nd {p.drive.delay_samples}, nm {p.encoder.delay_samples}, current lag {p.drive.current_lag * 1e3:.3g} ms.  "
+        f"control.bandwidth = {control.bandwidth:g} Hz leaves {margin}{state}; at least "
+        f"{math.degrees(control.margin):g} deg are asked for.  Period {control.period * 1e3:g} ms, nd "
+        f"{p.drive.delay_samples}, nm {p.encoder.delay_samples}, current lag {p.drive.current_lag * 1e3:.3g} ms.  "
         f"{_advice(p, control)}"
     )
 

@@ -20,6 +20,7 @@ from stagectl.trajectories import Trajectory, TrajectoryError, peaks
 from stagectl.trajectories.motion import Array
 
 LONGEST = 10_000_000  # control periods, 83 minutes at 2 kHz; their rows take 0.6 GB
+_ARTICLE = {"travel": "a", "speed": "a", "acceleration": "an"}
 SETTLE = 0.1  # s of standstill after the motion, in which the axis must come into position
 
 
@@ -74,15 +75,15 @@ def _within_limits(setup: Setup, trajectory: Trajectory) -> None:
     low, high = limits.travel[0] * scale, limits.travel[1] * scale
     start = abs(getattr(trajectory, "initial_velocity", 0.0)) / setup.dt
     for name, value, limit, of in (
-        ("travel", found.highest, high, unit),
-        ("travel", -found.lowest, -low, unit),
+        ("travel", found.highest, high, f"{unit} upwards"),
+        ("travel", -found.lowest, -low, f"{unit} downwards"),
         ("speed", found.speed, limits.speed * scale, f"{unit}/s"),
         ("acceleration", found.acceleration, limits.acceleration * scale, f"{unit}/s^2"),
         ("acceleration", start, limits.acceleration * scale, f"{unit}/s^2 at its start, as it does not begin at rest"),
     ):
         if not value <= limit * (1.0 + 1e-9):
             raise TrajectoryError(
-                f"the trajectory needs a {name} of {value:.6g} {of}; limits.{name} of {setup.file.name} allows "
-                f"{limit:.6g} {of.split(' at')[0]}: nothing has moved; lower the trajectory's "
+                f"the trajectory needs {_ARTICLE[name]} {name} of {value:.6g} {of}; limits.{name} of "
+                f"{setup.file.name} allows {limit:.6g} {of.split(' at')[0]}: nothing has moved; lower the trajectory's "
                 f"amplitude, speed or frequency, or raise the limit in {setup.path}"
             )

@@ -12,7 +12,7 @@ from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.daemon import virtual
-from stagectl.daemon.run import Motion, Progress, move
+from stagectl.daemon.run import Motion, Progress, move, waits_for_sync
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.evaluation import evaluate
 from stagectl.plan import plan
@@ -75,7 +75,7 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
         ended = move(motion, progress)
     for refusal in ended.refused:
         say(f"[yellow]not real time:[/] {refusal}")
-    if motion.setup.file.simulation.clock == "sync" and motion.setup.file.drive.wire:
+    if waits_for_sync(motion.setup):
         say("the virtual plant's clock is SYNC: late cycles do not disturb it, and time-outs are relaxed")
     if ended.fault:
         say(f"[bold red]stopped after {ended.cycles} cycles: {ended.words}[/]. {ended.reason}")

@@ -90,7 +90,7 @@ class Reader:
             elif field in kind._field_defaults:
                 found[field] = kind._field_defaults[field]
             else:
-                self.refuse(node, f"{inner} is missing; it is {self._wanted(hints[field])}")
+                self.refuse(node, f"{inner} is missing: {self._wanted(hints[field])}")
                 found[field] = None
         return kind(**found)
 
@@ -118,7 +118,7 @@ class Reader:
         if isinstance(node, yaml.MappingNode):
             chosen = next((v for k, v in node.value if getattr(k, "value", None) == tag.key), None)
         if not isinstance(chosen, yaml.ScalarNode):
-            self.refuse(node, f"{_under(name, tag.key)} is missing; it is one of {names}")
+            self.refuse(node, f"{_under(name, tag.key)} is missing: one of {names}")
             return None
         if chosen.value not in tag.blocks:
             self.refuse(chosen, f"{_under(name, tag.key)} = {_shown(chosen.value)}; must be one of {names}")
@@ -212,7 +212,7 @@ class Reader:
         if tag is not None:
             return f"a block with {tag.key}: {' or '.join(tag.blocks)}"
         if quantity is not None:
-            return f"the {quantity.meaning}, in {self._unit(quantity)}".removesuffix(", in ")
+            return f"{quantity.meaning}, in {self._unit(quantity)}".removesuffix(", in ")
         if hasattr(hint, "_fields"):
             return f"a block of {', '.join(hint._fields)}"
         return next((extra for extra in get_args(hint)[1:] if isinstance(extra, str)), "required")

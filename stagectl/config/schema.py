@@ -14,7 +14,8 @@ from stagectl.units import Quantity, quantity_of
 
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
 _NUMBER = r"^\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?"
-_UNIT = r"\s*(1 ?/ ?)?[A-Za-zµμ°Ω%‰][^,;:()\[\]{}_]*$"
+_POWER = r"[A-Za-zµμ°Ω%‰]+((\^|\*\*)-?[0-9])?"
+_UNIT = rf"\s*(1\s?/\s?)?{_POWER}((\s?[*·/]\s?|\s){_POWER})*\s*"
 
 
 def stage_schema() -> dict[str, Any]:
@@ -66,7 +67,8 @@ def _list(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
     kinds = get_args(plain)
     kind = Annotated[kinds[0], quantity] if quantity else kinds[0]
     bounds = {"minItems": 1} if kinds[-1] is Ellipsis else {"minItems": len(kinds), "maxItems": len(kinds)}
-    return {"type": "array", "items": _of(kind), **bounds}
+    described = {"description": quantity.meaning} if quantity else {}
+    return {"type": "array", "items": _of(kind), **bounds, **described}
 
 
 def _number(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
@@ -75,10 +77,10 @@ def _number(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
         return {"type": "integer"}
     described = {"description": f"{quantity.meaning}; {quantity.interval} {quantity.unit}".rstrip()}
     if quantity.unit:
-        return {"type": "string", "pattern": _NUMBER + _UNIT, **described}
+        return {"type": "string", "pattern": f"{_NUMBER}{_UNIT}$", **described}
     if plain is int:
         return {"type": "integer", **_bounds(quantity), **described}
-    return {"type": ["number", "string"], "pattern": f"{_NUMBER}({_UNIT[:-1]})?$", **_bounds(quantity), **described}
+    return {"type": ["number", "string"], "pattern": f"{_NUMBER}({_UNIT})?$", **_bounds(quantity), **described}
 
 
 def _bounds(quantity: Quantity) -> dict[str, float]:

@@ -159,13 +159,13 @@ def load_stage(path: Path) -> Setup:
     return Setup(path, file, _assembled(file))
 
 
-def _read(reader: Reader, root: yaml.Node) -> StageFile:
-    if isinstance(root, yaml.MappingNode):  # the axis first: it says how lengths and angles convert
-        for key, value in root.value:
-            if getattr(key, "value", None) == "axis":
-                axis = Reader(reader.path, Lengths()).value(Axis, value, "axis")
-                if isinstance(axis, Axis) and axis.kind in (ROTARY, LINEAR):
-                    reader.lengths = Lengths(axis.kind, axis.lead or 0.0)
+def _read(reader: Reader, root: yaml.Node) -> StageFile | None:
+    first = Reader(reader.path, Lengths())
+    lengths = _lengths(first, root)
+    if lengths is None:
+        reader.errors = first.errors
+        return None
+    reader.lengths = lengths
     file: StageFile = reader.value(StageFile, root, "")
     if not reader.errors:
         for wrong in (*_check_parts(file), *_check_wire(file, reader.path)):
@@ -173,6 +173,17 @@ def _read(reader: Reader, root: yaml.Node) -> StageFile:
     if not reader.errors:
         _check_loop(reader, file, root)
     return file
+
+
+def _lengths(reader: Reader, root: yaml.Node) -> Lengths | None:
+    """How lengths and angles convert; None where the axis is wrong, as then all else would look wrong, too."""
+    entries = reader.entries(root, "", StageFile._fields)
+    if "axis" not in entries:
+        reader.refuse(root, f"axis is missing: a block of {', '.join(Axis._fields)}")
+        return None
+    before = len(reader.errors)
+    axis = reader.value(Axis, entries["axis"], "axis")
+    return Lengths(axis.kind, axis.lead) if len(reader.errors) == before else None
 
 
 def _check_loop(reader: Reader, file: StageFile, root: yaml.Node) -> None:
@@ -212,6 +223,10 @@ def _check_wire(file: StageFile, path: Path) -> list[str]:
         wrong.append(f"drive.wire.eds = {wire.eds}; no such file; the path is relative to {path.parent}")
     for name, pdo, needed in (("rpdo", wire.rpdo, wire.command_object), ("tpdo", wire.tpdo, wire.current_object)):
         wrong += _check_objects(f"drive.wire.{name}", pdo, needed)
+    if wire.heartbeat_timeout <= wire.heartbeat:
+        wrong.append(f"drive.wire.heartbeat_timeout = {wire.heartbeat_timeout:g} s; must exceed heartbeat")
+    if 0.0 < wire.rpdo_timeout <= file.control.period:
+        wrong.append(f"drive.wire.rpdo_timeout = {wire.rpdo_timeout:g} s; must exceed control.period, or be 0 s: off")
     load_share = bus.load(1.0 / file.control.period, wire.bitrate, (0, 8, 8))
     if load_share > wire.bus_load_limit:
         wrong.append(_overload(file, wire, load_share))
@@ -230,7 +245,7 @@ def _check_objects(name: str, pdo: tuple[int, ...], needed: int) -> list[str]:
     if strange:
         return [f"{name} = {strange[0]:#x}; must be an index with its subindex, such as 0x6040_00"]
     if needed and needed not in pdo:
-        return [f"{name} must hold the object {needed:#x} that the cycle uses"]
+        return [f"{name} must hold the object 0x{needed >> 8:04x}_{needed & 0xFF:02x} that the cycle uses"]
     return []
 
 

@@ -12,7 +12,6 @@ import pickle
 import signal
 import struct
 import sys
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from stagectl.daemon import realtime, safety
@@ -33,6 +32,7 @@ class Job(NamedTuple):
     law: law.Law
     references: bytes  # (n, 7) float64, relative to where the axis stands
     dt: float  # s
+    by_clock: bool  # a missed period is a missed row; False where the plant waits for our SYNC
     wire: Canopen | None  # None: the stage model in this process
     stage: stage.Stage
     simulation: Simulation
@@ -60,53 +60,57 @@ def connect(job: Job) -> Drive:
     return CanopenDrive(job.wire, bus, job.stage.encoder.step, job.dt)
 
 
-def references(table: bytes, origin: float) -> Iterator[law.Reference]:
-    """The rows of the table, moved to where the axis stands (rad | m)."""
-    for r, d, a, av, b, bv, f in _REFERENCE.iter_unpack(table):
-        yield law.Reference(r + origin, d + origin, a + origin, av, b + origin, bv, f + origin)
+def reference(table: bytes, row: int, origin: float) -> law.Reference:
+    """A row of the table, moved to where the axis stands (rad | m)."""
+    r, d, a, av, b, bv, f = _REFERENCE.unpack_from(table, row * _REFERENCE.size)
+    return law.Reference(r + origin, d + origin, a + origin, av, b + origin, bv, f + origin)
 
 
 class Cycle:
     """The state of the running loop; `__call__` is one period."""
 
     def __init__(self, job: Job, drive: Drive, ring: Ring, origin: float) -> None:
-        self.job, self.drive, self.ring = job, drive, ring
+        self.job, self.drive, self.ring, self.origin = job, drive, ring, origin
         self.state = law.at_rest(job.law, origin)
-        self.position = origin
+        self.position = origin  # of the last period
+        self.row, self.passed = 0, 1  # row of the references, and how many it is past the last one
         self.cycles, self.late, self.late_in_a_row = 0, 0, 0
         self.metronome = realtime.Metronome(job.dt)
 
-    def __call__(self, reference: law.Reference) -> Fault:
+    def __call__(self) -> Fault:
         """Wait, sample, compute, apply, record; the reason to stop, if there is one."""
-        job, dt = self.job, self.job.dt
+        job = self.job
         lateness = self.metronome.wait()
+        if job.by_clock and lateness >= job.dt:
+            self._skip(self.metronome.missed())
+        row = self.row
+        asked = reference(job.references, row, self.origin)
         feedback = self.drive.sample()
-        output, self.state = law.step(job.law, self.state, reference, feedback.position)
-        speed = (feedback.position - self.position) / dt
+        output, self.state = law.step(job.law, self.state, asked, feedback.position)
+        speed = (feedback.position - self.position) / (self.passed * job.dt)
         fault = safety.judge(job.envelope, feedback.fault, feedback.position, speed, output.error)
         self.drive.apply(output.current if fault is Fault.NONE else 0.0)
-        late = self.metronome.overran()
-        self.ring.write(
-            (
-                self.cycles * dt,
-                *reference,
-                *output,
-                feedback.position,
-                _NAN,
-                feedback.current,
-                lateness,
-                late,
-                feedback.statusword,
-                fault,
-            )
-        )
+        missed = self.metronome.missed() + self.passed - 1
+        seen = (feedback.position, _NAN, feedback.current, lateness, missed > 0, feedback.statusword, fault)
+        self.ring.write((row * job.dt, *asked, *output, *seen))
         self.position = feedback.position
+        return self._count(missed) or fault
+
+    def _skip(self, missed: int) -> None:
+        """Leave rows out: the axis did not wait either."""
+        self.row = min(self.row + missed, len(self.job.references) // _REFERENCE.size - 1)
+        self.passed += missed
+        self.state = law.after_gap(self.state)
+
+    def _count(self, missed: int) -> Fault:
+        """Go on to the next row; where time runs by the clock, past those whose periods were missed."""
+        self.row, self.passed = self.row + 1, 1
+        if missed and self.job.by_clock:
+            self._skip(missed)
         self.cycles += 1
-        self.late += late
-        self.late_in_a_row = self.late_in_a_row + 1 if late else 0
-        if self.late_in_a_row >= job.envelope.late_limit:
-            return Fault.LATE
-        return fault
+        self.late += missed > 0
+        self.late_in_a_row = self.late_in_a_row + 1 if missed else 0
+        return Fault.LATE if self.late_in_a_row >= self.job.envelope.late_limit else Fault.NONE
 
 
 _NAN = float("nan")
@@ -116,13 +120,11 @@ def run(job: Job, drive: Drive, ring: Ring, origin: float, stopped: list[int]) -
     """The motion, from first row to last or to the first fault."""
     cycle = Cycle(job, drive, ring, origin)
     fault = Fault.NONE
-    for reference in references(job.references, origin):
-        fault = cycle(reference)
-        if stopped:
-            fault = Fault.OPERATOR
-        if fault is not Fault.NONE:
-            drive.quick_stop()
-            break
+    rows = len(job.references) // _REFERENCE.size
+    while cycle.row < rows and fault is Fault.NONE:
+        fault = Fault.OPERATOR if stopped else cycle()
+    if fault is not Fault.NONE:
+        drive.quick_stop()
     return Tally(cycle.cycles, cycle.late, fault)
 
 

@@ -62,7 +62,7 @@ def _awake() -> list[str]:
 
 
 class Metronome:
-    """Absolute deadlines on a fixed grid; a cycle that overruns moves the grid by whole periods."""
+    """Absolute deadlines on a fixed grid; a cycle that overruns loses whole periods of it."""
 
     def __init__(self, period: float) -> None:
         self.period = period
@@ -77,10 +77,8 @@ class Metronome:
             now = time.monotonic()
         return now - self.deadline
 
-    def overran(self) -> bool:
-        """Whether the period has ended before its work; if so the grid moves on, in whole periods."""
-        behind = time.monotonic() - self.deadline
-        if behind < self.period:
-            return False
-        self.deadline += self.period * (behind // self.period)
-        return True
+    def missed(self) -> int:
+        """Periods that have ended since the deadline: 0 in time; otherwise the next deadline lies behind them."""
+        missed = int((time.monotonic() - self.deadline) / self.period)
+        self.deadline += self.period * missed
+        return missed

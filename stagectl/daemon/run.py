@@ -106,6 +106,7 @@ def _job(motion: Motion, ring: Ring) -> Job:
         law=portable(motion.law),
         references=motion.plan.references.tobytes(),
         dt=setup.dt,
+        by_clock=not waits_for_sync(setup),
         wire=wire if isinstance(wire, Canopen) else None,
         stage=setup.stage._replace(friction=setup.stage.friction._replace(operators=portable(motion.law).friction)),
         simulation=setup.file.simulation,
@@ -116,6 +117,13 @@ def _job(motion: Motion, ring: Ring) -> Job:
         width=ring.width,
         capacity=ring.capacity,
     )
+
+
+def waits_for_sync(setup: Setup) -> bool:
+    """Whether the plant moves with our cycles, not with the clock: in process, or virtual with the clock `sync`."""
+    wire = setup.file.drive.wire
+    virtual = not isinstance(wire, Canopen) or wire.interface == "embedded"
+    return virtual and setup.file.simulation.clock == "sync"
 
 
 def _event(process: _Process, expected: str) -> dict[str, Any]:

@@ -134,8 +134,9 @@ class VirtualNode:
         if self._wall:
             self._catch_up(now)
         else:
-            self.axis.advance()
+            self.axis.advance(self._dt)
             self._plant_time = now
+        self.axis.plant.latch()
         self._synced = now
         self._syncs += 1
         for pdo, readers in self._tpdos:
@@ -205,14 +206,17 @@ class VirtualNode:
             self._plant_time = now
 
     def _catch_up(self, now: float) -> None:
-        """Let the plant run to `now` in whole periods."""
+        """Let the plant run to `now`, in periods and what is left of one."""
         slipped = now - self._plant_time - _SLIP
         if slipped > 0.0:
             self._report(f"the plant's clock slipped by {slipped:.1f} s: this machine is too busy")
             self._plant_time = now - _SLIP
         for _ in range(int((now - self._plant_time) / self._dt)):
-            self.axis.advance()
+            self.axis.advance(self._dt)
             self._plant_time += self._dt
+        if self._wall and now > self._plant_time:
+            self.axis.advance(now - self._plant_time)
+            self._plant_time = now
 
     def _partner_lost(self, lost: Lost) -> None:
         self.objects.error(lost.code, cia402.COMMUNICATION_ERROR)

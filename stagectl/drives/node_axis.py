@@ -95,15 +95,17 @@ class Axis:
         obeys = self.state is State.OPERATION_ENABLED and self.mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
         limit = self.options.current_limit
         self.applied = min(max(self.target, -limit), limit) if obeys else 0.0
+        self.plant.command(self.applied)
 
-    def advance(self) -> None:
-        """One control period of the plant, under the applied command or the drive's own stop."""
+    def advance(self, seconds: float) -> None:
+        """Let time go on by a period or less, under the applied command or the drive's own stop."""
         if not self.stopping:
-            self.plant.advance(self.applied)
+            self.plant.drift(seconds)
             return
-        self._reference = _towards_zero(self._reference, self.options.deceleration * self.plant.dt)
-        self.plant.advance(self._gain * (self._reference - self.plant.state.velocity))
-        self._watch_stop()
+        self._reference = _towards_zero(self._reference, self.options.deceleration * seconds)
+        self.plant.command(self._gain * (self._reference - self.plant.state.velocity))
+        self.plant.drift(seconds)
+        self._watch_stop(seconds)
 
     def quick_stop(self) -> None:
         """Transition 11: brake as 0x605A says, whoever asked for it."""
@@ -145,6 +147,7 @@ class Axis:
         self.state = state
         self.applied = self.target = self._limit = 0.0
         self.plant.powered = self.enabled
+        self.plant.command(0.0)
 
     def _brake(self, after: State) -> None:
         self._after_stop = after
@@ -152,8 +155,8 @@ class Axis:
         self._elapsed = self._still = 0.0
         self._limit = abs(self._reference) / self.options.deceleration + _STOP_LIMIT
 
-    def _watch_stop(self) -> None:
-        dt, velocity = self.plant.dt, self.plant.state.velocity
+    def _watch_stop(self, dt: float) -> None:
+        velocity = self.plant.state.velocity
         self._elapsed += dt
         standing = self.options.deceleration * _STANDING + self.plant.p.encoder.step / _STANDS
         still = self._reference == 0.0 and abs(velocity) < standing

@@ -44,14 +44,39 @@ class Plant:
         """At rest at 0, unloaded, without power, the noise from its beginning."""
         self.state = stage.at_rest(self.p)
         self._random = random.Random(self.simulation.seed)
-        self.powered = False
+        self._powered = False
         self._noise = self._draw()
 
+    @property
+    def powered(self) -> bool:
+        """Whether current can flow; without power the delay line is empty, too."""
+        return self._powered
+
+    @powered.setter
+    def powered(self, on: bool) -> None:
+        self._powered = on
+        if not on:
+            self.state = self.state._replace(commands=stage.NO_COMMANDS)
+
     def advance(self, command: float) -> None:
-        """One control period under `command` (A); without power no current flows and none is noisy."""
-        heard, substeps = self._heard(), self.simulation.substeps
-        self.state = stage.period(self.p, self.state, command * self.powered, heard, self.dt, substeps)
-        if self.powered:
+        """One control period under `command` (A)."""
+        self.command(command)
+        self.drift(self.dt)
+        self.latch()
+
+    def command(self, command: float) -> None:
+        """Hand over the command (A) of the period that begins now."""
+        self.state = stage.commanded(self.p.drive, self.state, command * self._powered)
+
+    def drift(self, seconds: float) -> None:
+        """Let time go on; a whole period in exactly `substeps` steps, any other time in steps no longer."""
+        substeps = max(1, math.ceil(seconds / self.dt * self.simulation.substeps - 1e-6))
+        self.state = stage.drifted(self.p, self.state, self._heard(), seconds, substeps)
+
+    def latch(self) -> None:
+        """The end of a period: its position enters the measurement's delay line, new noise is drawn."""
+        self.state = stage.latched(self.state)
+        if self._powered:
             self._noise = self._draw()
 
     @property
@@ -65,7 +90,7 @@ class Plant:
         return round(self.position / self.p.encoder.step)
 
     def _heard(self) -> stage.Noise:
-        return self._noise if self.powered else stage.SILENT
+        return self._noise if self._powered else stage.SILENT
 
     def _draw(self) -> stage.Noise:
         gauss, p = self._random.gauss, self.simulation

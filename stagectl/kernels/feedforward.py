@@ -50,6 +50,7 @@ class State(NamedTuple):
     current: float  # A, u2 of the running frame
     passed: float  # rad | m, target in its middle
     second_half: bool
+    joined: bool  # False after a gap in the rows: where the coming frame starts is not known
 
 
 class Output(NamedTuple):
@@ -81,7 +82,7 @@ def _phi2(z: float) -> float:
 def at_rest(position: float) -> State:
     """A reference that has been standing at `position` (rad | m)."""
     here = Desired(float(position), 0.0)
-    return State(here, here, 0.0, float(position), False)
+    return State(here, here, 0.0, float(position), False, True)
 
 
 @kernel
@@ -97,11 +98,23 @@ def commands(p: Held, start: Desired, end: Desired) -> tuple[float, float]:
 
 
 @kernel
-def step(p: Held, x: State, ahead: Desired, late: Desired) -> tuple[Output, State]:
-    """One period; `ahead` and `late` are the desired states at the end of the frame that begins now."""
+def after_gap(x: State) -> State:
+    """Rows were left out: the coming frame holds the last current, the one after it is exact again."""
+    return State(x.ahead, x.late, x.current, x.passed, False, False)
+
+
+@kernel
+def step(p: Held, x: State, ahead: Desired, late: Desired, now: float) -> tuple[Output, State]:
+    """One period; `ahead` and `late` are the desired states at the end of the frame that begins now.
+
+    `now` (rad | m) is the commanded position at the instant of the measurement: the target after a gap.
+    """
     if x.second_half:
-        return Output(x.current, x.passed), State(x.ahead, x.late, x.current, x.passed, False)
+        passed = x.passed if x.joined else now
+        return Output(x.current, passed), State(x.ahead, x.late, x.current, passed, False, True)
+    if not x.joined:
+        return Output(x.current, now), State(ahead, late, x.current, now, True, False)
     u1, u2 = commands(p, x.ahead, ahead)
     v1, _ = commands(p, x.late, late)
     passed = x.late.position + p.a12 * x.late.velocity + p.b1 * v1
-    return Output(u1, x.late.position), State(ahead, late, u2, passed, True)
+    return Output(u1, x.late.position), State(ahead, late, u2, passed, True, True)

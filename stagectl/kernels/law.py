@@ -78,11 +78,17 @@ def at_rest(p: Law, position: float = 0.0) -> State:
 
 
 @kernel
+def after_gap(x: State) -> State:
+    """Periods were missed, and their rows with them: the law goes on from where the reference is now."""
+    return State(x.feedback, feedforward.after_gap(x.feedforward), x.stops, x.friction_position)
+
+
+@kernel
 def step(p: Law, x: State, r: Reference, measured: float) -> tuple[Output, State]:
     """One period: the current for this measured position (rad | m)."""
     ahead = feedforward.Desired(r.ahead_position, r.ahead_velocity)
     late = feedforward.Desired(r.late_position, r.late_velocity)
-    forward, ptc = feedforward.step(p.plant, x.feedforward, ahead, late)
+    forward, ptc = feedforward.step(p.plant, x.feedforward, ahead, late, r.delayed)
     if not p.with_ptc:
         forward = feedforward.Output(0.0, r.delayed)
     rub = 0.0

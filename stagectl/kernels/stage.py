@@ -95,6 +95,7 @@ class Noise(NamedTuple):
 
 
 SILENT = Noise(0.0, 0.0)
+NO_COMMANDS: Line = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class _Coefficients(NamedTuple):
@@ -110,9 +111,8 @@ class _Coefficients(NamedTuple):
 def at_rest(p: Stage, position: float = 0.0) -> State:
     """The plant standing at `position`, unloaded, without current."""
     place = float(position)
-    none: Line = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     here: Line = (place, place, place, place, place, place, place, place)
-    return State(none, here, 0.0, place, 0.0, 0.0, friction.relaxed(p.friction.operators))
+    return State(NO_COMMANDS, here, 0.0, place, 0.0, 0.0, friction.relaxed(p.friction.operators))
 
 
 @kernel
@@ -167,15 +167,33 @@ def _substep(p: Stage, c: _Coefficients, x: State, target: float, extra: float) 
 
 
 @kernel
-def period(p: Stage, x: State, command: float, noise: Noise, dt: float, substeps: int) -> State:
-    """Advance the plant by one control period `dt` under a held `command` (A)."""
-    commands = pushed(x.commands, rounded(p.drive, command))
-    target = delivered(p.drive, commands)
+def commanded(p: Drive, x: State, command: float) -> State:
+    """Drive, once a period: `command` (A) enters the delay line; the one that leaves it acts from now on."""
+    commands = pushed(x.commands, rounded(p, command))
+    return State(commands, x.latched, x.current, x.position, x.velocity, x.force, x.stops)
+
+
+@kernel
+def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State:
+    """The plant `dt` (s) later, under the command that acts."""
+    target = delivered(p.drive, x.commands)
     c = _coefficients(p, dt / substeps)
     for _ in range(substeps):
         x = _substep(p, c, x, target, noise.current)
-    latched = pushed(x.latched, x.position)
-    return State(commands, latched, x.current, x.position, x.velocity, x.force, x.stops)
+    return x
+
+
+@kernel
+def latched(x: State) -> State:
+    """Encoder, once a period: the position now enters the measurement's delay line."""
+    line = pushed(x.latched, x.position)
+    return State(x.commands, line, x.current, x.position, x.velocity, x.force, x.stops)
+
+
+@kernel
+def period(p: Stage, x: State, command: float, noise: Noise, dt: float, substeps: int) -> State:
+    """Advance the plant by one control period `dt` (s) under a held `command` (A)."""
+    return latched(drifted(p, commanded(p.drive, x, command), noise, dt, substeps))
 
 
 @kernel

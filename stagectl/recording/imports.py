@@ -128,7 +128,7 @@ def _checked(log: _Log) -> Array:
     if np.any(backwards := np.diff(time) <= 0.0):
         row = int(np.argmax(backwards)) + 1
         raise RecordingError(
-            f"{log.path}: time {time[row]!r} s in row {row + 1} follows {time[row - 1]!r} s; times must increase "
+            f"{log.path}: time {time[row]:.9g} s in row {row + 1} follows {time[row - 1]:.9g} s; times must increase "
             "strictly: remove repeated rows or sort the log"
         )
     return time

@@ -25,9 +25,11 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
         raise RecordingError(f"{recording.path} holds no rows")
     p = read_law(recording.meta["law"])
     rows = recording.samples[[*law.Reference._fields, "measured"]].tolist()
+    rows_between = np.diff(recording.samples["time"], prepend=recording.samples["time"][0]) / recording.meta["dt"]
     state = law.at_rest(p, recording.samples["reference"][0])
     found = []
-    for *reference, measured in rows:
+    for gap, (*reference, measured) in zip(rows_between > 1.5, rows, strict=True):
+        state = law.after_gap(state) if gap else state
         output, state = law.step(p, state, law.Reference(*reference), measured)
         found.append(output)
     return np.array(found)

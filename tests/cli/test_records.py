@@ -29,7 +29,7 @@ def stagectl(*arguments: object, expect: int = 0) -> subprocess.CompletedProcess
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("records")
     trajectory = folder / "wave.yaml"
-    trajectory.write_text("type: multisine\namplitude: 5 mm\nlow: 0.5 Hz\nhigh: 5 Hz\nbase: 4 s\nperiods: 1\n")
+    trajectory.write_text("type: multisine\namplitude: 20 mm\nlow: 0.2 Hz\nhigh: 2 Hz\nbase: 8 s\nperiods: 1\n")
     stagectl("simulate", STAGE, trajectory, "-o", folder / "wave.h5")
     return folder / "wave.h5"
 
@@ -63,9 +63,14 @@ def test_identify_finds_the_model_that_was_simulated(recording: Path, tmp_path: 
     result = stagectl("identify", "least-squares", STAGE, recording, "--json", tmp_path / "found.json")
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["method"] == "least-squares" and "95 % interval" in result.stderr
-    for name, value, unit in (("inertia", 0.010, "kg m^2"), ("viscous", 0.14, "N m s/rad"), ("coulomb", 1.0, "N m")):
-        assert found["parameters"][name]["value"] == pytest.approx(value, rel=0.05)
+    for name, value, within, unit in (
+        ("inertia", 0.010, 0.03, "kg m^2"),
+        ("viscous", 0.14, 0.03, "N m s/rad"),
+        ("coulomb", 1.0, 0.10, "N m"),
+    ):
+        assert found["parameters"][name]["value"] == pytest.approx(value, rel=within)
         assert found["parameters"][name]["unit"] == unit
+    assert found["parameters"]["coulomb"]["value"] < 1.0  # presliding is softer than sign(v)
     assert abs(found["parameters"]["offset"]["value"]) < 0.02
     assert found["captures"][0]["current"] == "measured_current"
 

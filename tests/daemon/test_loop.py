@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,7 +16,6 @@ from stagectl.drives.drive import Fault, Feedback
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import rollout
 from stagectl.plan import plan
-from stagectl.recording.meta import portable
 from stagectl.recording.ring import Ring
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
@@ -68,25 +67,39 @@ class Scripted(Simulated):
         return super().quick_stop()
 
 
-def job_for(setup: Setup, ring: Ring, late_limit: int = 3) -> Job:
-    law = portable(design.design(setup.stage, setup.file.control))
-    envelope = Envelope(*setup.file.limits.travel, 1e3, setup.file.limits.following_error, late_limit)
-    references = plan(setup, SINE).references.tobytes()
-    machine = (None, setup.stage, setup.file.simulation, envelope, 0, None)
-    native = design.design(setup.stage, setup.file.control)
-    return Job(native._replace(friction=law.friction), references, setup.dt, *machine, ring.descriptor, 24, ring.capacity)
+def job_for(setup: Setup, ring: Ring, by_clock: bool = False) -> Job:
+    envelope = Envelope(*setup.file.limits.travel, 1e3, setup.file.limits.following_error, 3)
+    return Job(
+        law=design.design(setup.stage, setup.file.control),
+        references=plan(setup, SINE).references.tobytes(),
+        dt=setup.dt,
+        by_clock=by_clock,
+        wire=None,
+        stage=setup.stage,
+        simulation=setup.file.simulation,
+        envelope=envelope,
+        priority=0,
+        cpu=None,
+        ring=ring.descriptor,
+        width=ring.width,
+        capacity=ring.capacity,
+    )
 
 
-def moved(setup: Setup, clock: Clock, script: dict[int, Any], stopped: list[int] | None = None) -> Any:
-    """Run with this script: (tally, drive, rows)."""
+class Moved(NamedTuple):
+    tally: loop.Tally
+    drive: Scripted
+    rows: dict[str, Any]
+
+
+def moved(setup: Setup, clock: Clock, script: dict[int, Any], by_clock: bool = False, stopped: bool = False) -> Moved:
+    """Run with this script."""
     ring = Ring.create(rollout.WIDTH)
-    job = job_for(setup, ring)
-    job = job._replace(law=design.design(setup.stage, setup.file.control), width=rollout.WIDTH)
     drive = Scripted(Plant(setup.stage, setup.file.simulation, setup.dt), script, clock)
     drive.plant.powered = True
-    tally = run(job, drive, ring, 0.0, stopped or [])
+    tally = run(job_for(setup, ring, by_clock), drive, ring, 0.0, [2] if stopped else [])
     rows = np.frombuffer(ring.read(0, ring.capacity)[1]).reshape(-1, rollout.WIDTH)
-    return tally, drive, {name: rows[:, k] for k, name in enumerate(rollout.COLUMNS)}
+    return Moved(tally, drive, {name: rows[:, k] for k, name in enumerate(rollout.COLUMNS)})
 
 
 def test_a_whole_motion_is_what_simulate_gives(ball_screw: Setup, clock: Clock) -> None:
@@ -134,27 +147,55 @@ def test_too_many_late_cycles_in_a_row_stop_the_axis(ball_screw: Setup, clock: C
 
 
 def test_the_operator_stops_it(ball_screw: Setup, clock: Clock) -> None:
-    tally, drive, _ = moved(ball_screw, clock, {}, [2])
-    assert tally == loop.Tally(1, 0, Fault.OPERATOR)
+    tally, drive, _ = moved(ball_screw, clock, {}, stopped=True)
+    assert tally == loop.Tally(0, 0, Fault.OPERATOR)
     assert drive.stopped == 1
+
+
+class Coasting(Scripted):
+    """A machine: while the controller sleeps, time goes on and the last current acts."""
+
+    def sample(self) -> Feedback:
+        held = self.applied[-1] if self.applied else 0.0
+        for _ in range(int(self.script.get(self.cycle + 1, 0.0) / self.plant.dt)):
+            self.plant.advance(held)
+        return super().sample()
+
+
+@pytest.mark.parametrize(("by_clock", "worst"), [(True, 2e-6), (False, 50e-6)])
+def test_where_time_runs_by_the_clock_missed_periods_are_missed_rows(
+    ball_screw: Setup, clock: Clock, by_clock: bool, worst: float
+) -> None:
+    """A stall of 3 ms at full speed: the reference must not wait for us, as the axis did not."""
+    ring = Ring.create(rollout.WIDTH)
+    stall = {312: 3.05e-3}  # 20 mm/s
+    drive = Coasting(Plant(ball_screw.stage, ball_screw.file.simulation, ball_screw.dt), stall, clock)
+    drive.plant.powered = True
+    tally = run(job_for(ball_screw, ring, by_clock), drive, ring, 0.0, [])
+    rows = np.frombuffer(ring.read(0, ring.capacity)[1]).reshape(-1, rollout.WIDTH)
+    time, error = rows[:, 0], np.abs(rows[:, 1] - rows[:, rollout.COLUMNS.index("measured")])
+    assert (tally.late, tally.fault) == (1, Fault.NONE)
+    assert np.max(np.diff(time)) == pytest.approx((7 if by_clock else 1) * ball_screw.dt, rel=1e-6)
+    found = float(np.max(error[313:])) * ball_screw.file.axis.travel_per_unit
+    assert (found < worst) if by_clock else (found > worst)
 
 
 def test_a_motion_from_elsewhere_is_the_same_motion(ball_screw: Setup) -> None:
     """References are relative to where the axis stands."""
     table = plan(ball_screw, SINE).references
-    moved_by = list(loop.references(table.tobytes(), 0.25))
-    for name in ("reference", "delayed", "ahead_position", "late_position", "friction_position"):
-        at = rollout.COLUMNS.index(name) - 1
-        assert [getattr(r, name) for r in moved_by] == (table[:, at] + 0.25).tolist()
-    assert [r.ahead_velocity for r in moved_by] == table[:, 3].tolist()
+    for k in (0, 100, len(table) - 1):
+        row = loop.reference(table.tobytes(), k, 0.25)
+        shifted = [
+            x + (0.0 if name.endswith("velocity") else 0.25) for name, x in zip(row._fields, table[k], strict=True)
+        ]
+        assert list(row) == shifted
 
 
-def test_a_cycle_never_reads_the_clock_twice_to_sleep_in_the_past(ball_screw: Setup, clock: Clock) -> None:
+def test_cycles_begin_on_the_grid(ball_screw: Setup, clock: Clock) -> None:
     ring = Ring.create(rollout.WIDTH)
-    job = job_for(ball_screw, ring)._replace(law=design.design(ball_screw.stage, ball_screw.file.control))
     drive = Scripted(Plant(ball_screw.stage, ball_screw.file.simulation, ball_screw.dt), {}, clock)
-    cycle = Cycle(job, drive, ring, 0.0)
+    cycle = Cycle(job_for(ball_screw, ring), drive, ring, 0.0)
     began = clock.now
-    for reference in list(loop.references(job.references, 0.0))[:100]:
-        cycle(reference)
+    for _ in range(100):
+        cycle()
     assert clock.now - began == pytest.approx(100 * ball_screw.dt, rel=1e-9)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -80,9 +82,6 @@ def test_its_reference_runs_in_simulation(emps: Path) -> None:
     inside = slice(300, 300 + 24840)
     moved = samples["reference"][inside] - samples["reference"][300]
     np.testing.assert_allclose(moved, record.column("reference")[:24840] - record.column("reference")[0], atol=2e-6)
-    # The machine is known by the published model: its voltage is foretold to the published 5.8 % of force.
-    foretold, real = samples["command"][inside], record.column("command")[:24840]
-    assert 0.03 < np.linalg.norm(foretold - real) / np.linalg.norm(real) < 0.20
 
 
 def test_its_reference_runs_on_the_bus(emps: Path) -> None:
@@ -90,9 +89,11 @@ def test_its_reference_runs_on_the_bus(emps: Path) -> None:
     trajectory = emps.with_name("second.yaml")
     stagectl("export", emps, "--to", "trajectory", "-o", trajectory)
     trajectory.write_text(trajectory.read_text() + "part: [0 s, 1 s]\n")
-    out = emps.with_name("run.h5")
-    channel = emps.parent / "bus"
-    result = json.loads(stagectl("run", STAGE, trajectory, "--channel", channel, "-o", out, "--json", "-"))
+    arguments = ("--channel", emps.parent / "bus", "-o", emps.with_name("run.h5"), "--json", "-")
+    command = [sys.executable, "-m", "stagectl", "run", STAGE, trajectory, *arguments]  # as ever, its own process
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert run.returncode == 0, run.stderr
+    result = json.loads(run.stdout)
     assert result["in_position"] and result["fault"] == ""
     assert 4e-8 < result["tracking_error"]["peak"] < 1.5e-7
 

@@ -46,7 +46,7 @@ def discrete_run(p: ff.Held, periods: int) -> tuple[list[float], list[float]]:
     state, against_target, against_reference = ff.at_rest(0.0), [], []
     for k in range(periods):
         ahead = sine((k + 2) * DT)
-        out, state = ff.step(p, state, ahead, ahead)
+        out, state = ff.step(p, state, ahead, ahead, 0.0)
         against_target.append((x[0] - out.target) * UM)
         against_reference.append((x[0] - sine(k * DT).position) * UM)
         x = np.array([x[0] + p.a12 * x[1] + p.b1 * out.current, p.a22 * x[1] + p.b2 * out.current])
@@ -86,5 +86,5 @@ def test_any_two_states_are_joined(position: float, velocity: float, dx: float, 
 def test_standing_still_asks_for_nothing() -> None:
     p, state = ff.held(PLANT, KT, DT), ff.at_rest(0.7)
     for _ in range(4):
-        out, state = ff.step(p, state, ff.Desired(0.7, 0.0), ff.Desired(0.7, 0.0))
+        out, state = ff.step(p, state, ff.Desired(0.7, 0.0), ff.Desired(0.7, 0.0), 0.7)
         assert out == ff.Output(0.0, 0.7)

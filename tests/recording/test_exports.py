@@ -18,12 +18,14 @@ from scipy.io import loadmat
 from scipy.linalg import expm
 
 from stagectl.cli.records import Format
+from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.recording.exports import FORMATS, export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, save
 from stagectl.recording.imports import read
 from stagectl.session import prepare, pretend
+from stagectl.trajectories import Recorded
 
 Array = NDArray[Any]
 CONFIG = Path(__file__).parents[2] / "config"
@@ -95,7 +97,9 @@ def frames(c: dict[str, Any], reference: Any, rows: int, advance: float) -> tupl
     ad, bd, a, b = frame_matrices(c)
     u, y0 = np.zeros(rows), np.zeros(rows)
     for i in range(0, rows, 2):
-        start, end = (reference((k * c["Ts"]) + advance) for k in (i, i + 2))
+        start, end = (reference(k * c["Ts"] + advance) for k in (i, i + 2))
+        if i == 0:  # states_at_first_row
+            start = np.array([reference(0.0)[0], 0.0])
         pair = np.linalg.solve(b, end - a @ start)
         u[i : i + 2] = pair
         y0[i], y0[i + 1] = start[0], (ad @ start + bd * pair[0])[0]
@@ -161,8 +165,9 @@ def test_a_folder_comes_back_as_it_went(sine: Recording, tmp_path: Path) -> None
         assert back.samples.dtype.names == ("time", "reference", "command", "measured", "measured_current")
         for name in back.samples.dtype.names:
             np.testing.assert_array_equal(back.column(name), sine.column(name))
-        assert back.meta["axis"] == pytest.approx(sine.meta["axis"], rel=1e-15)
-        again = export([back], "folder", tmp_path / "again").path
+        for name, value in sine.meta["axis"].items():
+            assert back.meta["axis"][name] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-15))
+        again = export([back], "folder", tmp_path / "again")[0].path
         for name in ("nominal.yaml", "sine-1.csv"):
             assert (again / name).read_text() == (tmp_path / "out" / name).read_text()
 
@@ -201,6 +206,37 @@ def test_a_reference_becomes_a_trajectory(sine: Recording, tmp_path: Path) -> No
     scale = sine.meta["axis"]["travel_per_unit"]
     np.testing.assert_allclose(motion.position, sine.column("reference") * scale, atol=1e-12)
     assert "run_up" not in (tmp_path / "again.yaml").read_text()  # it begins and ends at rest
+
+
+def test_run_up_and_run_out_begin_and_end_at_rest() -> None:
+    """Consistent derivatives, no jump of the velocity, the record itself unchanged; half of v T either way."""
+    time = np.linspace(3.0, 4.0, 1001)
+    p = Recorded(time, 0.02 * np.sin(5.0 * time), run_up=0.3, run_out=0.2)
+    t = np.linspace(0.0, 1.5, 15_001)
+    x, v, a = p.at(t)
+    first, last = 0.1 * math.cos(15.0), 0.1 * math.cos(20.0)
+    assert p.duration == pytest.approx(1.5) and p.steady == pytest.approx((0.3, 1.3))
+    assert p.initial_velocity == p.final_velocity == x[0] == v[0] == v[-1] == 0.0
+    assert x[-1] == p.end == pytest.approx(0.15 * first + 0.02 * (math.sin(20.0) - math.sin(15.0)) + 0.1 * last)
+    inside = (t >= 0.3) & (t <= 1.3)
+    expected = 0.15 * first + 0.02 * (np.sin(5.0 * (t[inside] + 2.7)) - math.sin(15.0))
+    np.testing.assert_allclose(x[inside], expected, atol=1e-12)
+    assert np.abs(np.diff(v)).max() < 1.01e-4 * np.abs(a).max()
+    np.testing.assert_allclose(np.gradient(x, t), v, atol=1e-4)
+    assert np.abs(a[t < 0.3]).max() == pytest.approx(1.5 * abs(first) / 0.3, rel=1e-3)
+
+
+def test_a_part_of_a_file_runs(tmp_path: Path) -> None:
+    rows = "".join(f"{0.1 * k:.1f},{0.5 * k}\n" for k in range(40))
+    (tmp_path / "a.csv").write_text(f"time_s,reference_mm\n{rows}")
+    axis = axis_of(load_stage(CONFIG / "linear-slider.yaml"))
+    (tmp_path / "a.yaml").write_text("type: csv\nfile: a.csv\npart: [1 s, 2000 ms]\nrun_up: 0.1 s\nrun_out: 100 ms\n")
+    found = load_trajectory(tmp_path / "a.yaml", axis)
+    assert found.duration == pytest.approx(1.2)
+    assert found.end == pytest.approx(5.0e-3 + 5.0e-3 * 0.1)
+    (tmp_path / "a.yaml").write_text("type: csv\nfile: a.csv\npart: [5 s, 6 s]\n")
+    with pytest.raises(ConfigError, match=r"csv.part = \[5 s, 6 s\] holds no row; the file holds 0 s to 3.9 s"):
+        load_trajectory(tmp_path / "a.yaml", axis)
 
 
 def test_what_cannot_be_exported_is_refused(sine: Recording, tmp_path: Path) -> None:

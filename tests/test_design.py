@@ -1,0 +1,190 @@
+"""Control design: the paper's gains, the margins at every delay, poles where they belong, refusal where they are not."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from stagectl import design
+from stagectl.config.stage_file import Setup
+from stagectl.kernels import feedback, friction, law, rollout, stage
+from stagectl.kernels.jit import table
+from tests.conftest import varied
+
+Polynomial = list[Fraction]
+
+
+def controlled(setup: Setup, bandwidth: float, period: float, margin: float = 0.0) -> design.Control:
+    """Stage A's settings with another bandwidth (Hz), period (s) and least margin (rad)."""
+    return setup.file.control._replace(bandwidth=bandwidth, period=period, margin=margin)
+
+
+def test_gains_of_the_paper(ball_screw: Setup) -> None:
+    gains = design.gains(ball_screw.stage, ball_screw.file.control)
+    assert gains.pole == pytest.approx(991.31, abs=0.005)
+    assert gains.proportional == pytest.approx(833.30, abs=0.005)
+    assert gains.integral == pytest.approx(55901, abs=0.5)
+    assert gains.derivative == pytest.approx(4.2749, abs=0.00005)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "viscous", "constant", "hertz"), [(0.01, 0.14, 0.72, 40.0), (6.0, 20.0, 20.0, 25.0)]
+)
+def test_the_closed_loop_has_four_equal_poles(inertia: float, viscous: float, constant: float, hertz: float) -> None:
+    """(J s^2 + D s)(s + a) s + Kt (Kp s (s + a) + Ki (s + a) + Kd a s^2) = J (s + p)^4, in exact arithmetic."""
+    gains = feedback.place_poles(stage.Mechanics(inertia, viscous), constant, hertz)
+    kp, ki, kd, a = (Fraction(value) for value in gains)
+    j, d, kt = Fraction(inertia), Fraction(viscous), Fraction(constant)
+    plant = [j, d + j * a, d * a, Fraction(0), Fraction(0)]  # (J s^2 + D s)(s + a) s
+    controller = [Fraction(0), Fraction(0), kt * (kp + kd * a), kt * (kp * a + ki), kt * ki * a]
+    found = [(left + right) / j for left, right in zip(plant, controller, strict=True)]
+    p = Fraction(2.0 * math.pi * hertz)
+    for coefficient, power in zip(found, range(5), strict=True):
+        assert float(coefficient / (math.comb(4, power) * p**power)) == pytest.approx(1.0, abs=1e-12)
+
+
+MARGINS = [  # control-math: bandwidth (Hz), period (ms), nd, phase margin (deg)
+    (40, 0.5, 0, 36),
+    (40, 0.5, 1, 26),
+    (40, 0.5, 2, 15),
+    (40, 1.0, 0, 31),
+    (40, 1.0, 1, 10),
+    (40, 1.0, 2, -10),
+    (20, 1.0, 1, 29),
+    (10, 2.0, 1, 32),
+    (40, 2.0, 1, -20),
+]
+
+
+@pytest.mark.parametrize(("hertz", "period_ms", "nd", "degrees"), MARGINS)
+def test_phase_margins(ball_screw: Setup, hertz: float, period_ms: float, nd: int, degrees: float) -> None:
+    p = varied(ball_screw, nd=nd).stage
+    control = controlled(ball_screw, hertz, period_ms * 1e-3)
+    reached = design.margins(p, design.gains(p, control), control.period)
+    assert math.degrees(reached.phase) == pytest.approx(degrees, abs=1.0)
+    assert reached.stable == (degrees > 0)
+    assert reached.delay == pytest.approx(reached.phase / (2.0 * math.pi * reached.crossover))
+
+
+def test_a_measurement_delay_costs_what_a_command_delay_costs(ball_screw: Setup) -> None:
+    control = controlled(ball_screw, 40.0, 5e-4)
+    gains = design.gains(ball_screw.stage, control)
+    here, there = (design.margins(varied(ball_screw, nd=nd, nm=nm).stage, gains, 5e-4) for nd, nm in ((2, 0), (1, 1)))
+    assert here == there
+
+
+def test_the_gain_margin_is_where_stability_ends(ball_screw: Setup) -> None:
+    p, control = ball_screw.stage, ball_screw.file.control
+    gains = design.gains(p, control)
+    limit = design.margins(p, gains, control.period).gain
+    for factor, stable in ((0.99 * limit, True), (1.01 * limit, False)):
+        stronger = gains._replace(
+            proportional=factor * gains.proportional,
+            integral=factor * gains.integral,
+            derivative=factor * gains.derivative,
+        )
+        assert design.margins(p, stronger, control.period).stable == stable
+
+
+def test_a_current_loop_of_no_lag_is_the_limit_of_fast_ones(ball_screw: Setup) -> None:
+    gains = design.gains(ball_screw.stage, ball_screw.file.control)
+    drive = ball_screw.stage.drive
+    none, fast = (
+        design.margins(ball_screw.stage._replace(drive=drive._replace(current_lag=lag)), gains, 5e-4)
+        for lag in (0.0, 1e-7)
+    )
+    assert none.phase == pytest.approx(fast.phase, abs=1e-4)
+
+
+@pytest.mark.parametrize(("asked", "accepted"), [(20.0, True), (25.5, True), (26.5, False), (40.0, False)])
+def test_a_margin_below_the_limit_is_refused(ball_screw: Setup, asked: float, accepted: bool) -> None:
+    control = controlled(ball_screw, 40.0, 5e-4, math.radians(asked))
+    if accepted:
+        assert design.design(ball_screw.stage, control).compensate_friction
+        return
+    with pytest.raises(design.DesignError, match=rf"phase margin of 25.8 deg; at least {asked:g} deg.*nd 1.*Take \d"):
+        design.design(ball_screw.stage, control)
+
+
+def test_the_advice_holds(ball_screw: Setup) -> None:
+    control = controlled(ball_screw, 40.0, 1e-3, math.radians(20))
+    with pytest.raises(design.DesignError) as caught:
+        design.design(ball_screw.stage, control)
+    advised = float(str(caught.value).split("Take ")[1].split(" Hz")[0])
+    design.design(ball_screw.stage, control._replace(bandwidth=advised))
+    with pytest.raises(design.DesignError):  # and it is not needlessly low
+        design.design(ball_screw.stage, control._replace(bandwidth=1.25 * advised))
+
+
+def test_an_unstable_loop_is_refused_even_if_any_margin_would_do(ball_screw: Setup) -> None:
+    p = varied(ball_screw, nd=2).stage
+    with pytest.raises(design.DesignError, match="unstable"):
+        design.design(p, controlled(ball_screw, 40.0, 1e-3))
+
+
+def test_a_bandwidth_below_the_plants_damping_is_refused(ball_screw: Setup) -> None:
+    with pytest.raises(design.DesignError, match=r"control.bandwidth = 0.5 Hz is too low .* more than 0.557 Hz"):
+        design.gains(ball_screw.stage, controlled(ball_screw, 0.5, 5e-4))
+
+
+extreme = st.sampled_from([5e-324, 1e-300, 1e-150, 1e-30, 1e-9, 1e-3, 1.0, 1e3, 1e6])
+
+
+@settings(
+    max_examples=300, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(extreme, extreme | st.just(0.0), extreme, st.floats(1e-3, 2000.0), st.sampled_from([1e-5, 5e-4, 0.1]))
+def test_no_number_is_too_extreme_for_words(
+    ball_screw: Setup, inertia: float, viscous: float, constant: float, hertz: float, period: float
+) -> None:
+    p = ball_screw.stage._replace(
+        mechanics=stage.Mechanics(inertia, viscous), motor=ball_screw.stage.motor._replace(force_constant=constant)
+    )
+    try:
+        found = design.design(p, controlled(ball_screw, hertz, period))
+    except design.DesignError:
+        return
+    assert all(math.isfinite(value) for value in found.feedback)
+
+
+def spread(setup: Setup, control: design.Control) -> float:
+    """Error after 2000 periods over the first one (no friction, no limits, no rounding): grows if unstable."""
+    p = setup.stage
+    bare = p._replace(
+        drive=p.drive._replace(current_limit=1e300, current_quantum=0.0),
+        friction=stage.Friction(friction.StopOperators(table([0.0]), table([1.0])), friction.Stribeck()),
+        encoder=p.encoder._replace(step=0.0),
+    )
+    gains = design.gains(bare, control)
+    held = design.design(setup.stage, setup.file.control).plant
+    running = law.Law(
+        feedback.discretised(gains, control.period),
+        held,
+        bare.friction.operators,
+        p.motor.force_constant,
+        1e300,
+        False,
+        False,
+    )
+    rows = np.zeros((2000, rollout.WIDTH))
+    inputs = (np.zeros((2000, 7)), np.zeros((2000, 2)), rows)
+    plant = stage.at_rest(bare, 1e-3)
+    rollout.closed_loop(rollout.Loop(running, bare), law.at_rest(running), plant, inputs, control.period, 4)
+    position = np.abs(rows[:, rollout.COLUMNS.index("true_position")])
+    return float(position[-200:].max() / position[:200].max())
+
+
+@settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.floats(15.0, 90.0), st.sampled_from([5e-4, 1e-3]), st.integers(0, 3), st.integers(0, 2))
+def test_poles_and_time_agree_on_stability(ball_screw: Setup, hertz: float, period: float, nd: int, nm: int) -> None:
+    setup = varied(ball_screw, nd=nd, nm=nm)
+    control = controlled(ball_screw, hertz, period)
+    reached = design.margins(setup.stage, design.gains(setup.stage, control), period)
+    if abs(reached.phase) < math.radians(2.0):
+        return  # too close to the border for 2000 periods to tell
+    assert (spread(setup, control) < 0.1) == reached.stable == (reached.phase > 0.0)

@@ -1,0 +1,74 @@
+"""What all benchmarks run: stage A and the paper's motions, from the project's own files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from stagectl import design
+from stagectl.config.stage_file import Setup, load_stage
+from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.daemon.loop import Job
+from stagectl.daemon.safety import Envelope
+from stagectl.kernels import law, rollout
+from stagectl.plan import Plan, plan
+from stagectl.recording.meta import portable
+from stagectl.recording.ring import Ring
+from stagectl.session import canopen
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+STAGE = CONFIG / "ball-screw.yaml"
+FRICTION = frozenset({"friction"})
+
+
+class Scene(NamedTuple):
+    """One motion on one stage, ready to run."""
+
+    setup: Setup
+    plan: Plan
+    law: law.Law
+
+    @property
+    def duration(self) -> float:
+        """Simulated time (s), with the standstill at the end."""
+        return len(self.plan.references) * self.setup.dt
+
+
+def trajectory(motion: str) -> Path:
+    """File of a motion by its name."""
+    return CONFIG / "trajectories" / f"{motion}.yaml"
+
+
+def scene(motion: str, nd: int = 1, without: frozenset[str] = frozenset()) -> Scene:
+    """Stage A under `motion`, with `nd` periods between command and action."""
+    setup = load_stage(STAGE)
+    setup = setup._replace(stage=setup.stage._replace(drive=setup.stage.drive._replace(delay_samples=nd)))
+    laid_out = plan(setup, load_trajectory(trajectory(motion), axis_of(setup)))
+    return Scene(setup, laid_out, design.design(setup.stage, setup.file.control, without))
+
+
+def with_substeps(one: Scene, substeps: int) -> Scene:
+    """The same, integrated in so many steps per control period."""
+    file = one.setup.file._replace(simulation=one.setup.file.simulation._replace(substeps=substeps))
+    return one._replace(setup=one.setup._replace(file=file))
+
+
+def job(one: Scene, channel: str, ring: Ring) -> Job:
+    """The order of the loop's process, on the embedded bus `channel`; no late cycle ends it."""
+    setup, plain = one.setup, portable(one.law)
+    limits, realtime = setup.file.limits, setup.file.realtime
+    never = len(one.plan.references) + 1
+    return Job(
+        law=plain,
+        references=one.plan.references.tobytes(),
+        dt=setup.dt,
+        wire=canopen(setup)._replace(channel=channel),
+        stage=setup.stage._replace(friction=setup.stage.friction._replace(operators=plain.friction)),
+        simulation=setup.file.simulation,
+        envelope=Envelope(*limits.travel, limits.speed * 1.1, limits.following_error, never),
+        priority=realtime.priority,
+        cpu=realtime.cpu,
+        ring=ring.descriptor,
+        width=rollout.WIDTH,
+        capacity=ring.capacity,
+    )
