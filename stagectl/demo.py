@@ -45,7 +45,7 @@ def _pair(setup: Setup, trajectory: Path, output: Path, shown: tuple[Say, Bar]) 
     results = []
     for name, without in (("without", frozenset({"friction"})), ("with", frozenset[str]())):
         motion = prepare(setup, trajectory, without, output / f"{trajectory.stem}-{name}.h5")
-        with bar(f"{trajectory.stem}, {name} friction compensation", len(motion.plan.references)) as update:
+        with bar(f"{trajectory.stem}, {name} friction compensation", len(motion.plan.setpoints)) as update:
             result = perform(motion, say if trajectory.stem == SINES[0] and without else _silent, update)
         if result["fault"]:
             raise StageError(f"the motion stopped: {result['fault']}; the recording {result['recording']} shows why")

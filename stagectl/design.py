@@ -31,6 +31,13 @@ class Control(NamedTuple):
     margin: Annotated[float, Quantity("rad", "[0, 1.5]", "least phase margin that is accepted")] = math.radians(20)
 
 
+class Controller(NamedTuple):
+    """What runs: the law period by period, and what is computed from the trajectory beforehand."""
+
+    law: law.Law
+    feedforward: feedforward.Feedforward
+
+
 class Margins(NamedTuple):
     """How far the loop is from instability."""
 
@@ -162,8 +169,8 @@ def _gain_margin(size: NDArray[Any], phase: NDArray[Any]) -> float:
     return float(1.0 / size[falling[0]]) if falling.size else math.inf
 
 
-def design(p: stage.Stage, control: Control, without: frozenset[str] = frozenset()) -> law.Law:
-    """The law for this stage; `without` names layers that are switched off (``ptc``, ``friction``).
+def design(p: stage.Stage, control: Control, without: frozenset[str] = frozenset()) -> Controller:
+    """The controller for this stage; `without` names layers that are switched off (``ptc``, ``friction``).
 
     Raises DesignError where the phase margin is below ``control.margin``.
     """
@@ -171,15 +178,14 @@ def design(p: stage.Stage, control: Control, without: frozenset[str] = frozenset
     reached = margins(p, designed, control.period)
     if not reached.stable or reached.phase < control.margin:
         raise DesignError(_refusal(p, control, reached))
-    return law.Law(
-        feedback.discretised(designed, control.period),
+    anticipation = feedforward.Feedforward(
         feedforward.held(p.mechanics, p.motor.force_constant, control.period),
         p.friction.operators,
         p.motor.force_constant,
-        p.drive.current_limit,
         "ptc" not in without,
         "friction" not in without,
     )
+    return Controller(law.Law(feedback.discretised(designed, control.period), p.drive.current_limit), anticipation)
 
 
 def _refusal(p: stage.Stage, control: Control, reached: Margins) -> str:

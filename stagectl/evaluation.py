@@ -16,11 +16,12 @@ DWELL = 0.05  # s
 def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     """Tracking error over the steady window, and how the run went.
 
-    The error is reference minus measured, both of the instant at which the position was latched.  `samples` is a recording's structured rows; lengths come out in the unit of travel, m or rad.
+    The error is reference minus measured, both of the instant at which the position was latched.
+    `samples` is a recording's structured rows; lengths come out in the unit of travel, m or rad.
     """
     scale = meta["axis"]["travel_per_unit"]
     inside = window(samples["time"], meta["steady"])
-    error = (samples["delayed"] - samples["measured"]) * scale
+    error = (latched_reference(samples, meta) - samples["measured"]) * scale
     found: dict[str, Any] = {
         "stage": meta["name"],
         "trajectory": meta["trajectory"],
@@ -41,6 +42,13 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
+def latched_reference(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np.float64]:
+    """Reference (n,) of the instant at which each measured position was latched, nm periods before."""
+    late = int(meta["nm"])
+    reference: NDArray[np.float64] = np.concatenate([np.repeat(samples["reference"][:1], late), samples["reference"]])
+    return reference[: len(samples)]
+
+
 def window(time: NDArray[np.float64], steady: list[float]) -> NDArray[np.bool_]:
     """Rows within the steady window (s)."""
     return (time >= steady[0]) & (time < steady[1])
@@ -55,8 +63,8 @@ def size(error: NDArray[np.float64]) -> dict[str, float | None]:
 
 def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
     """Whether the run ended without a fault, standing within the window for the whole dwell."""
-    last = samples[-max(1, round(DWELL / meta["dt"])) :]
+    last = slice(-max(1, round(DWELL / meta["dt"])), None)
     allowed = WINDOW_COUNTS * (meta["axis"]["encoder_step"] or 1e-9)
-    near = np.abs(last["delayed"] - last["measured"]) <= allowed
+    near = np.abs(latched_reference(samples, meta)[last] - samples["measured"][last]) <= allowed
     whole = samples["time"][-1:] >= meta["duration"]
     return bool(whole.all() and near.all() and np.all(samples["fault"] == Fault.NONE))

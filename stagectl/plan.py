@@ -1,25 +1,28 @@
-"""A trajectory on a stage: checked against the limits, then the rows that the law reads, period by period.
+"""A trajectory on a stage: checked against the limits, then laid out period by period.
 
 The delay rule, with ``L = current lag + nd Ts`` and the measurement late by ``nm Ts``::
 
-    feedforward   desired state at the frame's end, t + 2 Ts + L     (the current acts L later)
-    target y0     desired state late by nm Ts                        (so is the measurement)
-    friction      position at t + L + Ts/2                           (the middle of the period it acts in)
+    feedforward   desired states at t + L             (the current acts L later)
+    target y0     desired states at t - nm Ts         (so late is the measurement)
+    friction      position at t + L + Ts/2            (the middle of the period it acts in)
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
+from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
+from stagectl.kernels.friction import relaxed
 from stagectl.trajectories import Trajectory, TrajectoryError, peaks
 from stagectl.trajectories.motion import Array
 
-LONGEST = 10_000_000  # control periods, 83 minutes at 2 kHz; their rows take 0.6 GB
+_ARTICLE = {"travel": "a", "speed": "a", "acceleration": "an"}
+LONGEST = 10_000_000  # control periods, 83 minutes at 2 kHz: what a memory holds
 _ARTICLE = {"travel": "a", "speed": "a", "acceleration": "an"}
 SETTLE = 0.1  # s of standstill after the motion, in which the axis must come into position
 
@@ -27,7 +30,7 @@ SETTLE = 0.1  # s of standstill after the motion, in which the axis must come in
 class Plan(NamedTuple):
     """What is about to run."""
 
-    references: NDArray[np.float64]  # (n, 7), columns of kernels.law.Reference, axis units
+    setpoints: NDArray[np.float64]  # (n, 4), fields of kernels.law.Setpoint, relative to where the axis stands
     steady: tuple[float, float]  # s, window of the tracking error
     duration: float  # s, without the standstill at its end
 
@@ -38,34 +41,36 @@ def command_delay(setup: Setup) -> float:
     return drive.current_lag + drive.delay_samples * setup.dt
 
 
-def plan(setup: Setup, trajectory: Trajectory) -> Plan:
+def plan(setup: Setup, trajectory: Trajectory, feedforward: Feedforward) -> Plan:
     """Check against the stage's limits and lay out the rows.
 
     Raises TrajectoryError with value, limit and the field to change; nothing has moved then.
     """
-    dt = setup.dt
-    if trajectory.duration > LONGEST * dt:
+    if trajectory.duration > LONGEST * setup.dt:
         raise TrajectoryError(
-            f"the trajectory takes {trajectory.duration:g} s; must be at most {LONGEST * dt:g} s, {LONGEST} control "
-            "periods: nothing has moved; run fewer periods or cycles at a time"
+            f"the trajectory takes {trajectory.duration:g} s; must be at most {LONGEST * setup.dt:g} s, {LONGEST} "
+            "control periods: nothing has moved; run fewer periods or cycles at a time"
         )
     _within_limits(setup, trajectory)
-    t: Array = dt * np.arange(2 * math.ceil((trajectory.duration + SETTLE) / (2.0 * dt)), dtype=np.float64)
-    rows = np.empty((len(t), 7))
-    late, ahead = setup.stage.encoder.delay_samples * dt, command_delay(setup)
-    rows[:, 0] = _at(setup, trajectory, t)[0]
-    rows[:, 1] = _at(setup, trajectory, t - late)[0]
-    rows[:, 2], rows[:, 3] = _at(setup, trajectory, t + 2.0 * dt + ahead)
-    rows[:, 4], rows[:, 5] = _at(setup, trajectory, t + 2.0 * dt - late)
-    rows[:, 6] = _at(setup, trajectory, t + ahead + 0.5 * dt)[0]
+    seen = foresee(setup, trajectory)
+    rows = np.zeros((len(seen.reference), 4))
+    setpoints(feedforward, seen, relaxed(feedforward.friction), rows)
     return Plan(rows, trajectory.steady, trajectory.duration)
 
 
-def _at(setup: Setup, trajectory: Trajectory, t: Array) -> tuple[Any, Any]:
-    """Position and velocity in axis units."""
+def foresee(setup: Setup, trajectory: Trajectory) -> Foreseen:
+    """The trajectory at the instants that the feedforward needs, by the delay rule."""
+    dt, lead = setup.dt, command_delay(setup)
+    t: Array = dt * np.arange(2 * math.ceil((trajectory.duration + SETTLE) / (2.0 * dt)) + 2, dtype=np.float64)
+    late = _at(setup, trajectory, t - setup.stage.encoder.delay_samples * dt)
+    friction = _at(setup, trajectory, t[:-2] + (lead + 0.5 * dt))
+    return Foreseen(_at(setup, trajectory, t[:-2])[:, 0], _at(setup, trajectory, t + lead), late, friction[:, 0])
+
+
+def _at(setup: Setup, trajectory: Trajectory, t: Array) -> Array:
+    """Position and velocity (n, 2) in axis units."""
     motion = trajectory.at(t)
-    scale = setup.file.axis.travel_per_unit
-    return motion.position / scale, motion.velocity / scale
+    return np.ascontiguousarray(np.stack(motion[:2], axis=1) / setup.file.axis.travel_per_unit)
 
 
 def _within_limits(setup: Setup, trajectory: Trajectory) -> None:

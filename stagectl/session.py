@@ -43,11 +43,13 @@ def on_channel(setup: Setup, channel: str | None) -> Setup:
 
 def prepare(setup: Setup, trajectory: Path, without: frozenset[str], recording: Path | None) -> Motion:
     """Read, check and lay out a motion; nothing moves yet."""
-    law = design.design(setup.stage, setup.file.control, without)
-    laid_out = plan(setup, load_trajectory(trajectory, axis_of(setup)))
+    controller = design.design(setup.stage, setup.file.control, without)
+    laid_out = plan(setup, load_trajectory(trajectory, axis_of(setup)), controller.feedforward)
     stamp = time.strftime("%Y%m%d-%H%M%S")
-    meta = {**describe(setup, laid_out, law, trajectory), "without": sorted(without)}
-    return Motion(setup, laid_out, law, meta, recording or Path("recordings") / f"{stamp}-{trajectory.stem}.h5")
+    meta = {**describe(setup, laid_out, controller, trajectory), "without": sorted(without)}
+    return Motion(
+        setup, laid_out, controller.law, meta, recording or Path("recordings") / f"{stamp}-{trajectory.stem}.h5"
+    )
 
 
 def pretend(motion: Motion, record: bool) -> dict[str, Any]:

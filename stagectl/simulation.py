@@ -9,18 +9,19 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.simulated import Simulation, draw
-from stagectl.kernels import law, rollout, stage
+from stagectl.kernels import rollout, stage
+from stagectl.kernels.law import Law
 from stagectl.plan import Plan
 
 
-def simulate(setup: Setup, plan: Plan, running: law.Law) -> NDArray[Any]:
+def simulate(setup: Setup, plan: Plan, running: Law) -> NDArray[Any]:
     """Rows (n,) of the run, structured as in a recording."""
-    count = len(plan.references)
+    count = len(plan.setpoints)
     rows = np.zeros((count, rollout.WIDTH))
     loop = rollout.Loop(running, setup.stage)
     plant = stage.at_rest(setup.stage)
-    inputs = (plan.references, noise(setup.file.simulation, count), rows)
-    rollout.closed_loop(loop, law.at_rest(running), plant, inputs, setup.dt, setup.file.simulation.substeps)
+    inputs = (plan.setpoints, noise(setup.file.simulation, count), rows)
+    rollout.closed_loop(loop, plant, inputs, setup.dt, setup.file.simulation.substeps)
     return structured(rows)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
+from stagectl.evaluation import latched_reference
 from stagectl.plan import plan
 from stagectl.simulation import simulate
 from stagectl.trajectories import Trajectory
@@ -49,9 +50,10 @@ class Run:
     """A simulated run and its errors in micrometres of table travel."""
 
     def __init__(self, setup: Setup, trajectory: Trajectory, without: frozenset[str] = frozenset()) -> None:
-        self.setup, self.plan = setup, plan(setup, trajectory)
         control = setup.file.control._replace(margin=0.15)  # nd = 2 is below what the daemon accepts
-        self.law = design.design(setup.stage, control, without)
+        self.setup = setup
+        self.law, self.feedforward = design.design(setup.stage, control, without)
+        self.plan = plan(setup, trajectory, self.feedforward)
         self.samples = simulate(setup, self.plan, self.law)
 
     def steady(self) -> NDArray[np.bool_]:
@@ -63,7 +65,9 @@ class Run:
     def error(self, of: str = "measured") -> NDArray[np.float64]:
         """Reference minus `of` (um) over the whole run; the measured one with the reference of its instant."""
         scale = 1e6 * self.setup.file.axis.travel_per_unit
-        reference = self.samples["delayed" if of == "measured" else "reference"]
+        reference = self.samples["reference"]
+        if of == "measured":
+            reference = latched_reference(self.samples, {"nm": self.setup.stage.encoder.delay_samples})
         found: NDArray[np.float64] = (reference - self.samples[of]) * scale
         return found
 

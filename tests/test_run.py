@@ -58,7 +58,7 @@ def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path) -> None:
             assert recording.complete
             assert recording.ended == "complete"
             assert recording.lost_rows == 0
-            for column in ("measured", *law.Reference._fields, *law.Output._fields):
+            for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
                 assert np.array_equal(recording.samples[column], expected[column]), column
     result, pretended = json.loads(done.stdout), json.loads(simulated.stdout)
     assert result["tracking_error"] == pretended["tracking_error"]

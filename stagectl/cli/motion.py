@@ -52,7 +52,7 @@ def run(
 
     setup = on_channel(_load(stage), channel)
     motion = prepare(setup, trajectory, _layers(without), output)
-    with bar(f"run {motion.meta['trajectory']}", len(motion.plan.references)) as update:
+    with bar(f"run {motion.meta['trajectory']}", len(motion.plan.setpoints)) as update:
         result = perform(motion, console.print, update)
     console.print(summary(result))
     emit(result, json)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import stat
+from itertools import accumulate
 from pathlib import Path
 
 import yaml
@@ -14,6 +15,7 @@ import yaml
 from stagectl.units import StageError
 
 LARGEST_FILE = 256_000  # bytes; a configuration is text written by hand, and YAML is slow to parse
+DEEPEST = 50  # brackets within each other on one line
 _HIDDEN = re.compile("[\x85\u2028\u2029]")  # YAML 1.1 breaks lines there, no editor shows it
 
 
@@ -31,6 +33,7 @@ def compose(path: Path) -> yaml.Node:
     Raises UnreadableError where there is no file to read, ConfigError where it is no YAML.
     """
     text = _text(path)
+    _check_brackets(path, text)
     hidden = _HIDDEN.search(text)
     if hidden:
         raise ConfigError(_forbidden(path, text, hidden.start()))
@@ -39,12 +42,21 @@ def compose(path: Path) -> yaml.Node:
     except yaml.YAMLError as error:
         raise ConfigError(_words(path, text, error)) from error
     except RecursionError as error:
-        raise ConfigError(f"brackets or blocks are nested too deep ({path}:1)") from error
+        raise ConfigError(f"blocks are nested too deep ({path}:1)") from error
     except Exception as error:  # PyYAML lets several other kinds out on malformed escapes and directives
         raise ConfigError(f"not usable as YAML: {type(error).__name__} while parsing ({path}:1)") from error
     if node is None:
         raise ConfigError(f"the file is empty ({path}:1)")
     return node
+
+
+def _check_brackets(path: Path, text: str) -> None:
+    """PyYAML takes a second for every line of a thousand brackets within each other."""
+    for number, line in enumerate(text.split("\n"), 1):
+        if line.count("[") + line.count("{") > DEEPEST:
+            depth = max(accumulate((letter in "[{") - (letter in "]}") for letter in line))
+            if depth > DEEPEST:
+                raise ConfigError(f"brackets are nested too deep ({path}:{number})")
 
 
 def node_at(node: yaml.Node, name: str) -> yaml.Node:

@@ -15,7 +15,6 @@ from stagectl.drives import bus
 from stagectl.drives.drive import Canopen
 from stagectl.drives.simulated import Simulation
 from stagectl.kernels import friction, stage
-from stagectl.kernels.jit import table
 from stagectl.units import LINEAR, ROTARY, Quantity
 
 Positive = "(0, 1e6]"
@@ -64,7 +63,7 @@ class Rolling(NamedTuple):
         steps = max(self.elements - 1, 1)
         ratio = self.longest / self.shortest
         slips = [self.shortest * ratio ** (j / steps) for j in range(self.elements)]
-        return friction.StopOperators(table([self.coulomb / self.elements] * self.elements), table(slips))
+        return friction.bundle([self.coulomb / self.elements] * self.elements, slips)
 
 
 class Operators(NamedTuple):
@@ -76,7 +75,7 @@ class Operators(NamedTuple):
 
     def operators(self) -> friction.StopOperators:
         """The elements, as given."""
-        return friction.StopOperators(table(self.weight), table(self.slip))
+        return friction.bundle(self.weight, self.slip)
 
 
 class Encoder(NamedTuple):

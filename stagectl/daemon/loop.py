@@ -19,18 +19,18 @@ from stagectl.drives.bus import open_bus
 from stagectl.drives.canopen import CanopenDrive
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault
 from stagectl.drives.simulated import Plant, Simulated, Simulation
-from stagectl.kernels import law, stage
+from stagectl.kernels import feedback, law, stage
 from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 
-_REFERENCE = struct.Struct("<7d")
+_SETPOINT = struct.Struct("<4d")
 
 
 class Job(NamedTuple):
     """All that one motion needs, designed and checked beforehand."""
 
     law: law.Law
-    references: bytes  # (n, 7) float64, relative to where the axis stands
+    setpoints: bytes  # (n, 4) float64, relative to where the axis stands
     dt: float  # s
     by_clock: bool  # a missed period is a missed row; False where the plant waits for our SYNC
     wire: Canopen | None  # None: the stage model in this process
@@ -60,10 +60,10 @@ def connect(job: Job) -> Drive:
     return CanopenDrive(job.wire, bus, job.stage.encoder.step, job.dt)
 
 
-def reference(table: bytes, row: int, origin: float) -> law.Reference:
+def setpoint(table: bytes, row: int, origin: float) -> law.Setpoint:
     """A row of the table, moved to where the axis stands (rad | m)."""
-    r, d, a, av, b, bv, f = _REFERENCE.unpack_from(table, row * _REFERENCE.size)
-    return law.Reference(r + origin, d + origin, a + origin, av, b + origin, bv, f + origin)
+    reference, target, feedforward, friction = _SETPOINT.unpack_from(table, row * _SETPOINT.size)
+    return law.Setpoint(reference + origin, target + origin, feedforward, friction)
 
 
 class Cycle:
@@ -71,8 +71,9 @@ class Cycle:
 
     def __init__(self, job: Job, drive: Drive, ring: Ring, origin: float) -> None:
         self.job, self.drive, self.ring, self.origin = job, drive, ring, origin
-        self.state = law.at_rest(job.law, origin)
+        self.state = feedback.AT_REST
         self.position = origin  # of the last period
+        self.rows = len(job.setpoints) // _SETPOINT.size
         self.row, self.passed = 0, 1  # row of the references, and how many it is past the last one
         self.cycles, self.late, self.late_in_a_row = 0, 0, 0
         self.metronome = realtime.Metronome(job.dt)
@@ -80,36 +81,38 @@ class Cycle:
     def __call__(self) -> Fault:
         """Wait, sample, compute, apply, record; the reason to stop, if there is one."""
         job = self.job
+        row, overslept = self.row, 0
+        asked = setpoint(job.setpoints, row, self.origin)  # before the wait: it is not part of the reaction
         lateness = self.metronome.wait()
-        if job.by_clock and lateness >= job.dt:
-            self._skip(self.metronome.missed())
-        row = self.row
-        asked = reference(job.references, row, self.origin)
+        if lateness >= job.dt and job.by_clock:
+            overslept = self.metronome.missed()
+            row = self._skip(overslept)
+            asked = setpoint(job.setpoints, row, self.origin)
         feedback = self.drive.sample()
         output, self.state = law.step(job.law, self.state, asked, feedback.position)
         speed = (feedback.position - self.position) / (self.passed * job.dt)
         fault = safety.judge(job.envelope, feedback.fault, feedback.position, speed, output.error)
         self.drive.apply(output.current if fault is Fault.NONE else 0.0)
-        missed = self.metronome.missed() + self.passed - 1
-        seen = (feedback.position, _NAN, feedback.current, lateness, missed > 0, feedback.statusword, fault)
+        missed = self.metronome.missed()
+        late = overslept + missed > 0
+        seen = (feedback.position, _NAN, feedback.current, lateness, late, feedback.statusword, fault)
         self.ring.write((row * job.dt, *asked, *output, *seen))
         self.position = feedback.position
-        return self._count(missed) or fault
-
-    def _skip(self, missed: int) -> None:
-        """Leave rows out: the axis did not wait either."""
-        self.row = min(self.row + missed, len(self.job.references) // _REFERENCE.size - 1)
-        self.passed += missed
-        self.state = law.after_gap(self.state)
-
-    def _count(self, missed: int) -> Fault:
-        """Go on to the next row; where time runs by the clock, past those whose periods were missed."""
-        self.row, self.passed = self.row + 1, 1
-        if missed and self.job.by_clock:
+        self.row, self.passed = row + 1, 1
+        if missed and job.by_clock:
             self._skip(missed)
+        return self._count(late) or fault
+
+    def _skip(self, missed: int) -> int:
+        """Leave out the rows of periods that were missed, as the axis did not wait either; the row to go on with."""
+        self.row += missed
+        self.passed += missed
+        return min(self.row, self.rows - 1)
+
+    def _count(self, late: bool) -> Fault:
         self.cycles += 1
-        self.late += missed > 0
-        self.late_in_a_row = self.late_in_a_row + 1 if missed else 0
+        self.late += late
+        self.late_in_a_row = self.late_in_a_row + 1 if late else 0
         return Fault.LATE if self.late_in_a_row >= self.job.envelope.late_limit else Fault.NONE
 
 
@@ -120,8 +123,7 @@ def run(job: Job, drive: Drive, ring: Ring, origin: float, stopped: list[int]) -
     """The motion, from first row to last or to the first fault."""
     cycle = Cycle(job, drive, ring, origin)
     fault = Fault.NONE
-    rows = len(job.references) // _REFERENCE.size
-    while cycle.row < rows and fault is Fault.NONE:
+    while cycle.row < cycle.rows and fault is Fault.NONE:
         fault = Fault.OPERATOR if stopped else cycle()
     if fault is not Fault.NONE:
         drive.quick_stop()
@@ -129,7 +131,7 @@ def run(job: Job, drive: Drive, ring: Ring, origin: float, stopped: list[int]) -
 
 
 def _fits(job: Job, origin: float) -> None:
-    positions = [row[0] for row in _REFERENCE.iter_unpack(job.references)]
+    positions = [row[0] for row in _SETPOINT.iter_unpack(job.setpoints)]
     low, high = origin + min(positions), origin + max(positions)
     if low < job.envelope.low or high > job.envelope.high:
         raise DriveError(

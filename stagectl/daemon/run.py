@@ -81,7 +81,7 @@ def _watch(motion: Motion, loop: _Process, recorder: _Process, shared: tuple[Rin
         raise DriveError(f"the recorder cannot write {motion.recording}: nothing has moved; see the message above")
     loop.say("go")
     moving = _event(loop, "moving")
-    ended = _follow(loop, ring, len(motion.plan.references), progress)
+    ended = _follow(loop, ring, len(motion.plan.setpoints), progress)
     recorder.wait()
     facts = {name: ended[name] for name in ("cycles", "late", "fault", "words", "reason")}
     return Ended(**facts, refused=moving["refused"], drive=connected["drive"])
@@ -103,12 +103,12 @@ def _job(motion: Motion, ring: Ring) -> Job:
     envelope = Envelope(*limits.travel, limits.speed * 1.1, limits.following_error, setup.file.realtime.late_limit)
     wire = setup.file.drive.wire
     return Job(
-        law=portable(motion.law),
-        references=motion.plan.references.tobytes(),
+        law=motion.law,
+        setpoints=motion.plan.setpoints.tobytes(),
         dt=setup.dt,
         by_clock=not waits_for_sync(setup),
         wire=wire if isinstance(wire, Canopen) else None,
-        stage=setup.stage._replace(friction=setup.stage.friction._replace(operators=portable(motion.law).friction)),
+        stage=portable(setup.stage),
         simulation=setup.file.simulation,
         envelope=envelope,
         priority=setup.file.realtime.priority,

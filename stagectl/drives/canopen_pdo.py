@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import NamedTuple
 
 import canopen
 
@@ -14,14 +13,6 @@ from stagectl.drives.node_pdo import CODES
 
 _FIXED = {cia402.MODE << 8: cia402.CYCLIC_SYNCHRONOUS_TORQUE}  # fields of the RPDO that never change
 _DUMMIES = 0x20  # indices below are CiA 301's placeholders
-
-
-class Sample(NamedTuple):
-    """A decoded TPDO."""
-
-    statusword: int
-    counts: int  # position, unwrapped
-    current: float  # A; NaN where the drive sends none
 
 
 class CommandPdo:
@@ -72,8 +63,8 @@ class FeedbackPdo:
         self._half, self._mask = (high - low + 1) // 2, high - low
         self._counts: int | None = None
 
-    def decode(self, raw: bytes) -> Sample:
-        """Fields of a frame that begins with `head`."""
+    def decode(self, raw: bytes) -> tuple[int, int, float]:
+        """Statusword, unwrapped position (counts) and current (A, NaN where there is none) of a frame with `head`."""
         fields = self._struct.unpack_from(raw)
         position = fields[self._position]
         if self._counts is None:
@@ -81,7 +72,7 @@ class FeedbackPdo:
         # The drive's counter wraps around; between two samples it never moves by half of its range.
         self._counts += (position - self._counts + self._half & self._mask) - self._half
         current = fields[self._current] * self._scale if self._current >= 0 else math.nan
-        return Sample(fields[self._status], self._counts, current)
+        return fields[self._status], self._counts, current
 
 
 def _layout(od: canopen.ObjectDictionary, objects: tuple[int, ...], name: str, settings: Canopen) -> tuple[str, int]:

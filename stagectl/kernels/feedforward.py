@@ -1,4 +1,4 @@
-"""Multirate perfect tracking control (PTC) of second order.
+"""What is known before the motion: perfect tracking feedforward (PTC) of second order, and friction.
 
 Over one reference frame ``Tr = 2 Ts`` the held plant maps two commands onto two states, so the commands that
 reach a desired state exactly are
@@ -8,20 +8,24 @@ reach a desired state exactly are
 and the position the plant passes half-way, ``C (Ad xd[i] + Bd u1)``, is the feedback's target there.
 
     t_i             t_i + Ts        t_i+1 = t_i + 2 Ts
-     | u1 held ------| u2 held -------|          even samples: solve;  odd samples: hand out the second half
+     | u1 held ------| u2 held -------|
     xd[i]          passed           xd[i+1]
 
 Two chains run side by side: one ahead of time by the command path's delay L, which gives the current, and one
-late by the measurement's delay, which gives the target that the measured position is compared with.
+late by the measurement's delay, which gives the target that the measured position is compared with.  Friction is
+compensated from the *reference*, half a period further ahead: from the measured position it would chatter at
+standstill.
 
-Source: H. Fujimoto, Y. Hori, A. Kawamura, IEEE Trans. Ind. Electronics 48(3), 2001.
+Source: H. Fujimoto, Y. Hori, A. Kawamura, IEEE Trans. Ind. Electronics 48(3), 2001; the papers named in
+`kernels.friction`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from stagectl.kernels import friction
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.stage import Mechanics
 
@@ -42,22 +46,26 @@ class Desired(NamedTuple):
     velocity: float  # rad/s | m/s
 
 
-class State(NamedTuple):
-    """Memory between the two halves of a frame, and from frame to frame."""
+class Feedforward(NamedTuple):
+    """Model that the feedforward inverts, and which of its layers are switched on."""
 
-    ahead: Desired  # start of the coming frame, early by L
-    late: Desired  # start of the coming frame, late by the measurement's delay
-    current: float  # A, u2 of the running frame
-    passed: float  # rad | m, target in its middle
-    second_half: bool
-    joined: bool  # False after a gap in the rows: where the coming frame starts is not known
+    plant: Held
+    friction: friction.StopOperators
+    force_constant: float  # N m/A | N/A
+    with_ptc: bool
+    with_friction: bool
 
 
-class Output(NamedTuple):
-    """What the feedforward contributes in this period."""
+class Foreseen(NamedTuple):
+    """The trajectory at the instants that matter, for each period k = 0 ... n - 1 (axis units).
 
-    current: float  # A
-    target: float  # rad | m, y0: where the plant passes now
+    The frames' ends reach two periods further: ``ahead`` and ``late`` have n + 2 rows.
+    """
+
+    reference: Any  # (n,) position at t
+    ahead: Any  # (n + 2, 2) position and velocity at t + L
+    late: Any  # (n + 2, 2) position and velocity at t - nm Ts
+    friction: Any  # (n,) position at t + L + Ts/2
 
 
 def held(mechanics: Mechanics, force_constant: float, dt: float) -> Held:
@@ -79,12 +87,6 @@ def _phi2(z: float) -> float:
     return total
 
 
-def at_rest(position: float) -> State:
-    """A reference that has been standing at `position` (rad | m)."""
-    here = Desired(float(position), 0.0)
-    return State(here, here, 0.0, float(position), False, True)
-
-
 @kernel
 def commands(p: Held, start: Desired, end: Desired) -> tuple[float, float]:
     """``[u1, u2]`` (A) that take the plant from `start` to `end` in two periods."""
@@ -98,23 +100,27 @@ def commands(p: Held, start: Desired, end: Desired) -> tuple[float, float]:
 
 
 @kernel
-def after_gap(x: State) -> State:
-    """Rows were left out: the coming frame holds the last current, the one after it is exact again."""
-    return State(x.ahead, x.late, x.current, x.passed, False, False)
+def setpoints(p: Feedforward, foreseen: Foreseen, stops: Any, rows: Any) -> None:
+    """Fill `rows` (n, 4), the fields of `law.Setpoint`; n is even, `stops` the relaxed friction operators."""
+    rows[:, 0] = foreseen.reference
+    for k in range(0, len(rows), 2):
+        _frame(p, foreseen, k, rows)
+    if p.with_friction:
+        place = foreseen.reference[0]
+        for k in range(len(rows)):
+            force = friction.stops(p.friction, stops, foreseen.friction[k] - place)
+            rows[k, 3] = force / p.force_constant
+            place = foreseen.friction[k]
 
 
 @kernel
-def step(p: Held, x: State, ahead: Desired, late: Desired, now: float) -> tuple[Output, State]:
-    """One period; `ahead` and `late` are the desired states at the end of the frame that begins now.
-
-    `now` (rad | m) is the commanded position at the instant of the measurement: the target after a gap.
-    """
-    if x.second_half:
-        passed = x.passed if x.joined else now
-        return Output(x.current, passed), State(x.ahead, x.late, x.current, passed, False, True)
-    if not x.joined:
-        return Output(x.current, now), State(ahead, late, x.current, now, True, False)
-    u1, u2 = commands(p, x.ahead, ahead)
-    v1, _ = commands(p, x.late, late)
-    passed = x.late.position + p.a12 * x.late.velocity + p.b1 * v1
-    return Output(u1, x.late.position), State(ahead, late, u2, passed, True, True)
+def _frame(p: Feedforward, foreseen: Foreseen, k: int, rows: Any) -> None:
+    """Current and target of the periods k and k + 1."""
+    late = Desired(foreseen.late[k, 0], foreseen.late[k, 1])
+    rows[k, 1], rows[k + 1, 1] = late.position, foreseen.late[k + 1, 0]
+    if p.with_ptc:
+        ahead = Desired(foreseen.ahead[k, 0], foreseen.ahead[k, 1])
+        end = Desired(foreseen.ahead[k + 2, 0], foreseen.ahead[k + 2, 1])
+        rows[k, 2], rows[k + 1, 2] = commands(p.plant, ahead, end)
+        v1, _ = commands(p.plant, late, Desired(foreseen.late[k + 2, 0], foreseen.late[k + 2, 1]))
+        rows[k + 1, 1] = late.position + p.plant.a12 * late.velocity + p.plant.b1 * v1

@@ -1,26 +1,23 @@
-"""The deployed control law: perfect tracking feedforward + PID + friction compensation, limited.
+"""The deployed control law: PID on the target, plus what is known beforehand, limited.
 
 ::
 
-    reference --+-- ahead by L ------> PTC ------------------------ feedforward --+
-                |                       | target y0                               v
-                +-- late by nm Ts ------+--->(-)--> PID ------------ feedback -->(+)--> limit --> current
-                |                             ^ measured                          ^
-                +-- ahead by L + Ts/2 --> stop operators / Kt --- friction -------+
+    trajectory --> plan ----- target y0 ------>(-)--> PID -------- feedback -->(+)--> limit --> current
+                    |                           ^ measured                      ^
+                    +-- feedforward (PTC) + friction compensation --------------+
 
-with ``L = current lag + nd Ts``.  The friction is compensated from the *reference*: from the measured position
-it would chatter at standstill.  One function, wherever the law runs: loop, simulator, replay, tests.
+What depends on the reference alone is computed before the motion (`kernels.feedforward`); what is left for the
+period is a subtraction, a PID and a limit.  One function, wherever the law runs: loop, simulator, replay, tests.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
-from stagectl.kernels import feedback, feedforward, friction
+from stagectl.kernels import feedback
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
-_POSITION, _VELOCITY = "rad | m", "rad/s | m/s"
 _ANY = "[-inf, inf]"
 
 
@@ -28,87 +25,40 @@ class Law(NamedTuple):
     """Parameters of the law, designed for one stage at one control period."""
 
     feedback: feedback.Pid
-    plant: feedforward.Held
-    friction: friction.StopOperators
-    force_constant: float  # N m/A | N/A
     current_limit: float  # A
-    with_ptc: bool
-    with_friction: bool
 
 
-class Reference(NamedTuple):
-    """All that the law must know of the trajectory in one period."""
+class Setpoint(NamedTuple):
+    """All that is known of a period beforehand."""
 
-    reference: Annotated[float, Quantity(_POSITION, _ANY, "commanded position now")]
-    delayed: Annotated[float, Quantity(_POSITION, _ANY, "commanded position at the instant of the measurement")]
-    ahead_position: Annotated[float, Quantity(_POSITION, _ANY, "at t + 2 Ts + L, the frame's end")]
-    ahead_velocity: Annotated[float, Quantity(_VELOCITY, _ANY, "at t + 2 Ts + L")]
-    late_position: Annotated[float, Quantity(_POSITION, _ANY, "at t + 2 Ts - nm Ts, the frame's end")]
-    late_velocity: Annotated[float, Quantity(_VELOCITY, _ANY, "at t + 2 Ts - nm Ts")]
-    friction_position: Annotated[float, Quantity(_POSITION, _ANY, "at t + L + Ts/2, where friction acts")]
-
-
-class State(NamedTuple):
-    """Memory of the law."""
-
-    feedback: feedback.State
-    feedforward: feedforward.State
-    stops: Any  # (n,) operators of the compensation, changed in place
-    friction_position: float  # rad | m, where they stand
+    reference: Annotated[float, Quantity("rad | m", _ANY, "commanded position now")]
+    target: Annotated[float, Quantity("rad | m", _ANY, "y0, what the measured position is compared with")]
+    feedforward: Annotated[float, Quantity("A", _ANY, "perfect tracking feedforward")]
+    friction: Annotated[float, Quantity("A", _ANY, "friction compensation")]
 
 
 class Output(NamedTuple):
-    """The command and every term of it."""
+    """The command and the terms of it that the setpoint does not hold."""
 
-    target: Annotated[float, Quantity(_POSITION, _ANY, "y0, what the measured position is compared with")]
-    error: Annotated[float, Quantity(_POSITION, _ANY, "target minus measured")]
+    error: Annotated[float, Quantity("rad | m", _ANY, "target minus measured")]
     proportional: Annotated[float, Quantity("A", _ANY, "feedback, proportional term")]
     integral: Annotated[float, Quantity("A", _ANY, "feedback, integral term")]
     derivative: Annotated[float, Quantity("A", _ANY, "feedback, derivative term")]
-    feedforward: Annotated[float, Quantity("A", _ANY, "perfect tracking feedforward")]
-    friction: Annotated[float, Quantity("A", _ANY, "friction compensation")]
-    command: Annotated[float, Quantity("A", _ANY, "sum of the terms, before any limit")]
+    command: Annotated[float, Quantity("A", _ANY, "sum of all terms, before any limit")]
     current: Annotated[float, Quantity("A", _ANY, "command handed to the drive, after the limit")]
 
 
-def at_rest(p: Law, position: float = 0.0) -> State:
-    """The law of an axis that has been standing at `position` (rad | m): all terms zero."""
-    place = float(position)
-    return State(feedback.AT_REST, feedforward.at_rest(place), friction.relaxed(p.friction), place)
-
-
 @kernel
-def after_gap(x: State) -> State:
-    """Periods were missed, and their rows with them: the law goes on from where the reference is now."""
-    return State(x.feedback, feedforward.after_gap(x.feedforward), x.stops, x.friction_position)
-
-
-@kernel
-def step(p: Law, x: State, r: Reference, measured: float) -> tuple[Output, State]:
+def step(p: Law, x: feedback.State, r: Setpoint, measured: float) -> tuple[Output, feedback.State]:
     """One period: the current for this measured position (rad | m)."""
-    ahead = feedforward.Desired(r.ahead_position, r.ahead_velocity)
-    late = feedforward.Desired(r.late_position, r.late_velocity)
-    forward, ptc = feedforward.step(p.plant, x.feedforward, ahead, late, r.delayed)
-    if not p.with_ptc:
-        forward = feedforward.Output(0.0, r.delayed)
-    rub = 0.0
-    if p.with_friction:
-        rub = friction.stops(p.friction, x.stops, r.friction_position - x.friction_position) / p.force_constant
-    error = forward.target - measured
-    terms, pid = feedback.step(p.feedback, x.feedback, error)
-    command = terms.proportional + terms.integral + terms.derivative + forward.current + rub
-    current = min(max(command, -p.current_limit), p.current_limit)
+    error = r.target - measured
+    terms, state = feedback.step(p.feedback, x, error)
+    command = terms.proportional + terms.integral + terms.derivative + r.feedforward + r.friction
+    current = command
+    if command > p.current_limit:
+        current = p.current_limit
+    elif command < -p.current_limit:
+        current = -p.current_limit
     if current != command and error * command > 0.0:  # anti-windup: do not integrate further into the limit
-        pid = feedback.State(error, x.feedback.integral, pid.derivative)
-    output = Output(
-        forward.target,
-        error,
-        terms.proportional,
-        terms.integral,
-        terms.derivative,
-        forward.current,
-        rub,
-        command,
-        current,
-    )
-    return output, State(pid, ptc, x.stops, r.friction_position)
+        state = feedback.State(error, x.integral, state.derivative)
+    return Output(error, terms.proportional, terms.integral, terms.derivative, command, current), state

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from stagectl.kernels import law, stage
+from stagectl.kernels import feedback, law, stage
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
@@ -21,7 +21,7 @@ class Observed(NamedTuple):
     fault: Annotated[float, Quantity("", "[0, 255]", "reason to stop, see drives.drive.Fault")]
 
 
-COLUMNS: tuple[str, ...] = ("time", *law.Reference._fields, *law.Output._fields, *Observed._fields)
+COLUMNS: tuple[str, ...] = ("time", *law.Setpoint._fields, *law.Output._fields, *Observed._fields)
 WIDTH = len(COLUMNS)
 
 
@@ -33,25 +33,26 @@ class Loop(NamedTuple):
 
 
 @kernel
-def closed_loop(p: Loop, x: law.State, plant: stage.State, inputs: Any, dt: float, substeps: int) -> Any:
-    """Run all periods of `inputs` = (references (n, 7), noise (n, 2), rows (n, WIDTH) to be filled).
+def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: int) -> stage.State:
+    """Run all periods of `inputs` = (setpoints (n, 4), noise (n, 2), rows (n, WIDTH) to be filled).
 
-    Returns both final states.  Position and current are latched at the start of each period, then the law
+    Returns the plant at the end.  Position and current are latched at the start of each period, then the law
     runs, then the plant takes its command: with `delay_samples` = nd this is the order of the real cycle.
     """
-    references, noises, rows = inputs
-    for k in range(len(references)):
-        r = references[k]
-        reference = law.Reference(r[0], r[1], r[2], r[3], r[4], r[5], r[6])
+    setpoints, noises, rows = inputs
+    x = feedback.AT_REST
+    for k in range(len(setpoints)):
+        r = setpoints[k]
+        setpoint = law.Setpoint(r[0], r[1], r[2], r[3])
         noise = stage.Noise(noises[k, 0], noises[k, 1])
         measured = stage.measured(p.stage.encoder, plant, noise)
-        output, x = law.step(p.law, x, reference, measured)
+        output, x = law.step(p.law, x, setpoint, measured)
         rows[k, 0] = k * dt
-        rows[k, 1:8] = r
+        rows[k, 1:5] = r
         for j, term in enumerate(output):
-            rows[k, 8 + j] = term
-        rows[k, 17] = measured
-        rows[k, 18] = plant.position
-        rows[k, 19] = plant.current
+            rows[k, 5 + j] = term
+        rows[k, 11] = measured
+        rows[k, 12] = plant.position
+        rows[k, 13] = plant.current
         plant = stage.period(p.stage, plant, output.current, noise, dt, substeps)
-    return x, plant
+    return plant

@@ -61,7 +61,7 @@ class Recording(NamedTuple):
 def quantities() -> dict[str, Quantity]:
     """Unit and meaning of every column, as declared beside the kernels' fields."""
     found = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
-    for block in (law.Reference, law.Output, rollout.Observed):
+    for block in (law.Setpoint, law.Output, rollout.Observed):
         for name, hint in _hints(block).items():
             quantity = quantity_of(hint)
             assert quantity is not None

@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import feedback, feedforward, friction, law
-from stagectl.kernels.jit import source_hash, table
+from stagectl.design import Controller
+from stagectl.kernels import feedback, law
+from stagectl.kernels.jit import source_hash
 from stagectl.plan import Plan
 
 _PACKAGES = ("stagectl", "numpy", "scipy", "h5py", "canopen", "python-can")
 
 
-def describe(setup: Setup, plan: Plan, running: law.Law, trajectory: Path) -> dict[str, Any]:
+def describe(setup: Setup, plan: Plan, running: Controller, trajectory: Path) -> dict[str, Any]:
     """Everything that is needed to read the rows, and to run them again."""
     axis, p = setup.file.axis, setup.stage
     return {
@@ -34,7 +35,8 @@ def describe(setup: Setup, plan: Plan, running: law.Law, trajectory: Path) -> di
         "nm": p.encoder.delay_samples,
         "steady": list(plan.steady),
         "duration": plan.duration,
-        "law": written(running),
+        "law": written(running.law),
+        "feedforward": written(running.feedforward),
         "files": {path.name: path.read_text(encoding="utf-8") for path in (setup.path, trajectory)},
         "versions": versions(),
     }
@@ -51,24 +53,20 @@ def versions() -> dict[str, str]:
     return found
 
 
-def portable(p: law.Law) -> law.Law:
-    """`p` with plain tuples for its tables: what another process, or JSON, can take."""
-    plain = friction.StopOperators(*(tuple(float(x) for x in values) for values in p.friction))
-    return p._replace(friction=plain)
+def portable(p: Any) -> Any:
+    """A block of parameters with plain tuples for its tables: what another process can take."""
+    if hasattr(p, "_fields"):
+        return type(p)(*map(portable, p))
+    return tuple(float(x) for x in p) if hasattr(p, "__len__") else p
 
 
-def written(p: law.Law) -> dict[str, Any]:
-    """The law as JSON values; floats survive bit for bit."""
-    plain = portable(p)._asdict()
-    return {name: value._asdict() if hasattr(value, "_asdict") else value for name, value in plain.items()}
+def written(p: Any) -> Any:
+    """A block of parameters as JSON values; floats survive bit for bit."""
+    if hasattr(p, "_asdict"):
+        return {name: written(value) for name, value in p._asdict().items()}
+    return [float(x) for x in p] if hasattr(p, "__len__") else p
 
 
 def read_law(values: dict[str, Any]) -> law.Law:
-    """The law that `written` wrote, ready to run in this process."""
-    tables = friction.StopOperators(*(table(values["friction"][name]) for name in ("weight", "slip")))
-    parts = {
-        "feedback": feedback.Pid(**values["feedback"]),
-        "plant": feedforward.Held(**values["plant"]),
-        "friction": tables,
-    }
-    return law.Law(**{**values, **parts})
+    """The law that `written` wrote."""
+    return law.Law(**{**values, "feedback": feedback.Pid(**values["feedback"])})

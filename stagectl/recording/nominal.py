@@ -220,11 +220,11 @@ def _drive(file: StageFile) -> dict[str, Any]:
 
 
 def _controller(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
-    law, dt = meta["law"], meta["dt"]
+    law, ahead, dt = meta["law"], meta["feedforward"], meta["dt"]
     pid = law["feedback"]
     pole = 2.0 * (1.0 - pid["decay"]) / (dt * (1.0 + pid["decay"]))  # Tustin's rule, backwards
     advance = file.drive.current_lag + meta["nd"] * dt
-    friction = law["friction"] if law["with_friction"] else {"weight": (), "slip": ()}
+    friction = ahead["friction"] if ahead["with_friction"] else {"weight": (), "slip": ()}
     return {
         "Ts": dt,
         "bandwidth_Hz": file.control.bandwidth,
@@ -235,8 +235,8 @@ def _controller(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
         "discretisation": "tustin",
         "model_inertia": file.mechanics.inertia,
         "model_viscous": file.mechanics.viscous,
-        "model_force_constant": law["force_constant"],
-        "feedforward": "perfect tracking" if law["with_ptc"] else "none: y0 is the reference",
+        "model_force_constant": ahead["force_constant"],
+        "feedforward": "perfect tracking" if ahead["with_ptc"] else "none: y0 is the reference",
         "friction_weight": list(friction["weight"]),
         "friction_slip": list(friction["slip"]),
         "feedforward_advance_s": advance,

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from stagectl.recording.hdf5 import BLOCK, Writer
 from stagectl.recording.ring import Ring
 
-POLL = 0.01  # s
+POLL = 0.05  # s; the ring holds 16 s at 2 kHz
 
 
 class Order(NamedTuple):

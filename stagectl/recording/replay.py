@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.kernels import law
+from stagectl.kernels import feedback, law
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.meta import read_law
 
 
 def outputs(recording: Recording) -> NDArray[np.float64]:
-    """What the law answers to the recorded references and positions: (n, terms of law.Output).
+    """What the law answers to the recorded setpoints and positions: (n, terms of law.Output).
 
     Raises RecordingError where rows are missing or the recording holds no law of ours.
     """
@@ -24,13 +24,9 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
     if not len(recording.samples):
         raise RecordingError(f"{recording.path} holds no rows")
     p = read_law(recording.meta["law"])
-    rows = recording.samples[[*law.Reference._fields, "measured"]].tolist()
-    rows_between = np.diff(recording.samples["time"], prepend=recording.samples["time"][0]) / recording.meta["dt"]
-    state = law.at_rest(p, recording.samples["reference"][0])
-    found = []
-    for gap, (*reference, measured) in zip(rows_between > 1.5, rows, strict=True):
-        state = law.after_gap(state) if gap else state
-        output, state = law.step(p, state, law.Reference(*reference), measured)
+    state, found = feedback.AT_REST, []
+    for *setpoint, measured in recording.samples[[*law.Setpoint._fields, "measured"]].tolist():
+        output, state = law.step(p, state, law.Setpoint(*setpoint), measured)
         found.append(output)
     return np.array(found)
 

@@ -28,6 +28,7 @@ class Ring:
         self.descriptor, self.width, self.capacity = descriptor, width, capacity
         self.memory = mmap.mmap(descriptor, HEADER + 8 * width * capacity)
         self._row = struct.Struct(f"<{width}d")
+        self._pack, self._count = self._row.pack_into, _COUNT.pack_into  # looked up once, not in every cycle
         self._written = self.written
 
     @classmethod
@@ -50,10 +51,10 @@ class Ring:
 
     def write(self, row: Sequence[float]) -> None:
         """Add one row; never waits, never fails."""
-        slot = self._written % self.capacity
-        self._row.pack_into(self.memory, HEADER + slot * self._row.size, *row)
-        self._written += 1
-        _COUNT.pack_into(self.memory, 0, self._written)
+        written, memory = self._written, self.memory
+        self._pack(memory, HEADER + written % self.capacity * self._row.size, *row)
+        self._written = written = written + 1
+        self._count(memory, 0, written)
 
     def close(self) -> None:
         """Say that no more rows will come."""

@@ -87,7 +87,7 @@ def _room(axes: Axes, values: NDArray[np.float64], factor: float) -> None:
 
 
 def _error(samples: NDArray[Any], pair: Pair) -> NDArray[np.float64]:
-    error: NDArray[np.float64] = (samples["delayed"] - samples["measured"]) * pair.travel_per_unit
+    error: NDArray[np.float64] = (samples["reference"] - samples["measured"]) * pair.travel_per_unit
     return error
 
 

@@ -110,6 +110,7 @@ def files(text: str) -> Iterator[Case]:
     yield Case("brackets", b"[" * 5000, True, 1)
     yield Case("braces", b"{" * 5000, True, 1)
     yield Case("closed brackets", b"[" * 2000 + b"]" * 2000, True, 1)
+    yield Case("lines of brackets", (b"# first\n" + b"[" * 999 + b"]" * 999 + b"\n") * 100, True, 2)
     yield Case("deep blocks", b"".join(b" " * k + b"axis:\n" for k in range(400)), True)
     yield Case("deep parts", b"type: sequence\nparts:\n" + b"".join(_deep(k) for k in range(30)), True)
     yield Case("dashes", b"- " * 3000, True, 1)

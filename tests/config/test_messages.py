@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.plan import plan
+from stagectl.session import prepare
 from stagectl.units import StageError
 from tests.conftest import CONFIG
 
@@ -216,5 +215,5 @@ def test_typical_mistakes_of_a_trajectory(
     monkeypatch.chdir(tmp_path)
     Path("motion.yaml").write_text(text)
     with pytest.raises(StageError) as caught:
-        plan(ball_screw, load_trajectory(Path("motion.yaml"), axis_of(ball_screw)))
+        prepare(ball_screw, Path("motion.yaml"), frozenset(), None)
     assert str(caught.value).split(": nothing has moved")[0] == words

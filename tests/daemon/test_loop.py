@@ -15,7 +15,7 @@ from stagectl.daemon.safety import Envelope
 from stagectl.drives.drive import Fault, Feedback
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import rollout
-from stagectl.plan import plan
+from stagectl.plan import Plan, plan
 from stagectl.recording.ring import Ring
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
@@ -67,11 +67,15 @@ class Scripted(Simulated):
         return super().quick_stop()
 
 
+def laid_out(setup: Setup) -> Plan:
+    return plan(setup, SINE, design.design(setup.stage, setup.file.control).feedforward)
+
+
 def job_for(setup: Setup, ring: Ring, by_clock: bool = False) -> Job:
     envelope = Envelope(*setup.file.limits.travel, 1e3, setup.file.limits.following_error, 3)
     return Job(
-        law=design.design(setup.stage, setup.file.control),
-        references=plan(setup, SINE).references.tobytes(),
+        law=design.design(setup.stage, setup.file.control).law,
+        setpoints=laid_out(setup).setpoints.tobytes(),
         dt=setup.dt,
         by_clock=by_clock,
         wire=None,
@@ -104,8 +108,8 @@ def moved(setup: Setup, clock: Clock, script: dict[int, Any], by_clock: bool = F
 
 def test_a_whole_motion_is_what_simulate_gives(ball_screw: Setup, clock: Clock) -> None:
     tally, drive, rows = moved(ball_screw, clock, {})
-    law = design.design(ball_screw.stage, ball_screw.file.control)
-    expected = simulate(ball_screw, plan(ball_screw, SINE), law)
+    law = design.design(ball_screw.stage, ball_screw.file.control).law
+    expected = simulate(ball_screw, laid_out(ball_screw), law)
     assert tally == loop.Tally(len(expected), 0, Fault.NONE)
     for name in ("time", "measured", "target", "command", "current"):
         assert np.array_equal(rows[name], expected[name]), name
@@ -153,13 +157,14 @@ def test_the_operator_stops_it(ball_screw: Setup, clock: Clock) -> None:
 
 
 class Coasting(Scripted):
-    """A machine: while the controller sleeps, time goes on and the last current acts."""
+    """A machine: while the controller stalls after its command, time goes on and that current acts."""
 
-    def sample(self) -> Feedback:
-        held = self.applied[-1] if self.applied else 0.0
-        for _ in range(int(self.script.get(self.cycle + 1, 0.0) / self.plant.dt)):
-            self.plant.advance(held)
-        return super().sample()
+    def apply(self, current: float) -> None:
+        super().apply(current)
+        if self.cycle == 312:  # at 20 mm/s
+            self.clock.spend(3.05e-3)
+            for _ in range(6):
+                self.plant.advance(current)
 
 
 @pytest.mark.parametrize(("by_clock", "worst"), [(True, 2e-6), (False, 50e-6)])
@@ -168,8 +173,7 @@ def test_where_time_runs_by_the_clock_missed_periods_are_missed_rows(
 ) -> None:
     """A stall of 3 ms at full speed: the reference must not wait for us, as the axis did not."""
     ring = Ring.create(rollout.WIDTH)
-    stall = {312: 3.05e-3}  # 20 mm/s
-    drive = Coasting(Plant(ball_screw.stage, ball_screw.file.simulation, ball_screw.dt), stall, clock)
+    drive = Coasting(Plant(ball_screw.stage, ball_screw.file.simulation, ball_screw.dt), {}, clock)
     drive.plant.powered = True
     tally = run(job_for(ball_screw, ring, by_clock), drive, ring, 0.0, [])
     rows = np.frombuffer(ring.read(0, ring.capacity)[1]).reshape(-1, rollout.WIDTH)
@@ -182,12 +186,10 @@ def test_where_time_runs_by_the_clock_missed_periods_are_missed_rows(
 
 def test_a_motion_from_elsewhere_is_the_same_motion(ball_screw: Setup) -> None:
     """References are relative to where the axis stands."""
-    table = plan(ball_screw, SINE).references
+    table = laid_out(ball_screw).setpoints
     for k in (0, 100, len(table) - 1):
-        row = loop.reference(table.tobytes(), k, 0.25)
-        shifted = [
-            x + (0.0 if name.endswith("velocity") else 0.25) for name, x in zip(row._fields, table[k], strict=True)
-        ]
+        row = loop.setpoint(table.tobytes(), k, 0.25)
+        shifted = (table[k] + [0.25, 0.25, 0.0, 0.0]).tolist()
         assert list(row) == shifted
 
 

@@ -13,7 +13,6 @@ from stagectl.drives.drive import Canopen
 from stagectl.drives.node import VirtualNode
 from stagectl.drives.simulated import Plant, Simulation
 from stagectl.kernels import friction, stage
-from stagectl.kernels.jit import table
 
 EDS = Path(__file__).parents[2] / "config" / "drives" / "stagectl-virtual.eds"
 STEP = 1e-8  # m a count
@@ -28,7 +27,7 @@ def linear_stage() -> stage.Stage:
         stage.Drive(0.0, 0, 20.0, 0.0),
         stage.Motor(50.0),
         stage.Mechanics(10.0, 5.0, 0.0),
-        stage.Friction(friction.StopOperators(table([5.0]), table([1e-5])), friction.Stribeck(0.0, 1.0, 1.0)),
+        stage.Friction(friction.bundle([5.0], [1e-5]), friction.Stribeck(0.0, 1.0, 1.0)),
         stage.Encoder(STEP, 0),
     )
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from stagectl.kernels import feedforward as ff
+from stagectl.kernels.friction import bundle, relaxed
 from stagectl.kernels.stage import Mechanics
 
 DT, KT, PLANT = 5e-4, 0.72, Mechanics(0.01, 0.14)
@@ -42,15 +43,16 @@ def test_commands_are_the_papers_matrix_equation() -> None:
 
 def discrete_run(p: ff.Held, periods: int) -> tuple[list[float], list[float]]:
     """Errors (um) of the discrete plant under the feedforward alone: against y0, and against the reference."""
-    x = np.array([0.0, 0.0])
-    state, against_target, against_reference = ff.at_rest(0.0), [], []
-    for k in range(periods):
-        ahead = sine((k + 2) * DT)
-        out, state = ff.step(p, state, ahead, ahead, 0.0)
-        against_target.append((x[0] - out.target) * UM)
-        against_reference.append((x[0] - sine(k * DT).position) * UM)
-        x = np.array([x[0] + p.a12 * x[1] + p.b1 * out.current, p.a22 * x[1] + p.b2 * out.current])
-    return against_target, against_reference
+    desired = np.array([sine(k * DT) for k in range(periods + 2)])
+    none = bundle([0.0], [1.0])
+    rows = np.zeros((periods, 4))
+    seen = ff.Foreseen(desired[:-2, 0].copy(), desired, desired.copy(), desired[:-2, 0].copy())
+    ff.setpoints(ff.Feedforward(p, none, KT, True, True), seen, relaxed(none), rows)
+    x, positions = np.zeros(2), []
+    for current in rows[:, 2]:
+        positions.append(x[0])
+        x = np.array([x[0] + p.a12 * x[1] + p.b1 * current, p.a22 * x[1] + p.b2 * current])
+    return list((positions - rows[:, 1]) * UM), list((positions - rows[:, 0]) * UM)
 
 
 def test_exact_at_the_frames_and_between() -> None:
@@ -84,7 +86,25 @@ def test_any_two_states_are_joined(position: float, velocity: float, dx: float, 
 
 
 def test_standing_still_asks_for_nothing() -> None:
-    p, state = ff.held(PLANT, KT, DT), ff.at_rest(0.7)
-    for _ in range(4):
-        out, state = ff.step(p, state, ff.Desired(0.7, 0.0), ff.Desired(0.7, 0.0), 0.7)
-        assert out == ff.Output(0.0, 0.7)
+    rows, here = np.zeros((4, 4)), np.array([[0.7, 0.0]] * 6)
+    operators = bundle([0.5], [1e-3])
+    seen = ff.Foreseen(here[:-2, 0].copy(), here, here, here[:-2, 0].copy())
+    ff.setpoints(ff.Feedforward(ff.held(PLANT, KT, DT), operators, KT, True, True), seen, relaxed(operators), rows)
+    assert rows.tolist() == [[0.7, 0.7, 0.0, 0.0]] * 4
+
+
+def test_each_layer_switches_off_alone() -> None:
+    desired = np.array([sine(k * DT) for k in range(102)])
+    operators = bundle([0.5], [1e-3])
+    seen = ff.Foreseen(desired[:-2, 0].copy(), desired, desired, desired[:-2, 0].copy())
+    found = {}
+    for ptc in (True, False):
+        for friction in (True, False):
+            rows = np.zeros((100, 4))
+            p = ff.Feedforward(ff.held(PLANT, KT, DT), operators, KT, ptc, friction)
+            ff.setpoints(p, seen, relaxed(operators), rows)
+            found[ptc, friction] = rows
+    assert np.array_equal(found[True, False][:, :3], found[True, True][:, :3])
+    assert np.array_equal(found[False, True][:, 3], found[True, True][:, 3])
+    assert not found[False, False][:, 2:].any()
+    assert np.array_equal(found[False, False][:, 1], desired[:-2, 0])

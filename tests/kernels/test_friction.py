@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stagectl.kernels.friction import StopOperators, Stribeck, relaxed, stops, stribeck
-from stagectl.kernels.jit import table
+from stagectl.kernels.friction import Stribeck, bundle, relaxed, stops, stribeck
 
 WEIGHT, SLIP = [0.5, 0.3, 0.2], [1e-6, 4e-6, 9e-6]
-P = StopOperators(table(WEIGHT), table(SLIP))
+P = bundle(WEIGHT, SLIP)
 
 
 def walk(moves: list[float]) -> list[float]:

@@ -9,7 +9,6 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import friction, stage
-from stagectl.kernels.jit import table
 
 DT = 5e-4
 
@@ -17,7 +16,7 @@ DT = 5e-4
 def plant(**drive: float) -> stage.Stage:
     """J 0.01, D 0.14, Kt 0.72, no friction, continuous encoder."""
     fields = {"current_quantum": 0.0, "delay_samples": 0, "current_limit": 15.0, "current_lag": 0.0, **drive}
-    none = friction.StopOperators(table([0.0]), table([1.0]))
+    none = friction.bundle([0.0], [1.0])
     return stage.Stage(
         stage.Drive(**fields),  # type: ignore[arg-type]
         stage.Motor(0.72),

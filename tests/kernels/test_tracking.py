@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import law, rollout, stage
-from stagectl.plan import command_delay
+from stagectl.kernels import rollout, stage
+from stagectl.kernels.feedforward import Foreseen, setpoints
+from stagectl.kernels.friction import relaxed
+from stagectl.plan import command_delay, foresee
+from stagectl.simulation import simulate, structured
 from stagectl.trajectories import Dwell, SCurve, Sequence, Sine
 from tests.conftest import Run, varied
 
@@ -76,44 +79,43 @@ def test_halving_the_step_changes_nothing(tracked: Tracked, name: str) -> None:
     assert bare[0] == pytest.approx(bare[1], abs=0.012)  # one encoder count
 
 
-def with_references(run: Run, change: Callable[[Any, Any, Setup], None], trajectory: Any) -> float:
-    """Peak error (um) when the rows the law reads are changed by ``change(rows, at, setup)``."""
-    setup, rows = run.setup, run.plan.references.copy()
+def with_plan(run: Run, change: Callable[[Foreseen, Any, Setup], None], trajectory: Any) -> float:
+    """Peak error (um) when what the feedforward foresees is changed by ``change(foreseen, at, setup)``."""
+    setup, seen = run.setup, foresee(run.setup, trajectory)
     scale = setup.file.axis.travel_per_unit
-    t = setup.dt * np.arange(len(rows))
+    t = setup.dt * np.arange(len(seen.late))
 
-    def at(offset: float) -> tuple[Any, Any]:
-        motion = trajectory.at(t + offset)
-        return motion.position / scale, motion.velocity / scale
+    def at(offset: float) -> Any:
+        return np.stack(trajectory.at(t + offset)[:2], axis=1) / scale
 
-    change(rows, at, setup)
-    wrong = np.zeros((len(rows), rollout.WIDTH))
+    change(seen, at, setup)
+    rows, wrong = np.zeros((len(seen.reference), 4)), np.zeros((len(seen.reference), rollout.WIDTH))
+    setpoints(run.feedforward, seen, relaxed(run.feedforward.friction), rows)
     p = rollout.Loop(run.law, setup.stage)
-    states = law.at_rest(run.law), stage.at_rest(setup.stage)
-    rollout.closed_loop(p, *states, (rows, np.zeros((len(rows), 2)), wrong), setup.dt, 10)
-    measured = wrong[:, rollout.COLUMNS.index("measured")]
-    return float(np.max(np.abs((run.plan.references[:, 1] - measured)[run.steady()]))) * scale * 1e6
+    rollout.closed_loop(p, stage.at_rest(setup.stage), (rows, np.zeros((len(rows), 2)), wrong), setup.dt, 10)
+    run.samples = structured(wrong)
+    return run.peak()
 
 
-def lag_ignored(rows: Any, at: Any, setup: Setup) -> None:
-    rows[:, 2], rows[:, 3] = at(2.0 * setup.dt)
-    rows[:, 6] = at(0.5 * setup.dt)[0]
+def lag_ignored(seen: Foreseen, at: Any, setup: Setup) -> None:
+    seen.ahead[:] = at(0.0)
+    seen.friction[:] = at(0.5 * setup.dt)[:-2, 0]
 
 
-def lag_ignored_in_feedforward(rows: Any, at: Any, setup: Setup) -> None:
-    rows[:, 2], rows[:, 3] = at(2.0 * setup.dt)
+def lag_ignored_in_feedforward(seen: Foreseen, at: Any, setup: Setup) -> None:
+    seen.ahead[:] = at(0.0)
 
 
-def target_advanced(rows: Any, at: Any, setup: Setup) -> None:
-    rows[:, 4], rows[:, 5] = at(2.0 * setup.dt + command_delay(setup))
+def target_advanced(seen: Foreseen, at: Any, setup: Setup) -> None:
+    seen.late[:] = at(command_delay(setup))
 
 
-def measurement_delay_ignored(rows: Any, at: Any, setup: Setup) -> None:
-    rows[:, 4], rows[:, 5] = at(2.0 * setup.dt)
+def measurement_delay_ignored(seen: Foreseen, at: Any, setup: Setup) -> None:
+    seen.late[:] = at(0.0)
 
 
-def friction_now(rows: Any, at: Any, setup: Setup) -> None:
-    rows[:, 6] = at(0.0)[0]
+def friction_now(seen: Foreseen, at: Any, setup: Setup) -> None:
+    seen.friction[:] = at(0.0)[:-2, 0]
 
 
 # What the wrong variants cost at 1.6 Hz, 5 mm (control-math.md, "Delay rule"): peak um for nd, nm.  A target that
@@ -134,9 +136,9 @@ WRONG = [
 @pytest.mark.parametrize(("change", "nd", "nm", "cost"), WRONG)
 def test_each_wrong_delay_costs_what_it_should(tracked: Tracked, change: Any, nd: int, nm: int, cost: float) -> None:
     run = tracked(SINES[1.6], nd=nd, nm=nm, quantum=0.0)
-    assert with_references(run, lambda *_: None, SINES[1.6]) == pytest.approx(run.peak(), rel=1e-9)
-    assert run.peak() < 0.03
-    assert with_references(run, change, SINES[1.6]) == pytest.approx(cost, rel=0.2)
+    right = run.peak()
+    assert with_plan(run, lambda *_: None, SINES[1.6]) == right < 0.03
+    assert with_plan(run, change, SINES[1.6]) == pytest.approx(cost, rel=0.2)
 
 
 @pytest.mark.parametrize("nd", [0, 1])
@@ -144,44 +146,35 @@ def test_lag_ignored_in_the_feedforward_alone(tracked: Tracked, nd: int) -> None
     """Slow sines hide it; one of 20 Hz does not."""
     fast = Sine(5e-5, 20.0, 8, 4)
     run = tracked(fast, nd=nd, quantum=0.0)
-    assert with_references(run, lag_ignored_in_feedforward, fast) > 4.0 * run.peak()
+    right = run.peak()
+    assert with_plan(run, lag_ignored_in_feedforward, fast) > 4.0 * right
 
 
 @pytest.mark.parametrize("nd", [0, 1])
 def test_friction_compensated_at_the_wrong_instant(tracked: Tracked, nd: int) -> None:
     run = tracked(SINES[1.6], nd=nd, quantum=0.0)
-    assert with_references(run, friction_now, SINES[1.6]) > 4.0 * run.peak()
+    right = run.peak()
+    assert with_plan(run, friction_now, SINES[1.6]) > 4.0 * right
 
 
-def test_target_held_over_a_frame(tracked: Tracked) -> None:
-    """y0 held over 2 Ts costs 12.6 um: the law stepped by hand, with the target of the even samples held."""
-    run = tracked(SINES[1.6], nd=0, quantum=0.0)
-    unlimited = run.setup.stage.drive._replace(current_limit=1e9)  # the jumps ask for more than 15 A
-    p, running = run.setup.stage._replace(drive=unlimited), run.law._replace(current_limit=1e9)
-    plant, state = stage.at_rest(p), law.at_rest(running)
-    worst, target, steady = 0.0, 0.0, run.steady()
-    for k, row in enumerate(run.plan.references[:3000].tolist()):
-        measured = stage.measured(p.encoder, plant, stage.SILENT)
-        target = row[0] if k % 2 == 0 else target
-        shift = target - _target(run, state, row)
-        out, state = law.step(running, state, law.Reference(*row), measured - shift)
-        plant = stage.period(p, plant, out.current, stage.SILENT, run.setup.dt, 10)
-        worst = max(worst, abs(row[0] - measured) * steady[k])
-    assert worst * run.setup.file.axis.travel_per_unit * 1e6 == pytest.approx(12.6, rel=0.2)
-
-
-def _target(run: Run, state: law.State, row: list[float]) -> float:
-    """The law's own target in this period."""
-    if state.feedforward.second_half:
-        return state.feedforward.passed
-    return state.feedforward.late.position
+def test_target_held_over_a_frame(ball_screw: Setup) -> None:
+    """y0 held over 2 Ts costs 12.6 um (control-math.md): the target of the even samples, held."""
+    unlimited = ball_screw.stage.drive._replace(current_limit=1e9)  # the jumps ask for more than 15 A
+    setup = varied(ball_screw._replace(stage=ball_screw.stage._replace(drive=unlimited)), nd=0, quantum=0.0)
+    run = Run(setup, SINES[1.6])
+    right = run.peak()
+    held = run.plan.setpoints.copy()
+    held[1::2, 1] = held[::2, 1]
+    run.samples = simulate(setup, run.plan._replace(setpoints=held), run.law)
+    assert run.peak() == pytest.approx(12.6, rel=0.2)
+    assert right < 0.03
 
 
 @pytest.mark.parametrize("counts", [0, 1, 2, 3])
 def test_standstill_under_measurement_noise(ball_screw: Setup, counts: int) -> None:
     """<= 20 nm rms with 0-3 LSB, peak to peak, of measurement noise; the compensation never flips its sign."""
     run = Run(ball_screw, Sequence((SCurve(5e-3, 0.05, 0.5, 50.0, 0.2, 1, True), Dwell(5.0))))
-    noise = np.zeros((len(run.plan.references), 2))
+    noise = np.zeros((len(run.plan.setpoints), 2))
     noise[:, 1] = np.random.default_rng(7).integers(0, counts, len(noise), endpoint=True) - 0.5 * counts
     noise[:, 1] *= ball_screw.stage.encoder.step
     held = _held(run, noise)
@@ -204,9 +197,8 @@ def test_standstill_under_actuator_noise(ball_screw: Setup, seed: int) -> None:
 def _held(run: Run, noise: Any) -> dict[str, Any]:
     """True error (um) and compensation (A) in the standstill, under this noise."""
     rows = np.zeros((len(noise), rollout.WIDTH))
-    states = law.at_rest(run.law), stage.at_rest(run.setup.stage)
     loop = rollout.Loop(run.law, run.setup.stage)
-    rollout.closed_loop(loop, *states, (run.plan.references, noise, rows), run.setup.dt, 10)
+    rollout.closed_loop(loop, stage.at_rest(run.setup.stage), (run.plan.setpoints, noise, rows), run.setup.dt, 10)
     late = rows[:, 0] > 1.0
     column = {name: rows[late, k] for k, name in enumerate(rollout.COLUMNS)}
     error = (column["reference"] - column["true_position"]) * run.setup.file.axis.travel_per_unit * 1e6

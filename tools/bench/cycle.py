@@ -85,7 +85,8 @@ def _quantile(runs: list[dict[str, Any]], part: str, share: float) -> list[float
 
 def _compute_rows(runs: list[dict[str, Any]]) -> list[Row]:
     method = (
-        "decode TPDO, law.step with 12 operators, encode RPDO, write a row of the ring; elapsed time, interpreted, "
+        "decode TPDO, law.step (feedforward and friction are laid out beforehand), encode RPDO, write a row of the "
+        "ring; elapsed time, interpreted, "
         f"own process, paced at 2 kHz by the loop's metronome; {_permitted(runs)}; currents equal the simulator's"
     )
     parts = [

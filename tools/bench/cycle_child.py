@@ -14,11 +14,11 @@ from array import array
 from typing import Any, NamedTuple
 
 from stagectl.daemon import realtime
-from stagectl.daemon.loop import Cycle, Job, connect, references
+from stagectl.daemon.loop import Cycle, Job, connect, setpoint
 from stagectl.drives.canopen_pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.drive import Canopen, Fault
 from stagectl.drives.wire import load_eds
-from stagectl.kernels import law
+from stagectl.kernels import feedback, law
 from stagectl.recording.ring import Ring
 
 _ENABLED = 0x000F  # controlword
@@ -39,24 +39,25 @@ def compute(order: Order, paced: bool) -> dict[str, Any]:
     od = load_eds(job.wire.eds, job.wire.node)
     command, answer = CommandPdo(job.wire, od), FeedbackPdo(job.wire, od)
     ring = Ring(job.ring, job.width, job.capacity)
-    state, step, nan = law.at_rest(job.law), job.stage.encoder.step, math.nan
+    state, step, nan = feedback.AT_REST, job.stage.encoder.step, math.nan
     marks = [array("q") for _ in PARTS]
     currents = array("d")
     metronome = realtime.Metronome(job.dt)
     late = 0
-    for k, (reference, raw) in enumerate(zip(references(job.references, 0.0), order.frames, strict=True)):
+    for k, raw in enumerate(order.frames):
+        asked = setpoint(job.setpoints, k, 0.0)  # as the loop does, before the wait
         lateness = metronome.wait() if paced else 0.0
         begin = clock()
-        sample = answer.decode(raw)
-        position = sample.counts * step
+        statusword, counts, measured = answer.decode(raw)
+        position = counts * step
         decoded = clock()
-        output, state = law.step(job.law, state, reference, position)
+        output, state = law.step(job.law, state, asked, position)
         computed = clock()
         command.encode(_ENABLED, output.current)
         encoded = clock()
-        ring.write((k * job.dt, *reference, *output, position, nan, sample.current, lateness, 0, sample.statusword, 0))
+        ring.write((k * job.dt, *asked, *output, position, nan, measured, lateness, 0, statusword, 0))
         end = clock()
-        late += paced and metronome.overran()
+        late += paced and metronome.missed() > 0
         currents.append(output.current)
         spent = (decoded - begin, computed - decoded, encoded - computed, end - encoded, end - begin)
         for mark, value in zip(marks, spent, strict=True):
@@ -76,9 +77,9 @@ def bus(order: Order) -> dict[str, Any]:
         refused = realtime.prepare(job.priority, job.cpu)
         origin = drive.enable().position
         cycle = Cycle(job, drive, ring, origin)
-        for reference in references(job.references, origin):
+        while cycle.row < cycle.rows:
             begin = clock()
-            fault = cycle(reference)
+            fault = cycle()
             spent.append(clock() - begin)
             if fault is not Fault.NONE:
                 drive.quick_stop()

@@ -151,7 +151,7 @@ _compiled_held: Any = numba.njit(_held_slope)
 
 def _for_scipy(q: Quarter) -> tuple[Any, Any]:
     """Parameters and initial state."""
-    weight, slip = (np.asarray(values, dtype=np.float64) for values in q.p.friction.operators)
+    weight, slip = (np.asarray(values, dtype=np.float64) for values in q.p.friction.operators[:2])
     mechanics = q.p.mechanics
     p = (weight, slip, mechanics.inertia, mechanics.viscous, q.p.motor.force_constant, q.p.drive.current_lag)
     return p, np.array([q.position, 0.0, q.current, *[1.0] * len(weight)])
@@ -198,7 +198,7 @@ def contenders(one: Scene, q: Quarter) -> list[Contender]:
         **{f"solve_ivp {m}, per period": scipy_stepped(q, m) for m in ("LSODA", "RK45")},
         **{f"solve_ivp {m}, one long solve": scipy_long(q, m) for m in ("LSODA", "RK45")},
     }
-    whole = len(one.plan.references)
+    whole = len(one.plan.setpoints)
     return [
         Contender(_CLOSED, partial(run, one), whole),
         Contender(_COARSE, partial(run, with_substeps(one, 1)), whole),

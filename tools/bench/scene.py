@@ -10,7 +10,7 @@ from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.daemon.loop import Job
 from stagectl.daemon.safety import Envelope
-from stagectl.kernels import law, rollout
+from stagectl.kernels import rollout
 from stagectl.plan import Plan, plan
 from stagectl.recording.meta import portable
 from stagectl.recording.ring import Ring
@@ -26,12 +26,12 @@ class Scene(NamedTuple):
 
     setup: Setup
     plan: Plan
-    law: law.Law
+    controller: design.Controller
 
     @property
     def duration(self) -> float:
         """Simulated time (s), with the standstill at the end."""
-        return len(self.plan.references) * self.setup.dt
+        return len(self.plan.setpoints) * self.setup.dt
 
 
 def trajectory(motion: str) -> Path:
@@ -43,8 +43,9 @@ def scene(motion: str, nd: int = 1, without: frozenset[str] = frozenset()) -> Sc
     """Stage A under `motion`, with `nd` periods between command and action."""
     setup = load_stage(STAGE)
     setup = setup._replace(stage=setup.stage._replace(drive=setup.stage.drive._replace(delay_samples=nd)))
-    laid_out = plan(setup, load_trajectory(trajectory(motion), axis_of(setup)))
-    return Scene(setup, laid_out, design.design(setup.stage, setup.file.control, without))
+    controller = design.design(setup.stage, setup.file.control, without)
+    laid_out = plan(setup, load_trajectory(trajectory(motion), axis_of(setup)), controller.feedforward)
+    return Scene(setup, laid_out, controller)
 
 
 def with_substeps(one: Scene, substeps: int) -> Scene:
@@ -55,15 +56,15 @@ def with_substeps(one: Scene, substeps: int) -> Scene:
 
 def job(one: Scene, channel: str, ring: Ring) -> Job:
     """The order of the loop's process, on the embedded bus `channel`; no late cycle ends it."""
-    setup, plain = one.setup, portable(one.law)
-    limits, realtime = setup.file.limits, setup.file.realtime
-    never = len(one.plan.references) + 1
+    setup, limits, realtime = one.setup, one.setup.file.limits, one.setup.file.realtime
+    never = len(one.plan.setpoints) + 1
     return Job(
-        law=plain,
-        references=one.plan.references.tobytes(),
+        law=one.controller.law,
+        setpoints=one.plan.setpoints.tobytes(),
         dt=setup.dt,
+        by_clock=False,
         wire=canopen(setup)._replace(channel=channel),
-        stage=setup.stage._replace(friction=setup.stage.friction._replace(operators=plain.friction)),
+        stage=portable(setup.stage),
         simulation=setup.file.simulation,
         envelope=Envelope(*limits.travel, limits.speed * 1.1, limits.following_error, never),
         priority=realtime.priority,

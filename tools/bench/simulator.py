@@ -41,7 +41,7 @@ class Tracking(NamedTuple):
 
 def run(one: Scene) -> Any:
     """The whole run, as ``stagectl simulate`` computes it."""
-    return simulate(one.setup, one.plan, one.law)
+    return simulate(one.setup, one.plan, one.controller.law)
 
 
 def peak(one: Scene) -> float:
@@ -68,7 +68,7 @@ def tracking() -> list[Tracking]:
 def speed(rounds: int) -> dict[int, list[float]]:
     """Factors over real time, round by round, at every step: stage A in closed loop, with friction, nd = 1."""
     one = scene("sine-1.6hz")
-    contenders = [Contender(str(n), partial(run, with_substeps(one, n)), len(one.plan.references)) for n in SUBSTEPS]
+    contenders = [Contender(str(n), partial(run, with_substeps(one, n)), len(one.plan.setpoints)) for n in SUBSTEPS]
     found = interleaved(contenders, rounds)
     return {n: [one.setup.dt / seconds for seconds in found[str(n)]] for n in SUBSTEPS}
 
