@@ -53,6 +53,7 @@ def plan(setup: Setup, trajectory: Trajectory, feedforward: Feedforward) -> Plan
         )
     _within_limits(setup, trajectory)
     seen = foresee(setup, trajectory)
+    _check_jumps(setup, seen)
     rows = np.zeros((len(seen.reference), 4))
     setpoints(feedforward, seen, relaxed(feedforward.friction), rows)
     return Plan(rows, trajectory.steady, trajectory.duration)
@@ -78,17 +79,28 @@ def _within_limits(setup: Setup, trajectory: Trajectory) -> None:
     scale, unit = axis.travel_per_unit, axis.travel_unit
     found = peaks(trajectory, setup.dt)
     low, high = limits.travel[0] * scale, limits.travel[1] * scale
-    start = abs(getattr(trajectory, "initial_velocity", 0.0)) / setup.dt
     for name, value, limit, of in (
         ("travel", found.highest, high, f"{unit} upwards"),
         ("travel", -found.lowest, -low, f"{unit} downwards"),
         ("speed", found.speed, limits.speed * scale, f"{unit}/s"),
         ("acceleration", found.acceleration, limits.acceleration * scale, f"{unit}/s^2"),
-        ("acceleration", start, limits.acceleration * scale, f"{unit}/s^2 at its start, as it does not begin at rest"),
     ):
         if not value <= limit * (1.0 + 1e-9):
             raise TrajectoryError(
                 f"the trajectory needs {_ARTICLE[name]} {name} of {value:.6g} {of}; limits.{name} of "
-                f"{setup.file.name} allows {limit:.6g} {of.split(' at')[0]}: nothing has moved; lower the trajectory's "
+                f"{setup.file.name} allows {limit:.6g} {of}: nothing has moved; lower the trajectory's "
                 f"amplitude, speed or frequency, or raise the limit in {setup.path}"
             )
+
+
+def _check_jumps(setup: Setup, seen: Foreseen) -> None:
+    """Velocity that changes at once, as where a record begins or ends in motion; no acceleration shows it."""
+    change = np.abs(np.diff(seen.late[:, 1], prepend=0.0))
+    worst, allowed = int(np.argmax(change)), setup.file.limits.acceleration * setup.dt
+    if change[worst] > allowed * (1.0 + 1e-6):
+        scale, unit = setup.file.axis.travel_per_unit, f"{setup.file.axis.travel_unit}/s"
+        raise TrajectoryError(
+            f"the trajectory's speed jumps by {change[worst] * scale:.4g} {unit} at {worst * setup.dt:.6g} s; "
+            f"limits.acceleration of {setup.file.name} allows {allowed * scale:.4g} {unit} in a period: nothing has "
+            "moved; let it begin and end at rest (a csv trajectory takes run_up and run_out)"
+        )

@@ -76,11 +76,11 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     with drive_present(motion.setup, say):
         ended = move(motion, progress)
     for refusal in ended.refused:
-        say(f"[yellow]not real time:[/] {refusal}")
+        say(f"not real time: {refusal}")
     if waits_for_sync(motion.setup):
         say("the virtual plant's clock is SYNC: late cycles do not disturb it, and time-outs are relaxed")
     if ended.fault:
-        say(f"[bold red]stopped after {ended.cycles} cycles: {ended.words}[/]. {ended.reason}")
+        say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}")
     recording = open_recording(motion.recording)
     result = evaluate(recording.samples, recording.meta)
     return {**result, "fault": ended.words, "recording": str(motion.recording), "simulated": False}

@@ -68,6 +68,20 @@ def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path) -> None:
     assert replay(recording)["identical"]
 
 
+def test_a_biased_axis_runs_as_it_simulates(tmp_path: Path) -> None:
+    """EMPS: linear, 1 kHz, a constant force on the axis; and a name that looks like markup."""
+    stage, move = tmp_path / "stage.yaml", tmp_path / "move.yaml"
+    text = (CONFIG / "emps.yaml").read_text().replace("drives/", f"{CONFIG}/drives/")
+    stage.write_text(re.sub(r"(?m)^name: .*", "name: 'a [/b] stage'", text))
+    move.write_text("{type: s_curve, distance: 20 mm, velocity: 80 mm/s, acceleration: 0.5 m/s^2, jerk: 20 m/s^3}")
+    done = stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
+    assert done.returncode == 0, done.stderr
+    assert "a [/b] stage" in done.stderr
+    assert stagectl("simulate", stage, move, "-o", tmp_path / "s.h5").returncode == 0
+    ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
+    assert np.array_equal(ran["measured"], simulated["measured"])
+
+
 def test_replay_notices_a_changed_position_and_a_changed_law(tmp_path: Path) -> None:
     stagectl("simulate", STAGE, CONFIG / "trajectories" / "sine-2um.yaml", "-o", tmp_path / "s.h5", check=True)
     recording = open_recording(tmp_path / "s.h5")

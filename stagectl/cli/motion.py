@@ -107,7 +107,7 @@ def demo(
     from stagectl.demo import demo as show
 
     page = show(output, console.print, bar)
-    console.print(f"report: [bold]{page}[/]")
+    console.print(f"report: {page}")
 
 
 def _layers(without: list[str] | None) -> frozenset[str]:

@@ -68,8 +68,8 @@ def export(
 
     for path, notes in exports.export([open_recording(one) for one in recordings], to.value, output):
         for note in notes:
-            console.print(note, markup=False)
-        console.print(f"wrote {path}", markup=False)
+            console.print(note)
+        console.print(f"wrote {path}")
 
 
 def import_(
@@ -87,10 +87,10 @@ def import_(
     found = read(source, load_stage(stage) if stage else None)
     for recording, path in zip(found, store(found, source, output), strict=True):
         for note in recording.meta["notes"]:
-            console.print(note, markup=False)
+            console.print(note)
         names = ", ".join(recording.samples.dtype.names or ())
         words = f"{len(recording.samples)} rows, {recording.meta['duration']:.4g} s, columns {names}"
-        console.print(f"imported {path}: {words}", markup=False)
+        console.print(f"imported {path}: {words}")
 
 
 def identify(
@@ -109,7 +109,7 @@ def identify(
     console.print(_parameters(found))
     for one in found["captures"]:
         share = f"force residual {one['force_residual_percent']:.3g} % of the force, taken from {one['current']}"
-        console.print(f"{one['name']}: {one['rows']} rows; {share}", markup=False)
+        console.print(f"{one['name']}: {one['rows']} rows; {share}")
     emit(found, json)
 
 

@@ -13,7 +13,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from stagectl.words import length
 
-console = Console(stderr=True, soft_wrap=True, highlight=False)  # standard output is for results only
+# Standard output is for results only; names and paths appear as they are, whatever brackets they hold.
+console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
 
 
 def emit(result: dict[str, Any], target: str | None) -> None:
@@ -32,7 +33,7 @@ def emit(result: dict[str, Any], target: str | None) -> None:
 def progress(title: str, total: int) -> Iterator[Any]:
     """A bar with the time left; yields ``update(done, total)``."""
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
@@ -48,7 +49,7 @@ def summary(result: dict[str, Any]) -> str:
     error, unit = result["tracking_error"], result["unit"]
     window = f"{result['steady'][0]:.3g} to {result['steady'][1]:.3g} s"
     lines = [
-        f"{result['stage']}, {result['trajectory']}: tracking error peak [bold]{length(error['peak'], unit)}[/], "
+        f"{result['stage']}, {result['trajectory']}: tracking error peak {length(error['peak'], unit)}, "
         f"rms {length(error['rms'], unit)} over {window} (nd = {result['nd']})"
     ]
     if result["late_cycles"]:
@@ -56,5 +57,5 @@ def summary(result: dict[str, Any]) -> str:
     if result["saturated_cycles"]:
         lines.append(f"the current limit was reached in {result['saturated_cycles']} cycles")
     if not result["in_position"]:
-        lines.append("[bold red]the axis did not come to stand in position[/]")
+        lines.append("the axis did not come to stand in position")
     return "\n".join(lines)

@@ -32,7 +32,7 @@ def compose(path: Path) -> yaml.Node:
 
     Raises UnreadableError where there is no file to read, ConfigError where it is no YAML.
     """
-    text = _text(path)
+    text = read_text(path)
     _check_brackets(path, text)
     hidden = _HIDDEN.search(text)
     if hidden:
@@ -71,20 +71,24 @@ def node_at(node: yaml.Node, name: str) -> yaml.Node:
     return node
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
+    """Text of a regular file of at most `largest` bytes; a byte order mark is no part of it.
+
+    Raises UnreadableError where there is no file to read, ConfigError where it is no text.
+    """
     try:
         if not stat.S_ISREG(path.stat().st_mode):  # reading a pipe or a device might never end
-            raise UnreadableError(f"{path} is not a file: give the path of a YAML file")
+            raise UnreadableError(f"{path} is not a file: give the path of a text file")
         with path.open("rb") as file:
-            raw = file.read(LARGEST_FILE + 1)
+            raw = file.read(largest + 1)
     except OSError as error:
         raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise UnreadableError(f"{str(path)!r} cannot be the path of a file: {error}") from error
-    if len(raw) > LARGEST_FILE:
-        raise ConfigError(f"larger than {LARGEST_FILE} bytes: not a configuration file ({path}:1)")
+    if len(raw) > largest:
+        raise ConfigError(f"larger than {largest} bytes: not a file of this kind ({path}:1)")
     try:
-        return raw.decode("utf-8")
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise ConfigError(f"not UTF-8 text: byte {error.start} is {raw[error.start]:#04x} ({path}:{line})") from error

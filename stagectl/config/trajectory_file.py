@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -12,11 +13,13 @@ import yaml
 
 from stagectl import trajectories
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
-from stagectl.config.source import compose, node_at
+from stagectl.config.source import compose, node_at, read_text
 from stagectl.config.stage_file import Setup
 from stagectl.units import LINEAR, ROTARY, Quantity, factor
 
 MOST_PARTS = 1000
+LARGEST_CSV = 200_000_000  # bytes
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,2})?")
 
 
 class Csv(NamedTuple):
@@ -104,17 +107,18 @@ def _resolved(entry: Any, path: Path, axis: Axis) -> trajectories.Trajectory:
 
 def _recorded(path: Path, entry: Csv, axis: Axis) -> trajectories.Recorded:
     header, rows = _table(path)
-    where = trajectories.columns(header)
+    try:
+        where = trajectories.columns(header)
+    except trajectories.TrajectoryError as error:
+        raise ConfigError(f"{error} ({path}:1)") from error
     scale = _scale(where.unit, axis, path)
     times, positions = [], []
     for number, row in rows:
-        try:
-            times.append(float(row[where.time]))
-            positions.append(float(row[where.position]) * scale)
-        except (ValueError, IndexError) as error:
-            raise ConfigError(
-                f"row without a number for time or position: {','.join(row)[:60]} ({path}:{number})"
-            ) from error
+        cells = [row[column].strip() if column < len(row) else "" for column in (where.time, where.position)]
+        if not all(map(_NUMBER.fullmatch, cells)):
+            raise ConfigError(f"a row must hold numbers for time and position, not {cells} ({path}:{number})")
+        times.append(float(cells[0]))
+        positions.append(float(cells[1]) * scale)
     first, last = _part(entry.part, times, path)
     return trajectories.Recorded(times[first:last], positions[first:last], entry.run_up, entry.run_out)
 
@@ -131,15 +135,13 @@ def _part(part: tuple[float, float] | None, times: list[float], path: Path) -> t
 
 
 def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    text = read_text(path, LARGEST_CSV)
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            lines = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path} is no CSV text: {error}") from error
+        lines = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), 1) if row]
+    except csv.Error as error:
+        raise ConfigError(f"no CSV text: {error} ({path}:1)") from error
     if not lines:
-        raise ConfigError(f"{path} is empty")
+        raise ConfigError(f"the file is empty ({path}:1)")
     return lines[0][1], lines[1:]
 
 

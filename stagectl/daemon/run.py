@@ -170,6 +170,7 @@ class _Process:
         with contextlib.suppress(BrokenPipeError):
             self._in.close()
         self._process.wait()
+        self._out.close()
 
     def terminate(self) -> None:
         if self._process.poll() is None:

@@ -49,6 +49,19 @@ def relaxed(p: StopOperators) -> Any:
     return states(len(p.weight))
 
 
+def settled(p: StopOperators, s: Any, load: float) -> float:
+    """Let relaxed operators `s` give way until they carry `load` (N m | N); the force they then give.
+
+    A load beyond their sum lets all of them slip: the axis will not stand.
+    """
+    low, high = 0.0, 2.0 * max(p.slip)
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        carried = sum(min(a, a * middle * r) for a, r in zip(p.weight, p.rate, strict=True))
+        low, high = (middle, high) if carried < abs(load) else (low, middle)
+    return stops(p, s, math.copysign(high, load)) if load else 0.0
+
+
 @kernel
 def stops(p: StopOperators, s: Any, dx: float) -> float:
     """Force of the operators after a move of `dx`; the states `s` (n,) change **in place**.

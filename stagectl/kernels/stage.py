@@ -109,10 +109,12 @@ class _Coefficients(NamedTuple):
 
 
 def at_rest(p: Stage, position: float = 0.0) -> State:
-    """The plant standing at `position`, unloaded, without current."""
+    """The plant standing at `position` without current; its friction carries the bias, and nothing else."""
     place = float(position)
     here: Line = (place, place, place, place, place, place, place, place)
-    return State(NO_COMMANDS, here, 0.0, place, 0.0, 0.0, friction.relaxed(p.friction.operators))
+    stops = friction.relaxed(p.friction.operators)
+    force = friction.settled(p.friction.operators, stops, p.mechanics.bias)
+    return State(NO_COMMANDS, here, 0.0, place, 0.0, force, stops)
 
 
 @kernel

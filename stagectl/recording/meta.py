@@ -37,7 +37,10 @@ def describe(setup: Setup, plan: Plan, running: Controller, trajectory: Path) ->
         "duration": plan.duration,
         "law": written(running.law),
         "feedforward": written(running.feedforward),
-        "files": {path.name: path.read_text(encoding="utf-8") for path in (setup.path, trajectory)},
+        "files": {
+            what: {"name": path.name, "text": path.read_text(encoding="utf-8")}
+            for what, path in (("stage", setup.path), ("trajectory", trajectory))
+        },
         "versions": versions(),
     }
 

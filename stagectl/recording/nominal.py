@@ -159,7 +159,7 @@ def carried_stage(recording: Recording) -> StageFile:
     """The stage file whose text a recording of ours carries."""
     axis = recording.meta["axis"]
     lead = 2.0 * math.pi * axis["travel_per_unit"] if axis["kind"] == ROTARY and axis["travel_unit"] == "m" else 0.0
-    name, text = next(iter(recording.meta["files"].items()))
+    name, text = (recording.meta["files"]["stage"][part] for part in ("name", "text"))
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     if root is None:
         raise RecordingError(f"{recording.path} carries an empty stage file {name}")

@@ -18,6 +18,7 @@ from stagectl.units import quantity_of
 SHORTEST = 1e-12  # m, of a move
 LONGEST = 86400.0  # s; what is longer is a slip of a unit, and would fill the memory
 MOST_LINES = 5000  # of a multisine
+MOST_PERIODS = 2e5  # of its fastest line within its base: what one evaluation holds in memory
 _BLOCK = 65536  # samples evaluated at once
 
 
@@ -94,6 +95,11 @@ def _check_band(p: Multisine, place: str) -> None:
         raise TrajectoryError(f"{place}.flat = {p.flat}; must be position, velocity or acceleration")
     if p.low > p.high:
         raise TrajectoryError(f"{place}.low = {p.low:g} Hz; must lie in (0, {p.high:g}] Hz, up to high")
+    if p.high * p.base > MOST_PERIODS:
+        raise TrajectoryError(
+            f"{place}.base = {p.base:g} s; must be at most {MOST_PERIODS / p.high:g} s with high = {p.high:g} Hz: "
+            "shorten base, or lower high"
+        )
     count = len(p.lines)
     if not 1 <= count <= MOST_LINES:
         raise TrajectoryError(

@@ -329,9 +329,9 @@ def test_the_position_counter_wraps_around(bench: Workbench) -> None:
     _, feedback = pdos(bench.settings(tpdo=(0x606400, 0x604100), current_object=0))
     way = [2**31 - 10, 2**31 + 10, 2**32 + 5, 2**32 - 7, 2**31 + 100, 2**31 - 10, 5, -5, -(2**31) - 1]
     seen = [feedback.decode(frame(0x185, struct.pack("<IH", count % 2**32, 0x1237))) for count in way]
-    assert [sample.counts for sample in seen] == way
-    assert seen[0].statusword == 0x1237
-    assert math.isnan(seen[0].current)
+    assert [counts for _, counts, _ in seen] == way
+    assert seen[0][0] == 0x1237
+    assert math.isnan(seen[0][2])
 
 
 class Echo:

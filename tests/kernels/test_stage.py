@@ -122,3 +122,15 @@ def test_energy_is_never_made_from_nothing(ball_screw: Setup) -> None:
         energies.append(0.5 * p.mechanics.inertia * x.velocity**2 + spring)
     assert np.all(np.diff(energies) <= 1e-3 * np.max(energies) * DT)
     assert 0.5 * p.mechanics.inertia * x.velocity**2 < 1e-6 * energies[0]  # what is left is strain between elements
+
+
+@pytest.mark.parametrize("bias", [0.4, -0.9])
+def test_at_rest_the_friction_carries_the_bias(ball_screw: Setup, bias: float) -> None:
+    """A tilted axis does not sag when nothing moves it: not by a nanometre in a second."""
+    p = ball_screw.stage._replace(mechanics=ball_screw.stage.mechanics._replace(bias=bias))
+    x = stage.at_rest(p, 0.5)
+    assert x.force == pytest.approx(bias, rel=1e-12)
+    for _ in range(2000):
+        x = stage.period(p, x, 0.0, stage.SILENT, DT, 10)
+    assert abs(x.position - 0.5) < 1e-10
+    assert stage.at_rest(p._replace(mechanics=p.mechanics._replace(bias=9.0))).force == pytest.approx(1.0)

@@ -58,7 +58,7 @@ def test_csv_keeps_every_bit_and_names_units(sine: Recording, tmp_path: Path) ->
     assert list(found)[:2] == ["time_s", "reference_rad"]
     for header, name in (
         ("reference_rad", "reference"),
-        ("ahead_velocity_rad_per_s", "ahead_velocity"),
+        ("target_rad", "target"),
         ("command_A", "command"),
         ("measured_rad", "measured"),
         ("late", "late"),
@@ -72,7 +72,7 @@ def test_parquet_carries_units_and_meta(sine: Recording, tmp_path: Path) -> None
     found = pyarrow.parquet.read_table(tmp_path / "a.parquet")
     for name in sine.samples.dtype.names:
         np.testing.assert_array_equal(found[name].to_numpy(), sine.column(name))
-    assert found.schema.field("ahead_velocity").metadata[b"unit"] == b"rad/s"
+    assert found.schema.field("proportional").metadata[b"unit"] == b"A"
     assert json.loads(found.schema.metadata[b"stagectl"])["law"] == sine.meta["law"]
 
 
@@ -98,8 +98,6 @@ def frames(c: dict[str, Any], reference: Any, rows: int, advance: float) -> tupl
     u, y0 = np.zeros(rows), np.zeros(rows)
     for i in range(0, rows, 2):
         start, end = (reference(k * c["Ts"] + advance) for k in (i, i + 2))
-        if i == 0:  # states_at_first_row
-            start = np.array([reference(0.0)[0], 0.0])
         pair = np.linalg.solve(b, end - a @ start)
         u[i : i + 2] = pair
         y0[i], y0[i + 1] = start[0], (ad @ start + bd * pair[0])[0]
