@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -30,6 +31,11 @@ def canopen(setup: Setup) -> Canopen:
     wire = setup.file.drive.wire
     if not isinstance(wire, Canopen):
         raise DriveError(f"drive.wire.kind of {setup.path} is not canopen: there is no bus to be on")
+    if setup.stage.drive.delay_samples < 1:
+        raise DriveError(
+            f"drive.delay_samples = 0; over CAN the command acts from the next SYNC on, so it is at least 1: "
+            f"`simulate` can do without the delay, a bus cannot ({setup.path})"
+        )
     return wire
 
 
@@ -45,23 +51,26 @@ def prepare(setup: Setup, trajectory: Path, without: frozenset[str], recording: 
     """Read, check and lay out a motion; nothing moves yet."""
     controller = design.design(setup.stage, setup.file.control, without)
     laid_out = plan(setup, load_trajectory(trajectory, axis_of(setup)), controller.feedforward)
-    stamp = time.strftime("%Y%m%d-%H%M%S")
     meta = {**describe(setup, laid_out, controller, trajectory), "without": sorted(without)}
-    return Motion(
-        setup, laid_out, controller.law, meta, recording or Path("recordings") / f"{stamp}-{trajectory.stem}.h5"
-    )
+    return Motion(setup, laid_out, controller.law, meta, recording or _fresh(trajectory.stem))
 
 
-def pretend(motion: Motion, record: bool) -> dict[str, Any]:
+def _fresh(what: str) -> Path:
+    """A recording's name that is not taken: two runs may begin in one second."""
+    stem = Path("recordings") / f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
+    suffixes = itertools.chain([".h5"], (f"-{n}.h5" for n in itertools.count(2)))
+    return next(path for suffix in suffixes if not (path := stem.with_name(stem.name + suffix)).exists())
+
+
+def pretend(motion: Motion) -> dict[str, Any]:
     """Simulate the motion; the result as JSON values."""
     from stagectl.simulation import simulate  # compiles
 
     samples = simulate(motion.setup, motion.plan, motion.law)
     meta = {**motion.meta, "drive": {"drive": "simulated, compiled"}}
-    if record:
-        motion.recording.parent.mkdir(parents=True, exist_ok=True)
-        save(motion.recording, meta, samples, "complete")
-    return {**evaluate(samples, meta), "recording": str(motion.recording) if record else None, "simulated": True}
+    motion.recording.parent.mkdir(parents=True, exist_ok=True)
+    save(motion.recording, meta, samples, "complete")
+    return {**evaluate(samples, meta), "recording": str(motion.recording), "simulated": True}
 
 
 def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
@@ -69,6 +78,8 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
 
     Raises DriveError where the drive cannot be reached or enabled.
     """
+    if isinstance(motion.setup.file.drive.wire, Canopen):
+        canopen(motion.setup)
     for path in sorted(motion.recording.parent.glob("*.h5")):
         with contextlib.suppress(RecordingError):  # no recording of ours: none of our business
             if repair(path):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 
 def length(value: float | None, unit: str) -> str:
-    """A small travel in the prefix that fits: ``12.3 nm``, ``4.97 um``, ``0.2 mm``."""
+    """A small travel in the prefix that fits: ``12.3 nm``, ``4.97 µm``, ``0.2 mm``."""
     if value is None:
         return "not reached"
-    for scale, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "u")):
+    for scale, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ")):
         if abs(value) >= 0.9995 * scale:
             return f"{value / scale:.3g} {prefix}{unit}"
     return f"{value / 1e-9:.3g} n{unit}"

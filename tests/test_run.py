@@ -82,6 +82,19 @@ def test_a_biased_axis_runs_as_it_simulates(tmp_path: Path) -> None:
     assert np.array_equal(ran["measured"], simulated["measured"])
 
 
+def test_no_delay_can_be_simulated_but_not_run(tmp_path: Path) -> None:
+    stage = tmp_path / "stage.yaml"
+    text = STAGE.read_text().replace("drives/", f"{CONFIG}/drives/")
+    stage.write_text(text.replace("delay_samples: 1 ", "delay_samples: 0 "))
+    simulated = stagectl("simulate", stage, SINE, "--without", "friction", "--json", "-", "-o", tmp_path / "s.h5")
+    assert json.loads(simulated.stdout)["nd"] == 0
+    assert 4.9e-6 < json.loads(simulated.stdout)["tracking_error"]["peak"] < 5.6e-6
+    refused = stagectl("run", stage, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
+    assert refused.returncode == 2
+    assert "drive.delay_samples = 0; over CAN" in refused.stderr
+    assert not (tmp_path / "r.h5").exists()
+
+
 def test_replay_notices_a_changed_position_and_a_changed_law(tmp_path: Path) -> None:
     stagectl("simulate", STAGE, CONFIG / "trajectories" / "sine-2um.yaml", "-o", tmp_path / "s.h5", check=True)
     recording = open_recording(tmp_path / "s.h5")
@@ -140,7 +153,7 @@ def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
     silent = re.fullmatch(partner + r" for (\d+) ms \(time-out 500 ms\): quick stop\n", lost)
     assert silent is not None, lost
     assert 500 <= int(silent[2]) < 700
-    stopped = re.fullmatch(r"stands after (\d+) ms and (-?[\d.]+) ([mun]m)\n", stands)
+    stopped = re.fullmatch(r"stands after (\d+) ms and (-?[\d.]+) ([mµn]m)\n", stands)
     assert stopped is not None, stands
     assert 0 < int(stopped[1]) < 100  # 50 mm/s at 5 m/s^2: 10 ms, and the velocity loop's own time
     recording = open_recording(tmp_path / "killed.h5")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -55,6 +54,7 @@ def run(
     with bar(f"run {motion.meta['trajectory']}", len(motion.plan.setpoints)) as update:
         result = perform(motion, console.print, update)
     console.print(summary(result))
+    console.print(f"recorded: {result['recording']}")
     emit(result, json)
     if not result["in_position"]:
         raise typer.Exit(1)
@@ -71,11 +71,15 @@ def simulate(
 
     Example: stagectl simulate config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --json -
     """
+    from stagectl.kernels.jit import cold
     from stagectl.session import prepare, pretend
 
+    if cold():
+        console.print("compiling the kernels, once for this version: about ten seconds")
     motion = prepare(_load(stage), trajectory, _layers(without), output)
-    result = pretend(motion, record=output is not None)
+    result = pretend(motion)
     console.print(f"simulated: {summary(result)}")
+    console.print(f"recorded: {result['recording']}")
     emit(result, json)
     if not result["in_position"]:
         raise typer.Exit(1)
@@ -121,8 +125,3 @@ def _load(path: Path) -> Any:
     from stagectl.config.stage_file import load_stage
 
     return load_stage(path)
-
-
-def stamp() -> str:
-    """Now, as part of a file's name."""
-    return time.strftime("%Y%m%d-%H%M%S")

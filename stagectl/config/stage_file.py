@@ -216,8 +216,6 @@ def _check_wire(file: StageFile, path: Path) -> list[str]:
     if not isinstance(wire, Canopen):
         return []
     wrong = []
-    if file.drive.delay_samples < 1:
-        wrong.append("drive.delay_samples = 0; over CAN the command acts from the next SYNC on: at least 1")
     if not _exists(path.parent / wire.eds):
         wrong.append(f"drive.wire.eds = {wire.eds}; no such file; the path is relative to {path.parent}")
     for name, pdo, needed in (("rpdo", wire.rpdo, wire.command_object), ("tpdo", wire.tpdo, wire.current_object)):

@@ -47,6 +47,10 @@ if INTERPRETED:
         """`count` zeroed floats that a kernel changes in place."""
         return [0.0] * count
 
+    def cold() -> bool:
+        """Whether the first use will have to compile: never."""
+        return False
+
 else:
     _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stagectl" / source_hash()
     try:
@@ -73,3 +77,7 @@ else:
     def states(count: int) -> Any:
         """`count` zeroed floats that a kernel changes in place."""
         return numpy.zeros(count)
+
+    def cold() -> bool:
+        """Whether the first use will have to compile: nothing of this version is on disk yet."""
+        return not any(_CACHE.rglob("*.nbi"))

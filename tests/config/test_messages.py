@@ -104,12 +104,6 @@ MISTAKES = [
         "raise the bit rate, or take control.period of at least 0.813 ms (stage.yaml:{bitrate})",
     ),
     (
-        "no delay over CAN",
-        ("delay_samples: 1", "delay_samples: 0"),
-        "drive.delay_samples = 0; over CAN the command acts from the next SYNC on: at least 1 "
-        "(stage.yaml:{delay_samples})",
-    ),
-    (
         "travel reversed",
         ("travel: [-50 mm, 50 mm]", "travel: [50 mm, -50 mm]"),
         "limits.travel = [0.05, -0.05] m; the first must be below the second (stage.yaml:{travel: [})",
