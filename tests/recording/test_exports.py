@@ -36,7 +36,7 @@ def recorded(folder: Path, name: str, stage: str = "ball-screw", without: frozen
     trajectory = folder / f"{name}.yaml"
     trajectory.write_text(SINE)
     path = folder / f"{name}.h5"
-    pretend(prepare(load_stage(CONFIG / f"{stage}.yaml"), trajectory, without, path), record=True)
+    pretend(prepare(load_stage(CONFIG / f"{stage}.yaml"), trajectory, without, path))
     return open_recording(path)
 
 
