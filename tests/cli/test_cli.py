@@ -78,8 +78,8 @@ def test_usage(command: Command) -> None:
         code, out, err = command(*arguments)
         assert code in (0, 2)
         assert "Usage" in out + err
-    for arguments in (("dance",), ("run",), ("run", STAGE), ("config", "check"), ("simulate", "--quick", STAGE, SINE)):
-        code, out, err = command(*arguments)
+    for wrong in (("dance",), ("run",), ("run", STAGE), ("config", "check"), ("simulate", "--quick", STAGE, SINE)):
+        code, out, err = command(*wrong)
         assert (code, out) == (2, "")
         assert "Traceback" not in err
     refused(command("simulate", STAGE, SINE, "--without", "pid"), "--without pid; must be one of ptc, friction")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.daemon import loop, realtime
+from stagectl.daemon import loop
 from stagectl.daemon.loop import Cycle, Job, run
 from stagectl.daemon.safety import Envelope
 from stagectl.drives.drive import Fault, Feedback
@@ -28,8 +29,8 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
-        monkeypatch.setattr(realtime.time, "monotonic", lambda: self.now)
-        monkeypatch.setattr(realtime.time, "sleep", self.spend)
+        monkeypatch.setattr(time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(time, "sleep", self.spend)
 
     def spend(self, seconds: float) -> None:
         self.now += seconds

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from workbench import DT, Script, Workbench, linear_stage
 
 from stagectl.drives.simulated import Plant, Simulation
+from tests.drives.workbench import DT, Script, Workbench, linear_stage
 
 
 @pytest.fixture(scope="session", autouse=True)

