@@ -31,6 +31,7 @@ class Job(NamedTuple):
 
     law: law.Law
     setpoints: bytes  # (n, 4) float64, relative to where the axis stands
+    span: tuple[float, float]  # rad | m, lowest and highest of their positions
     dt: float  # s
     by_clock: bool  # a missed period is a missed row; False where the plant waits for our SYNC
     wire: Canopen | None  # None: the stage model in this process
@@ -88,16 +89,16 @@ class Cycle:
             overslept = self.metronome.missed()
             row = self._skip(overslept)
             asked = setpoint(job.setpoints, row, self.origin)
-        feedback = self.drive.sample()
-        output, self.state = law.step(job.law, self.state, asked, feedback.position)
-        speed = (feedback.position - self.position) / (self.passed * job.dt)
-        fault = safety.judge(job.envelope, feedback.fault, feedback.position, speed, output.error)
+        sampled = self.drive.sample()
+        output, self.state = law.step(job.law, self.state, asked, sampled.position)
+        speed = (sampled.position - self.position) / (self.passed * job.dt)
+        fault = safety.judge(job.envelope, sampled.fault, sampled.position, speed, output.error)
         self.drive.apply(output.current if fault is Fault.NONE else 0.0)
         missed = self.metronome.missed()
         late = overslept + missed > 0
-        seen = (feedback.position, _NAN, feedback.current, lateness, late, feedback.statusword, fault)
+        seen = (sampled.position, _NAN, sampled.current, lateness, late, sampled.statusword, fault)
         self.ring.write((row * job.dt, *asked, *output, *seen))
-        self.position = feedback.position
+        self.position = sampled.position
         self.row, self.passed = row + 1, 1
         if missed and job.by_clock:
             self._skip(missed)
@@ -131,8 +132,7 @@ def run(job: Job, drive: Drive, ring: Ring, origin: float, stopped: list[int]) -
 
 
 def _fits(job: Job, origin: float) -> None:
-    positions = [row[0] for row in _SETPOINT.iter_unpack(job.setpoints)]
-    low, high = origin + min(positions), origin + max(positions)
+    low, high = (origin + end for end in job.span)
     if low < job.envelope.low or high > job.envelope.high:
         raise DriveError(
             f"the axis stands at {origin:.6g}, from where the motion goes to [{low:.6g}, {high:.6g}]; limits.travel is "

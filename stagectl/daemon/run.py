@@ -105,6 +105,7 @@ def _job(motion: Motion, ring: Ring) -> Job:
     return Job(
         law=motion.law,
         setpoints=motion.plan.setpoints.tobytes(),
+        span=(float(motion.plan.setpoints[:, 0].min()), float(motion.plan.setpoints[:, 0].max())),
         dt=setup.dt,
         by_clock=not waits_for_sync(setup),
         wire=wire if isinstance(wire, Canopen) else None,

@@ -13,7 +13,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.daemon import loop
 from stagectl.daemon.loop import Cycle, Job, run
 from stagectl.daemon.safety import Envelope
-from stagectl.drives.drive import Fault, Feedback
+from stagectl.drives.drive import DriveError, Fault, Feedback
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import rollout
 from stagectl.plan import Plan, plan
@@ -77,6 +77,7 @@ def job_for(setup: Setup, ring: Ring, by_clock: bool = False) -> Job:
     return Job(
         law=design.design(setup.stage, setup.file.control).law,
         setpoints=laid_out(setup).setpoints.tobytes(),
+        span=(-0.5, 0.5),
         dt=setup.dt,
         by_clock=by_clock,
         wire=None,
@@ -202,3 +203,13 @@ def test_cycles_begin_on_the_grid(ball_screw: Setup, clock: Clock) -> None:
     for _ in range(100):
         cycle()
     assert clock.now - began == pytest.approx(100 * ball_screw.dt, rel=1e-9)
+
+
+def test_a_motion_that_would_leave_the_travel_never_starts(ball_screw: Setup) -> None:
+    job = job_for(ball_screw, Ring.create(rollout.WIDTH))
+    low, high = ball_screw.file.limits.travel
+    loop._fits(job, 0.0)
+    loop._fits(job, high - 0.5)
+    for origin in (high - 0.499, low + 0.499):
+        with pytest.raises(DriveError, match=r"limits\.travel is .*: move it back, then run again"):
+            loop._fits(job, origin)

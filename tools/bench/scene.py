@@ -61,6 +61,7 @@ def job(one: Scene, channel: str, ring: Ring) -> Job:
     return Job(
         law=one.controller.law,
         setpoints=one.plan.setpoints.tobytes(),
+        span=(0.0, 0.0),
         dt=setup.dt,
         by_clock=False,
         wire=canopen(setup)._replace(channel=channel),
