@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 from pathlib import Path
@@ -49,6 +50,7 @@ def run(
     os.environ["STAGECTL_KERNELS"] = "interpreted"  # nothing is simulated in this process
     from stagectl.session import on_channel, perform, prepare
 
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
     setup = on_channel(_load(stage), channel)
     motion = prepare(setup, trajectory, _layers(without), output)
     with bar(f"run {motion.meta['trajectory']}", len(motion.plan.setpoints)) as update:
@@ -98,7 +100,13 @@ def virtual_drive(stage: StageArgument, channel: Channel = None) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopped.append(number))
     setup = on_channel(_load(stage), channel)
-    serve(setup, canopen(setup), lambda text: print(text, flush=True), lambda: bool(stopped))
+    serve(setup, canopen(setup), _tell, lambda: bool(stopped))
+
+
+def _tell(text: str) -> None:
+    """One line, if anybody still reads them: a drive goes on without."""
+    with contextlib.suppress(BrokenPipeError):
+        print(text, flush=True)
 
 
 def demo(

@@ -6,6 +6,7 @@ lines on standard output, before and after the motion only.  During it the ring 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pickle
@@ -141,7 +142,8 @@ def _fits(job: Job, origin: float) -> None:
 
 
 def _say(event: str, **facts: Any) -> None:
-    print(json.dumps({"event": event, **facts}), flush=True)
+    with contextlib.suppress(BrokenPipeError):  # nobody listens any more: the axis is stopped all the same
+        print(json.dumps({"event": event, **facts}), flush=True)
 
 
 def serve(job: Job) -> None:
@@ -153,6 +155,7 @@ def serve(job: Job) -> None:
     stopped: list[int] = []
     signal.signal(signal.SIGINT, lambda number, _: stopped.append(number))
     signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
+    realtime.follow_parent()
     drive = connect(job)
     try:
         _say("connected", drive=drive.describe())

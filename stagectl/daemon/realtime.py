@@ -5,10 +5,17 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import signal
 import time
 
 _MCL_CURRENT_AND_FUTURE = 3
+_PR_SET_PDEATHSIG = 1
 _PR_SET_TIMERSLACK = 29
+
+
+def follow_parent() -> None:
+    """Have the kernel send SIGTERM when the process that started this one dies, however it dies."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
 
 
 def prepare(priority: int, cpu: int | None) -> list[str]:

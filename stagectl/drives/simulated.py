@@ -45,7 +45,7 @@ class Plant:
         self.state = stage.at_rest(self.p)
         self._random = random.Random(self.simulation.seed)
         self._powered = False
-        self._noise = self._draw()
+        self._noise, self._hushed = stage.SILENT, True
 
     @property
     def powered(self) -> bool:
@@ -55,6 +55,7 @@ class Plant:
     @powered.setter
     def powered(self, on: bool) -> None:
         self._powered = on
+        self._noise, self._hushed = stage.SILENT, True
         if not on:
             self.state = self.state._replace(commands=stage.NO_COMMANDS)
 
@@ -76,8 +77,13 @@ class Plant:
     def latch(self) -> None:
         """The end of a period: its position enters the measurement's delay line, new noise is drawn."""
         self.state = stage.latched(self.state)
-        if self._powered:
+        if self._powered and not self._hushed:
             self._noise = self._draw()
+        self._hushed = False
+
+    def hear(self) -> None:
+        """End the silence in which a controller reads where the axis stands."""
+        self._noise, self._hushed = self._draw(), False
 
     @property
     def position(self) -> float:
@@ -106,7 +112,9 @@ class Simulated:
     def enable(self) -> Feedback:
         """Power the stage; nothing can refuse."""
         self.plant.powered = True
-        return self.sample()
+        now = self.sample()
+        self.plant.hear()
+        return now
 
     def sample(self) -> Feedback:
         """Measured position and motor current now."""

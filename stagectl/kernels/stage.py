@@ -113,7 +113,8 @@ def at_rest(p: Stage, position: float = 0.0) -> State:
     place = float(position)
     here: Line = (place, place, place, place, place, place, place, place)
     stops = friction.relaxed(p.friction.operators)
-    force = friction.settled(p.friction.operators, stops, p.mechanics.bias)
+    factor = friction.stribeck(p.friction.stribeck, 0.0)
+    force = factor * friction.settled(p.friction.operators, stops, p.mechanics.bias / factor)
     return State(NO_COMMANDS, here, 0.0, place, 0.0, force, stops)
 
 
