@@ -9,12 +9,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.daemon import virtual
 from stagectl.daemon.run import Motion, Progress, move, waits_for_sync
-from stagectl.drives.drive import Canopen, DriveError
+from stagectl.daemon.safety import words
+from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.evaluation import evaluate
 from stagectl.plan import plan
 from stagectl.recording.hdf5 import RecordingError, open_recording, repair, save
@@ -70,7 +74,21 @@ def pretend(motion: Motion) -> dict[str, Any]:
     meta = {**motion.meta, "drive": {"drive": "simulated, compiled"}}
     motion.recording.parent.mkdir(parents=True, exist_ok=True)
     save(motion.recording, meta, samples, "complete")
-    return {**evaluate(samples, meta), "recording": str(motion.recording), "simulated": True}
+    found = evaluate(samples, meta)
+    return {**found, **envelope(motion.setup, samples), "recording": str(motion.recording), "simulated": True}
+
+
+def envelope(setup: Setup, samples: NDArray[Any]) -> dict[str, Any]:
+    """Where `run` would stop this simulated motion: nothing stops a model."""
+    limits = setup.file.limits
+    error = np.abs(samples["error"]) > limits.following_error
+    outside = (samples["measured"] < limits.travel[0]) | (samples["measured"] > limits.travel[1])
+    reasons = ((error, Fault.FOLLOWING_ERROR), (outside, Fault.TRAVEL))
+    first = min(((int(np.argmax(rows)), fault) for rows, fault in reasons if rows.any()), default=None)
+    if first is None:
+        return {"fault": ""}
+    at = float(samples["time"][first[0]])
+    return {"fault": f"{words(first[1])} at {at:.6g} s: `run` would stop there", "in_position": False}
 
 
 def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
@@ -81,8 +99,8 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     if isinstance(motion.setup.file.drive.wire, Canopen):
         canopen(motion.setup)
     for path in sorted(motion.recording.parent.glob("*.h5")):
-        with contextlib.suppress(RecordingError):  # no recording of ours: none of our business
-            if repair(path):
+        with contextlib.suppress(RecordingError, OSError):  # no recording of ours: none of our business
+            if path.is_file() and repair(path):
                 say(f"the recorder of {path} had been cut off: the file is repaired, its rows are all there")
     with drive_present(motion.setup, say):
         ended = move(motion, progress)
@@ -92,9 +110,14 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
         say("the virtual plant's clock is SYNC: late cycles do not disturb it, and time-outs are relaxed")
     if ended.fault:
         say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}")
+    fault = ended.words
+    if not ended.recorded:
+        fault = fault or "the recorder stopped before the motion did"
+        say(f"the recorder stopped before the motion did: {motion.recording} lacks rows; is the disk full?")
     recording = open_recording(motion.recording)
     result = evaluate(recording.samples, recording.meta)
-    return {**result, "fault": ended.words, "recording": str(motion.recording), "simulated": False}
+    told = {"cycles": ended.cycles, "late_cycles": ended.late, "fault": fault}
+    return {**result, **told, "recording": str(motion.recording), "simulated": False}
 
 
 @contextlib.contextmanager

@@ -87,15 +87,24 @@ def simulate(
         raise typer.Exit(1)
 
 
-def virtual_drive(stage: StageArgument, channel: Channel = None) -> None:
+def virtual_drive(
+    stage: StageArgument,
+    channel: Channel = None,
+    follow: Annotated[
+        bool, typer.Option(hidden=True, help="Leave when the process that started this one dies.")
+    ] = False,
+) -> None:
     """Be a virtual CANopen drive with the stage inside, until interrupted.
 
     Example: stagectl virtual-drive config/ball-screw.yaml
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
+    from stagectl.daemon.realtime import follow_parent
     from stagectl.daemon.virtual import serve
     from stagectl.session import canopen, on_channel
 
+    if follow:
+        follow_parent()
     stopped: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopped.append(number))

@@ -52,6 +52,8 @@ def summary(result: dict[str, Any]) -> str:
         f"{result['stage']}, {result['trajectory']}: tracking error peak {length(error['peak'], unit)}, "
         f"rms {length(error['rms'], unit)} over {window} (nd = {result['nd']})"
     ]
+    if result["fault"] and result["simulated"]:
+        lines.append(result["fault"])
     if result["late_cycles"]:
         lines.append(f"{result['late_cycles']} of {result['cycles']} cycles were late")
     if result["saturated_cycles"]:

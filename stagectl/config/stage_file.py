@@ -18,6 +18,7 @@ from stagectl.kernels import friction, stage
 from stagectl.units import LINEAR, ROTARY, Quantity
 
 Positive = "(0, 1e6]"
+OWN = Path(__file__).parents[2] / "config"  # of the checkout
 WIDEST = 1e6  # of the slips of a friction's elements
 OBJECTS = range(0x1000_00, 0x1_0000_00)  # index_subindex; below are the data types of CiA 301
 
@@ -153,8 +154,8 @@ def load_stage(path: Path) -> Setup:
     file: StageFile = load(path, _read)
     wire = file.drive.wire
     if isinstance(wire, Canopen):
-        eds = (path.parent / wire.eds).resolve()
-        file = file._replace(drive=file.drive._replace(wire=wire._replace(eds=str(eds))))
+        eds = str(_eds(wire.eds, path))
+        file = file._replace(drive=file.drive._replace(wire=wire._replace(eds=eds)))
     return Setup(path, file, _assembled(file))
 
 
@@ -216,7 +217,7 @@ def _check_wire(file: StageFile, path: Path) -> list[str]:
     if not isinstance(wire, Canopen):
         return []
     wrong = []
-    if not _exists(path.parent / wire.eds):
+    if not _exists(_eds(wire.eds, path)):
         wrong.append(f"drive.wire.eds = {wire.eds}; no such file; the path is relative to {path.parent}")
     for name, pdo, needed in (("rpdo", wire.rpdo, wire.command_object), ("tpdo", wire.tpdo, wire.current_object)):
         wrong += _check_objects(f"drive.wire.{name}", pdo, needed)
@@ -228,6 +229,12 @@ def _check_wire(file: StageFile, path: Path) -> list[str]:
     if load_share > wire.bus_load_limit:
         wrong.append(_overload(file, wire, load_share))
     return wrong
+
+
+def _eds(name: str, stage_file: Path) -> Path:
+    """Relative to the stage file; for a copy of ours that lies elsewhere, to the configuration it came with."""
+    beside = stage_file.parent.resolve() / name
+    return beside if _exists(beside) or not _exists(OWN / name) else OWN / name
 
 
 def _exists(path: Path) -> bool:

@@ -53,7 +53,7 @@ class Ended(NamedTuple):
     words: str
     reason: str
     refused: list[str]  # what the kernel did not permit
-    drive: dict[str, str]
+    recorded: bool  # whether the recorder saw it to the end
 
 
 def move(motion: Motion, progress: Progress) -> Ended:
@@ -82,9 +82,9 @@ def _watch(motion: Motion, loop: _Process, recorder: _Process, shared: tuple[Rin
     loop.say("go")
     moving = _event(loop, "moving")
     ended = _follow(loop, ring, len(motion.plan.setpoints), progress)
-    recorder.wait()
+    recorded = recorder.wait() == 0
     facts = {name: ended[name] for name in ("cycles", "late", "fault", "words", "reason")}
-    return Ended(**facts, refused=moving["refused"], drive=connected["drive"])
+    return Ended(**facts, refused=moving["refused"], recorded=recorded)
 
 
 def _follow(loop: _Process, ring: Ring, total: int, progress: Progress) -> dict[str, Any]:
@@ -167,11 +167,12 @@ class _Process:
     def signal(self, number: int) -> None:
         self._process.send_signal(number)
 
-    def wait(self) -> None:
+    def wait(self) -> int:
         with contextlib.suppress(BrokenPipeError):
             self._in.close()
-        self._process.wait()
+        code = self._process.wait()
         self._out.close()
+        return code
 
     def terminate(self) -> None:
         if self._process.poll() is None:

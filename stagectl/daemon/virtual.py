@@ -43,8 +43,10 @@ def start(stage_file: Path, channel: str) -> subprocess.Popen[str]:
 
     Raises DriveError with what it printed where it is not.
     """
-    command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage_file), "--channel", channel]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
+    command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage_file), "--channel", channel, "--follow"]
+    process = subprocess.Popen(  # a session of its own: a Ctrl-C is for the controller, which stops the axis
+        command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True, start_new_session=True
+    )
     assert process.stdout is not None
     line = process.stdout.readline()
     if not line.startswith(_READY):
@@ -54,7 +56,12 @@ def start(stage_file: Path, channel: str) -> subprocess.Popen[str]:
 
 
 def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Callable[[], bool]) -> None:
-    """Be the virtual drive of this stage until told otherwise."""
+    """Be the virtual drive of this stage until told otherwise, and without power.
+
+    Raises DriveError where there is one already, or the bus goes away.
+    """
+    if answers(wire):
+        raise DriveError(f"node {wire.node} is on {wire.interface} {wire.channel} already: one drive is enough")
     p = setup.stage
     # The bus itself delays the command by one period; the plant's own delay line adds the rest of nd.
     inside = p._replace(drive=p.drive._replace(delay_samples=p.drive.delay_samples - 1))
@@ -74,7 +81,7 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     )
     report(f"{_READY} of {setup.file.name}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}")
     try:
-        node.run(until)
+        node.run(lambda: until() and not node.axis.enabled)  # an axis in motion is brought to a stand first
     except OSError as error:  # its folder was removed, or the interface went down
         raise DriveError(f"the bus {wire.channel} is gone: {error}; start the virtual drive again") from error
     finally:

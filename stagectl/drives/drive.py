@@ -76,7 +76,7 @@ class Drive(Protocol):
 class Canopen(NamedTuple):
     """A CiA 402 drive in cyclic synchronous torque mode over CAN."""
 
-    eds: Annotated[str, "EDS or DCF file, relative to the stage file"]
+    eds: Annotated[str, "EDS or DCF file, relative to the stage file (or to the config folder of the checkout)"]
     node: Annotated[int, Quantity("", "[1, 126]", "CANopen node id of the drive")]
     rated_current: Annotated[float, Quantity("A", "(0, 1000]", "current that 1000 per mille stand for")]
     command_scale: Annotated[float, Quantity("A", "(0, 10]", "current of one count of the command object")]

@@ -132,7 +132,7 @@ def write_trajectory(recording: Recording, path: Path) -> list[str]:
     curve = Recorded(time, reference)
     fastest = AT_REST * float(np.abs(np.gradient(reference, time)).max(initial=0.0))
     ends = {"run_up": abs(curve.initial_velocity) > fastest, "run_out": abs(curve.final_velocity) > fastest}
-    table = path.with_suffix(".csv")
+    table = path.with_name(f"{path.stem}-samples.csv")  # never over an export of all columns
     found = units(recording)
     write_columns(table, {header(name, found[name]): recording.column(name) for name in ("time", "reference")})
     lines = [f"# The reference of {recording.path.name} ({recording.meta['name']}).", "type: csv"]

@@ -19,7 +19,7 @@ import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -81,29 +81,33 @@ class Writer:
     def __init__(self, path: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
         self.path = path
         self._dtype = np.dtype([(name, "<f8") for name in columns])
+        self._held = _claimed(path)
         self._file = h5py.File(path, "w", libver="latest")
         self._file.attrs.update({"format": FORMAT, "created": meta["created"], "meta": json.dumps(meta)})
         self._samples = self._file.create_dataset("samples", (0,), self._dtype, maxshape=(None,), chunks=(BLOCK,))
         self._samples.attrs.update(_column_attributes(meta["axis"], columns))
         self._file.flush()
         self._file.swmr_mode = True
-        self._held = path.open("rb+")  # says that the writer lives; HDF5 itself gives its lock up in SWMR mode
-        fcntl.lockf(self._held, fcntl.LOCK_EX)
+        fcntl.lockf(self._held, fcntl.LOCK_EX)  # again: it goes whenever HDF5 closes a descriptor of the file
 
     def append(self, rows: bytes) -> None:
         """Add whole rows (float64, column after column) and push them to the disk's cache."""
         block = np.frombuffer(rows, dtype=self._dtype)
         size = self._samples.shape[0]
         self._samples.resize((size + len(block),))
-        self._samples[size:] = block
-        self._samples.flush()
+        try:
+            self._samples[size:] = block
+            self._samples.flush()
+        except OSError:
+            self._samples.resize((size,))  # no rows of zeros where the disk was full
+            raise
 
-    def close(self, ended: str, lost_rows: int) -> None:
-        """Finish the file: complete, with the reason it ended."""
+    def close(self, ended: str, lost_rows: int, complete: bool = True) -> None:
+        """Finish the file, with the reason it ended."""
         self._file.close()
         self._held.close()
         with h5py.File(self.path, "r+", libver="latest") as file:
-            file.attrs.update({"complete": True, "ended": ended, "lost_rows": lost_rows})
+            file.attrs.update({"complete": complete, "ended": ended, "lost_rows": lost_rows})
 
 
 def _column_attributes(axis: dict[str, Any], columns: tuple[str, ...]) -> dict[str, str]:
@@ -112,21 +116,37 @@ def _column_attributes(axis: dict[str, Any], columns: tuple[str, ...]) -> dict[s
     return {"units": json.dumps(units), "meanings": json.dumps({n: known[n].meaning for n in units})}
 
 
+def _claimed(path: Path) -> IO[bytes]:
+    """The file, locked for as long as its writer lives; HDF5 itself gives its lock up in SWMR mode.
+
+    Raises RecordingError where another writer has it, or it cannot be written.
+    """
+    try:
+        file = path.open("ab")
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be written: {error.strerror}; choose another file with -o") from error
+    try:
+        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        file.close()
+        raise RecordingError(f"{path} is being written by another run: choose another file with -o") from error
+    return file
+
+
 def _being_written(path: Path) -> bool:
-    with path.open("rb+") as file:
-        try:
-            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
+    try:
+        _claimed(path).close()
+    except RecordingError:
+        return True
     return False
 
 
-def save(path: Path, meta: dict[str, Any], samples: NDArray[Any], ended: str) -> None:
+def save(path: Path, meta: dict[str, Any], samples: NDArray[Any], ended: str, complete: bool = True) -> None:
     """Write a whole recording at once (a simulation, an import); `samples` is structured or (n, width)."""
     names = samples.dtype.names or rollout.COLUMNS
     writer = Writer(path, meta, tuple(names))
     writer.append(np.ascontiguousarray(samples).tobytes())
-    writer.close(ended, 0)
+    writer.close(ended, 0, complete)
 
 
 @contextlib.contextmanager
@@ -173,6 +193,6 @@ def repair(path: Path) -> bool:
             return False
         recording = open_recording(path)
     fresh = path.with_suffix(".repaired")
-    save(fresh, recording.meta, recording.samples, recording.ended)
+    save(fresh, recording.meta, recording.samples, recording.ended, complete=False)
     os.replace(fresh, path)
     return True

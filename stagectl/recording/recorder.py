@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.recording.hdf5 import BLOCK, Writer
+from stagectl.recording.hdf5 import BLOCK, RecordingError, Writer
 from stagectl.recording.ring import Ring
 
 POLL = 0.05  # s; the ring holds 16 s at 2 kHz
@@ -47,7 +47,7 @@ def record(order: Order) -> None:
             writer.append(rows)
         if over:
             break
-    writer.close("complete" if ring.closed else "the loop process died", lost)
+    writer.close("complete" if ring.closed else "the loop process died", lost, complete=ring.closed)
     if done == 0:  # nothing has moved: no recording
         os.unlink(order.path)
 
@@ -64,7 +64,11 @@ def main() -> None:
         order: Order = pickle.load(sys.stdin.buffer)
     except EOFError:  # the run failed before there was anything to record
         return
-    record(order)
+    try:
+        record(order)
+    except (OSError, RecordingError) as error:
+        print(f"recorder: {error}", file=sys.stderr, flush=True)
+        os._exit(2)  # HDF5 would try to write the rest again, at exit
 
 
 if __name__ == "__main__":

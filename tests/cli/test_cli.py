@@ -90,7 +90,7 @@ def test_a_result_that_cannot_be_written(command: Command, monkeypatch: pytest.M
         return {
             **{"stage": "A", "trajectory": "sine", "unit": "m", "steady": [0, 1], "nd": 1, "in_position": True},
             **{"tracking_error": {"peak": 0.0, "rms": 0.0}, "late_cycles": 0, "saturated_cycles": 0},
-            "recording": "none.h5",
+            **{"recording": "none.h5", "fault": "", "simulated": True},
         }
 
     monkeypatch.setattr(session, "pretend", pretended)

@@ -41,6 +41,7 @@ def rpdo(controlword: int, current: int = 0) -> bytes:
 def remapped() -> list[bytes]:
     """The RPDO of the tests: controlword and fine current."""
     return [
+        write(0x1400, 2, 1, 1),
         write(0x1400, 1, 0x8000_0205, 4),
         write(0x1600, 0, 0, 1),
         *(write(0x1600, n, entry, 4) for n, entry in enumerate(MAPPED, start=1)),
@@ -160,7 +161,7 @@ def test_the_delay_is_exactly_one_period(bench: Workbench, script: Script) -> No
 def test_per_mille_of_rated_current_is_offered_too(bench: Workbench, script: Script) -> None:
     changes = {"command_object": 0x607100, "command_scale": 0.01}
     mapping = [step for step in remapped()]
-    mapping[3] = write(0x1600, 2, 0x6071_0010, 4)
+    mapping[4] = write(0x1600, 2, 0x6071_0010, 4)
     steps = [*mapping, START]
     for word, current in ((6, 0), (7, 0), (15, 0), (15, 123), (15, 123), (15, 123)):
         steps += [frame(0x205, struct.pack("<Hh", word, current)), SYNC]
