@@ -187,3 +187,60 @@ def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path) -> 
     recording = open_recording(tmp_path / "interrupted.h5")
     assert recording.complete
     assert recording.samples["fault"][-1] == 0 or recording.samples["fault"][-1] == 14
+
+
+def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path) -> None:
+    """kill -9 of `stagectl run` itself: its loop must not go on unattended."""
+    with drive(STAGE, tmp_path / "bus") as virtual:
+        run = start_moving(tmp_path, "orphaned.h5")
+        os.kill(run.pid, signal.SIGKILL)
+        run.wait(timeout=10)
+        assert virtual.stdout is not None
+        assert virtual.stdout.readline().startswith("stands after ")
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end and not open_recording(tmp_path / "orphaned.h5").complete:
+        time.sleep(0.05)
+    recording = open_recording(tmp_path / "orphaned.h5")
+    assert recording.ended == "complete"
+    assert len(recording.samples) < 10000
+    assert replay(recording)["identical"]
+
+
+def test_a_lost_recorder_does_not_stop_the_axis_but_is_told(tmp_path: Path) -> None:
+    short = tmp_path / "short.yaml"
+    short.write_text(SINE.read_text())
+    with drive(STAGE, tmp_path / "bus"):
+        command = [sys.executable, "-m", "stagectl", "run", str(STAGE), str(short), "--channel", str(tmp_path / "bus")]
+        command += ["-o", str(tmp_path / "lost.h5"), "--json", "-"]
+        pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+        run = subprocess.Popen(command, cwd=ROOT, **pipes)
+        while "stagectl.recording.recorder" not in members(run.pid) or not (tmp_path / "lost.h5").exists():
+            time.sleep(0.02)
+        time.sleep(0.8)
+        os.kill(members(run.pid)["stagectl.recording.recorder"], signal.SIGKILL)
+        out, err = run.communicate(timeout=30)
+    assert run.returncode == 1
+    assert "the recorder stopped before the motion did" in err
+    result = json.loads(out)
+    assert result["fault"] == "the recorder stopped before the motion did"
+    assert result["cycles"] == 3950  # the axis went its way
+    assert result["tracking_error"]["peak"] is None
+
+
+def test_one_drive_a_bus(tmp_path: Path) -> None:
+    with drive(STAGE, tmp_path / "bus"):
+        second = stagectl("virtual-drive", STAGE, "--channel", tmp_path / "bus")
+    assert second.returncode == 2
+    assert "already: one drive is enough" in second.stderr
+
+
+def test_noise_is_the_same_noise(tmp_path: Path) -> None:
+    stage, move = tmp_path / "stage.yaml", tmp_path / "move.yaml"
+    noisy = "simulation:\n  current_noise: 45 mA\n  encoder_noise: 20 nm"
+    stage.write_text(STAGE.read_text().replace("simulation:", noisy))
+    move.write_text("{type: sine, amplitude: 1 mm, frequency: 3.2 Hz, periods: 1}")
+    assert stagectl("simulate", stage, move, "-o", tmp_path / "s.h5").returncode == 0
+    assert stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5").returncode == 0
+    ran, simulated = (open_recording(tmp_path / name).samples for name in ("r.h5", "s.h5"))
+    assert np.array_equal(ran["measured"], simulated["measured"])
+    assert np.std(simulated["error"]) > 1e-5  # there is noise
