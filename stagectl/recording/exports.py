@@ -180,13 +180,25 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
 
 def _write_capture(recording: Recording, path: Path) -> list[str]:
     found, columns, notes = units(recording), {}, _losses(recording)
+    rows = slice(None, -_foresight(recording) or None)
+    if rows.stop:
+        notes.append(
+            f"its last {-rows.stop} rows are left out: the reference that they looked ahead to was never reached"
+        )
     for name, ours in CAPTURE.items():
         if ours in found and not np.all(np.isnan(recording.column(ours))):
-            columns[header(name, found[ours])] = recording.column(ours)
+            columns[header(name, found[ours])] = recording.column(ours)[rows]
         else:
             notes.append(f"there is no {name}")
     write_columns(path, columns)
     return notes
+
+
+def _foresight(recording: Recording) -> int:
+    """Rows at the end whose feedforward depends on a reference beyond it: of a motion that was cut short."""
+    meta, time = recording.meta, recording.column("time")
+    whole = "law" not in meta or time[-1] >= meta["duration"]
+    return 0 if whole else min(meta["nd"] + 4, len(time) - 1)
 
 
 def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:

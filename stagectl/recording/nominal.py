@@ -19,7 +19,11 @@ from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.units import LINEAR, ROTARY, UnitError, factor
 
 # The last section of a capture folder's description, for our own law.
-_REFERENCE = "quintic spline (not-a-knot) through all samples of the reference column, constant outside"
+_REFERENCE = (
+    "quintic spline (not-a-knot) through all samples of the reference column, constant outside; the controller itself "
+    "used the motion's own formula, so where the acceleration jumps (trapezoid) or has corners (s_curve) the "
+    "recomputed feedforward differs for some rows around"
+)
 _START = "integrator, derivative filter and previous error zero; friction operators zero at the first reference sample"
 _ANTI_WINDUP = (
     "conditional integration: while the command exceeds command_limit_A and the error has its sign, the integrator "
