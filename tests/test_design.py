@@ -174,3 +174,32 @@ def test_poles_and_time_agree_on_stability(ball_screw: Setup, hertz: float, peri
     if abs(reached.phase) < math.radians(2.0):
         return  # too close to the border for 2000 periods to tell
     assert (spread(setup, control) < 0.1) == reached.stable == (reached.phase > 0.0)
+
+
+def test_the_default_margin_is_twenty_degrees() -> None:
+    assert design.Control(5e-4, 40.0).margin == math.radians(20.0)
+
+
+@pytest.mark.parametrize(("hertz", "period"), [(600.0, 5e-4), (300.0, 1e-3), (2000.0, 5e-4)])
+def test_a_loop_that_never_crosses_over_is_refused_all_the_same(ball_screw: Setup, hertz: float, period: float) -> None:
+    """Its gain stays above 1 up to Nyquist: no phase margin is found, but the poles say unstable."""
+    control = controlled(ball_screw, hertz, period)
+    reached = design.margins(ball_screw.stage, design.gains(ball_screw.stage, control), period)
+    assert (reached.phase, reached.stable) == (math.inf, False)
+    with pytest.raises(design.DesignError, match=rf"{hertz:g} Hz leaves no margin and the sampled loop is unstable"):
+        design.design(ball_screw.stage, control)
+
+
+def test_the_advice_is_the_highest_tenth_that_holds(ball_screw: Setup) -> None:
+    with pytest.raises(design.DesignError, match=r"Take 36 Hz \(2[78]\.\d deg\)"):
+        design.design(ball_screw.stage, controlled(ball_screw, 40.0, 5e-4, math.radians(27.0)))
+
+
+def test_of_several_crossovers_the_worst_counts() -> None:
+    """log|L| falls through 0 at 1 Hz, rises at 3 Hz and falls at 5 Hz; the phase is least at 3 Hz."""
+    frequency = np.arange(0.5, 6.0)
+    level = np.array([1.0, -1.0, -1.0, 1.0, 1.0, -1.0])
+    phase = np.radians([-100.0, -110.0, -150.0, -160.0, -120.0, -130.0])
+    crossover, margin = design._phase_margin(frequency, level, phase)
+    assert crossover == pytest.approx(3.0)
+    assert math.degrees(margin) == pytest.approx(180.0 - 155.0)

@@ -10,10 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stagectl import design
+from stagectl import plan as plans
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import law
 from stagectl.plan import LONGEST, SETTLE, Plan, command_delay, foresee, plan
-from stagectl.trajectories import Dwell, Sequence, Sine, Trajectory, TrajectoryError, Trapezoid
+from stagectl.trajectories import Dwell, Recorded, Sequence, Sine, Trajectory, TrajectoryError, Trapezoid
 from tests.conftest import varied
 
 PER_METRE = 2.0 * math.pi / 0.012
@@ -105,3 +106,42 @@ def test_nothing_beyond_the_limits_is_ever_laid_out(ball_screw: Setup, amplitude
     assert within
     assert np.abs(rows[:, 0]).max() <= 0.05 * PER_METRE * (1.0 + 1e-9)
     assert np.abs(np.diff(rows[:, 0])).max() / 5e-4 <= 0.3 * PER_METRE * (1.0 + 1e-9)
+
+
+def moving(velocity: float) -> Recorded:
+    """A record that is in motion from its first to its last sample."""
+    t = np.linspace(0.0, 0.1, 21)
+    return Recorded(t, velocity * t)
+
+
+def stopping_short(velocity: float) -> Recorded:
+    """From rest, x = v t^3 / (3 T^2), to `velocity` at the last sample."""
+    t = np.linspace(0.0, 0.1, 21)
+    return Recorded(t, velocity * t**3 / (3.0 * 0.1**2))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_jump_of_the_speed_is_refused(ball_screw: Setup, sign: float) -> None:
+    """limits.acceleration, 5 m/s^2, over a period of 0.5 ms: 2.5 mm/s at once, and no more."""
+    planned(ball_screw, moving(sign * 2.49e-3))
+    with pytest.raises(
+        TrajectoryError, match=r"speed jumps by 0.00251 m/s at 0(\.1)? s; .* 0.0025 m/s in a period: nothing"
+    ):
+        planned(ball_screw, moving(sign * 2.51e-3))
+    with pytest.raises(TrajectoryError, match=r"speed jumps by 0.0\d+ m/s at 0.1 s; .* run_up and run_out"):
+        planned(ball_screw, stopping_short(sign * 20e-3))
+
+
+def test_run_up_and_run_out_take_the_jumps_away(ball_screw: Setup) -> None:
+    planned(ball_screw, moving(0.1)._replace(run_up=0.1, run_out=0.1))
+    with pytest.raises(TrajectoryError, match=r"jumps by 0.1 m/s at 0 s"):
+        planned(ball_screw, moving(0.1)._replace(run_out=0.1))
+    with pytest.raises(TrajectoryError, match=r"jumps by 0.1 m/s at 0.2 s"):
+        planned(ball_screw, moving(0.1)._replace(run_up=0.1))
+
+
+def test_the_longest_that_is_laid_out(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plans, "LONGEST", 256)
+    planned(ball_screw, Dwell(0.128))
+    with pytest.raises(TrajectoryError, match=r"must be at most 0\.128 s, 256 control periods"):
+        planned(ball_screw, Dwell(0.1281))

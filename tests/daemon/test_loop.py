@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import math
+import signal
+import sys
 import time
 from typing import Any, NamedTuple
 
@@ -10,10 +14,10 @@ import pytest
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.daemon import loop
+from stagectl.daemon import loop, realtime
 from stagectl.daemon.loop import Cycle, Job, run
-from stagectl.daemon.safety import Envelope
-from stagectl.drives.drive import DriveError, Fault, Feedback
+from stagectl.daemon.safety import Envelope, words
+from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import rollout
 from stagectl.plan import Plan, plan
@@ -213,3 +217,123 @@ def test_a_motion_that_would_leave_the_travel_never_starts(ball_screw: Setup) ->
     for origin in (high - 0.499, low + 0.499):
         with pytest.raises(DriveError, match=r"limits\.travel is .*: move it back, then run again"):
             loop._fits(job, origin)
+
+
+class Overslept(Clock):
+    """A clock whose sleep ends late once: the kernel gave the processor to somebody else."""
+
+    late_at, by = -1, 0.0
+
+    def spend(self, seconds: float) -> None:
+        super().spend(seconds)
+        self.late_at -= 1
+        if self.late_at == 0:
+            super().spend(self.by)
+
+
+@pytest.mark.parametrize("by_clock", [True, False])
+def test_to_oversleep_is_late_and_by_the_clock_skips_rows(
+    ball_screw: Setup, monkeypatch: pytest.MonkeyPatch, by_clock: bool
+) -> None:
+    """Woken 3.25 periods late in cycle 200: late by that much, with the setpoint of the row that is due then."""
+    clock, dt = Overslept(monkeypatch), ball_screw.dt
+    clock.late_at, clock.by = 201, 3.25 * dt
+    tally, _, rows = moved(ball_screw, clock, {}, by_clock)
+    skipped = 3 if by_clock else 0
+    assert tally == loop.Tally(len(laid_out(ball_screw).setpoints) - skipped, 1, Fault.NONE)
+    assert np.flatnonzero(rows["late"]).tolist() == [200]
+    assert rows["lateness"][200] == pytest.approx(3.25 * dt, rel=1e-6)
+    row = np.rint(rows["time"] / dt).astype(int)
+    assert row.tolist() == [k + (skipped if k >= 200 else 0) for k in range(len(row))]
+    for column, name in enumerate(("reference", "target", "feedforward", "friction")):
+        assert np.array_equal(rows[name], laid_out(ball_screw).setpoints[row, column]), name
+
+
+def test_oversleeping_the_end_asks_for_the_last_row(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Overslept(monkeypatch)
+    count = len(laid_out(ball_screw).setpoints)
+    clock.late_at, clock.by = count, 5.5 * ball_screw.dt
+    tally, _, rows = moved(ball_screw, clock, {}, by_clock=True)
+    assert (tally.cycles, tally.late, tally.fault) == (count, 1, Fault.NONE)
+    assert rows["reference"][-1] == laid_out(ball_screw).setpoints[-1, 0]
+    assert rows["time"][-1] == pytest.approx((count - 1) * ball_screw.dt)
+
+
+def test_the_speed_is_taken_over_the_periods_that_passed(ball_screw: Setup, clock: Clock) -> None:
+    """A stall of six periods at 20 mm/s is no speed of 140 mm/s; 20 mm/s over a limit of 19 is one."""
+    for limit, fault in ((0.030, Fault.NONE), (0.019, Fault.SPEED)):
+        ring = Ring.create(rollout.WIDTH)
+        drive = Coasting(Plant(ball_screw.stage, ball_screw.file.simulation, ball_screw.dt), {}, clock)
+        drive.plant.powered = True
+        job = job_for(ball_screw, ring, by_clock=True)
+        speed = limit / ball_screw.file.axis.travel_per_unit
+        tally = run(job._replace(envelope=job.envelope._replace(speed=speed)), drive, ring, 0.0, [])
+        assert tally.fault is fault
+
+
+def served(
+    setup: Setup, monkeypatch: pytest.MonkeyPatch, script: dict[int, Any], clock: Clock, **changes: Any
+) -> tuple[list[dict[str, Any]], Scripted, Ring, list[Any]]:
+    """`loop.serve` in this process: (events, drive, ring, what was asked of the kernel)."""
+    ring, events, asked = Ring.create(rollout.WIDTH), list[dict[str, Any]](), list[Any]()
+
+    def prepared(*order: Any) -> list[str]:
+        asked.append(order)
+        return ["no real time"]
+
+    drive = Scripted(Plant(setup.stage, setup.file.simulation, setup.dt), script, clock)
+    monkeypatch.setattr(drive, "explain", lambda: "because", raising=False)
+    monkeypatch.setattr(loop, "connect", lambda job: drive)
+    monkeypatch.setattr(loop, "_say", lambda event, **facts: events.append({"event": event, **facts}))
+    monkeypatch.setattr(realtime, "prepare", prepared)
+    monkeypatch.setattr(realtime, "follow_parent", lambda: None)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("go\n"))
+    monkeypatch.setattr(drive, "close", lambda: asked.append("closed"))
+    loop.serve(job_for(setup, ring)._replace(**changes))
+    return events, drive, ring, asked
+
+
+def test_a_motion_is_told_step_by_step(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch, clock: Clock) -> None:
+    events, _, ring, asked = served(ball_screw, monkeypatch, {}, clock, priority=42, cpu=1)
+    assert [event["event"] for event in events] == ["connected", "moving", "ended"]
+    assert events[1] == {"event": "moving", "refused": ["no real time"], "origin": 0.0}
+    assert events[2] == {
+        **{"event": "ended", "cycles": ring.written, "late": 0, "fault": 0, "words": "", "reason": ""},
+    }
+    assert asked == [(42, 1), "closed"]
+    assert ring.closed
+
+
+@pytest.mark.parametrize("fault", [Fault.FEEDBACK_LOST, Fault.DRIVE_FAULT, Fault.EMERGENCY, Fault.BUS])
+def test_a_fault_of_the_drive_is_explained_by_the_drive(
+    ball_screw: Setup, monkeypatch: pytest.MonkeyPatch, clock: Clock, fault: Fault
+) -> None:
+    events, drive, ring, _ = served(ball_screw, monkeypatch, {50: fault}, clock)
+    assert (events[-1]["fault"], events[-1]["words"], events[-1]["reason"]) == (fault, words(fault), "because")
+    assert drive.stopped == 1
+    assert ring.closed
+
+
+def test_a_fault_of_ours_is_not_the_drives_to_explain(
+    ball_screw: Setup, monkeypatch: pytest.MonkeyPatch, clock: Clock
+) -> None:
+    jump = Feedback(1.0, 0.0, 0x27, Fault.NONE)
+    events, _, _, _ = served(ball_screw, monkeypatch, {50: jump}, clock)
+    assert (events[-1]["fault"], events[-1]["reason"]) == (Fault.FOLLOWING_ERROR, "")
+
+
+def test_what_does_not_fit_ends_without_power(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch, clock: Clock) -> None:
+    closed: list[Any] = []
+    with pytest.raises(DriveError, match=r"limits\.travel"):
+        served(ball_screw, monkeypatch, {}, clock, span=(-1e3, 0.0))
+    assert closed == []
+
+
+def test_the_canopen_drive_gets_the_stages_step_and_period(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    wire = ball_screw.file.drive.wire
+    assert isinstance(wire, Canopen)
+    monkeypatch.setattr(loop, "open_bus", lambda *names: names)
+    monkeypatch.setattr(loop, "CanopenDrive", lambda *order: order)
+    found: Any = loop.connect(job_for(ball_screw, Ring.create(rollout.WIDTH))._replace(wire=wire))
+    assert found == (wire, ("embedded", "stage", 1e6), 2.0 * math.pi / 2**20, 5e-4)

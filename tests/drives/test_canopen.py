@@ -22,9 +22,11 @@ from stagectl.drives.bus import Embedded, frame, parse
 from stagectl.drives.can_plugin import EmbeddedBus
 from stagectl.drives.canopen import CanopenDrive
 from stagectl.drives.canopen_pdo import CommandPdo, FeedbackPdo
+from stagectl.drives.canopen_words import WHAT
 from stagectl.drives.cia402 import State
 from stagectl.drives.cia402 import state as state_of
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault
+from stagectl.drives.node import VirtualNode
 from stagectl.drives.wire import load_eds
 from stagectl.kernels import stage
 from tests.drives.workbench import DT, EDS, STEP, SYNC, Workbench, linear_stage
@@ -458,3 +460,181 @@ def test_it_drives_a_node_of_the_stock_library(bench: Workbench, bus: Tapped, st
     time.sleep(0.1)
     assert stock.state is State.SWITCH_ON_DISABLED
     assert stock.node.nmt.state == "PRE-OPERATIONAL"
+
+
+def test_every_emergency_but_class_zero_is_one(bench: Workbench, bus: Tapped) -> None:
+    """Codes 00xx say that there is no error, whatever xx; 1000 and 2300 are errors in spite of their zeros."""
+    bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.enable()
+    for code, fault in ((0x1000, Fault.EMERGENCY), (0x0001, Fault.NONE), (0x2300, Fault.EMERGENCY)):
+        bus.before.append(frame(0x085, struct.pack("<HB5x", code, 1)))
+        assert drive.sample().fault is fault, hex(code)
+
+
+def test_chatter_does_not_extend_the_time_out(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus, feedback_timeout=0.05)
+    drive.enable()
+    began = time.monotonic()
+
+    def chatter(timeout: float) -> bytes:
+        assert time.monotonic() - began < 1.0, "it waits for ever"
+        time.sleep(min(timeout, 0.01))
+        return frame(0x123, b"x")
+
+    bus.receive = chatter  # type: ignore[method-assign]
+    assert drive.sample().fault is Fault.FEEDBACK_LOST
+    assert 0.05 <= time.monotonic() - began < 0.5
+
+
+def test_what_was_lost_has_no_current(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus, feedback_timeout=0.02)
+    drive.enable()
+    bench.stop()
+    assert math.isnan(drive.sample().current)
+
+
+def test_the_first_fault_is_the_one_that_is_explained(bench: Workbench, bus: Tapped) -> None:
+    node = bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.enable()
+    node.axis.quick_stop()
+    assert drive.sample().fault is Fault.DRIVE_FAULT
+    bus.broken = True
+    assert drive.sample().fault is Fault.BUS
+    assert WHAT[Fault.DRIVE_FAULT] in drive.explain()
+
+
+def test_an_emergency_of_before_does_not_keep_it_from_running(
+    bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.running("sync")
+    monkeypatch.setattr(module, "_ENABLE_TIME", 1.0)
+    drive = drive_on(bench, bus)
+    bus.before.append(frame(0x085, struct.pack("<HB5x", 0x8130, 0x10)))  # and no reset of it follows
+    assert drive.enable().fault is Fault.NONE
+
+
+def test_a_quick_stop_goes_on_until_the_drive_obeys(bench: Workbench, bus: Tapped) -> None:
+    """Standing is not enough: a drive that still says Operation enabled could move again."""
+    node = bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.enable()
+    control, deaf = node.axis.control, 200
+    seen: list[int] = []
+
+    def late(controlword: int) -> None:
+        seen.append(controlword)
+        if len(seen) > deaf:
+            control(controlword)
+
+    node.axis.control = late  # type: ignore[method-assign]
+    stopped = state_of(drive.quick_stop().statusword)
+    assert stopped in (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED)
+    assert set(seen[1:]) == {2}  # the first may be the last command of enabling
+    assert deaf < len(seen) < deaf + 100
+
+
+def test_a_quick_stop_is_sent_for_a_second_to_a_drive_that_is_not_heard(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    drive = drive_on(bench, bus, feedback_timeout=0.02)
+    drive.enable()
+    bench.stop()
+    bus.sent.clear()
+    began = time.monotonic()
+    drive.quick_stop()
+    assert 0.9 < time.monotonic() - began < 2.0
+    stops = [raw for raw in bus.sent if parse(raw)[0] == 0x205]
+    assert {parse(raw)[1] for raw in stops} == {struct.pack("<Hi", 2, 0)}
+    assert len(stops) > 10
+
+
+def test_it_leaves_quick_stop_active_only_when_the_axis_stands(bench: Workbench, bus: Tapped) -> None:
+    node = bench.running("sync")
+    drive = drive_on(bench, bus)
+    node.objects.node.set_data(0x605A, 0, b"\x06\x00")
+    node.axis.options = node.objects.options()
+    drive.enable()
+    for _ in range(60):
+        drive.apply(-1.0)
+        drive.sample()
+    assert node.axis.plant.state.velocity < -0.2
+    control, left = node.axis.control, []
+
+    def watched(controlword: int) -> None:
+        if node.axis.state is State.QUICK_STOP_ACTIVE and controlword == 0:
+            left.append(node.axis.plant.state.velocity)
+        control(controlword)
+
+    node.axis.control = watched  # type: ignore[method-assign]
+    node.axis.quick_stop()
+    assert drive.enable().fault is Fault.NONE
+    assert abs(left[0]) < 1e-3
+
+
+def test_standing_still_is_the_same_in_both_directions_and_begins_anew() -> None:
+    for step in (2.5, -2.5):
+        still = module._Standstill(1.0)
+        assert not any(still.stands(step * k) for k in range(300))
+    still = module._Standstill(1.0)
+    assert [still.stands(0.9 * (-1) ** k if k else 0.0) for k in range(99)] == [False] * 99
+    assert not still.stands(5.0)
+    assert [still.stands(5.0) for _ in range(100)] == [False] * 99 + [True]
+    assert not still.stands(math.nan)
+
+
+def test_a_fault_is_reset_by_repeated_slow_edges() -> None:
+    words = [module._towards_enabled(State.FAULT, cycle, False) for cycle in range(64)]
+    assert words == ([0x00] * 8 + [0x80] * 8) * 4
+
+
+def with_value(node: VirtualNode, index: int, subindex: int, value: int, size: int) -> None:
+    """Another default than that of the EDS."""
+    node.objects.node.set_data(index, subindex, value.to_bytes(size, "little"))
+
+
+@pytest.mark.parametrize("kind", [0x0002_0191, 0x0002_0198, 0x0000_0000])
+def test_another_profile_is_refused(bench: Workbench, bus: Tapped, kind: int) -> None:
+    with_value(bench.running("sync"), 0x1000, 0, kind, 4)
+    with pytest.raises(DriveError, match=rf"0x{kind:08X} is profile {kind & 0xFFFF}; must be 402"):
+        drive_on(bench, bus)
+
+
+def test_a_drive_without_torque_mode_is_refused(bench: Workbench, bus: Tapped) -> None:
+    with_value(bench.running("sync"), 0x6502, 0, 0x0000_01FF, 4)  # every mode but bit 9
+    with pytest.raises(DriveError, match=r"does not offer cyclic synchronous torque mode \(0x6502 = 0x000001FF\)"):
+        drive_on(bench, bus)
+
+
+def test_a_drive_that_keeps_its_mode_is_refused(bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(canopen_setup, "_MODE_TIME", 0.05)
+    bench.running("sync").objects.getters[0x606100] = lambda: 8
+    with pytest.raises(DriveError, match=r"mode of operation stays 8 \(0x6061\); must become 10"):
+        drive_on(bench, bus)
+
+
+def test_the_rated_current_only_matters_where_commands_count_in_it(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync")
+    assert drive_on(bench, bus, rated_current=8.0).describe()["rated current (0x6075)"] == "10 A"
+
+
+def test_other_pdos_are_switched_off_and_bits_that_are_the_drives_stay(bench: Workbench, bus: Tapped) -> None:
+    node = bench.running("sync")
+    for n, base in ((1, 0x280), (2, 0x380), (3, 0x480)):
+        with_value(node, 0x1800 + n, 1, base + 5, 4)
+        with_value(node, 0x1400 + n, 1, base + 0x85, 4)
+    with_value(node, 0x1800, 1, 0x4000_0185, 4)  # no remote requests
+    with_value(node, 0x1005, 0, 0x81, 4)
+    drive_on(bench, bus)
+    for parameter in (0x1400, 0x1800):
+        assert [node.objects.number(parameter + n, 1) >> 31 for n in range(4)] == [0, 1, 1, 1]
+    assert node.objects.number(0x1800, 1) == 0x4000_0185
+    assert node.objects.number(0x1005) == 0x80
+
+
+def test_a_short_time_out_is_not_rounded_to_none() -> None:
+    """0 would switch the supervision off."""
+    times = [0.0, 1e-4, 4e-4, 1.4e-3, 0.0996, 1.0]
+    assert [canopen_setup._milliseconds(seconds) for seconds in times] == [0, 1, 1, 1, 100, 1000]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import struct
 import time
@@ -358,3 +359,53 @@ def test_the_stock_library_takes_it_for_a_drive(bench: Workbench) -> None:
         network.sync.stop()
         drive.rpdo[1].stop()
         network.disconnect()
+
+
+@pytest.mark.parametrize(("kind", "at_once"), [(0, False), (240, False), (254, True), (255, True)])
+def test_commands_wait_for_sync_as_their_transmission_type_says(
+    bench: Workbench, script: Script, kind: int, at_once: bool
+) -> None:
+    """CiA 301: 0 to 240 act with the next SYNC, 254 and 255 when they come."""
+    node = play(bench, script, *remapped(), write(0x1400, 2, kind, 1), START, rpdo(6))
+    assert (node.axis.state is State.READY) == at_once
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [write(0x1400, 1, 0x8000_0000 | 0x0001_0205, 4)],  # 29 bits
+        [write(0x1800, 1, 0x8000_0000 | 0x0000_0985, 4)],  # 12 bits
+    ],
+)
+def test_identifiers_have_eleven_bits(bench: Workbench, script: Script, steps: list[bytes]) -> None:
+    play(bench, script, *steps)
+    assert answers(script)[-1].endswith("30 00 09 06")
+
+
+@pytest.mark.parametrize(("torque", "current", "limit"), [(400, 900, 4.0), (900, 300, 3.0), (0xFFFF, 0xFFFF, math.inf)])
+def test_the_smaller_of_maximal_torque_and_current_holds(
+    bench: Workbench, script: Script, torque: int, current: int, limit: float
+) -> None:
+    """0x6072 and 0x6073 in per mille of the rated 10 A; 8 A are asked for."""
+    limits = [write(0x6072, 0, torque, 2), write(0x6073, 0, current, 2)]
+    node = play(bench, script, *limits, *enabled(), rpdo(15, 800_000), SYNC)
+    assert node.axis.options.current_limit == limit
+    assert node.axis.applied == pytest.approx(min(8.0, limit))
+
+
+def test_the_position_counter_wraps_around(bench: Workbench) -> None:
+    """0x6064 is an INTEGER32: after 2^31 - 1 comes -2^31."""
+    node = bench.node()
+    for counts, shown in ((2**31 - 1, 2**31 - 1), (2**31, -(2**31)), (-(2**31) - 1, 2**31 - 1), (2**32 + 7, 7)):
+        node.axis.plant.state = stage.at_rest(linear_stage(), counts * STEP)
+        assert node.objects.number(0x6064) == shown
+
+
+def test_errors_accumulate_in_the_error_register(bench: Workbench, script: Script) -> None:
+    node = bench.node(script)
+    short = frame(0x205, b"\x0f")
+    script.steps += [*enabled(), lambda: node.trip(0x4310), short, *[SYNC] * 40, rpdo(0), SYNC, rpdo(0x80), SYNC]
+    node.run(script.done)
+    assert answers(script, 0x085) == [
+        "10 43 01 00 00 00 00 00", "10 82 11 00 00 00 00 00", "00 00 00 00 00 00 00 00"]  # fmt: skip
+    assert node.objects.error_register == 0

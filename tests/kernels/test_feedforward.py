@@ -23,7 +23,10 @@ def sine(t: float) -> ff.Desired:
     return ff.Desired(a * (1.0 - math.cos(w * t)), a * w * math.sin(w * t))
 
 
-@pytest.mark.parametrize(("viscous", "dt"), [(0.14, 5e-4), (0.0, 5e-4), (1e-9, 5e-4), (30.0, 1e-3), (0.14, 0.1)])
+@pytest.mark.parametrize(
+    ("viscous", "dt"),
+    [(0.14, 5e-4), (0.0, 5e-4), (1e-9, 5e-4), (1e-5, 5e-4), (9.9, 5e-4), (10.1, 5e-4), (30.0, 1e-3), (0.14, 0.1)],
+)  # D dt/J from 5e-11 to 3, and on both sides of 0.5, where the series ends
 def test_held_plant_is_the_matrix_exponential(viscous: float, dt: float) -> None:
     whole = np.zeros((3, 3))
     whole[0, 1], whole[1, 1], whole[1, 2] = 1.0, -viscous / 0.01, KT / 0.01

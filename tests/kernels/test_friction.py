@@ -77,3 +77,12 @@ def test_stribeck_is_exactly_one_when_neutral_and_the_papers_form_when_not() -> 
     p = Stribeck(rise=0.5, velocity=0.2, shape=1.0)
     for v in (0.0, 0.1, -0.1, 2.0):
         assert stribeck(p, v) == pytest.approx(1.0 + 0.5 * math.exp(-abs(v) / 0.2), rel=1e-15)
+
+
+def test_the_shape_is_the_exponents_exponent() -> None:
+    """Gaussian at 2, even in v, and (T_s - T_c)/T_c at standstill."""
+    for shape in (0.5, 2.0):
+        p = Stribeck(rise=0.5, velocity=0.2, shape=shape)
+        for v in (0.0, 0.1, -0.1, 0.3):
+            expected = 1.0 + 0.5 * math.exp(-((abs(v) / 0.2) ** shape))
+            assert stribeck(p, v) == stribeck(p, -v) == pytest.approx(expected, rel=1e-15)

@@ -134,3 +134,16 @@ def test_at_rest_the_friction_carries_the_bias(ball_screw: Setup, bias: float) -
         x = stage.period(p, x, 0.0, stage.SILENT, DT, 10)
     assert abs(x.position - 0.5) < 1e-10
     assert stage.at_rest(p._replace(mechanics=p.mechanics._replace(bias=9.0))).force == pytest.approx(1.0)
+
+
+def test_half_a_count_goes_upwards_on_both_sides_of_zero() -> None:
+    encoder = stage.Encoder(0.25, 0)
+    halves = [-0.375, -0.125, 0.125, 0.375]
+    assert [stage.counts(encoder, place) for place in halves] == [-1.0, 0.0, 1.0, 2.0]
+
+
+def test_friction_and_encoder_see_the_same_displacement() -> None:
+    """An element that never slips is a spring at the axis: F = alpha x / delta, however it is moved."""
+    p = plant()._replace(friction=stage.Friction(friction.bundle([2.0], [1.0]), friction.Stribeck()))
+    for x in run(p, [math.sin(0.3 * k) for k in range(300)], 3)[1:]:
+        assert x.force == pytest.approx(2.0 * x.position, rel=1e-9, abs=1e-15)
