@@ -64,7 +64,8 @@ def _page(results: list[tuple[Result, Result]], output: Path) -> Page:
     bare = max(pair[0]["tracking_error"]["peak"] for pair in results)
     late = sum(result["late_cycles"] for pair in results for result in pair)
     cycles = sum(result["cycles"] for pair in results for result in pair)
-    figure = motion([_figure_pair(*pair) for pair in results])
+    pairs = [_figure_pair(*pair) for pair in results]
+    figure = motion(pairs)
     figure.savefig(output / "first-light.png", dpi=130)
     return Page(
         "stagectl demo: a ball-screw stage over CAN at 2 kHz",
@@ -77,9 +78,9 @@ def _page(results: list[tuple[Result, Result]], output: Path) -> Page:
             f"{cycles} control cycles, {late} of them late. The virtual plant moves one period per SYNC, so a late "
             "cycle does not disturb it; on a machine it would.",
         ],
-        [Picture(embedded(figure), "Shaded: the window over which the tracking error is taken.")],
+        [Picture(embedded(motion([pair])), f"{pair.title}; shaded: where the error is taken.") for pair in pairs],
         [Table("Tracking error", _HEAD, [_row(*pair) for pair in results])],
-        ["make run", *(f"stagectl replay {pair[1]['recording']}" for pair in results)],
+        ["make run", *(f".venv/bin/stagectl replay {pair[1]['recording']}" for pair in results)],
         versions(),
     )
 
