@@ -12,6 +12,8 @@
               |                         |
     [4] plan.py <-----------------------+                           limits checked, one row a period
               |
+        cli/motion.py -> session.py -> daemon/run.py                starts loop and recorder, hands over the rows
+              |
     [5] daemon/loop.py   one period, 2000 times a second:
               |
               |   drives/canopen.py  sample()  -- SYNC -->  drive      the position at t_k is latched,
@@ -26,6 +28,8 @@
     [6] drives/node.py   the drive, where there is no machine: a CANopen node with kernels/stage.py inside
 
               command -> drive -> motor -> mechanics <- friction,  encoder -> measured
+
+    recording.h5 -> recording/hdf5.py -> exports.py, replay.py, evaluation.py, identification/
 
     [7] kernels/rollout.py   law and stage in one compiled loop: `simulate`; the same rows, to the last bit
     [8] evaluation.py, report/   what it achieved, in words, figures and one page

@@ -21,7 +21,6 @@ from stagectl.kernels.friction import relaxed
 from stagectl.trajectories import Trajectory, TrajectoryError, peaks
 from stagectl.trajectories.motion import Array
 
-_ARTICLE = {"travel": "a", "speed": "a", "acceleration": "an"}
 LONGEST = 10_000_000  # control periods, 83 minutes at 2 kHz: what a memory holds
 _ARTICLE = {"travel": "a", "speed": "a", "acceleration": "an"}
 SETTLE = 0.1  # s of standstill after the motion, in which the axis must come into position

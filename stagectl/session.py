@@ -109,7 +109,7 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     if waits_for_sync(motion.setup):
         say("the virtual plant's clock is SYNC: late cycles do not disturb it, and time-outs are relaxed")
     if ended.fault:
-        say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}")
+        say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}".rstrip())
     fault = ended.words
     if not ended.recorded:
         fault = fault or "the recorder stopped before the motion did"

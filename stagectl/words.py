@@ -9,5 +9,10 @@ def length(value: float | None, unit: str) -> str:
         return "not reached"
     for scale, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ")):
         if abs(value) >= 0.9995 * scale:
-            return f"{value / scale:.3g} {prefix}{unit}"
-    return f"{value / 1e-9:.3g} n{unit}"
+            return f"{_digits(value / scale)} {prefix}{unit}"
+    return f"{_digits(value / 1e-9)} n{unit}"
+
+
+def _digits(value: float) -> str:
+    """Three digits, zeros and all."""
+    return f"{value:#.3g}".rstrip(".")

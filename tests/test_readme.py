@@ -46,7 +46,8 @@ def _files(word: str, folder: Path) -> list[Path]:
 def test_the_demo_moves_the_stage_and_writes_its_page(tmp_path: Path) -> None:
     done = stagectl(["demo", "-o", str(tmp_path / "demo")], ROOT)
     assert done.returncode == 0, done.stderr
-    found = re.search(r"within ([\d.]+) nm; without it the error peaks at ([\d.]+) µm", done.stderr)
+    figures = r"within ([\d.]+) nm with friction compensation; without it the error peaks at ([\d.]+) µm"
+    found = re.search(figures, done.stderr)
     assert found is not None, done.stderr
     assert 5.0 < float(found[1]) <= 30.0
     assert 5.1 < float(found[2]) < 6.1

@@ -41,7 +41,6 @@ def progress(title: str, total: int) -> Iterator[Any]:
     with Progress(*columns, console=console) as bar:
         task = bar.add_task(title, total=total)
         yield lambda done, _total: bar.update(task, completed=done)
-        bar.update(task, completed=total)
 
 
 def summary(result: dict[str, Any]) -> str:

@@ -39,16 +39,6 @@ class Axis(NamedTuple):
         """Unit of what the user sees as travel."""
         return "m" if self.kind == LINEAR or self.lead else "rad"
 
-    @property
-    def position_unit(self) -> str:
-        """SI unit of a position inside."""
-        return "m" if self.kind == LINEAR else "rad"
-
-    @property
-    def effort_unit(self) -> str:
-        """SI unit of force or torque inside."""
-        return "N" if self.kind == LINEAR else "N m"
-
 
 class Rolling(NamedTuple):
     """Rolling friction by its picture: equal elements whose slips are spaced geometrically."""

@@ -92,7 +92,9 @@ def _follow(loop: _Process, ring: Ring, total: int, progress: Progress) -> dict[
     while True:
         try:
             if loop.readable(0.05):
-                return _event(loop, "ended")
+                ended = _event(loop, "ended")
+                progress(ended["cycles"], total)
+                return ended
             progress(ring.written, total)
         except KeyboardInterrupt:  # the loop has had the same signal and stops the axis: hear it out
             loop.signal(signal.SIGINT)

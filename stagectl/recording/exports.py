@@ -60,6 +60,10 @@ def export(recordings: list[Recording], to: str, path: Path | None) -> list[Expo
         raise RecordingError(f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder")
     suffix = ".yaml" if to == "trajectory" else f".{to}"
     targets = [path or one.path.with_suffix(suffix) for one in recordings]
+    if own := [
+        one.path for one, target in zip(recordings, targets, strict=True) if target.resolve() == one.path.resolve()
+    ]:
+        raise RecordingError(f"{own[0]} is the recording itself: choose another file with -o")
     return [_write(to, one, target) for one, target in zip(recordings, targets, strict=True)]
 
 

@@ -121,6 +121,8 @@ def _claimed(path: Path) -> IO[bytes]:
 
     Raises RecordingError where another writer has it, or it cannot be written.
     """
+    if path.is_file() and path.stat().st_size and not _ours(path):
+        raise RecordingError(f"{path} is no recording and is left as it is: choose another file with -o")
     try:
         file = path.open("ab")
     except OSError as error:
@@ -131,6 +133,15 @@ def _claimed(path: Path) -> IO[bytes]:
         file.close()
         raise RecordingError(f"{path} is being written by another run: choose another file with -o") from error
     return file
+
+
+def _ours(path: Path) -> bool:
+    """Whether a file may be written over: a recording, whole or cut off."""
+    try:
+        with _opened(path) as file:
+            return str(file.attrs.get("format")) == FORMAT
+    except RecordingError:
+        return False
 
 
 def _being_written(path: Path) -> bool:

@@ -81,6 +81,8 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
     """Write imported recordings; those of a folder go into a folder."""
     base = output or Path("recordings") / (source.name if source.is_dir() else f"{source.stem}.h5")
     targets = [base / f"{one.path.stem}.h5" if source.is_dir() else base for one in recordings]
+    if there := [target for target in targets if target.exists()]:
+        raise RecordingError(f"{there[0]} exists and is left as it is: choose another place with -o")
     for recording, target in zip(recordings, targets, strict=True):
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
