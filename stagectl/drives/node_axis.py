@@ -165,8 +165,11 @@ class Axis:
             return
         stop = Stop(self._elapsed - self._still, self.plant.state.position - self._began, still)
         self._limit = 0.0
-        if self._after_stop is not self.state:
-            self._enter(self._after_stop)
+        after = self._after_stop
+        if not still and after is State.QUICK_STOP_ACTIVE:  # it would stay powered: an axis that cannot be held is cut
+            after = State.SWITCH_ON_DISABLED
+        if after is not self.state:
+            self._enter(after)
         self._stopped(stop)
 
 

@@ -135,3 +135,20 @@ def test_a_second_error_does_not_begin_the_stop_again() -> None:
     assert said[0].duration > 0.9 * speed / 2.0
     axis.trip()
     assert axis.state is State.FAULT
+
+
+def test_an_axis_that_cannot_be_held_is_cut_whatever_the_option() -> None:
+    """Option 6 stays in Quick stop active when it stands; what never stands must not stay powered."""
+    p = linear_stage()
+    plant = Plant(p._replace(mechanics=p.mechanics._replace(bias=20.0)), Simulation(substeps=4), DT)
+    said: list[Stop] = []
+    axis = Axis(plant, 0.1, said.append)
+    axis.options = axis.options._replace(quick_stop=6)
+    axis.mode, axis.state, plant.powered = 10, State.OPERATION_ENABLED, True
+    axis.quick_stop()
+    for _ in range(round(5.0 / DT)):
+        axis.advance(DT)
+    assert [stop.stands for stop in said] == [False]
+    assert axis.state is State.SWITCH_ON_DISABLED
+    assert not plant.powered
+    assert abs(plant.state.current) < 1e-9
