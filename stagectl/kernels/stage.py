@@ -156,7 +156,10 @@ def _coefficients(p: Stage, h: float) -> _Coefficients:
 
 @kernel
 def _substep(p: Stage, c: _Coefficients, x: State, target: float, extra: float) -> State:
-    """Kick, drift, kick (velocity Verlet): second order, symmetric, exact in current loop and viscous part."""
+    """Kick, drift, kick (velocity Verlet), exact in current loop and viscous part.
+
+    Second order while Stribeck is neutral; with it first, as its factor takes the velocity of half a step before.
+    """
     error = x.current - target
     effort = p.motor.force_constant * (target + error * c.lag_mean + extra) + p.mechanics.bias
     half_way = c.damping * x.velocity + c.gain * (effort - x.force)

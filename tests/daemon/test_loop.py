@@ -272,10 +272,15 @@ def test_the_speed_is_taken_over_the_periods_that_passed(ball_screw: Setup, cloc
 
 
 def served(
-    setup: Setup, monkeypatch: pytest.MonkeyPatch, script: dict[int, Any], clock: Clock, **changes: Any
+    setup: Setup,
+    monkeypatch: pytest.MonkeyPatch,
+    script: dict[int, Any],
+    clock: Clock,
+    told: list[Any] | None = None,
+    **changes: Any,
 ) -> tuple[list[dict[str, Any]], Scripted, Ring, list[Any]]:
     """`loop.serve` in this process: (events, drive, ring, what was asked of the kernel)."""
-    ring, events, asked = Ring.create(rollout.WIDTH), list[dict[str, Any]](), list[Any]()
+    ring, events, asked = Ring.create(rollout.WIDTH), list[dict[str, Any]](), [] if told is None else told
 
     def prepared(*order: Any) -> list[str]:
         asked.append(order)
@@ -324,10 +329,10 @@ def test_a_fault_of_ours_is_not_the_drives_to_explain(
 
 
 def test_what_does_not_fit_ends_without_power(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch, clock: Clock) -> None:
-    closed: list[Any] = []
+    asked: list[Any] = []
     with pytest.raises(DriveError, match=r"limits\.travel"):
-        served(ball_screw, monkeypatch, {}, clock, span=(-1e3, 0.0))
-    assert closed == []
+        served(ball_screw, monkeypatch, {}, clock, asked, span=(-1e3, 0.0))
+    assert asked[-1] == "closed"
 
 
 def test_the_canopen_drive_gets_the_stages_step_and_period(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
