@@ -9,13 +9,13 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from stagectl.kernels import feedback, feedforward, law, stage
+from stagectl.kernels import cascade, feedback, feedforward, law, stage
 from stagectl.units import Quantity, StageError
 
 
@@ -23,12 +23,37 @@ class DesignError(StageError):
     """A control design that would be unstable or too close to it."""
 
 
-class Control(NamedTuple):
-    """What the user asks of the controller."""
+Layer = Literal["ptc", "friction"]
+_PERIOD = Quantity("s", "[1e-5, 0.1]", "control period Ts")
+_MARGIN = Quantity("rad", "[0, 1.5]", "least phase margin that is accepted")
+_LAYERS = "what is known beforehand and used: ptc, friction"
 
-    period: Annotated[float, Quantity("s", "[1e-5, 0.1]", "control period Ts")]
+
+class Control(NamedTuple):
+    """PID by pole placement: what the user asks of the controller."""
+
+    period: Annotated[float, _PERIOD]
     bandwidth: Annotated[float, Quantity("Hz", "(0, 2000]", "where all four closed-loop poles are placed")]
-    margin: Annotated[float, Quantity("rad", "[0, 1.5]", "least phase margin that is accepted")] = math.radians(20)
+    margin: Annotated[float, _MARGIN] = math.radians(20)
+    layers: Annotated[tuple[Layer, ...], _LAYERS] = ("ptc", "friction")
+
+
+class CascadeControl(NamedTuple):
+    """P position, PI velocity, force filter and velocity feedforward."""
+
+    period: Annotated[float, _PERIOD]
+    position_gain: Annotated[float, Quantity("1/s", "(0, 1e5]", "Kp, velocity asked for per position error")]
+    velocity_bandwidth: Annotated[float, Quantity("Hz", "(0, 1e4]", "of the velocity loop: Kv = inertia x 2 pi this")]
+    integral_time: Annotated[float, Quantity("s", "[0, 100]", "Ti of the velocity loop; 0: no integrator")] = 0.0
+    force_filter: Annotated[float, Quantity("s", "[0, 1]", "Tf, time constant of the force filter; 0: none")] = 0.0
+    velocity_feedforward: Annotated[float, Quantity("", "[0, 2]", "share of the reference velocity, FF")] = 1.0
+    velocity_span: Annotated[int, Quantity("", "[1, 2]", "periods over which the velocity is differenced")] = 1
+    margin: Annotated[float, _MARGIN] = math.radians(20)
+    layers: Annotated[tuple[Layer, ...], _LAYERS] = ("friction",)
+
+
+Settings = Control | CascadeControl
+Feedback = feedback.Gains | cascade.Cascade
 
 
 class Controller(NamedTuple):
@@ -46,6 +71,31 @@ class Margins(NamedTuple):
     crossover: float  # Hz
     delay: float  # s, further delay before it is unstable
     stable: bool
+
+
+def designed_feedback(p: stage.Stage, control: Settings) -> Feedback:
+    """The feedback that `control` asks for.
+
+    Raises DesignError where its numbers cannot be realised on this stage.
+    """
+    return gains(p, control) if isinstance(control, Control) else cascaded(p, control)
+
+
+def cascaded(p: stage.Stage, control: CascadeControl) -> cascade.Cascade:
+    """The cascade at its period: ``Kv = J 2 pi f_v / Kt``, the integrator by Tustin's rule, the filter exactly."""
+    dt, ti, tf = control.period, control.integral_time, control.force_filter
+    velocity = p.mechanics.inertia * 2.0 * math.pi * control.velocity_bandwidth / p.motor.force_constant
+    if not (math.isfinite(velocity) and velocity > 0.0):
+        raise DesignError(_incomputable(p))
+    return cascade.Cascade(
+        control.position_gain,
+        velocity,
+        0.5 * velocity * dt / ti if ti > 0.0 else 0.0,
+        math.exp(-dt / tf) if tf > 0.0 else 0.0,
+        control.velocity_feedforward,
+        control.velocity_span,
+        dt,
+    )
 
 
 def gains(p: stage.Stage, control: Control) -> feedback.Gains:
@@ -88,7 +138,7 @@ def _incomputable(p: stage.Stage) -> str:
     )
 
 
-def margins(p: stage.Stage, designed: feedback.Gains, dt: float) -> Margins:
+def margins(p: stage.Stage, designed: Feedback, dt: float) -> Margins:
     """Margins of the running loop at the period `dt` (s).
 
     Raises DesignError where the stage's numbers are too extreme to compute with.
@@ -97,13 +147,13 @@ def margins(p: stage.Stage, designed: feedback.Gains, dt: float) -> Margins:
         return _margins(p, designed, dt)
 
 
-def _margins(p: stage.Stage, designed: feedback.Gains, dt: float) -> Margins:
-    pid = feedback.discretised(designed, dt)
+def _margins(p: stage.Stage, designed: Feedback, dt: float) -> Margins:
+    controller = compensator(designed, dt)
     frequency = np.geomspace(1e-3 / dt, 0.5 / dt, 20_000)
-    loop = _open_loop(p, pid, dt, np.exp(2j * np.pi * frequency * dt))
+    loop = _open_loop(p, controller, dt, np.exp(2j * np.pi * frequency * dt))
     phase = np.unwrap(np.angle(loop))
     phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
-    stable = _stable(p, pid, dt)
+    stable = _stable(p, controller, dt)
     crossover, margin = _phase_margin(frequency, np.log(np.abs(loop)), phase)
     gain = _gain_margin(np.abs(loop), phase)
     delay = margin / (2.0 * np.pi * crossover) if crossover > 0.0 else math.inf
@@ -121,36 +171,68 @@ def _held(p: stage.Stage, dt: float) -> tuple[NDArray[np.float64], NDArray[np.fl
     return stepped[:3, :3], stepped[:3, 3]
 
 
-def _open_loop(p: stage.Stage, pid: feedback.Pid, dt: float, z: NDArray[Any]) -> NDArray[Any]:
+class Rational(NamedTuple):
+    """A transfer function in z: coefficients, highest power first."""
+
+    numerator: NDArray[np.floating[Any]]
+    denominator: NDArray[np.floating[Any]]
+
+    def at(self, z: NDArray[Any]) -> NDArray[Any]:
+        """Its values at `z` (n,)."""
+        found: NDArray[Any] = np.polyval(self.numerator, z) / np.polyval(self.denominator, z)
+        return found
+
+
+def compensator(designed: Feedback, dt: float) -> Rational:
+    """From the position error to the current, as it runs at the period `dt` (s); a reference at rest."""
+    if isinstance(designed, feedback.Gains):
+        return _pid(feedback.discretised(designed, dt))
+    return _cascade(designed)
+
+
+def _pid(p: feedback.Pid) -> Rational:
+    integrator, filtered = np.array([1.0, -1.0]), np.array([1.0, -p.decay])
+    numerator = np.polyadd(
+        p.proportional * np.polymul(integrator, filtered),
+        np.polyadd(p.integral * np.polymul([1.0, 1.0], filtered), p.derivative * np.polymul(integrator, integrator)),
+    )
+    return Rational(numerator, np.polymul(integrator, filtered))
+
+
+def _cascade(p: cascade.Cascade) -> Rational:
+    """``(Kp + (1 - z^-span)/(span Ts)) (Kv + I (z + 1)/(z - 1)) (1 - c) z/(z - c)``, over z^span."""
+    last = np.zeros(p.span + 1)
+    last[0] = 1.0
+    difference = (last - last[::-1]) / (p.span * p.dt)
+    outer = p.position * last + difference
+    inner = np.array([p.velocity + p.integral, p.integral - p.velocity])
+    numerator = np.polymul(np.polymul(outer, inner), [1.0 - p.retained, 0.0])
+    return Rational(numerator, np.polymul(np.polymul(last, [1.0, -1.0]), [1.0, -p.retained]))
+
+
+def plant(p: stage.Stage, dt: float) -> Rational:
+    """From the command to the measured position: zero-order hold, current loop, inertia, and nd + nm periods."""
     a, b = _held(p, dt)
-    numerator, denominator = _polynomials(a, b)
-    plant = np.polyval(numerator, z) / np.polyval(denominator, z)
-    controller = pid.proportional + pid.integral * (z + 1) / (z - 1) + pid.derivative * (z - 1) / (z - pid.decay)
-    loop: NDArray[Any] = plant * controller * z ** -(p.drive.delay_samples + p.encoder.delay_samples)
+    denominator = np.poly(a)
+    numerator = np.poly(a - np.outer(b, [1.0, 0.0, 0.0])) - denominator
+    delays = np.zeros(1 + p.drive.delay_samples + p.encoder.delay_samples)
+    delays[0] = 1.0
+    return Rational(numerator, np.polymul(denominator, delays))
+
+
+def _open_loop(p: stage.Stage, controller: Rational, dt: float, z: NDArray[Any]) -> NDArray[Any]:
+    loop: NDArray[Any] = plant(p, dt).at(z) * controller.at(z)
     return loop
 
 
-def _polynomials(a: NDArray[Any], b: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Transfer function of the position: numerator and denominator in z."""
-    denominator = np.poly(a)
-    numerator = np.poly(a - np.outer(b, [1.0, 0.0, 0.0])) - denominator
-    return numerator, denominator
-
-
-def _stable(p: stage.Stage, pid: feedback.Pid, dt: float) -> bool:
+def _stable(p: stage.Stage, controller: Rational, dt: float) -> bool:
     """Whether all closed-loop poles of the sampled loop lie inside the unit circle."""
-    numerator, denominator = _polynomials(*_held(p, dt))
-    integrator, filtered = np.array([1.0, -1.0]), np.array([1.0, -pid.decay])
-    controller = np.polyadd(
-        pid.proportional * np.polymul(integrator, filtered),
+    moved = plant(p, dt)
+    poles = np.roots(
         np.polyadd(
-            pid.integral * np.polymul([1.0, 1.0], filtered), pid.derivative * np.polymul(integrator, integrator)
-        ),
+            np.polymul(moved.denominator, controller.denominator), np.polymul(moved.numerator, controller.numerator)
+        )
     )
-    delays = np.zeros(1 + p.drive.delay_samples + p.encoder.delay_samples)
-    delays[0] = 1.0
-    bottom = np.polymul(np.polymul(denominator, delays), np.polymul(integrator, filtered))
-    poles = np.roots(np.polyadd(bottom, np.polymul(numerator, controller)))
     return bool(np.max(np.abs(poles)) < 1.0)
 
 
@@ -169,43 +251,72 @@ def _gain_margin(size: NDArray[Any], phase: NDArray[Any]) -> float:
     return float(1.0 / size[falling[0]]) if falling.size else math.inf
 
 
-def design(p: stage.Stage, control: Control, without: frozenset[str] = frozenset()) -> Controller:
-    """The controller for this stage; `without` names layers that are switched off (``ptc``, ``friction``).
+def design(p: stage.Stage, control: Settings, without: frozenset[str] = frozenset()) -> Controller:
+    """The controller for this stage; `without` names layers of ``control.layers`` that are switched off.
 
     Raises DesignError where the phase margin is below ``control.margin``.
     """
-    designed = gains(p, control)
+    designed = designed_feedback(p, control)
     reached = margins(p, designed, control.period)
     if not reached.stable or reached.phase < control.margin:
         raise DesignError(_refusal(p, control, reached))
+    layers = frozenset(control.layers) - without
     anticipation = feedforward.Feedforward(
         feedforward.held(p.mechanics, p.motor.force_constant, control.period),
         p.friction.operators,
         p.motor.force_constant,
-        "ptc" not in without,
-        "friction" not in without,
+        "ptc" in layers,
+        "friction" in layers,
     )
-    return Controller(law.Law(feedback.discretised(designed, control.period), p.drive.current_limit), anticipation)
+    return Controller(running(designed, control.period, p.drive.current_limit), anticipation)
 
 
-def _refusal(p: stage.Stage, control: Control, reached: Margins) -> str:
+def running(designed: Feedback, dt: float, current_limit: float) -> law.Law:
+    """The law with this feedback, at the period `dt` (s)."""
+    if isinstance(designed, feedback.Gains):
+        return law.Law(feedback.discretised(designed, dt), current_limit)
+    return law.Law(feedback.ABSENT, current_limit, designed, True)
+
+
+def _refusal(p: stage.Stage, control: Settings, reached: Margins) -> str:
     margin = f"a phase margin of {math.degrees(reached.phase):.1f} deg" if math.isfinite(reached.phase) else "no margin"
     state = "" if reached.stable else " and the sampled loop is unstable"
+    name, value, unit = speed(control)
     return (
-        f"control.bandwidth = {control.bandwidth:g} Hz leaves {margin}{state}; at least "
+        f"control.{name} = {value:g} {unit} leaves {margin}{state}; at least "
         f"{math.degrees(control.margin):g} deg are asked for.  Period {control.period * 1e3:g} ms, nd "
         f"{p.drive.delay_samples}, nm {p.encoder.delay_samples}, current lag {p.drive.current_lag * 1e3:.3g} ms.  "
         f"{_advice(p, control)}"
     )
 
 
-def _advice(p: stage.Stage, control: Control) -> str:
+def speed(control: Settings) -> tuple[str, float, str]:
+    """What makes the loop fast: name, value, unit."""
+    if isinstance(control, Control):
+        return "bandwidth", control.bandwidth, "Hz"
+    return "velocity_bandwidth", control.velocity_bandwidth, "Hz"
+
+
+def _slower(control: Settings, share: float) -> Settings:
+    """The same control, slower by `share`; a cascade keeps the ratio of its loops."""
+    if isinstance(control, Control):
+        return control._replace(bandwidth=share * control.bandwidth)
+    return control._replace(
+        position_gain=share * control.position_gain,
+        velocity_bandwidth=share * control.velocity_bandwidth,
+        integral_time=control.integral_time / share,
+    )
+
+
+def _advice(p: stage.Stage, control: Settings) -> str:
     for share in (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1):
-        lower = control._replace(bandwidth=share * control.bandwidth)
+        lower = _slower(control, share)
         try:
-            reached = margins(p, gains(p, lower), control.period)
+            reached = margins(p, designed_feedback(p, lower), control.period)
         except DesignError:
             break
         if reached.stable and reached.phase >= control.margin:
-            return f"Take {lower.bandwidth:.3g} Hz ({math.degrees(reached.phase):.1f} deg) or a shorter period"
+            also = "" if isinstance(control, Control) else f" with position_gain and 1/integral_time x {share:g}"
+            value = speed(lower)[1]
+            return f"Take {value:.3g} Hz{also} ({math.degrees(reached.phase):.1f} deg) or a shorter period"
     return "Take a shorter period or remove delay: no lower bandwidth helps"

@@ -21,6 +21,7 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     """
     scale = meta["axis"]["travel_per_unit"]
     inside = window(samples["time"], meta["steady"])
+    inside &= closed(samples)  # an open loop has no tracking error
     if not len(samples) or samples["time"][-1] < meta["steady"][1] - 1.5 * meta["dt"]:
         inside[:] = False  # the run ended within its window: no figure is better than one of another window
     error = (latched_reference(samples, meta) - samples["measured"]) * scale
@@ -36,12 +37,25 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
         "late_cycles": int(np.sum(samples["late"])),
         "saturated_cycles": int(np.sum(samples["command"] != samples["current"])),
         "peak_current": float(np.max(np.abs(samples["current"]), initial=0.0)),
+        "travelled": travelled(samples["measured"] * scale),
+        "open_loop": not bool(np.any(closed(samples))),
         "in_position": in_position(samples, meta),
     }
     true = (samples["reference"] - samples["true_position"]) * scale
     if np.all(np.isfinite(true)):
         found["tracking_error_true"] = size(true[inside])
     return found
+
+
+def closed(samples: NDArray[Any]) -> NDArray[np.bool_]:
+    """Rows (n,) in which the loop was closed."""
+    return np.asarray(samples["closed"] != 0.0, dtype=np.bool_)
+
+
+def travelled(position: NDArray[np.float64]) -> list[float]:
+    """Lowest and highest position, from where the run began."""
+    moved = position - position[:1]
+    return [float(moved.min(initial=0.0)), float(moved.max(initial=0.0))]
 
 
 def latched_reference(samples: NDArray[Any], meta: dict[str, Any]) -> NDArray[np.float64]:
@@ -64,9 +78,13 @@ def size(error: NDArray[np.float64]) -> dict[str, float | None]:
 
 
 def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
-    """Whether the run ended without a fault, standing within the window for the whole dwell."""
+    """Whether the run ended without a fault, standing within the window for the whole dwell.
+
+    Where the loop is open at the end there is no position to be in: then whether it ran to its end without a fault.
+    """
     last = slice(-max(1, round(DWELL / meta["dt"])), None)
     allowed = WINDOW_COUNTS * (meta["axis"]["encoder_step"] or 1e-9)
     near = np.abs(latched_reference(samples, meta)[last] - samples["measured"][last]) <= allowed
+    near |= ~closed(samples)[last]
     whole = samples["time"][-1:] >= meta["duration"]
     return bool(whole.all() and near.all() and np.all(samples["fault"] == Fault.NONE))

@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
+from stagectl.kernels import rollout, stage
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
-from stagectl.trajectories import Trajectory, TrajectoryError, peaks
+from stagectl.kernels.law import Setpoint
+from stagectl.trajectories import Experiment, Phases, Span, Trajectory, TrajectoryError, peaks, phases
 from stagectl.trajectories.motion import Array
 
 LONGEST = 10_000_000  # control periods, 83 minutes at 2 kHz: what a memory holds
@@ -29,9 +31,10 @@ SETTLE = 0.1  # s of standstill after the motion, in which the axis must come in
 class Plan(NamedTuple):
     """What is about to run."""
 
-    setpoints: NDArray[np.float64]  # (n, 4), fields of kernels.law.Setpoint, relative to where the axis stands
+    setpoints: NDArray[np.float64]  # (n, 8), fields of kernels.law.Setpoint, relative to where the axis stands
     steady: tuple[float, float]  # s, window of the tracking error
     duration: float  # s, without the standstill at its end
+    excitation: tuple[Span, ...] = ()  # steady parts of an injected current
 
 
 def command_delay(setup: Setup) -> float:
@@ -40,28 +43,81 @@ def command_delay(setup: Setup) -> float:
     return drive.current_lag + drive.delay_samples * setup.dt
 
 
-def plan(setup: Setup, trajectory: Trajectory, feedforward: Feedforward) -> Plan:
+def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward) -> Plan:
     """Check against the stage's limits and lay out the rows.
 
     Raises TrajectoryError with value, limit and the field to change; nothing has moved then.
     """
-    if trajectory.duration > LONGEST * setup.dt:
+    parts = phases(experiment)
+    if parts.duration > LONGEST * setup.dt:
         raise TrajectoryError(
-            f"the trajectory takes {trajectory.duration:g} s; must be at most {LONGEST * setup.dt:g} s, {LONGEST} "
+            f"the trajectory takes {parts.duration:g} s; must be at most {LONGEST * setup.dt:g} s, {LONGEST} "
             "control periods: nothing has moved; run fewer periods or cycles at a time"
         )
-    _within_limits(setup, trajectory)
-    seen = foresee(setup, trajectory)
+    _within_limits(setup, parts.motion)
+    seen = foresee(setup, parts.motion, parts.duration)
     _check_jumps(setup, seen)
-    rows = np.zeros((len(seen.reference), 4))
+    rows = np.zeros((len(seen.reference), rollout.SETPOINTS))
     setpoints(feedforward, seen, relaxed(feedforward.friction), rows)
-    return Plan(rows, trajectory.steady, trajectory.duration)
+    _experiment(setup, parts, rows)
+    return Plan(rows, parts.steady, parts.duration, _excitation(parts))
 
 
-def foresee(setup: Setup, trajectory: Trajectory) -> Foreseen:
-    """The trajectory at the instants that the feedforward needs, by the delay rule."""
+def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
+    """Put the injected current into `rows`, and open the loop where the experiment does."""
+    column = {name: number for number, name in enumerate(Setpoint._fields)}
+    t = setup.dt * np.arange(len(rows))
+    if parts.current is not None:
+        _check_current(setup, parts.current.amplitude)
+        rows[:, column["injection"]] = parts.current.at(t - parts.start)
+    opened = t >= parts.opens - 1e-9
+    for name in ("feedforward", "friction", "velocity", "closed"):
+        rows[opened, column[name]] = 0.0
+    if parts.opens == 0.0:
+        _check_open(setup, rows[:, column["injection"]])
+
+
+def _excitation(parts: Phases) -> tuple[Span, ...]:
+    spans = parts.current.spans if parts.current is not None else ()
+    return tuple(span._replace(start=span.start + parts.start, end=span.end + parts.start) for span in spans)
+
+
+def _check_current(setup: Setup, amplitude: float) -> None:
+    limit = setup.file.drive.current_limit
+    if amplitude > limit:
+        raise TrajectoryError(
+            f"the experiment's amplitude is {amplitude:g} A; drive.current_limit of {setup.file.name} allows {limit:g} "
+            "A: nothing has moved; lower the amplitude"
+        )
+
+
+def _check_open(setup: Setup, currents: NDArray[np.float64]) -> None:
+    """No loop holds an axis that a current moves: the model says beforehand where it would go."""
+    p, limits, axis = setup.stage, setup.file.limits, setup.file.axis
+    x, low, high, speed = stage.at_rest(p), 0.0, 0.0, 0.0
+    for current in currents.tolist():
+        x = stage.period(p, x, current, stage.SILENT, setup.dt, 1)
+        low, high, speed = min(low, x.position), max(high, x.position), max(speed, abs(x.velocity))
+    scale, unit = axis.travel_per_unit, axis.travel_unit
+    if low < limits.travel[0] or high > limits.travel[1]:
+        raise TrajectoryError(
+            f"by the model the current would move the axis over [{low * scale:.4g}, {high * scale:.4g}] {unit}; "
+            f"limits.travel of {setup.file.name} is [{limits.travel[0] * scale:g}, {limits.travel[1] * scale:g}] "
+            f"{unit}: nothing has moved; lower the amplitude or raise the frequency"
+        )
+    if speed > limits.speed:
+        raise TrajectoryError(
+            f"by the model the current would move the axis at {speed * scale:.4g} {unit}/s; limits.speed of "
+            f"{setup.file.name} allows {limits.speed * scale:g} {unit}/s: nothing has moved; lower the amplitude or "
+            "raise the frequency"
+        )
+
+
+def foresee(setup: Setup, trajectory: Trajectory, duration: float | None = None) -> Foreseen:
+    """The trajectory at the instants that the feedforward needs, by the delay rule; `duration` (s) if not its own."""
     dt, lead = setup.dt, command_delay(setup)
-    t: Array = dt * np.arange(2 * math.ceil((trajectory.duration + SETTLE) / (2.0 * dt)) + 2, dtype=np.float64)
+    whole = trajectory.duration if duration is None else duration
+    t: Array = dt * np.arange(2 * math.ceil((whole + SETTLE) / (2.0 * dt)) + 2, dtype=np.float64)
     late = _at(setup, trajectory, t - setup.stage.encoder.delay_samples * dt)
     friction = _at(setup, trajectory, t[:-2] + (lead + 0.5 * dt))
     return Foreseen(_at(setup, trajectory, t[:-2])[:, 0], _at(setup, trajectory, t + lead), late, friction[:, 0])

@@ -23,6 +23,7 @@ from stagectl.evaluation import evaluate
 from stagectl.plan import plan
 from stagectl.recording.hdf5 import RecordingError, open_recording, repair, save
 from stagectl.recording.meta import describe
+from stagectl.units import StageError
 
 Say = Callable[[str], None]
 
@@ -66,16 +67,34 @@ def _fresh(what: str) -> Path:
     return next(path for suffix in suffixes if not (path := stem.with_name(stem.name + suffix)).exists())
 
 
-def pretend(motion: Motion) -> dict[str, Any]:
-    """Simulate the motion; the result as JSON values."""
+def pretend(motion: Motion, plant: Setup | None = None) -> dict[str, Any]:
+    """Simulate the motion, on the stage's model or on another `plant`; the result as JSON values.
+
+    Raises StageError where the plant is an axis of another kind.
+    """
     from stagectl.simulation import simulate  # compiles
 
-    samples = simulate(motion.setup, motion.plan, motion.law)
-    meta = {**motion.meta, "drive": {"drive": "simulated, compiled"}}
+    if plant is not None:
+        _check_plant(motion.setup, plant)
+    samples = simulate(motion.setup, motion.plan, motion.law, plant)
+    meta = {**motion.meta, "drive": {"drive": "simulated, compiled", "plant": str((plant or motion.setup).path)}}
     motion.recording.parent.mkdir(parents=True, exist_ok=True)
     save(motion.recording, meta, samples, "complete")
     found = evaluate(samples, meta)
     return {**found, **envelope(motion.setup, samples), "recording": str(motion.recording), "simulated": True}
+
+
+def _check_plant(setup: Setup, plant: Setup) -> None:
+    """The law and its plant must share what the rows of a run are in."""
+    for name, ours, its in (
+        ("axis.kind", setup.file.axis.kind, plant.file.axis.kind),
+        ("axis.lead", setup.file.axis.lead, plant.file.axis.lead),
+        ("encoder.step", setup.stage.encoder.step, plant.stage.encoder.step),
+    ):
+        if ours != its:
+            raise StageError(
+                f"{name} = {its} in {plant.path}; must be {ours}, as in {setup.path}: one axis, two models"
+            )
 
 
 def envelope(setup: Setup, samples: NDArray[Any]) -> dict[str, Any]:

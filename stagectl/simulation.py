@@ -14,14 +14,14 @@ from stagectl.kernels.law import Law
 from stagectl.plan import Plan
 
 
-def simulate(setup: Setup, plan: Plan, running: Law) -> NDArray[Any]:
-    """Rows (n,) of the run, structured as in a recording."""
+def simulate(setup: Setup, plan: Plan, running: Law, plant: Setup | None = None) -> NDArray[Any]:
+    """Rows (n,) of the run, structured as in a recording; `plant` is the machine where it is not the model."""
+    machine = plant or setup
     count = len(plan.setpoints)
     rows = np.zeros((count, rollout.WIDTH))
-    loop = rollout.Loop(running, setup.stage)
-    plant = stage.at_rest(setup.stage)
-    inputs = (plan.setpoints, noise(setup.file.simulation, count), rows)
-    rollout.closed_loop(loop, plant, inputs, setup.dt, setup.file.simulation.substeps)
+    loop = rollout.Loop(running, machine.stage)
+    inputs = (plan.setpoints, noise(machine.file.simulation, count), rows)
+    rollout.closed_loop(loop, stage.at_rest(machine.stage), inputs, setup.dt, machine.file.simulation.substeps)
     return structured(rows)
 
 

@@ -20,11 +20,11 @@ Polynomial = list[Fraction]
 
 def controlled(setup: Setup, bandwidth: float, period: float, margin: float = 0.0) -> design.Control:
     """Stage A's settings with another bandwidth (Hz), period (s) and least margin (rad)."""
-    return setup.file.control._replace(bandwidth=bandwidth, period=period, margin=margin)
+    return design.Control(period, bandwidth, margin)
 
 
 def test_gains_of_the_paper(ball_screw: Setup) -> None:
-    gains = design.gains(ball_screw.stage, ball_screw.file.control)
+    gains = design.gains(ball_screw.stage, design.Control(5e-4, 40.0))
     assert gains.pole == pytest.approx(991.31, abs=0.005)
     assert gains.proportional == pytest.approx(833.30, abs=0.005)
     assert gains.integral == pytest.approx(55901, abs=0.5)
@@ -78,7 +78,7 @@ def test_a_measurement_delay_costs_what_a_command_delay_costs(ball_screw: Setup)
 
 
 def test_the_gain_margin_is_where_stability_ends(ball_screw: Setup) -> None:
-    p, control = ball_screw.stage, ball_screw.file.control
+    p, control = ball_screw.stage, design.Control(5e-4, 40.0)
     gains = design.gains(p, control)
     limit = design.margins(p, gains, control.period).gain
     for factor, stable in ((0.99 * limit, True), (1.01 * limit, False)):
@@ -91,7 +91,7 @@ def test_the_gain_margin_is_where_stability_ends(ball_screw: Setup) -> None:
 
 
 def test_a_current_loop_of_no_lag_is_the_limit_of_fast_ones(ball_screw: Setup) -> None:
-    gains = design.gains(ball_screw.stage, ball_screw.file.control)
+    gains = design.gains(ball_screw.stage, design.Control(5e-4, 40.0))
     drive = ball_screw.stage.drive
     none, fast = (
         design.margins(ball_screw.stage._replace(drive=drive._replace(current_lag=lag)), gains, 5e-4)
@@ -159,7 +159,9 @@ def spread(setup: Setup, control: design.Control) -> float:
     )
     running = law.Law(feedback.discretised(design.gains(bare, control), control.period), 1e300)
     rows = np.zeros((2000, rollout.WIDTH))
-    inputs = (np.zeros((2000, 4)), np.zeros((2000, 2)), rows)
+    setpoints = np.zeros((2000, rollout.SETPOINTS))
+    setpoints[:, -1] = 1.0  # closed
+    inputs = (setpoints, np.zeros((2000, 2)), rows)
     rollout.closed_loop(rollout.Loop(running, bare), stage.at_rest(bare, 1e-3), inputs, control.period, 4)
     position = np.abs(rows[:, rollout.COLUMNS.index("true_position")])
     return float(position[-200:].max() / position[:200].max())

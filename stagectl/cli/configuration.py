@@ -41,12 +41,13 @@ def _words(path: Path) -> str:
     from stagectl.config.source import compose
     from stagectl.config.stage_file import StageFile
     from stagectl.config.trajectory_file import load_free
+    from stagectl.trajectories import phases
 
     node = compose(path)
     words = {getattr(key, "value", "") for key, _ in node.value} if isinstance(node, MappingNode) else set()
     if "type" not in words and words & set(StageFile._fields):
         return _stage_words(path)
-    return f"trajectory of {load_free(path).duration:.4g} s"
+    return f"trajectory of {phases(load_free(path)).duration:.4g} s"
 
 
 def _stage_words(path: Path) -> str:
@@ -54,9 +55,11 @@ def _stage_words(path: Path) -> str:
     from stagectl.config.stage_file import load_stage
 
     setup = load_stage(path)
-    reached = design.margins(setup.stage, design.gains(setup.stage, setup.file.control), setup.dt)
+    control = setup.file.control
+    reached = design.margins(setup.stage, design.designed_feedback(setup.stage, control), setup.dt)
+    name, value, unit = design.speed(control)
     return (
-        f"{setup.file.name}, {setup.file.control.bandwidth:g} Hz at {setup.dt * 1e3:g} ms; phase margin "
+        f"{setup.file.name}, {name.replace('_', ' ')} {value:g} {unit} at {setup.dt * 1e3:g} ms; phase margin "
         f"{math.degrees(reached.phase):.1f} deg, gain margin {20 * math.log10(reached.gain):.1f} dB, "
         f"crossover {reached.crossover:.1f} Hz (nd {setup.stage.drive.delay_samples}, "
         f"nm {setup.stage.encoder.delay_samples})"

@@ -68,6 +68,9 @@ def simulate(
     without: Without = None,
     json: Json = None,
     output: Output = None,
+    plant: Annotated[
+        Path | None, typer.Option(metavar="PLANT.yaml", help="The machine, where it is not as the model says.")
+    ] = None,
 ) -> None:
     """Run the same law on the stage model, compiled, faster than real time.
 
@@ -79,7 +82,7 @@ def simulate(
     if cold():
         console.print("compiling the kernels, once for this version: about ten seconds")
     motion = prepare(_load(stage), trajectory, _layers(without), output)
-    result = pretend(motion)
+    result = pretend(motion, _load(plant) if plant else None)
     console.print(f"simulated: {summary(result)}")
     console.print(f"recorded: {result['recording']}")
     emit(result, json)

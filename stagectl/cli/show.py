@@ -47,10 +47,14 @@ def summary(result: dict[str, Any]) -> str:
     """The run in plain words."""
     error, unit = result["tracking_error"], result["unit"]
     window = f"{result['steady'][0]:.3g} to {result['steady'][1]:.3g} s"
-    lines = [
-        f"{result['stage']}, {result['trajectory']}: tracking error peak {length(error['peak'], unit)}, "
-        f"rms {length(error['rms'], unit)} over {window} (nd = {result['nd']})"
-    ]
+    found = (
+        f"tracking error peak {length(error['peak'], unit)}, rms {length(error['rms'], unit)} over {window} "
+        f"(nd = {result['nd']})"
+    )
+    if result["open_loop"]:
+        low, high = (length(end, unit) for end in result["travelled"])
+        found = f"the loop was open; the axis moved from {low} to {high}, peak current {result['peak_current']:.3g} A"
+    lines = [f"{result['stage']}, {result['trajectory']}: {found}"]
     if result["fault"] and result["simulated"]:
         lines.append(result["fault"])
     if result["late_cycles"]:

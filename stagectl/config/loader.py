@@ -30,6 +30,7 @@ class Tagged(NamedTuple):
 
     key: str
     blocks: Mapping[str, Any]
+    default: str = ""  # the block where the key is absent; none: it must be there
 
 
 class Lengths(NamedTuple):
@@ -117,6 +118,8 @@ class Reader:
         chosen = None
         if isinstance(node, yaml.MappingNode):
             chosen = next((v for k, v in node.value if getattr(k, "value", None) == tag.key), None)
+            if chosen is None and tag.default:
+                return self.block(tag.blocks[tag.default], node, name)
         if not isinstance(chosen, yaml.ScalarNode):
             self.refuse(node, f"{_under(name, tag.key)} is missing: one of {names}")
             return None

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 from stagectl.config.loader import Tagged
 from stagectl.config.stage_file import StageFile
-from stagectl.config.trajectory_file import BLOCKS, Entry
+from stagectl.config.trajectory_file import BLOCKS, EXPERIMENTS, Entry
 from stagectl.units import Quantity, quantity_of
 
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
@@ -25,7 +25,7 @@ def stage_schema() -> dict[str, Any]:
 
 def trajectory_schema() -> dict[str, Any]:
     """Of a trajectory file."""
-    blocks = {name: _block(kind, "type", name) for name, kind in BLOCKS.items()}
+    blocks = {name: _block(kind, "type", name) for name, kind in EXPERIMENTS.items()}
     one_of = [{"$ref": f"#/$defs/{name}"} for name in blocks]
     return {"$schema": _DRAFT, "title": "stagectl trajectory", "oneOf": one_of, "$defs": blocks}
 
@@ -40,7 +40,7 @@ def _of(hint: Any) -> dict[str, Any]:
     plain = get_args(hint)[0] if extras else hint
     tag = next((extra for extra in extras if isinstance(extra, Tagged)), None)
     if tag is not None:
-        return {"oneOf": [_block(kind, tag.key, name) for name, kind in tag.blocks.items()]}
+        return {"oneOf": [_block(kind, tag.key, name, name == tag.default) for name, kind in tag.blocks.items()]}
     words = next((extra for extra in extras if isinstance(extra, str)), None)
     described = {"description": words} if words else {}
     return {**_plain(plain, quantity_of(hint)), **described}
@@ -91,13 +91,13 @@ def _bounds(quantity: Quantity) -> dict[str, float]:
     return {name: end for name, end in ((least, low), (most, high)) if math.isfinite(end)}
 
 
-def _block(kind: Any, tag: str = "", name: str = "") -> dict[str, Any]:
+def _block(kind: Any, tag: str = "", name: str = "", optional: bool = False) -> dict[str, Any]:
     hints = get_type_hints(kind, include_extras=True)
     properties = {field: _of(hints[field]) for field in kind._fields}
     required = [field for field in kind._fields if field not in kind._field_defaults]
     if tag:
         properties = {tag: {"const": name}, **properties}
-        required = [tag, *required]
+        required = required if optional else [tag, *required]
     summary = (kind.__doc__ or "").split("\n")[0]
     block = {"type": "object", "description": summary, "properties": properties, "additionalProperties": False}
     return {**block, "required": required} if required else block

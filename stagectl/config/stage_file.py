@@ -117,7 +117,9 @@ class StageFile(NamedTuple):
     friction: Annotated[Rolling | Operators, Tagged("law", {"rolling": Rolling, "stop-operators": Operators})]
     encoder: Encoder
     drive: Drive
-    control: design.Control
+    control: Annotated[
+        design.Settings, Tagged("law", {"pid": design.Control, "cascade": design.CascadeControl}, default="pid")
+    ]
     limits: Limits
     realtime: Realtime = Realtime()
     simulation: Simulation = Simulation()
@@ -181,7 +183,8 @@ def _check_loop(reader: Reader, file: StageFile, root: yaml.Node) -> None:
     try:
         design.design(_assembled(file), file.control)
     except design.DesignError as error:
-        raise design.DesignError(f"{error} ({reader.place(node_at(root, 'control.bandwidth'))})") from error
+        place = reader.place(node_at(root, str(error).split(" ")[0]))
+        raise design.DesignError(f"{error} ({place})") from error
 
 
 def _check_parts(file: StageFile) -> list[str]:

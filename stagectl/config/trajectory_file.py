@@ -15,6 +15,7 @@ from stagectl import trajectories
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
 from stagectl.config.source import compose, node_at, read_text
 from stagectl.config.stage_file import Setup
+from stagectl.trajectories.experiments import AT, START, WATCH
 from stagectl.units import LINEAR, ROTARY, Quantity, factor
 
 MOST_PARTS = 1000
@@ -45,6 +46,27 @@ class Parts(NamedTuple):
 
 BLOCKS: dict[str, Any] = {**trajectories.TYPES, "csv": Csv, "sequence": Parts}
 Entry = Annotated[Any, Tagged("type", BLOCKS)]
+CurrentEntry = Annotated[Any, Tagged("type", trajectories.CURRENTS)]
+
+
+class Excited(NamedTuple):
+    """A motion in closed loop while a current is injected into the command."""
+
+    motion: Entry
+    current: CurrentEntry
+    start: Annotated[float | None, START] = None
+
+
+class Release(NamedTuple):
+    """A motion in closed loop; then the axis is let go, without any current, and watched."""
+
+    motion: Entry
+    at: Annotated[float | None, AT] = None
+    watch: Annotated[float, WATCH] = 0.5
+
+
+EXPERIMENTS: dict[str, Any] = {**BLOCKS, **trajectories.CURRENTS, "excited": Excited, "release": Release}
+Root = Annotated[Any, Tagged("type", EXPERIMENTS)]
 
 
 class Axis(NamedTuple):
@@ -61,13 +83,13 @@ def axis_of(setup: Setup) -> Axis:
     return Axis(lengths, setup.stage.encoder.step * axis.travel_per_unit)
 
 
-def load_trajectory(path: Path, axis: Axis) -> trajectories.Trajectory:
-    """Read a trajectory for this axis; positions come out in metres of travel (rad without a lead).
+def load_trajectory(path: Path, axis: Axis) -> trajectories.Experiment:
+    """Read a trajectory or experiment for this axis; positions come out in metres of travel (rad without a lead).
 
     Raises ConfigError or TrajectoryError with the place and the reason.
     """
     entry = load(path, lambda reader, root: _read(reader, root), axis.lengths)
-    trajectory = _resolved(entry, path, axis)
+    trajectory = _experiment(entry, path, axis)
     try:
         trajectories.check(trajectory)
     except trajectories.TrajectoryError as error:
@@ -80,7 +102,7 @@ def _read(reader: Reader, root: yaml.Node) -> Any:
     if _count(root, 0) > MOST_PARTS:
         reader.refuse(root, f"parts: more than {MOST_PARTS} trajectories; write several files")
         return None
-    return reader.value(Entry, root, "")
+    return reader.value(Root, root, "")
 
 
 def _count(node: yaml.Node, depth: int) -> int:
@@ -93,6 +115,17 @@ def _count(node: yaml.Node, depth: int) -> int:
             return 20 * MOST_PARTS
         total += _count(child, depth + 1) if not isinstance(child, yaml.ScalarNode) else 0
     return total
+
+
+def _experiment(entry: Any, path: Path, axis: Axis) -> trajectories.Experiment:
+    if isinstance(entry, Excited):
+        return trajectories.Excited(_resolved(entry.motion, path, axis), entry.current, entry.start)
+    if isinstance(entry, Release):
+        return trajectories.Released(_resolved(entry.motion, path, axis), entry.at, entry.watch)
+    if type(entry) in trajectories.CURRENTS.values():
+        current: trajectories.Current = entry
+        return current
+    return _resolved(entry, path, axis)
 
 
 def _resolved(entry: Any, path: Path, axis: Axis) -> trajectories.Trajectory:
@@ -164,7 +197,7 @@ def _scale(unit: str, axis: Axis, path: Path) -> float:
 FREE = (Axis(Lengths(LINEAR), 0.0), Axis(Lengths(ROTARY, 0.0, True), 0.0))  # without a stage: a length, or an angle
 
 
-def load_free(path: Path) -> trajectories.Trajectory:
+def load_free(path: Path) -> trajectories.Experiment:
     """Read a trajectory without a stage: travel is a length, or an angle where the file says so."""
     try:
         return load_trajectory(path, FREE[0])

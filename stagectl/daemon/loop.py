@@ -20,18 +20,18 @@ from stagectl.drives.bus import open_bus
 from stagectl.drives.canopen import CanopenDrive
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault
 from stagectl.drives.simulated import Plant, Simulated, Simulation
-from stagectl.kernels import feedback, law, stage
+from stagectl.kernels import law, stage
 from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 
-_SETPOINT = struct.Struct("<4d")
+_SETPOINT = struct.Struct(f"<{len(law.Setpoint._fields)}d")
 
 
 class Job(NamedTuple):
     """All that one motion needs, designed and checked beforehand."""
 
     law: law.Law
-    setpoints: bytes  # (n, 4) float64, relative to where the axis stands
+    setpoints: bytes  # (n, 8) float64, fields of law.Setpoint, relative to where the axis stands
     span: tuple[float, float]  # rad | m, lowest and highest of their positions
     dt: float  # s
     by_clock: bool  # a missed period is a missed row; False where the plant waits for our SYNC
@@ -64,8 +64,8 @@ def connect(job: Job) -> Drive:
 
 def setpoint(table: bytes, row: int, origin: float) -> law.Setpoint:
     """A row of the table, moved to where the axis stands (rad | m)."""
-    reference, target, feedforward, friction = _SETPOINT.unpack_from(table, row * _SETPOINT.size)
-    return law.Setpoint(reference + origin, target + origin, feedforward, friction)
+    reference, target, *known = _SETPOINT.unpack_from(table, row * _SETPOINT.size)
+    return law.Setpoint(reference + origin, target + origin, *known)
 
 
 class Cycle:
@@ -73,7 +73,7 @@ class Cycle:
 
     def __init__(self, job: Job, drive: Drive, ring: Ring, origin: float) -> None:
         self.job, self.drive, self.ring, self.origin = job, drive, ring, origin
-        self.state = feedback.AT_REST
+        self.state = law.AT_REST
         self.position = origin  # of the last period
         self.rows = len(job.setpoints) // _SETPOINT.size
         self.row, self.passed = 0, 1  # row of the references, and how many it is past the last one

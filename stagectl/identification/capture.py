@@ -1,7 +1,9 @@
-"""One record of a motion as an identification reads it: sound columns in axis units, and what is doubtful about them."""
+"""One record of a motion as an identification reads it: sound columns in axis units, and what is doubtful."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,5 +31,5 @@ class Capture(NamedTuple):
     reference: Array | None = None  # rad | m
     encoder_step: float = 0.0  # rad | m, 0: not known
     steady: tuple[float, float] | None = None  # s, window of the steady part
-    meta: dict[str, Any] = {}  # of the recording; read only
+    meta: Mapping[str, Any] = MappingProxyType({})  # of the recording
     notes: tuple[str, ...] = ()  # what is doubtful about it, in words

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Parameter(NamedTuple):
@@ -20,7 +24,7 @@ class Parameter(NamedTuple):
 class Characteristic(NamedTuple):
     """Rolling friction: stop operators, and the reversal table they make.
 
-    ``force(s) = sum_j clip(-weight_j + weight_j / slip_j s, -weight_j, weight_j)``, s the displacement since a reversal.
+    ``force(s) = sum_j clip(-weight_j + weight_j / slip_j s, -weight_j, weight_j)``, s from a reversal on.
     """
 
     displacement: NDArray[np.float64]  # (m,) rad | m, from 0 up
@@ -34,6 +38,6 @@ class Found(NamedTuple):
 
     parameters: dict[str, Parameter]  # inertia, viscous, coulomb, offset, delay, ...
     table: Characteristic | None = None
-    details: dict[str, Any] = {}  # JSON values: correlations, residuals, curves that the figures draw
+    details: Mapping[str, Any] = NOTHING  # JSON values: correlations, residuals, curves that the figures draw
     notes: tuple[str, ...] = ()  # for the user, in words: what cannot be separated, what is doubtful
-    changes: dict[str, Any] = {}  # of the stage file, by dotted key, SI: {"mechanics.inertia": 0.0101}
+    changes: Mapping[str, Any] = NOTHING  # of the stage file, by dotted key, SI: {"mechanics.inertia": 0.0101}

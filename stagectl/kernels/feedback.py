@@ -55,6 +55,7 @@ class Output(NamedTuple):
 
 
 AT_REST = State(0.0, 0.0, 0.0)
+ABSENT = Pid(0.0, 0.0, 0.0, 0.0)
 
 
 def place_poles(mechanics: Mechanics, force_constant: float, bandwidth: float) -> Gains:

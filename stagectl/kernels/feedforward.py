@@ -101,8 +101,10 @@ def commands(p: Held, start: Desired, end: Desired) -> tuple[float, float]:
 
 @kernel
 def setpoints(p: Feedforward, foreseen: Foreseen, stops: Any, rows: Any) -> None:
-    """Fill `rows` (n, 4), the fields of `law.Setpoint`; n is even, `stops` the relaxed friction operators."""
+    """Fill `rows` (n, 8), the fields of `law.Setpoint`; n is even, `stops` the relaxed friction operators."""
     rows[:, 0] = foreseen.reference
+    rows[:, 4] = foreseen.late[:-2, 1]
+    rows[:, 7] = 1.0
     for k in range(0, len(rows), 2):
         _frame(p, foreseen, k, rows)
     if p.with_friction:

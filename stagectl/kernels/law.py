@@ -1,20 +1,23 @@
-"""The deployed control law: PID on the target, plus what is known beforehand, limited.
+"""The deployed control law: feedback on the target, plus what is known beforehand, limited.
 
 ::
 
-    trajectory --> plan ----- target y0 ------>(-)--> PID -------- feedback -->(+)--> limit --> current
-                    |                           ^ measured                      ^
-                    +-- feedforward (PTC) + friction compensation --------------+
+    trajectory --> plan ----- target y0 ------>(-)--> PID or cascade -- feedback -->(+)--> limit --> current
+                    |                           ^ measured                           ^
+                    +-- feedforward (PTC) + friction compensation + learned current -+
+                    +-- injected current (experiments) ------------------------------+
 
 What depends on the reference alone is computed before the motion (`kernels.feedforward`); what is left for the
-period is a subtraction, a PID and a limit.  One function, wherever the law runs: loop, simulator, replay, tests.
+period is a subtraction, the feedback and a limit.  A setpoint may open the loop: then only what is known beforehand
+flows, as in a frequency response or when the axis is released.  One function, wherever the law runs: loop,
+simulator, replay, tests.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from stagectl.kernels import feedback
+from stagectl.kernels import cascade, feedback
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
@@ -26,6 +29,8 @@ class Law(NamedTuple):
 
     feedback: feedback.Pid
     current_limit: float  # A
+    cascade: cascade.Cascade = cascade.ABSENT
+    cascaded: bool = False  # which of the two feeds back
 
 
 class Setpoint(NamedTuple):
@@ -35,30 +40,59 @@ class Setpoint(NamedTuple):
     target: Annotated[float, Quantity("rad | m", _ANY, "y0, what the measured position is compared with")]
     feedforward: Annotated[float, Quantity("A", _ANY, "perfect tracking feedforward")]
     friction: Annotated[float, Quantity("A", _ANY, "friction compensation")]
+    velocity: Annotated[float, Quantity("rad/s | m/s", _ANY, "reference velocity, for the cascade")] = 0.0
+    learned: Annotated[float, Quantity("A", _ANY, "learned from earlier trials")] = 0.0
+    injection: Annotated[float, Quantity("A", _ANY, "excitation of an experiment")] = 0.0
+    closed: Annotated[float, Quantity("", "[0, 1]", "1: the loop is closed; 0: no feedback acts")] = 1.0
+
+
+class State(NamedTuple):
+    """Memory of the law."""
+
+    feedback: feedback.State
+    cascade: cascade.State
 
 
 class Output(NamedTuple):
     """The command and the terms of it that the setpoint does not hold."""
 
-    error: Annotated[float, Quantity("rad | m", _ANY, "target minus measured")]
-    proportional: Annotated[float, Quantity("A", _ANY, "feedback, proportional term")]
-    integral: Annotated[float, Quantity("A", _ANY, "feedback, integral term")]
-    derivative: Annotated[float, Quantity("A", _ANY, "feedback, derivative term")]
+    error: Annotated[float, Quantity("rad | m", _ANY, "target minus measured; 0 while the loop is open")]
+    proportional: Annotated[float, Quantity("A", _ANY, "feedback, proportional term (cascade: of the velocity)")]
+    integral: Annotated[float, Quantity("A", _ANY, "feedback, integral term (cascade: of the velocity)")]
+    derivative: Annotated[float, Quantity("A", _ANY, "feedback, derivative term (cascade: change by the force filter)")]
     command: Annotated[float, Quantity("A", _ANY, "sum of all terms, before any limit")]
     current: Annotated[float, Quantity("A", _ANY, "command handed to the drive, after the limit")]
 
 
+AT_REST = State(feedback.AT_REST, cascade.AT_REST)
+
+
 @kernel
-def step(p: Law, x: feedback.State, r: Setpoint, measured: float) -> tuple[Output, feedback.State]:
-    """One period: the current for this measured position (rad | m)."""
-    error = r.target - measured
-    terms, state = feedback.step(p.feedback, x, error)
-    command = terms.proportional + terms.integral + terms.derivative + r.feedforward + r.friction
-    current = command
+def limited(p: Law, command: float) -> float:
+    """`command` (A) within the limit."""
     if command > p.current_limit:
-        current = p.current_limit
-    elif command < -p.current_limit:
-        current = -p.current_limit
-    if current != command and error * command > 0.0:  # anti-windup: do not integrate further into the limit
-        state = feedback.State(error, x.integral, state.derivative)
-    return Output(error, terms.proportional, terms.integral, terms.derivative, command, current), state
+        return p.current_limit
+    return max(command, -p.current_limit)
+
+
+@kernel
+def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]:
+    """One period: the current for this measured position (rad | m)."""
+    if r.closed == 0.0:
+        known = r.feedforward + r.friction + r.learned + r.injection
+        return Output(0.0, 0.0, 0.0, 0.0, known, limited(p, known)), AT_REST
+    error = r.target - measured
+    pid, outer, driving = x.feedback, x.cascade, error
+    if p.cascaded:
+        terms, outer = cascade.step(p.cascade, x.cascade, (error, r.velocity), measured)
+        driving = outer.error
+    else:
+        terms, pid = feedback.step(p.feedback, x.feedback, error)
+    known = r.feedforward + r.friction + r.learned + r.injection
+    command = terms.proportional + terms.integral + terms.derivative + known
+    current = limited(p, command)
+    if current != command and driving * command > 0.0:  # anti-windup: do not integrate further into the limit
+        pid = feedback.State(pid.error, x.feedback.integral, pid.derivative)
+        outer = cascade.State(outer.error, x.cascade.integral, outer.filtered, outer.last, outer.before)
+    output = Output(error, terms.proportional, terms.integral, terms.derivative, command, current)
+    return output, State(pid, outer)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from stagectl.kernels import feedback, law, stage
+from stagectl.kernels import law, stage
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
@@ -23,6 +23,9 @@ class Observed(NamedTuple):
 
 COLUMNS: tuple[str, ...] = ("time", *law.Setpoint._fields, *law.Output._fields, *Observed._fields)
 WIDTH = len(COLUMNS)
+SETPOINTS = len(law.Setpoint._fields)
+_OUTPUT = 1 + SETPOINTS  # columns before the law's output
+_OBSERVED = _OUTPUT + len(law.Output._fields)
 
 
 class Loop(NamedTuple):
@@ -34,25 +37,25 @@ class Loop(NamedTuple):
 
 @kernel
 def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: int) -> stage.State:
-    """Run all periods of `inputs` = (setpoints (n, 4), noise (n, 2), rows (n, WIDTH) to be filled).
+    """Run all periods of `inputs` = (setpoints (n, 8), noise (n, 2), rows (n, WIDTH) to be filled).
 
     Returns the plant at the end.  Position and current are latched at the start of each period, then the law
     runs, then the plant takes its command: with `delay_samples` = nd this is the order of the real cycle.
     """
     setpoints, noises, rows = inputs
-    x = feedback.AT_REST
+    x = law.AT_REST
     for k in range(len(setpoints)):
         r = setpoints[k]
-        setpoint = law.Setpoint(r[0], r[1], r[2], r[3])
+        setpoint = law.Setpoint(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7])
         noise = stage.Noise(noises[k, 0], noises[k, 1])
         measured = stage.measured(p.stage.encoder, plant, noise)
         output, x = law.step(p.law, x, setpoint, measured)
         rows[k, 0] = k * dt
-        rows[k, 1:5] = r
+        rows[k, 1:_OUTPUT] = r
         for j, term in enumerate(output):
-            rows[k, 5 + j] = term
-        rows[k, 11] = measured
-        rows[k, 12] = plant.position
-        rows[k, 13] = plant.current
+            rows[k, _OUTPUT + j] = term
+        rows[k, _OBSERVED] = measured
+        rows[k, _OBSERVED + 1] = plant.position
+        rows[k, _OBSERVED + 2] = plant.current
         plant = stage.period(p.stage, plant, output.current, noise, dt, substeps)
     return plant

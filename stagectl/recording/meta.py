@@ -10,7 +10,7 @@ from typing import Any
 
 from stagectl.config.stage_file import Setup
 from stagectl.design import Controller
-from stagectl.kernels import feedback, law
+from stagectl.kernels import cascade, feedback, law
 from stagectl.kernels.jit import source_hash
 from stagectl.plan import Plan
 
@@ -35,6 +35,7 @@ def describe(setup: Setup, plan: Plan, running: Controller, trajectory: Path) ->
         "nm": p.encoder.delay_samples,
         "steady": list(plan.steady),
         "duration": plan.duration,
+        "excitation": [span._asdict() for span in plan.excitation],
         "law": written(running.law),
         "feedforward": written(running.feedforward),
         "files": {
@@ -72,4 +73,5 @@ def written(p: Any) -> Any:
 
 def read_law(values: dict[str, Any]) -> law.Law:
     """The law that `written` wrote."""
-    return law.Law(**{**values, "feedback": feedback.Pid(**values["feedback"])})
+    blocks = {"feedback": feedback.Pid(**values["feedback"]), "cascade": cascade.Cascade(**values["cascade"])}
+    return law.Law(**{**values, **blocks})

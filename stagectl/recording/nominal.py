@@ -15,6 +15,7 @@ import yaml
 from stagectl.config.loader import Lengths, Reader
 from stagectl.config.source import compose
 from stagectl.config.stage_file import Setup, StageFile
+from stagectl.design import Control
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.units import LINEAR, ROTARY, UnitError, factor
 
@@ -224,19 +225,50 @@ def _drive(file: StageFile) -> dict[str, Any]:
 
 
 def _controller(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
-    law, ahead, dt = meta["law"], meta["feedforward"], meta["dt"]
-    pid = law["feedback"]
-    pole = 2.0 * (1.0 - pid["decay"]) / (dt * (1.0 + pid["decay"]))  # Tustin's rule, backwards
-    advance = file.drive.current_lag + meta["nd"] * dt
-    friction = ahead["friction"] if ahead["with_friction"] else {"weight": (), "slip": ()}
     return {
-        "Ts": dt,
-        "bandwidth_Hz": file.control.bandwidth,
+        "Ts": meta["dt"],
+        **(_cascade(meta) if meta["law"]["cascaded"] else _pid(file, meta)),
+        **_anticipation(file, meta),
+        "states_at_first_row": _START,
+        "anti_windup": _ANTI_WINDUP,
+        "command_limit_A": meta["law"]["current_limit"],
+    }
+
+
+def _pid(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
+    pid, dt = meta["law"]["feedback"], meta["dt"]
+    pole = 2.0 * (1.0 - pid["decay"]) / (dt * (1.0 + pid["decay"]))  # Tustin's rule, backwards
+    return {
+        "bandwidth_Hz": file.control.bandwidth if isinstance(file.control, Control) else None,
         "Kp": pid["proportional"],
         "Ki": 2.0 * pid["integral"] / dt,
         "Kd": pid["derivative"] * (2.0 + pole * dt) / (2.0 * pole),
         "derivative_pole": pole,
         "discretisation": "tustin",
+    }
+
+
+def _cascade(meta: dict[str, Any]) -> dict[str, Any]:
+    p = meta["law"]["cascade"]
+    return {
+        "law": "v = position_gain (y0 - position) + velocity_feedforward dreference/dt - dq; dq = (position[k] - "
+        "position[k-span]) / (span Ts); force = velocity_gain v + I, I by Tustin's rule; feedback[k] = retained "
+        "feedback[k-1] + (1 - retained) force[k]",
+        "position_gain": p["position"],
+        "velocity_gain": p["velocity"],
+        "integral_gain": 2.0 * p["integral"] / meta["dt"],
+        "retained": p["retained"],
+        "velocity_feedforward": p["share"],
+        "span": p["span"],
+    }
+
+
+def _anticipation(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
+    """What the command holds beside the feedback."""
+    ahead, dt = meta["feedforward"], meta["dt"]
+    advance = file.drive.current_lag + meta["nd"] * dt
+    friction = ahead["friction"] if ahead["with_friction"] else {"weight": (), "slip": ()}
+    return {
         "model_inertia": file.mechanics.inertia,
         "model_viscous": file.mechanics.viscous,
         "model_force_constant": ahead["force_constant"],
@@ -248,7 +280,4 @@ def _controller(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
         "measurement_delay_samples": meta["nm"],
         "frame_samples": 2,
         "reference_interpolation": _REFERENCE,
-        "states_at_first_row": _START,
-        "anti_windup": _ANTI_WINDUP,
-        "command_limit_A": law["current_limit"],
     }

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.kernels import feedback, law
+from stagectl.kernels import law
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.meta import read_law
 
@@ -19,12 +19,14 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
     """
     if "law" not in recording.meta:
         raise RecordingError(f"{recording.path} was imported: it holds no law to replay")
+    if "cascade" not in recording.meta["law"]:
+        raise RecordingError(f"{recording.path} was recorded by a version whose law was another: run it again")
     if recording.lost_rows:
         raise RecordingError(f"{recording.path} lacks {recording.lost_rows} rows: the law's memory cannot be followed")
     if not len(recording.samples):
         raise RecordingError(f"{recording.path} holds no rows")
     p = read_law(recording.meta["law"])
-    state, found = feedback.AT_REST, []
+    state, found = law.AT_REST, []
     for *setpoint, measured in recording.samples[[*law.Setpoint._fields, "measured"]].tolist():
         output, state = law.step(p, state, law.Setpoint(*setpoint), measured)
         found.append(output)

@@ -12,7 +12,9 @@ Each trajectory is a NamedTuple of plain numbers with
 travel: m here, whatever the configuration converts them to.
 """
 
-from stagectl.trajectories.limits import Peaks, check, peaks
+from stagectl.trajectories.currents import CURRENTS, Current, CurrentMultisine, CurrentSine, CurrentSweep, Span
+from stagectl.trajectories.experiments import Excited, Experiment, Phases, Released, check, phases
+from stagectl.trajectories.limits import Peaks, peaks
 from stagectl.trajectories.motion import Motion, TrajectoryError
 from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.trajectories.profiles import Dwell, SCurve, Trapezoid
@@ -20,20 +22,31 @@ from stagectl.trajectories.recorded import Columns, Recorded, columns
 from stagectl.trajectories.sequence import TYPES, Sequence, Trajectory
 
 __all__ = [
+    "CURRENTS",
     "TYPES",
     "Columns",
+    "Current",
+    "CurrentMultisine",
+    "CurrentSine",
+    "CurrentSweep",
     "Dwell",
+    "Excited",
+    "Experiment",
     "Motion",
     "Multisine",
     "Peaks",
+    "Phases",
     "Recorded",
+    "Released",
     "SCurve",
     "Sequence",
     "Sine",
+    "Span",
     "Trajectory",
     "TrajectoryError",
     "Trapezoid",
     "check",
     "columns",
     "peaks",
+    "phases",
 ]

@@ -57,7 +57,7 @@ def check(trajectory: Trajectory, place: str = "") -> None:
     Raises TrajectoryError with field, value, unit, what is admissible and what to change.
     """
     place = place or next(name for name, kind in TYPES.items() if isinstance(trajectory, kind))
-    _check_intervals(trajectory, place)
+    check_intervals(trajectory, place)
     if isinstance(trajectory, Trapezoid | SCurve) and abs(trajectory.distance) < SHORTEST:
         raise TrajectoryError(
             f"{place}.distance = {trajectory.distance:g} m; must be at least {SHORTEST:g} m either way: "
@@ -75,7 +75,8 @@ def check(trajectory: Trajectory, place: str = "") -> None:
         )
 
 
-def _check_intervals(trajectory: Trajectory, place: str) -> None:
+def check_intervals(trajectory: Any, place: str) -> None:
+    """Every number of a block against the interval beside its field."""
     for name, hint in get_type_hints(type(trajectory), include_extras=True).items():
         quantity, value = quantity_of(hint), getattr(trajectory, name)
         if quantity is None:

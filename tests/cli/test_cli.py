@@ -86,10 +86,15 @@ def test_usage(command: Command) -> None:
 
 
 def test_a_result_that_cannot_be_written(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    def pretended(motion: Any) -> dict[str, Any]:
+    def pretended(motion: Any, plant: object) -> dict[str, Any]:
         return {
             **{"stage": "A", "trajectory": "sine", "unit": "m", "steady": [0, 1], "nd": 1, "in_position": True},
-            **{"tracking_error": {"peak": 0.0, "rms": 0.0}, "late_cycles": 0, "saturated_cycles": 0},
+            **{
+                "tracking_error": {"peak": 0.0, "rms": 0.0},
+                "late_cycles": 0,
+                "saturated_cycles": 0,
+                "open_loop": False,
+            },
             **{"recording": "none.h5", "fault": "", "simulated": True},
         }
 

@@ -22,7 +22,7 @@ def test_everything_that_is_shipped_is_good(command: Command) -> None:
     assert (code, out) == (0, "")
     assert len(err.splitlines()) == len(STAGES) + len(MOTIONS)
     assert all(line.startswith("good") for line in err.splitlines())
-    assert "ball-screw stage A, 40 Hz at 0.5 ms; phase margin 25.8 deg" in err
+    assert "ball-screw stage A, bandwidth 40 Hz at 0.5 ms; phase margin 25.8 deg" in err
     assert "sine-0.8hz.yaml: trajectory of 5 s" in err  # 2 periods and 2 ramps at 0.8 Hz
 
 
@@ -54,7 +54,7 @@ def test_what_looks_like_markup_is_shown_as_it_stands(command: Command, tmp_path
     stage.write_text(text.replace("ball-screw stage A", f"'{name}'"))
     code, _, err = command("config", "check", stage)
     assert code == 0
-    assert f": {name}, 40 Hz" in err
+    assert f": {name}, bandwidth 40 Hz" in err
     stage.write_text(text.replace("kind: rotary", f"kind: '{name}'"))
     code, _, err = command("config", "check", stage)
     assert code == 1

@@ -195,7 +195,7 @@ def test_a_motion_from_elsewhere_is_the_same_motion(ball_screw: Setup) -> None:
     table = laid_out(ball_screw).setpoints
     for k in (0, 100, len(table) - 1):
         row = loop.setpoint(table.tobytes(), k, 0.25)
-        shifted = (table[k] + [0.25, 0.25, 0.0, 0.0]).tolist()
+        shifted = (table[k] + [0.25, 0.25, *[0.0] * 6]).tolist()
         assert list(row) == shifted
 
 

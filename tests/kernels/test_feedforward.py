@@ -48,7 +48,7 @@ def discrete_run(p: ff.Held, periods: int) -> tuple[list[float], list[float]]:
     """Errors (um) of the discrete plant under the feedforward alone: against y0, and against the reference."""
     desired = np.array([sine(k * DT) for k in range(periods + 2)])
     none = bundle([0.0], [1.0])
-    rows = np.zeros((periods, 4))
+    rows = np.zeros((periods, 8))
     seen = ff.Foreseen(desired[:-2, 0].copy(), desired, desired.copy(), desired[:-2, 0].copy())
     ff.setpoints(ff.Feedforward(p, none, KT, True, True), seen, relaxed(none), rows)
     x, positions = np.zeros(2), []
@@ -89,11 +89,11 @@ def test_any_two_states_are_joined(position: float, velocity: float, dx: float, 
 
 
 def test_standing_still_asks_for_nothing() -> None:
-    rows, here = np.zeros((4, 4)), np.array([[0.7, 0.0]] * 6)
+    rows, here = np.zeros((4, 8)), np.array([[0.7, 0.0]] * 6)
     operators = bundle([0.5], [1e-3])
     seen = ff.Foreseen(here[:-2, 0].copy(), here, here, here[:-2, 0].copy())
     ff.setpoints(ff.Feedforward(ff.held(PLANT, KT, DT), operators, KT, True, True), seen, relaxed(operators), rows)
-    assert rows.tolist() == [[0.7, 0.7, 0.0, 0.0]] * 4
+    assert rows.tolist() == [[0.7, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]] * 4
 
 
 def test_each_layer_switches_off_alone() -> None:
@@ -103,11 +103,11 @@ def test_each_layer_switches_off_alone() -> None:
     found = {}
     for ptc in (True, False):
         for friction in (True, False):
-            rows = np.zeros((100, 4))
+            rows = np.zeros((100, 8))
             p = ff.Feedforward(ff.held(PLANT, KT, DT), operators, KT, ptc, friction)
             ff.setpoints(p, seen, relaxed(operators), rows)
             found[ptc, friction] = rows
     assert np.array_equal(found[True, False][:, :3], found[True, True][:, :3])
     assert np.array_equal(found[False, True][:, 3], found[True, True][:, 3])
-    assert not found[False, False][:, 2:].any()
+    assert not found[False, False][:, 2:4].any()
     assert np.array_equal(found[False, False][:, 1], desired[:-2, 0])

@@ -8,30 +8,37 @@ from stagectl.kernels import feedback, law
 
 PID = feedback.Pid(proportional=2.0, integral=0.5, derivative=3.0, decay=0.25)
 P = law.Law(PID, current_limit=10.0)
+
+
+def remembering(error: float, integral: float, derivative: float) -> law.State:
+    """A law whose PID has this memory."""
+    return law.AT_REST._replace(feedback=feedback.State(error, integral, derivative))
+
+
 NOTHING = law.Setpoint(0.0, 0.0, 0.0, 0.0)
 
 
 def test_the_command_is_the_sum_of_all_terms() -> None:
-    output, state = law.step(P, feedback.State(0.5, 0.25, 1.0), law.Setpoint(9.0, 1.25, 0.125, 0.0625), 0.25)
+    output, state = law.step(P, remembering(0.5, 0.25, 1.0), law.Setpoint(9.0, 1.25, 0.125, 0.0625), 0.25)
     # e = 1.25 - 0.25; P 2 e; I 0.25 + 0.5 (1 + 0.5); D 0.25 * 1 + 3 (1 - 0.5)
     assert output == law.Output(1.0, 2.0, 1.0, 1.75, 2.0 + 1.0 + 1.75 + 0.125 + 0.0625, 4.9375)
-    assert state == feedback.State(1.0, 1.0, 1.75)
+    assert state.feedback == feedback.State(1.0, 1.0, 1.75)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("error", [6.0, 0.0, -1.0])
 def test_the_integrator_goes_on_unless_it_would_go_further_into_the_limit(sign: float, error: float) -> None:
     """Anti-windup by conditional integration: beyond the limit only an error against the command is integrated."""
-    before = feedback.State(sign * 4.0, sign * 40.0, 0.0)
+    before = remembering(sign * 4.0, sign * 40.0, 0.0)
     output, after = law.step(P, before, NOTHING._replace(target=sign * error), 0.0)
     assert output.current == sign * 10.0
     assert output.command * sign > 10.0
     assert output.integral == sign * (40.0 + 0.5 * (error + 4.0))  # in this period it acts all the same
-    assert after.integral == (sign * 40.0 if error > 0.0 else output.integral)
-    assert (after.error, after.derivative) == (sign * error, output.derivative)
+    assert after.feedback.integral == (sign * 40.0 if error > 0.0 else output.integral)
+    assert (after.feedback.error, after.feedback.derivative) == (sign * error, output.derivative)
 
 
 def test_at_the_limit_it_integrates() -> None:
-    output, after = law.step(P, feedback.State(1.0, 7.0, 0.0), NOTHING._replace(target=1.0), 0.0)
+    output, after = law.step(P, remembering(1.0, 7.0, 0.0), NOTHING._replace(target=1.0), 0.0)
     assert output.command == output.current == 10.0
-    assert after.integral == 8.0
+    assert after.feedback.integral == 8.0

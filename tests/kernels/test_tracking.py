@@ -89,7 +89,7 @@ def with_plan(run: Run, change: Callable[[Foreseen, Any, Setup], None], trajecto
         return np.stack(trajectory.at(t + offset)[:2], axis=1) / scale
 
     change(seen, at, setup)
-    rows, wrong = np.zeros((len(seen.reference), 4)), np.zeros((len(seen.reference), rollout.WIDTH))
+    rows, wrong = np.zeros((len(seen.reference), 8)), np.zeros((len(seen.reference), rollout.WIDTH))
     setpoints(run.feedforward, seen, relaxed(run.feedforward.friction), rows)
     p = rollout.Loop(run.law, setup.stage)
     rollout.closed_loop(p, stage.at_rest(setup.stage), (rows, np.zeros((len(rows), 2)), wrong), setup.dt, 10)

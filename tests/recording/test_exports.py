@@ -25,7 +25,7 @@ from stagectl.recording.exports import FORMATS, export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, save
 from stagectl.recording.imports import read
 from stagectl.session import prepare, pretend
-from stagectl.trajectories import Recorded
+from stagectl.trajectories import Recorded, phases
 
 Array = NDArray[Any]
 CONFIG = Path(__file__).parents[2] / "config"
@@ -200,7 +200,7 @@ def test_captures_of_two_controllers_do_not_share_a_folder(sine: Recording, tmp_
 def test_a_reference_becomes_a_trajectory(sine: Recording, tmp_path: Path) -> None:
     export([sine], "trajectory", tmp_path / "again.yaml")
     trajectory = load_trajectory(tmp_path / "again.yaml", axis_of(load_stage(CONFIG / "ball-screw.yaml")))
-    motion = trajectory.at(sine.column("time"))
+    motion = phases(trajectory).motion.at(sine.column("time"))
     scale = sine.meta["axis"]["travel_per_unit"]
     np.testing.assert_allclose(motion.position, sine.column("reference") * scale, atol=1e-12)
     assert "run_up" not in (tmp_path / "again.yaml").read_text()  # it begins and ends at rest
@@ -229,7 +229,7 @@ def test_a_part_of_a_file_runs(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(f"time_s,reference_mm\n{rows}")
     axis = axis_of(load_stage(CONFIG / "linear-slider.yaml"))
     (tmp_path / "a.yaml").write_text("type: csv\nfile: a.csv\npart: [1 s, 2000 ms]\nrun_up: 0.1 s\nrun_out: 100 ms\n")
-    found = load_trajectory(tmp_path / "a.yaml", axis)
+    found = phases(load_trajectory(tmp_path / "a.yaml", axis)).motion
     assert found.duration == pytest.approx(1.2)
     assert found.end == pytest.approx(5.0e-3 + 5.0e-3 * 0.1)
     (tmp_path / "a.yaml").write_text("type: csv\nfile: a.csv\npart: [5 s, 6 s]\n")

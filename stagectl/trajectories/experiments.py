@@ -1,0 +1,106 @@
+"""Experiments: a motion, a current, or both, and whether the loop is closed meanwhile.
+
+::
+
+    a trajectory    the loop is closed, nothing is injected
+    a current       the loop is open: the axis moves as the current moves it
+    excited         the loop is closed and follows a motion while a current is injected into the command
+    released        the loop follows a motion, then lets the axis go: no current at all
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from stagectl.trajectories.currents import CURRENTS, Current, CurrentMultisine, CurrentSine, CurrentSweep
+from stagectl.trajectories.limits import LONGEST, check_intervals
+from stagectl.trajectories.limits import check as check_trajectory
+from stagectl.trajectories.motion import TrajectoryError
+from stagectl.trajectories.profiles import Dwell
+from stagectl.trajectories.sequence import Trajectory
+from stagectl.units import Quantity
+
+START = Quantity("s", "[0, 86400]", "when the current begins; absent: at once")
+AT = Quantity("s", "[0, 86400]", "when the axis is let go; absent: at the motion's end")
+WATCH = Quantity("s", "(0, 3600]", "how long it is watched afterwards")
+
+
+class Excited(NamedTuple):
+    """A motion in closed loop, with a current injected into the command from `start` on."""
+
+    motion: Annotated[Trajectory, "what the loop follows"]
+    current: Annotated[Current, "what is injected"]
+    start: Annotated[float | None, START] = None
+
+
+class Released(NamedTuple):
+    """A motion in closed loop; at `at` all current ceases and the axis is watched."""
+
+    motion: Annotated[Trajectory, "what the loop follows before"]
+    at: Annotated[float | None, AT] = None
+    watch: Annotated[float, WATCH] = 0.5
+
+
+Experiment = Trajectory | Current | Excited | Released
+
+
+class Phases(NamedTuple):
+    """Any experiment in one form."""
+
+    motion: Trajectory
+    current: Current | None
+    start: float  # s, of the current
+    opens: float  # s, from when on the loop is open; infinity where it stays closed
+    duration: float  # s
+    steady: tuple[float, float]  # s, what is to be evaluated
+
+
+def phases(experiment: Experiment) -> Phases:
+    """What `experiment` is made of."""
+    if isinstance(experiment, CurrentSine | CurrentMultisine | CurrentSweep):
+        duration = experiment.duration
+        return Phases(Dwell(duration), experiment, 0.0, 0.0, duration, experiment.steady)
+    if isinstance(experiment, Excited):
+        start, current = experiment.start or 0.0, experiment.current
+        duration = max(experiment.motion.duration, start + current.duration)
+        steady = (start + current.steady[0], start + current.steady[1])
+        return Phases(experiment.motion, current, start, math.inf, duration, steady)
+    if isinstance(experiment, Released):
+        at = experiment.motion.duration if experiment.at is None else experiment.at
+        return Phases(experiment.motion, None, 0.0, at, at + experiment.watch, (0.0, at))
+    return Phases(experiment, None, 0.0, math.inf, experiment.duration, experiment.steady)
+
+
+def check(experiment: Experiment) -> None:
+    """Say what is wrong with `experiment`, if anything.
+
+    Raises TrajectoryError with field, value, unit, what is admissible and what to change.
+    """
+    if isinstance(experiment, CurrentSine | CurrentMultisine | CurrentSweep):
+        _check_current(experiment, next(name for name, kind in CURRENTS.items() if isinstance(experiment, kind)))
+    elif isinstance(experiment, Excited):
+        check_trajectory(experiment.motion, "excited.motion")
+        _check_current(experiment.current, "excited.current")
+    elif isinstance(experiment, Released):
+        check_trajectory(experiment.motion, "release.motion")
+        at = experiment.at
+        if at is not None and at > experiment.motion.duration:
+            raise TrajectoryError(
+                f"release.at = {at:g} s; must lie in [0, {experiment.motion.duration:g}] s, within the motion"
+            )
+    else:
+        check_trajectory(experiment)
+
+
+def _check_current(current: Current, place: str) -> None:
+    check_intervals(current, place)
+    if isinstance(current, CurrentMultisine):
+        check_trajectory(current.shape, place)
+    if not current.duration <= LONGEST:
+        raise TrajectoryError(
+            f"{place}.duration = {current.duration:g} s; must lie in [0, {LONGEST:g}] s: run fewer periods"
+        )
+
+
+__all__ = ["Excited", "Experiment", "Phases", "Released", "check", "phases"]
