@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.compensation.forms import Model
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
@@ -24,6 +25,7 @@ from stagectl.trajectories import Experiment, Phases, Span, Trajectory, Trajecto
 from stagectl.trajectories.motion import Array
 
 LONGEST = 10_000_000  # control periods, 83 minutes at 2 kHz: what a memory holds
+_COLUMN = {name: number for number, name in enumerate(Setpoint._fields)}
 _ARTICLE = {"travel": "a", "speed": "a", "acceleration": "an"}
 SETTLE = 0.1  # s of standstill after the motion, in which the axis must come into position
 
@@ -58,23 +60,34 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward) -> Plan
     seen = foresee(setup, parts.motion, parts.duration)
     _check_jumps(setup, seen)
     rows = np.zeros((len(seen.reference), rollout.SETPOINTS))
-    setpoints(feedforward, seen, relaxed(feedforward.friction), rows)
+    model = isinstance(setup.file.compensation, Model)
+    ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
+    setpoints(ahead, seen, relaxed(feedforward.friction), rows)
+    if feedforward.with_friction and not model:
+        rows[:, _COLUMN["friction"]] = _compensation(setup, parts.motion, len(rows)) / feedforward.force_constant
     _experiment(setup, parts, rows)
     return Plan(rows, parts.steady, parts.duration, _excitation(parts))
 
 
 def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
     """Put the injected current into `rows`, and open the loop where the experiment does."""
-    column = {name: number for number, name in enumerate(Setpoint._fields)}
     t = setup.dt * np.arange(len(rows))
     if parts.current is not None:
         _check_current(setup, parts.current.amplitude)
-        rows[:, column["injection"]] = parts.current.at(t - parts.start)
+        rows[:, _COLUMN["injection"]] = parts.current.at(t - parts.start)
     opened = t >= parts.opens - 1e-9
     for name in ("feedforward", "friction", "velocity", "closed"):
-        rows[opened, column[name]] = 0.0
+        rows[opened, _COLUMN[name]] = 0.0
     if parts.opens == 0.0:
-        _check_open(setup, rows[:, column["injection"]])
+        _check_open(setup, rows[:, _COLUMN["injection"]])
+
+
+def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
+    """Friction (n,) N m | N along the reference by the form that the stage file chose, at t + L + Ts/2."""
+    t = setup.dt * np.arange(count) + (command_delay(setup) + 0.5 * setup.dt)
+    place, speed = _at(setup, motion, t).T
+    force: Array = setup.file.compensation.force(place, speed, setup.dt)
+    return force
 
 
 def _excitation(parts: Phases) -> tuple[Span, ...]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import yaml
 
 from stagectl import design
+from stagectl.compensation.forms import FORMS, Model
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
 from stagectl.config.source import node_at
 from stagectl.drives import bus
@@ -121,6 +122,7 @@ class StageFile(NamedTuple):
         design.Settings, Tagged("law", {"pid": design.Control, "cascade": design.CascadeControl}, default="pid")
     ]
     limits: Limits
+    compensation: Annotated[Any, Tagged("form", FORMS)] = Model()
     realtime: Realtime = Realtime()
     simulation: Simulation = Simulation()
 

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from stagectl.compensation.forms import FORMS
 from stagectl.config.stage_file import Setup
 from stagectl.design import Controller
 from stagectl.kernels import cascade, feedback, law
@@ -38,6 +39,7 @@ def describe(setup: Setup, plan: Plan, running: Controller, trajectory: Path) ->
         "excitation": [span._asdict() for span in plan.excitation],
         "law": written(running.law),
         "feedforward": written(running.feedforward),
+        "compensation": _form(setup.file.compensation),
         "files": {
             what: {"name": path.name, "text": path.read_text(encoding="utf-8")}
             for what, path in (("stage", setup.path), ("trajectory", trajectory))
@@ -69,6 +71,12 @@ def written(p: Any) -> Any:
     if hasattr(p, "_asdict"):
         return {name: written(value) for name, value in p._asdict().items()}
     return [float(x) for x in p] if hasattr(p, "__len__") else p
+
+
+def _form(compensation: Any) -> dict[str, Any]:
+    """The friction compensation's form by its name, with its numbers."""
+    name = next(name for name, kind in FORMS.items() if isinstance(compensation, kind))
+    return {"form": name, **written(compensation)}
 
 
 def read_law(values: dict[str, Any]) -> law.Law:

@@ -267,12 +267,14 @@ def _anticipation(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
     """What the command holds beside the feedback."""
     ahead, dt = meta["feedforward"], meta["dt"]
     advance = file.drive.current_lag + meta["nd"] * dt
-    friction = ahead["friction"] if ahead["with_friction"] else {"weight": (), "slip": ()}
+    form = meta["compensation"]["form"]
+    friction = ahead["friction"] if ahead["with_friction"] and form == "model" else {"weight": (), "slip": ()}
     return {
         "model_inertia": file.mechanics.inertia,
         "model_viscous": file.mechanics.viscous,
         "model_force_constant": ahead["force_constant"],
         "feedforward": "perfect tracking" if ahead["with_ptc"] else "none: y0 is the reference",
+        **({"friction_compensation": meta["compensation"]} if form != "model" and ahead["with_friction"] else {}),
         "friction_weight": list(friction["weight"]),
         "friction_slip": list(friction["slip"]),
         "feedforward_advance_s": advance,
