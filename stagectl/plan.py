@@ -84,7 +84,7 @@ def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
 
 def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
     """Friction (n,) N m | N along the reference by the form that the stage file chose, at t + L + Ts/2."""
-    t = setup.dt * np.arange(count) + (command_delay(setup) + 0.5 * setup.dt)
+    t: Array = setup.dt * np.arange(count, dtype=np.float64) + (command_delay(setup) + 0.5 * setup.dt)
     place, speed = _at(setup, motion, t).T
     force: Array = setup.file.compensation.force(place, speed, setup.dt)
     return force
