@@ -82,6 +82,28 @@ def test_a_biased_axis_runs_as_it_simulates(tmp_path: Path) -> None:
     assert np.array_equal(ran["measured"], simulated["measured"])
 
 
+def test_an_experiment_in_a_cascade_runs_as_it_simulates(tmp_path: Path) -> None:
+    """A motion with a current injected, on the slider; the loop opens at its end, and the axis springs back."""
+    stage, move = CONFIG / "linear-slider.yaml", tmp_path / "move.yaml"
+    motion = "{type: trapezoid, distance: 1 mm, velocity: 10 mm/s, acceleration: 0.1 m/s^2, one_way: true}"
+    experiments = {
+        "excited": f"current: {{type: current_sine, amplitude: 100 mA, frequency: 40 Hz, periods: 6}}\n"
+        f"motion: {motion}",
+        "release": f"watch: 0.1 s\nmotion: {motion}",
+    }
+    for name, text in experiments.items():
+        move.write_text(f"type: {name}\n{text}\n")
+        done = stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / f"{name}-r.h5")
+        assert done.returncode == 0, done.stderr
+        assert stagectl("simulate", stage, move, "-o", tmp_path / f"{name}-s.h5").returncode == 0
+        ran, simulated = (open_recording(tmp_path / f"{name}-{kind}.h5") for kind in "rs")
+        for column in ("measured", *law.Setpoint._fields, *law.Output._fields):
+            assert np.array_equal(ran.samples[column], simulated.samples[column]), column
+        assert replay(ran)["identical"]
+    assert simulated.samples["closed"][-1] == 0.0
+    assert np.ptp(simulated.samples["measured"][simulated.samples["closed"] == 0.0]) > 5e-6
+
+
 def test_no_delay_can_be_simulated_but_not_run(tmp_path: Path) -> None:
     stage = tmp_path / "stage.yaml"
     stage.write_text(STAGE.read_text().replace("delay_samples: 1 ", "delay_samples: 0 "))
