@@ -64,7 +64,7 @@ def held(machine: Machine, reference: Array, injected: Array | None = None, **kn
     """The axis on a `reference` (n,) rad in closed loop, with an `injected` (n,) A."""
     extra = np.zeros(len(reference)) if injected is None else injected
     asked = np.column_stack([reference, extra])
-    return _captured(machine, asked, 1.0, "measured_current", {"reference": reference, "excitation": injected, **known})
+    return _captured(machine, asked, 1.0, "measured_current", {"reference": reference, "excitation": injected} | known)
 
 
 def _captured(machine: Machine, asked: Array, closed: float, column: str, known: dict[str, Any]) -> Capture:
