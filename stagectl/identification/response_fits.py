@@ -1,0 +1,196 @@
+"""Inertia, viscous and rolling friction from the lines of a frequency response.
+
+The effort that a line needs is ``Kt/H = J s + D + N``, N the describing function of the friction: for a sine of
+velocity amplitude W and displacement amplitude X = W/w a stop operator of weight a and slip d gives
+
+    N = (4 a/(pi W)) (1 - d/X) - j (a X/(pi d W)) (u - sin u cos u)      cos u = 1 - 2 d/X      X > d
+    N = -j a X/(d W)                                                                            X <= d
+
+so that far from presliding ``Re(Kt/H) = D + 4 Tc/(pi W)``.  Everything is linear in J, D and the weights, which are not
+negative: one convex problem for each delay.  Where the velocity is no sine any more (near standstill) the fundamental
+of its sign takes the place of 4/pi, see `response_lines.Curve.relay`.
+
+Residuals are relative, as gains and phases are read from a Bode diagram: each line counts by its standard deviation,
+but none for more than half a per cent, which is what a describing function leaves open.
+
+Source: Simultaneous Identification ..., section IV.A.1 and Fig. 4; the describing function by integration of the
+stop operator over a period (`kernels.friction`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, stats
+
+from stagectl.identification.capture import Array
+from stagectl.identification.found import Parameter
+from stagectl.identification.response_lines import Curve
+from stagectl.identification.response_sampling import Complex
+
+ELEMENTS = 24
+FLOOR = 0.005  # relative deviation that no line is taken to be better than
+SMALLEST, LARGEST = 0.1, 0.1  # of the displacements: ends of the range of slips that are offered
+EARLIEST, LATEST = -2e-3, 5e-3  # s, delays that are searched
+PAPER_LAG = 0.25e-3  # s, left in the response: what makes the paper's curve fit err downwards
+
+
+class Lines(NamedTuple):
+    """Sound lines (m,) of several curves in one row."""
+
+    frequency: Array  # Hz
+    effort: Complex  # Kt/H, N m s/rad | N s/m
+    velocity: Array  # rad/s | m/s
+    relay: Complex
+    weight: Array  # of a line's misfit in Kt/H; its mean square times |Kt/H|^2 is 1
+
+    @property
+    def omega(self) -> Array:
+        """Angular frequency (m,) rad/s."""
+        return 2.0 * np.pi * self.frequency
+
+
+class Fit(NamedTuple):
+    """A model and how it was fitted; NaN where it has no such parameter."""
+
+    name: str
+    values: Array  # (p,) inertia, viscous, then the weights of the operators
+    covariance: NDArray[np.float64]  # (p + 1, p + 1) with the delay as the last one
+    delay: float  # s, beyond what the sampling explains
+    slip: Array  # (p - 2,) rad | m
+    residual: float  # rms, relative
+    freedom: int  # of the residual
+
+    @property
+    def coulomb(self) -> float:
+        """Sum of the weights (N m | N), NaN without friction in the model."""
+        return float(np.sum(self.values[2:])) if len(self.slip) else math.nan
+
+    def interval(self, of: Array, unit: str) -> Parameter:
+        """The combination `of` (p + 1,) of values and delay with its 95 % interval."""
+        value = float(of @ np.append(self.values, self.delay))
+        half = float(stats.t.ppf(0.975, max(self.freedom, 1)) * math.sqrt(max(float(of @ self.covariance @ of), 0.0)))
+        return Parameter(value, value - half, value + half, unit)
+
+
+def lines(curves: list[Curve], force_constant: float) -> Lines:
+    """The sound lines of all `curves`, as effort per velocity."""
+    sound = [(one, one.sound) for one in curves]
+    response = np.concatenate([one.response[keep] for one, keep in sound])
+    deviation = np.nan_to_num(np.concatenate([one.deviation[keep] for one, keep in sound])) / np.abs(response)
+    share = 1.0 / np.hypot(deviation, FLOOR)
+    return Lines(
+        np.concatenate([one.frequency[keep] for one, keep in sound]),
+        np.asarray(force_constant / response, dtype=np.complex128),
+        np.concatenate([one.velocity[keep] for one, keep in sound]),
+        np.concatenate([one.relay[keep] for one, keep in sound]),
+        share / math.sqrt(float(np.mean(share**2))) * np.abs(response) / force_constant,
+    )
+
+
+def stop_operator(slip: Array, velocity: Array, omega: Array) -> Complex:
+    """Describing function (m, j) per unit weight of operators that slip at `slip` (j,), for lines (m,)."""
+    displacement = (velocity / omega)[:, None]
+    ratio = np.minimum(slip / displacement, 1.0)
+    angle = np.arccos(1.0 - 2.0 * ratio)
+    loss = 4.0 / math.pi * (1.0 - ratio)
+    stored = displacement / slip / math.pi * (angle - np.sin(angle) * np.cos(angle))
+    return np.asarray((loss - 1j * stored) / velocity[:, None], dtype=np.complex128)
+
+
+def gain_curve(p: Lines) -> Fit:
+    """Least squares on the logarithm of the gain alone, as a Bode gain is fitted by eye."""
+    omega, size = p.omega, np.log(np.abs(p.effort))
+
+    def residual(logs: Array) -> Array:
+        return np.asarray(np.log(np.abs(1j * omega * math.exp(logs[0]) + math.exp(logs[1]))) - size)
+
+    first = _linear(p, 0.0, np.ones(len(omega)))
+    start = np.log(np.maximum(first, 1e-6 * np.max(np.abs(first)) * np.array([1.0 / omega[-1], 1.0])))
+    found = optimize.least_squares(residual, start)
+    rms = math.sqrt(float(np.mean(found.fun**2)))
+    return _plain("gain curve", np.exp(found.x), 0.0, rms)
+
+
+def linear(p: Lines, lag: float = 0.0) -> Fit:
+    """Linear least squares on Kt/H, each line alike, with a `lag` (s) left in the response."""
+    values = _linear(p, -lag, np.ones(len(p.frequency)))
+    name = f"linear, {lag * 1e3:g} ms of lag left in" if lag else "linear least squares"
+    misfit = p.effort * np.exp(1j * p.omega * lag) - (1j * p.omega * values[0] + values[1])
+    return _plain(name, values, lag, math.sqrt(float(np.mean(np.abs(misfit / p.effort) ** 2))))
+
+
+def with_delay(p: Lines, name: str) -> Fit:
+    """Inertia, viscous friction and delay, relative residuals, no friction in the model."""
+    return _searched(p, np.zeros(0), name)
+
+
+def with_friction(p: Lines, name: str) -> Fit:
+    """The same with stop operators over the range of displacements that the lines span."""
+    displacement = p.velocity / p.omega
+    slip = np.geomspace(SMALLEST * np.min(displacement), LARGEST * np.max(displacement), ELEMENTS)
+    return _searched(p, slip, name)
+
+
+def _linear(p: Lines, delay: float, weight: Array) -> Array:
+    effort = p.effort * np.exp(-1j * p.omega * delay)
+    inertia = float(np.sum(weight * p.omega * effort.imag) / np.sum(weight * p.omega**2))
+    return np.array([inertia, float(np.sum(weight * effort.real) / np.sum(weight))])
+
+
+def _plain(name: str, values: Array, delay: float, residual: float) -> Fit:
+    return Fit(name, values, np.zeros((3, 3)), delay, np.zeros(0), residual, 1)
+
+
+def _searched(p: Lines, slip: Array, name: str) -> Fit:
+    """Best delay by a bounded search, a convex problem at each."""
+    model = _model(p, slip)
+
+    def misfit(delay: float) -> float:
+        return _solved(p, model, delay)[1]
+
+    rough = np.linspace(EARLIEST, LATEST, 57)
+    best = float(rough[int(np.argmin([misfit(delay) for delay in rough.tolist()]))])
+    step = float(rough[1] - rough[0])
+    delay = float(optimize.minimize_scalar(misfit, bounds=(best - step, best + step), method="bounded").x)
+    values, norm = _solved(p, model, delay)
+    return _judged(p, model, Fit(name, values, np.zeros((0, 0)), delay, slip, norm, 0))
+
+
+def _model(p: Lines, slip: Array) -> Complex:
+    """Columns (m, 2 + j) of Kt/H over inertia, viscous friction and weights."""
+    operators = stop_operator(slip, p.velocity, p.omega) * (p.relay * math.pi / 4.0)[:, None]
+    return np.column_stack([1j * p.omega, np.ones(len(p.omega)), operators])
+
+
+def _real(p: Lines, column: Complex) -> Array:
+    """Real over imaginary part, weighted: (2 m,) or (2 m, k)."""
+    scaled = (column.T * p.weight).T
+    return np.concatenate([scaled.real, scaled.imag])
+
+
+def _solved(p: Lines, model: Complex, delay: float) -> tuple[Array, float]:
+    """Values (p,) that are not negative, and the norm of the relative residual."""
+    columns = _real(p, model)
+    length = np.linalg.norm(columns, axis=0)
+    scaled, norm = optimize.nnls(columns / length, _real(p, p.effort * np.exp(-1j * p.omega * delay)))
+    return np.asarray(scaled / length, dtype=np.float64), float(norm)
+
+
+def _judged(p: Lines, model: Complex, fit: Fit) -> Fit:
+    """Covariance over the values that are not zero and the delay, from the residual's own size."""
+    active = np.append(fit.values > 0.0, True)
+    turned = p.effort * np.exp(-1j * p.omega * fit.delay)
+    columns = np.column_stack([_real(p, model), _real(p, 1j * p.omega * turned)])[:, active]
+    freedom = max(columns.shape[0] - columns.shape[1], 1)
+    length = np.linalg.norm(columns, axis=0)
+    inverse = np.linalg.pinv(columns / length) / length[:, None]
+    covariance = np.zeros((len(active), len(active)))
+    covariance[np.ix_(active, active)] = inverse @ inverse.T * fit.residual**2 / freedom
+    return fit._replace(covariance=covariance, residual=fit.residual / math.sqrt(columns.shape[0]), freedom=freedom)
+
+
+__all__ = ["Fit", "Lines", "gain_curve", "linear", "lines", "stop_operator", "with_delay", "with_friction"]

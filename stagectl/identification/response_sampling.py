@@ -1,0 +1,76 @@
+"""What sampling does to a response from recorded current to recorded position, and its correction.
+
+All of it is known, and taken out exactly, line by line (x = 2 pi f Ts, a = exp(-Ts/tau)):
+
+* the current is a staircase behind a current loop of first order, tau; measured at the end of each step it is
+  ``(1 - a)/(exp(jx) - a)`` of the command that acts, and the wave in it ``(1 - exp(-jx))/(jx (1 + jx tau/Ts))``;
+* central differences have the gain ``sin(x)/x``;
+* the images of the staircase fold back into the sampled position, on an inertia by the share
+  ``sum_n (x/x_n)^3 (1 + jx tau/Ts)/(1 + jx_n tau/Ts)``, ``x_n = x + 2 pi n``;
+* a position that is nm periods old lags by ``exp(-j nm x)``, a command acts nd periods late.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.config.stage_file import StageFile
+from stagectl.identification.capture import Array, Capture, IdentificationError
+
+Complex = NDArray[np.complex128]
+
+IMAGES = 200  # of the staircase, either way
+LEAST_CURRENT = 1e-6  # A, of an excitation
+
+
+def check(capture: Capture) -> None:
+    """Raise IdentificationError where the columns hold no response at all."""
+    for name, column, unit in (("position", capture.position, "rad | m"), ("current", capture.current, "A")):
+        if column.shape != capture.time.shape or not np.all(np.isfinite(column)):
+            row = int(np.argmin(np.isfinite(column)))
+            raise IdentificationError(
+                f"{capture.name}: {name}[{row}] = {column[row] if len(column) else math.nan:g} {unit}; {name} must be "
+                f"finite in all {len(capture.time)} rows: cut the record to a part without gaps"
+            )
+    if len(capture.time) < 100:
+        raise IdentificationError(f"{capture.name}: {len(capture.time)} rows; must have at least 100: record longer")
+    if not np.ptp(capture.current) > LEAST_CURRENT:
+        raise IdentificationError(
+            f"{capture.name}: the {capture.current_column} never changes, {capture.current[0]:g} A throughout; without "
+            "excitation there is no response: command a current_sine or current_multisine, or inject one"
+        )
+    if not np.ptp(capture.position) > 10.0 * capture.encoder_step:
+        raise IdentificationError(
+            f"{capture.name}: the position moves by {np.ptp(capture.position):g} rad | m in all; must be more than ten "
+            f"encoder steps of {capture.encoder_step:g}: raise the amplitude, or check that the drive was enabled"
+        )
+
+
+def sampled(frequency: Array, capture: Capture, file: StageFile) -> Complex:
+    """Factor (m,) on W/I of central differences and recorded current: the corrections of this module's head."""
+    x = 2.0 * np.pi * frequency * capture.dt
+    lag = file.drive.current_lag / capture.dt
+    wave = -np.expm1(-1j * x) / (1j * x * (1.0 + 1j * x * lag))
+    if capture.current_column == "measured_current":
+        kept = math.exp(-1.0 / lag) if lag > 0.0 else 0.0
+        wave *= (np.exp(1j * x) - kept) / (1.0 - kept)
+    else:
+        wave *= np.exp(-1j * x * capture.meta.get("nd", file.drive.delay_samples))
+    all_x = x[:, None] + 2.0 * np.pi * np.arange(-IMAGES, IMAGES + 1)
+    folded = np.sum((x[:, None] / all_x) ** 3 * (1.0 + 1j * lag * x[:, None]) / (1.0 + 1j * lag * all_x), axis=1)
+    old = np.exp(1j * x * capture.meta.get("nm", file.encoder.delay_samples))
+    return np.asarray(x / np.sin(x) * old / (wave * folded), dtype=np.complex128)
+
+
+def known_delay(capture: Capture, file: StageFile) -> float:
+    """What `sampled` takes out, as a delay (s) from the recorded current to the recorded position."""
+    low = np.array([1e-3 / capture.dt])
+    return float(np.angle(sampled(low, capture, file))[0] / (2.0 * np.pi * low[0]))
+
+
+def velocity(capture: Capture) -> Array:
+    """Central differences of the position, (n,) rad/s | m/s."""
+    return np.asarray(np.gradient(capture.position, capture.dt), dtype=np.float64)
