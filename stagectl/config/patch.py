@@ -151,7 +151,7 @@ def _close(found: Any, wanted: Any) -> bool:
     if isinstance(wanted, Mapping):
         return all(_close(getattr(found, key), value) for key, value in wanted.items() if hasattr(found, key))
     if isinstance(wanted, float):
-        return abs(found - wanted) <= CLOSE * abs(wanted)
+        return bool(abs(found - wanted) <= CLOSE * abs(wanted))
     if isinstance(wanted, Sequence) and not isinstance(wanted, str):
         return len(found) == len(wanted) and all(_close(a, float(b)) for a, b in zip(found, wanted, strict=True))
     return bool(found == wanted)
