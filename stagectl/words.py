@@ -16,3 +16,11 @@ def length(value: float | None, unit: str) -> str:
 def _digits(value: float) -> str:
     """Three digits, zeros and all."""
     return f"{value:#.3g}".rstrip(".")
+
+
+def duration(value: float) -> str:
+    """A time in the prefix that fits: ``0.5 ms``, ``24.8 s``."""
+    for scale, unit in ((1.0, "s"), (1e-3, "ms")):
+        if abs(value) >= 0.09995 * scale or value == 0.0:
+            return f"{value / scale:.3g} {unit}"
+    return f"{value / 1e-6:.3g} µs"

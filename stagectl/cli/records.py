@@ -1,20 +1,17 @@
-"""Verbs over recordings: export, import, replay, identify."""
+"""Verbs over recordings: export, import, replay."""
 
 from __future__ import annotations
 
 import enum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.table import Table
-
-from stagectl.cli.motion import Json, StageArgument
+from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING.h5", help="A recording.")]
 Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING.h5...", help="Recordings.")]
-Captures = Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")]
 Where = Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Where to write.")]
 
 
@@ -28,18 +25,11 @@ class Format(enum.StrEnum):
     TRAJECTORY = "trajectory"
 
 
-class Method(enum.StrEnum):
-    """How parameters are found."""
-
-    LEAST_SQUARES = "least-squares"
-
-
 def register(app: typer.Typer) -> None:
     """Add these verbs to the command line."""
     app.command("replay")(replay)
     app.command("export")(export)
     app.command("import")(import_)
-    app.command("identify")(identify)
 
 
 def replay(recording: RecordingArgument, json: Json = None) -> None:
@@ -73,48 +63,26 @@ def export(
 
 
 def import_(
-    source: Annotated[Path, typer.Argument(metavar="FILE", help="A .csv, the EMPS .mat, or a folder of captures.")],
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A .csv, a .mat, or a folder of captures.")],
     stage: Annotated[Path | None, typer.Option(metavar="STAGE.yaml", help="The machine, for its scales.")] = None,
     output: Where = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(metavar="WHICH", help="time=t,position=qm:mm,current=3: which is which; numbers count from 1."),
+    ] = None,
 ) -> None:
     """Bring a log from elsewhere in as a recording; what it lacks is said.
 
     Example: stagectl import DATA_EMPS.mat -o recordings/emps.h5
     """
     from stagectl.config.stage_file import load_stage
+    from stagectl.recording.columns import split
     from stagectl.recording.imports import read, store
 
-    found = read(source, load_stage(stage) if stage else None)
+    found = read(source, load_stage(stage) if stage else None, split(columns) if columns else None)
     for recording, path in zip(found, store(found, source, output), strict=True):
         for note in recording.meta["notes"]:
             console.print(note)
         names = ", ".join(recording.samples.dtype.names or ())
         words = f"{len(recording.samples)} rows, {recording.meta['duration']:.4g} s, columns {names}"
         console.print(f"imported {path}: {words}")
-
-
-def identify(
-    method: Annotated[Method, typer.Argument(help="How.")], stage: StageArgument, captures: Captures, json: Json = None
-) -> None:
-    """Find inertia, viscous and Coulomb friction and offset of an axis from captures of its motion.
-
-    Example: stagectl identify least-squares config/emps.yaml recordings/emps.h5 --json -
-    """
-    from stagectl.config.stage_file import load_stage
-    from stagectl.identification.captures import identify as solve
-    from stagectl.recording.imports import captures as opened
-
-    setup = load_stage(stage)
-    found = {"method": method.value, **solve([one for path in captures for one in opened(path, setup)], setup.file)}
-    console.print(_parameters(found))
-    for one in found["captures"]:
-        share = f"force residual {one['force_residual_percent']:.3g} % of the force, taken from {one['current']}"
-        console.print(f"{one['name']}: {one['rows']} rows; {share}")
-    emit(found, json)
-
-
-def _parameters(found: dict[str, Any]) -> Table:
-    table = Table("parameter", "value", "95 % interval", "unit", title=f"{found['stage']}, {found['method']}")
-    for name, one in found["parameters"].items():
-        table.add_row(name, f"{one['value']:.6g}", f"{one['low']:.6g} to {one['high']:.6g}", one["unit"])
-    return table

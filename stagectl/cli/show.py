@@ -31,7 +31,7 @@ def emit(result: dict[str, Any], target: str | None) -> None:
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Any]:
-    """A bar with the time left; yields ``update(done, total)``."""
+    """A bar with the time left; yields ``update(done, total)``, which may correct the total."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -40,7 +40,7 @@ def progress(title: str, total: int) -> Iterator[Any]:
     )
     with Progress(*columns, console=console) as bar:
         task = bar.add_task(title, total=total)
-        yield lambda done, _total: bar.update(task, completed=done)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def summary(result: dict[str, Any]) -> str:

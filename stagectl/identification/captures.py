@@ -1,116 +1,162 @@
-"""Identification over whole captures: which columns it reads, and one answer from several of them.
-
-Each capture is solved by itself; with covariances ``C_k`` the answers ``x_k`` combine to the least-squares one,
-``x = (sum C_k^-1)^-1 sum C_k^-1 x_k``.
-"""
+"""From recordings to captures that an identification can use: columns chosen, gaps split, suspicions said."""
 
 from __future__ import annotations
 
-import math
-from typing import Any, NamedTuple, get_type_hints
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stagectl.config.stage_file import StageFile
-from stagectl.identification.least_squares import IdentificationError, Result, least_squares
-from stagectl.kernels.stage import Mechanics
+from stagectl.config.stage_file import Setup
+from stagectl.identification.capture import Array, Capture, IdentificationError
+from stagectl.identification.sampling import Part, parts
+from stagectl.identification.suspicion import remarks, suspicions
 from stagectl.recording.hdf5 import Recording
-from stagectl.units import quantity_of
+from stagectl.recording.imports import captures as logs
 
-# Parameters, and the field of the mechanics that has the same unit: Coulomb friction is an effort, as the bias is.
-NAMES = {"inertia": "inertia", "viscous": "viscous", "coulomb": "bias", "offset": "bias"}
 CURRENTS = ("measured_current", "current", "command")  # the best that there is: in the motor, after, before the limit
-SURE = 1.959964  # standard deviations either way hold 95 %
+_SMOOTH = frozenset({"position", "reference"})
+_STANDS_IN = {
+    "command": "no measured current: the command stands in for it, so a delay found here is that of command and drive",
+    "current": "no measured current: the limited command stands in for it, so a delay found here is the drive's, too",
+}
 
 
-class Solved(NamedTuple):
-    """One capture's answer."""
+def load(
+    paths: Sequence[Path],
+    setup: Setup,
+    current: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    doubtful: bool = False,
+) -> list[Capture]:
+    """Captures from recordings, logs and folders; those marked held-out are left alone.  See `prepared`."""
+    return prepared(opened(paths, setup, columns), setup, current, doubtful)
 
-    name: str
-    current: str  # the column that stood for the motor's current
-    rows: int
-    result: Result
+
+def opened(paths: Sequence[Path], setup: Setup, columns: Mapping[str, str] | None = None) -> list[Recording]:
+    """All recordings of `paths`, those that are held out too; `columns` names those of logs."""
+    return [one for path in paths for one in logs(path, setup, None if path.suffix == ".h5" else columns)]
 
 
-def identify(recordings: list[Recording], file: StageFile) -> dict[str, Any]:
-    """Inertia, viscous and Coulomb friction and offset from `recordings`, as JSON values.
+def held_out(recording: Recording) -> bool:
+    """Whether a capture is kept back for judging what was found."""
+    return bool(recording.meta.get("capture", {}).get("use") == "held-out")
 
-    The force is the stage file's force constant times the current.  Captures marked held-out are left alone.
-    Raises IdentificationError where nothing is left, or a capture does not tell the parameters.
+
+def prepared(
+    recordings: Sequence[Recording], setup: Setup, current: str | None = None, doubtful: bool = False
+) -> list[Capture]:
+    """One capture for each part without gaps; `current` names the column that stands for the motor's current.
+
+    What looks wrong is refused, or, with `doubtful`, noted.  Raises IdentificationError with file, reason and what
+    to do where nothing is left, the axis is another one, or a column is missing.
     """
-    used = [one for one in recordings if one.meta.get("capture", {}).get("use") != "held-out"]
+    used = [one for one in recordings if not held_out(one)]
     if not used:
         raise IdentificationError("every capture is marked `use: held-out`; give at least one to identify from")
-    solved = [_solved(one, file) for one in used]
-    values, covariance = _combined([one.result for one in solved])
-    deviations = np.sqrt(np.diag(covariance))
-    found = units(file)
-    return {
-        "method": "least-squares",
-        "stage": file.name,
-        "parameters": {
-            name: {"value": value, "low": value - SURE * sd, "high": value + SURE * sd, "unit": found[name]}
-            for name, value, sd in zip(NAMES, values.tolist(), deviations.tolist(), strict=True)
-        },
-        "force_residual_percent": math.sqrt(np.mean([one.result.residual_percent**2 for one in solved])),
-        "correlation": (covariance / np.outer(deviations, deviations)).tolist(),
-        "condition": max(one.result.condition for one in solved),
-        "captures": [
-            {
-                "name": one.name,
-                "rows": one.rows,
-                "current": one.current,
-                "force_residual_percent": one.result.residual_percent,
-            }
-            for one in solved
-        ],
-        "held_out": [str(one.path) for one in recordings if one not in used],
-    }
+    found = []
+    for recording in used:
+        try:
+            found += _captures(recording, setup, current, doubtful)
+        except IdentificationError as error:
+            raise IdentificationError(f"{recording.path}: {error}") from error
+    return found
 
 
-def units(file: StageFile) -> dict[str, str]:
-    """SI unit of each parameter on this axis."""
-    hints = get_type_hints(Mechanics, include_extras=True)
-    found = {name: quantity_of(hints[field]) for name, field in NAMES.items()}
-    return {name: quantity.unit_for(file.axis.kind) for name, quantity in found.items() if quantity is not None}
-
-
-def _solved(recording: Recording, file: StageFile) -> Solved:
+def _captures(recording: Recording, setup: Setup, current: str | None, doubtful: bool) -> list[Capture]:
     kind = recording.meta["axis"]["kind"]
-    if kind != file.axis.kind:
+    if kind != setup.file.axis.kind:
         raise IdentificationError(
-            f"{recording.path} is of a {kind} axis, {file.name} is {file.axis.kind}; give the stage it was recorded on"
+            f"it is of a {kind} axis, {setup.file.name} is {setup.file.axis.kind}; give the stage it was recorded on"
         )
-    name = _current(recording)
-    force = file.motor.force_constant * recording.column(name)
-    try:
-        result = least_squares(recording.column("time"), recording.column("measured"), force)
-    except IdentificationError as error:
-        raise IdentificationError(f"{recording.path}: {error}") from error
-    return Solved(str(recording.path), name, len(force), result)
+    chosen = _current(recording, current)
+    columns, notes = _aligned(recording, chosen)
+    time = columns.pop("time")
+    pieces, said = parts(time, columns, _SMOOTH)
+    notes += [*recording.meta.get("notes", []), *said]
+    if chosen in _STANDS_IN and current is None:
+        notes.append(_STANDS_IN[chosen])
+    return [
+        _judged(_capture(recording, part, chosen, (number, len(pieces)), notes), setup, doubtful)
+        for number, part in enumerate(pieces)
+    ]
 
 
-def _current(recording: Recording) -> str:
-    for name in CURRENTS:
-        if name in (recording.samples.dtype.names or ()) and np.any(np.isfinite(recording.samples[name])):
-            return name
-    raise IdentificationError(
-        f"{recording.path} holds neither a current nor a command, so no force; it has "
-        f"{', '.join(recording.samples.dtype.names or ())}"
+def _current(recording: Recording, wanted: str | None) -> str:
+    names = recording.samples.dtype.names or ()
+    there = [name for name in CURRENTS if name in names and np.any(np.isfinite(recording.samples[name]))]
+    if wanted is not None and wanted not in there:
+        raise IdentificationError(
+            f"it has no {wanted}; --current must be a column that it has: {', '.join(there) or 'none'}"
+        )
+    if not there:
+        raise IdentificationError(
+            f"it holds neither a current nor a command, so no force; it has {', '.join(names)}: name the column with "
+            "--columns current=NAME, or give it a header such as current_A, current_command_A or force_N"
+        )
+    return wanted or there[0]
+
+
+def _aligned(recording: Recording, current: str) -> tuple[dict[str, Array], list[str]]:
+    """Columns of one instant a row: a position that came nm periods late belongs nm rows before."""
+    late = int(recording.meta.get("nm") or 0)
+    names = recording.samples.dtype.names or ()
+    columns = {
+        "time": recording.column("time"),
+        "position": recording.column("measured"),
+        "current": recording.column(current),
+    }
+    for name, ours in (("reference", "reference"), ("excitation", "injection")):
+        if ours in names and np.all(np.isfinite(recording.samples[ours])):
+            columns[name] = recording.column(ours)
+    if not late:
+        return columns, []
+    rows = len(columns["time"]) - late
+    shifted = {name: column[late:] if name == "position" else column[:rows] for name, column in columns.items()}
+    return shifted, [f"positions are moved {late} periods ahead (nm), to the instants they were latched at"]
+
+
+def _capture(recording: Recording, part: Part, current: str, number: tuple[int, int], notes: Sequence[str]) -> Capture:
+    excitation = part.columns.get("excitation")
+    meta = recording.meta
+    length = len(part.columns["position"])
+    name = str(recording.path)
+    return Capture(
+        name=name if number[1] == 1 else f"{name} (part {number[0] + 1} of {number[1]}, from {part.start:.6g} s)",
+        time=part.dt * np.arange(length, dtype=np.float64),
+        position=part.columns["position"],
+        current=part.columns["current"],
+        dt=part.dt,
+        current_column=current,
+        excitation=excitation if excitation is not None and bool(np.any(excitation)) else None,
+        reference=part.columns.get("reference"),
+        encoder_step=float(meta["axis"].get("encoder_step") or 0.0),
+        steady=_span(meta.get("steady"), part, length),
+        meta={**meta, "excitation": _excitations(meta, part, length)} if "excitation" in meta else meta,
+        notes=(*notes, part.note) if part.note else tuple(notes),
     )
 
 
-def _combined(results: list[Result]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Values (4,) and their covariance (4, 4)."""
-    values = [np.array([estimate.value for estimate in result[:4]]) for result in results]
-    spread = [np.array([estimate.deviation for estimate in result[:4]]) for result in results]
-    covariances = [
-        np.asarray(np.outer(sd, sd) * result.correlation, dtype=np.float64)
-        for sd, result in zip(spread, results, strict=True)
+def _span(span: Sequence[float] | None, part: Part, rows: int) -> tuple[float, float] | None:
+    """What of a window (s, of the record) lies in the part, in its own time; None where nothing does."""
+    if span is None:
+        return None
+    begin, end = max(span[0] - part.start, 0.0), min(span[1] - part.start, part.dt * rows)
+    return (begin, end) if end > begin else None
+
+
+def _excitations(meta: Mapping[str, Any], part: Part, rows: int) -> list[dict[str, Any]]:
+    """The steady spans of an excitation that lie wholly in the part; their periods are whole only then."""
+    shifted = [
+        {**one, "start": one["start"] - part.start, "end": one["end"] - part.start} for one in meta["excitation"]
     ]
-    if len(results) == 1:
-        return values[0], covariances[0]
-    weights = [np.linalg.inv(covariance) for covariance in covariances]
-    covariance = np.asarray(np.linalg.inv(np.sum(weights, axis=0)), dtype=np.float64)
-    return covariance @ np.sum([w @ x for w, x in zip(weights, values, strict=True)], axis=0), covariance
+    end = part.dt * (rows + 0.5)
+    return [one for one in shifted if one["start"] >= -0.5 * part.dt and one["end"] <= end]
+
+
+def _judged(capture: Capture, setup: Setup, doubtful: bool) -> Capture:
+    found = suspicions(capture, setup)
+    if found and not doubtful:
+        raise IdentificationError("; ".join(found))
+    return capture._replace(notes=(*capture.notes, *found, *remarks(capture)))

@@ -60,7 +60,10 @@ def test_replay_is_exact_and_refuses_an_import(recording: Path, tmp_path: Path) 
 
 def test_identify_finds_the_model_that_was_simulated(recording: Path, tmp_path: Path) -> None:
     """The ball screw's own figures; presliding, which the equation does not know, costs some per cent."""
-    result = stagectl("identify", "least-squares", STAGE, recording, "--json", tmp_path / "found.json")
+    page = tmp_path / "page.html"
+    arguments = ("--json", tmp_path / "found.json", "--report", page)
+    result = stagectl("identify", "least-squares", STAGE, recording, *arguments)
+    assert f"report: {page}" in result.stderr and "<img" in page.read_text()
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["method"] == "least-squares" and "95 % interval" in result.stderr
     for name, value, within, unit in (

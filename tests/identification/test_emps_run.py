@@ -14,10 +14,11 @@ from typer.testing import CliRunner
 
 from stagectl.cli.app import app
 from stagectl.config.stage_file import load_stage
-from stagectl.identification.captures import identify
-from stagectl.identification.least_squares import IdentificationError
+from stagectl.identification.capture import IdentificationError
+from stagectl.identification.captures import load, prepared
+from stagectl.identification.methods import identify
 from stagectl.recording.hdf5 import Recording, open_recording
-from stagectl.recording.imports import captures, read
+from stagectl.recording.imports import read
 
 CONFIG = Path(__file__).parents[2] / "config"
 STAGE = CONFIG / "emps.yaml"
@@ -29,6 +30,12 @@ def stagectl(*arguments: object) -> str:
     result = CliRunner().invoke(app, [str(one) for one in arguments], catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.stdout
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages go into a folder of the test."""
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +69,13 @@ def test_twice_the_data_is_surer_by_the_root_of_two(emps: Path) -> None:
     """A statistical fact, of a file and of the same record exported as a folder."""
     setup, folder = load_stage(STAGE), emps.with_name("folder")
     stagectl("export", emps, "--to", "folder", "-o", folder)
-    once = identify(captures(emps), setup.file)["parameters"]
-    twice = identify([*captures(emps), *captures(folder)], setup.file)["parameters"]
+    once, twice = (
+        identify("least-squares", load(paths, setup), setup.file, silent, {}).parameters
+        for paths in ([emps], [emps, folder])
+    )
     for name in once:
-        assert twice[name]["value"] == pytest.approx(once[name]["value"], rel=1e-9)
-        width = (twice[name]["high"] - twice[name]["low"]) / (once[name]["high"] - once[name]["low"])
+        assert twice[name].value == pytest.approx(once[name].value, rel=1e-9)
+        width = (twice[name].high - twice[name].low) / (once[name].high - once[name].low)
         assert width == pytest.approx(0.5**0.5, rel=1e-9)
 
 
@@ -107,19 +116,23 @@ def test_its_reference_runs_on_the_bus(emps: Path) -> None:
 def test_the_wrong_captures_are_refused(tmp_path: Path) -> None:
     setup = load_stage(STAGE)
     (tmp_path / "turns.csv").write_text("time_s,position_rad\n0,1\n1,2\n")
-    with pytest.raises(IdentificationError, match=r"turns\.csv is of a rotary axis, EMPS is linear"):
-        identify(read(tmp_path / "turns.csv"), setup.file)
+    with pytest.raises(IdentificationError, match=r"turns\.csv: it is of a rotary axis, EMPS is linear"):
+        prepared(read(tmp_path / "turns.csv"), setup)
     (tmp_path / "bare.csv").write_text("time_s,position_m\n0,1\n1,2\n")
     bare = read(tmp_path / "bare.csv")
     with pytest.raises(
-        IdentificationError, match="neither a current nor a command, so no force; it has time, measured"
+        IdentificationError, match="neither a current nor a command, so no force; it has time, measured: name the"
     ):
-        identify(bare, setup.file)
+        prepared(bare, setup)
     with pytest.raises(IdentificationError, match="every capture is marked `use: held-out`"):
-        identify([held_out(one) for one in bare], setup.file)
+        prepared([held_out(one) for one in bare], setup)
     (tmp_path / "short.csv").write_text("time_s,position_m,current_A\n0,1,0\n1,2,0\n")
-    with pytest.raises(IdentificationError, match=r"short\.csv: "):
-        identify(read(tmp_path / "short.csv"), setup.file)
+    with pytest.raises(IdentificationError, match=r"short\.csv: 2 of 2 rows"):
+        prepared(read(tmp_path / "short.csv"), setup)
+
+
+def silent(_done: int, _total: int) -> None:
+    """Nobody watches."""
 
 
 def held_out(recording: Recording) -> Recording:

@@ -160,7 +160,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
         ("none.csv", "no such file or folder"),
         ("bad.mat", "cannot be read as a MATLAB file"),
         ("empty.mat", "cannot be read as a MATLAB file"),
-        ("other.mat", "holds x; the EMPS layout is t, qg, qm, vir, gtau"),
+        ("other.mat", "has no time and no position by that name; it holds x: say which is which"),
         ("ragged.mat", "differ in length"),
     ):
         with pytest.raises(RecordingError, match=message):

@@ -1,0 +1,222 @@
+"""Captures that look wrong: an axis that did not move, units by a factor of a thousand, a clipped current.
+
+The stage file's own figures are the measure: its limits, its encoder, and its model, whose force is compared with the
+captured one as recorded and after each mistake that people make.  Nominal values may be wrong by a factor of three
+without anything being said.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from stagectl.config.stage_file import Setup
+from stagectl.identification.capture import Array, Capture
+from stagectl.units import LINEAR
+
+BEYOND = 1.5  # of a limit: more than any overshoot
+FITS, DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
+SLOW = 0.02  # cycles a sample: what lies below is the motion, above is noise
+LEAST_RUN = 5  # equal rows in a row at the largest current
+LEAST_SHARE = 0.005  # of the rows
+CORNER = 0.05  # of the rise, in the last tenth of its time: a sine's top has 0.02, a straight flank 0.1
+
+
+class Mistake(NamedTuple):
+    """What would bring a capture into line: factors for its columns."""
+
+    time: float
+    position: float
+    current: float
+    words: str
+
+
+MISTAKES = (
+    Mistake(1e-3, 1.0, 1.0, "the times are in ms (divide them by 1000)"),
+    Mistake(1e3, 1.0, 1.0, "the times are a thousand times too small"),
+    Mistake(1.0, 1e-3, 1.0, "the positions are a thousand times too large"),
+    Mistake(1.0, 1e3, 1.0, "the positions are a thousand times too small"),
+    Mistake(1.0, math.pi / 180.0, 1.0, "the positions are in degrees"),
+    Mistake(1.0, 1.0, 1e-3, "the currents are in mA (divide them by 1000)"),
+    Mistake(1.0, 1.0, 1e3, "the currents are a thousand times too small"),
+    Mistake(1.0, 1.0, -1.0, "the current has the opposite sign"),
+)
+FAR = 30.0  # from the stage file's value, either way
+# Powers of ten that a wrong unit puts on J ~ i t^2/x, D ~ i t/x and friction ~ i.
+_DECADES = (
+    ("positions a thousand times too large", {"inertia": -3, "viscous": -3, "coulomb": 0}),
+    ("positions a thousand times too small", {"inertia": 3, "viscous": 3, "coulomb": 0}),
+    ("times a thousand times too large", {"inertia": 6, "viscous": 3, "coulomb": 0}),
+    ("times a thousand times too small", {"inertia": -6, "viscous": -3, "coulomb": 0}),
+    ("currents a thousand times too large", {"inertia": 3, "viscous": 3, "coulomb": 3}),
+    ("currents a thousand times too small", {"inertia": -3, "viscous": -3, "coulomb": -3}),
+)
+ADVICE = "name the unit in the column's header or in --columns (position=3:mm), or go on with --doubtful"
+
+
+def suspicions(capture: Capture, setup: Setup) -> list[str]:
+    """What looks wrong so that the capture should not be used, in words; an empty list where nothing does."""
+    if not _moves(capture):
+        span = float(np.ptp(capture.position))
+        unit = "m" if setup.file.axis.kind == LINEAR else "rad"
+        return [
+            f"the axis did not move: its positions span {span:.3g} {unit}, the encoder's step is "
+            f"{capture.encoder_step:.3g} {unit}; record a motion"
+        ]
+    if float(np.ptp(capture.current)) == 0.0:
+        return [
+            f"{capture.current_column} is {capture.current[0]:g} A throughout, so it drove no motion; choose another "
+            "column with --current, or record the current"
+        ]
+    found = [*_beyond_limits(capture, setup), *_flat(capture, setup)]
+    mistake = likely_mistake(capture, setup)
+    if mistake is not None:
+        found.append(f"the force fits the stage file's model if {mistake.words}, and does not as it is: {ADVICE}")
+    elif found and "flat" not in found[-1]:
+        found[-1] += f": {ADVICE}"
+    return found
+
+
+def remarks(capture: Capture) -> list[str]:
+    """What is doubtful, but may well be right."""
+    step, coarse = capture.encoder_step, _position_step(capture.position)
+    if step > 0.0 and coarse > 30.0 * step:
+        return [
+            f"positions come in steps of {coarse:.3g}, the encoder's is {step:.3g}: the log lost digits, or its unit "
+            "is not the one that it names"
+        ]
+    return []
+
+
+def implausible(values: Mapping[str, float], setup: Setup) -> list[str]:
+    """What a method found that is far from the stage file, and the wrong unit that would explain it."""
+    nominal = {
+        "inertia": setup.stage.mechanics.inertia,
+        "viscous": setup.stage.mechanics.viscous,
+        "coulomb": float(np.sum(setup.stage.friction.operators.weight)),
+    }
+    ratios = {name: values[name] / size for name, size in nominal.items() if size > 0.0 and name in values}
+    far = {name: ratio for name, ratio in ratios.items() if ratio <= 0.0 or not 1.0 / FAR < ratio < FAR}
+    if not far:
+        return []
+    words = [f"{name} is {values[name]:.3g}, {nominal[name]:.3g} in the stage file" for name in far]
+    powers = {name: round(math.log10(ratio)) for name, ratio in ratios.items() if ratio > 0.0}
+    causes = [what for what, shape in _DECADES if all(abs(shape[n] - power) <= 1 for n, power in powers.items())]
+    cause = f" ({' or '.join(causes)})" if causes and len(powers) == len(ratios) else ""
+    return [f"{'; '.join(words)}: not the same machine, or a wrong unit{cause}"]
+
+
+def _moves(capture: Capture) -> bool:
+    return float(np.ptp(capture.position)) > 2.5 * capture.encoder_step
+
+
+def _beyond_limits(capture: Capture, setup: Setup) -> list[str]:
+    limits, axis = setup.file.limits, setup.file.axis
+    unit, scale = axis.travel_unit, axis.travel_per_unit
+    width = limits.travel[1] - limits.travel[0]
+    fastest = float(np.abs(_motion(capture)[1]).max())
+    peak, largest = float(np.abs(capture.current).max()), setup.file.drive.current_limit
+    checks = (
+        (float(np.ptp(capture.position)), width, scale, unit, "its positions span", "limits.travel is"),
+        (fastest, limits.speed, scale, f"{unit}/s", "its largest speed is", "limits.speed is"),
+        (peak, largest, 1.0, "A", "its largest current is", "drive.current_limit is"),
+    )
+    return [
+        f"{words} {factor * value:.3g} {name}, {limit_words} {factor * limit:.3g} {name}"
+        for value, limit, factor, name, words, limit_words in checks
+        if value > BEYOND * limit
+    ]
+
+
+def likely_mistake(capture: Capture, setup: Setup) -> Mistake | None:
+    """The mistake without which the force would fit the stage file's model; None where none is likely."""
+    as_recorded = _unexplained(capture, setup, Mistake(1.0, 1.0, 1.0, ""))
+    if not as_recorded > DIFFERS:
+        return None
+    share, best = min(((_unexplained(capture, setup, one), one) for one in MISTAKES), key=lambda pair: pair[0])
+    return best if share < FITS else None
+
+
+def _unexplained(capture: Capture, setup: Setup, wrong: Mistake) -> float:
+    """Share of the captured force that the stage file's model does not give, after a correction."""
+    p = setup.stage
+    _, velocity, acceleration, current = _motion(capture)
+    v, a = velocity * wrong.position / wrong.time, acceleration * wrong.position / wrong.time**2
+    coulomb = float(np.sum(p.friction.operators.weight))
+    slow = 1e-3 * float(np.abs(v).max())
+    model = p.mechanics.inertia * a + p.mechanics.viscous * v + coulomb * v / (np.abs(v) + slow)
+    force = p.motor.force_constant * wrong.current * current
+    difference = (force - force.mean()) - (model - model.mean())
+    size = float(np.linalg.norm(force - force.mean()))
+    return float(np.linalg.norm(difference)) / size if size > 0.0 else math.inf
+
+
+def _motion(capture: Capture) -> tuple[Array, Array, Array, Array]:
+    """Position, velocity, acceleration and current, all through one low-pass; the ends are left out."""
+    sos = signal.butter(2, 2.0 * SLOW, output="sos")
+    edge = min(round(1.0 / SLOW), len(capture.position) // 8)
+    x, i = (
+        np.asarray(signal.sosfiltfilt(sos, column), dtype=np.float64) for column in (capture.position, capture.current)
+    )
+    v = np.gradient(x, capture.dt)
+    a = np.gradient(v, capture.dt)
+    inside = slice(edge, len(x) - edge)
+    return x[inside], v[inside], a[inside], i[inside]
+
+
+def _flat(capture: Capture, setup: Setup) -> list[str]:
+    rows = clipped(capture.current)
+    if not len(rows):
+        return []
+    largest = float(np.abs(capture.current).max())
+    known = "law" in capture.meta and capture.current_column != "command"
+    if known and largest >= 0.999 * setup.file.drive.current_limit:
+        return []  # the drive's own limit, in a current that it measured or commanded behind it
+    return [
+        f"the current is clipped: flat at {largest:.4g} A in {len(rows)} of {len(capture.current)} rows, the first at "
+        f"{capture.time[rows[0]]:.6g} s; what drove the motion there is not known: record with a smaller amplitude, or "
+        "go on with --doubtful if the current was really flat"
+    ]
+
+
+def clipped(current: Array) -> NDArray[np.intp]:
+    """Rows in which `current` (n,) is cut off at its largest value: repeated there, and reached with a corner.
+
+    The flat top of a rounded sine, or of friction that saturates, is reached without one.
+    """
+    largest = float(np.abs(current).max())
+    top = np.abs(current) >= largest * (1.0 - 1e-6)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(np.int8)))
+    runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= LEAST_RUN]
+    rows = np.concatenate([np.arange(a, b) for a, b in runs]) if runs else np.zeros(0, dtype=np.intp)
+    if len(rows) < LEAST_SHARE * len(current):
+        return np.zeros(0, dtype=np.intp)
+    corners = [corner for a, _ in runs if not math.isnan(corner := _corner(current, a, largest))]
+    return rows if corners and float(np.median(corners)) >= CORNER else np.zeros(0, dtype=np.intp)
+
+
+def _corner(current: Array, top: int, largest: float) -> float:
+    """Share of the rise from half of `largest` that happens in the last tenth of its time; NaN for a jump."""
+    signed = current[:top] * math.copysign(1.0, current[top])
+    low = np.flatnonzero(signed < 0.5 * largest)
+    if not len(low) or top - low[-1] < 2 * LEAST_RUN:
+        return math.nan
+    begin = int(low[-1])
+    late = max(begin, top - max(1, (top - begin) // 10))
+    return float((largest - signed[late]) / (largest - signed[begin]))
+
+
+def _position_step(position: Array) -> float:
+    """The step in which positions come; 0 where they come in none."""
+    steps = np.abs(np.diff(position[:20000]))
+    steps = steps[steps > 0.0]
+    if len(steps) < 10:
+        return 0.0
+    step = float(steps.min())
+    counts = steps / step
+    return step if float(np.max(np.abs(counts - np.round(counts)))) < 0.02 else 0.0

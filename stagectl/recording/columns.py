@@ -1,0 +1,141 @@
+"""Which column of a log is which of ours: by its name with a unit, or as the user says with ``--columns``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.kernels import rollout
+from stagectl.recording.hdf5 import RecordingError
+from stagectl.recording.nominal import Scales, scales_of_stage
+from stagectl.units import LINEAR, ROTARY, StageError, factor
+
+Array = NDArray[np.float64]
+
+# What a quantity of a log becomes; the first three are lengths and times, the rest currents or what drives them.
+_LENGTHS = {"reference": "reference", "position": "measured"}
+_CURRENTS = {
+    **dict.fromkeys(("current_command", "force_command", "torque_command", "voltage_command", "command"), "command"),
+    **dict.fromkeys(("current", "force", "torque"), "measured_current"),
+    **({"injection": "injection"} if "injection" in rollout.COLUMNS else {}),
+}
+QUANTITIES = ("time", *_LENGTHS, *_CURRENTS)
+CHOICES = ("time", "position", "current", "command", "reference", *(["injection"] if "injection" in _CURRENTS else []))
+_HEADER = re.compile(rf"({'|'.join(QUANTITIES)})(?:_([A-Za-z]+))?")
+_CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
+EXAMPLE = "--columns time=1,position=2:mm,current=14"
+
+
+class Log(NamedTuple):
+    """A log that has been read, in the units of the axis."""
+
+    path: Path
+    scales: Scales
+    columns: dict[str, Array]
+    notes: list[str]
+    about: dict[str, Any]  # further entries of the recording's meta
+
+
+class Choice(NamedTuple):
+    """A column of a log, as the user names it."""
+
+    quantity: str
+    name: str  # in the log: a header, a variable, or the number of a column, from 1
+    number: int  # of the column within a matrix, from 1; 0: it is a vector
+    unit: str  # empty: s, A, and rad or m as the axis has it
+
+
+def choices(words: Mapping[str, str] | None) -> list[Choice]:
+    """``{"position": "qm:mm"}``: the quantities and where they are; a matrix's column is ``"data[2]"``.
+
+    Raises RecordingError where it cannot be understood.
+    """
+    found = []
+    for quantity, where in (words or {}).items():
+        match = _CHOICE.fullmatch(f"{quantity}={where}")
+        if match is None or quantity not in CHOICES:
+            raise RecordingError(
+                f"--columns {quantity}={where}; must be QUANTITY=COLUMN or QUANTITY=COLUMN:UNIT with a quantity of "
+                f"{', '.join(CHOICES)}, such as {EXAMPLE}"
+            )
+        found.append(Choice(match[1], match[2], int(match[3] or 0), match[4] or ""))
+    return found
+
+
+def split(text: str) -> dict[str, str]:
+    """The words of ``--columns``: ``"time=t,position=qm:mm"``.
+
+    Raises RecordingError where an entry is no ``quantity=column``, or stands twice.
+    """
+    found: dict[str, str] = {}
+    for entry in text.split(","):
+        quantity, equals, where = (part.strip() for part in entry.partition("="))
+        if not equals or not where or quantity in found:
+            raise RecordingError(
+                f"--columns {text}: {entry!r} must be QUANTITY=COLUMN, each quantity once, such as {EXAMPLE}"
+            )
+        found[quantity] = where
+    return found
+
+
+def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:
+    """Our column for a quantity, and the factor that brings it into SI; without a unit it is in SI.
+
+    Raises StageError where the unit does not fit, or a scale is missing.
+    """
+    if quantity == "time":
+        return "time", factor(unit or "s", "s")
+    if quantity in _LENGTHS:
+        return _LENGTHS[quantity], scales.position(unit or ("m" if scales.kind == LINEAR else "rad"))
+    return _CURRENTS[quantity], scales.current(unit or "A")
+
+
+def parsed(name: str) -> tuple[str, str] | None:
+    """Quantity and unit that a name tells, ``position_mm``; an empty unit where it tells none."""
+    match = _HEADER.fullmatch(name)
+    return (match[1], match[2] or "") if match else None
+
+
+def told_scales(units: Iterable[str], path: Path) -> Scales:
+    """What the units of the positions tell of the axis, where nothing else does.
+
+    Raises RecordingError where they tell nothing.
+    """
+    known = [unit for unit in units if unit]
+    for unit in known:
+        if unit in ("rad", "deg", "rev"):
+            return Scales(ROTARY, travel_unit="rad")
+        if unit in ("m", "mm", "um", "nm"):
+            return Scales(LINEAR)
+    what = f"a position in {known[0]}" if known else "no column position_<unit>"
+    raise RecordingError(f"{path}: {what} does not tell the axis; give --stage, or write nominal.yaml beside it")
+
+
+def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tuple[Choice, float]]:
+    """Our columns by name: where each is, and its factor into SI.
+
+    Raises RecordingError where time or position is not among them.
+    """
+    found: dict[str, tuple[Choice, float]] = {}
+    for choice in chosen:
+        try:
+            ours, scale = meaning(choice.quantity, choice.unit, scales)
+        except StageError as error:
+            raise RecordingError(f"--columns {choice.quantity}={choice.name}:{choice.unit}: {error}") from error
+        found[ours] = (choice, scale)
+    for ours, quantity in (("time", "time"), ("measured", "position")):
+        if ours not in found:
+            raise RecordingError(f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}")
+    return found
+
+
+def axis_of(chosen: list[Choice], setup: Any, path: Path) -> Scales:
+    """The scales of the stage, else what the positions' units tell."""
+    if setup is not None:
+        return scales_of_stage(setup, 0.0)
+    return told_scales((one.unit for one in chosen if one.quantity == "position"), path)

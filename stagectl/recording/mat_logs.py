@@ -1,0 +1,155 @@
+"""MATLAB files as logs: our own exports, the EMPS benchmark's layout, and variables that say what they are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import loadmat
+
+from stagectl.config.stage_file import Setup
+from stagectl.recording.columns import Array, Choice, Log, axis_of, choices, of_choices, parsed
+from stagectl.recording.hdf5 import RecordingError, quantities
+from stagectl.recording.nominal import Scales, scales_of_stage
+from stagectl.units import LINEAR
+
+_EMPS = {"t": "time", "qg": "reference", "qm": "measured", "vir": "command"}
+_EMPS_STEP = 5e-8  # m a count, of the motor's encoder seen at the load
+
+
+def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Log:
+    """The log in a MATLAB file; `words` name its variables where they do not tell themselves.
+
+    Raises RecordingError naming the variables that there are.
+    """
+    found = _variables(path)
+    if words:
+        return _chosen(path, found, setup, choices(words))
+    if isinstance(found.get("samples"), dict) and isinstance(found.get("meta"), str):
+        return _ours(path, found)
+    if "t" in found and "qm" in found:
+        return _emps(path, found, setup)
+    told = {name: what for name in _names(found) if (what := parsed(name.rsplit(".", 1)[-1]))}
+    return _chosen(path, found, setup, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in told.items()])
+
+
+def _variables(path: Path) -> dict[str, Any]:
+    try:
+        content = loadmat(path, simplify_cells=True)
+    except NotImplementedError as error:
+        raise RecordingError(f"{path} is a MATLAB 7.3 file; save it with -v7 and import that") from error
+    except Exception as error:  # scipy raises many kinds on a file that is damaged
+        raise RecordingError(f"{path} cannot be read as a MATLAB file: {error}") from error
+    return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _names(found: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """Variables, those of structs with a dot."""
+    names = []
+    for name, value in found.items():
+        names += _names(value, f"{prefix}{name}.") if isinstance(value, dict) else [prefix + name]
+    return names
+
+
+def _chosen(path: Path, found: dict[str, Any], setup: Setup | None, chosen: list[Choice]) -> Log:
+    named = {one.quantity for one in chosen}
+    absent = [quantity for quantity in ("time", "position") if quantity not in named]
+    if absent:
+        raise RecordingError(
+            f"{path} has no {' and no '.join(absent)} by that name; it holds {', '.join(_names(found)) or 'nothing'}: "
+            "say which is which, such as --columns time=t,position=q:mm,current=i"
+        )
+    scales = axis_of(chosen, setup, path)
+    known = of_choices(chosen, scales, path)
+    columns = {ours: scale * _vector(path, found, choice) for ours, (choice, scale) in known.items()}
+    return _log(path, scales, columns, [_unit_note(one, scales) for one in chosen if not one.unit], {})
+
+
+def _unit_note(choice: Choice, scales: Scales) -> str:
+    length = "m" if scales.kind == LINEAR else "rad"
+    unit = {"time": "s", "position": length, "reference": length}.get(choice.quantity, "A")
+    return f"{choice.name} has no unit: it is taken as the {choice.quantity} in {unit}"
+
+
+def _vector(path: Path, found: Mapping[str, Any], choice: Choice) -> Array:
+    value: Any = found
+    for word in choice.name.split("."):
+        if not isinstance(value, dict) or word not in value:
+            raise RecordingError(f"{path} has no {choice.name}; it holds {', '.join(_names(found)) or 'nothing'}")
+        value = value[word]
+    try:
+        values = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{choice.name} in {path} does not hold numbers") from error
+    if choice.number:
+        if values.ndim != 2 or choice.number > values.shape[1]:
+            raise RecordingError(f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}")
+        return np.ascontiguousarray(values[:, choice.number - 1])
+    if values.ndim > 1:
+        raise RecordingError(
+            f"{choice.name} in {path} is a table of shape {values.shape}: say which column, {choice.name}[1] the first"
+        )
+    return values.ravel()
+
+
+def _log(path: Path, scales: Scales, columns: dict[str, Array], notes: list[str], about: dict[str, Any]) -> Log:
+    if len({len(column) for column in columns.values()}) > 1:
+        sizes = ", ".join(f"{name} {len(column)}" for name, column in columns.items())
+        raise RecordingError(f"{path}: its columns differ in length ({sizes})")
+    return Log(path, scales, columns, notes, about)
+
+
+def _ours(path: Path, found: dict[str, Any]) -> Log:
+    """A recording that `export --to mat` wrote."""
+    try:
+        axis = json.loads(found["meta"])["axis"]
+        kind, per_unit, unit = axis["kind"], axis["travel_per_unit"], axis["travel_unit"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise RecordingError(f"{path} has samples and meta as our exports do, but its meta cannot be read") from error
+    known = quantities()
+    columns = {name: np.ravel(values) for name, values in found["samples"].items() if name in known}
+    return _log(path, Scales(kind, per_unit, unit, axis.get("encoder_step") or 0.0), columns, [], {})
+
+
+def _emps(path: Path, found: dict[str, Any], setup: Setup | None) -> Log:
+    """The benchmark's file: an amplifier of 1 A/V is taken, so that its volts are our amperes."""
+    columns = {ours: np.ravel(found[name]).astype(np.float64) for name, ours in _EMPS.items() if name in found}
+    if len({len(column) for column in columns.values()}) > 1:
+        raise RecordingError(f"{path}: t, qg, qm and vir differ in length")
+    gain = _scalar(found, "gtau") or 0.0
+    scales = scales_of_stage(setup, 1.0) if setup else Scales(LINEAR, 1.0, "m", _EMPS_STEP, gain, 1.0)
+    notes = [
+        f"EMPS layout: vir (V) is kept as the command in A of an amplifier of 1 A/V, so gtau = {gain:.6g} N/V is the "
+        "force constant in N/A"
+    ]
+    return Log(path, scales, columns, notes, {"name": "EMPS", "nominal": _emps_nominal(found, gain)})
+
+
+def _scalar(found: Mapping[str, Any], name: str) -> float | None:
+    values = np.ravel(found[name]) if name in found else np.zeros(0)
+    return float(values[0]) if values.size else None
+
+
+def _emps_nominal(found: Mapping[str, Any], gain: float) -> dict[str, Any]:
+    return {
+        "stage": {
+            "name": "EMPS",
+            "kind": LINEAR,
+            "position_unit": "m",
+            "torque_unit": "N",
+            "force_constant": gain or None,
+            "travel_per_unit_mm": 1000.0,
+            "encoder_step": _EMPS_STEP,
+        },
+        "drive": {"amplifier_A_per_V": 1.0, "current_limit_A": 10.0},
+        "controller": {
+            "Ts": 1e-3,
+            "law": "command[k] = kv (kp (reference[k] - position[k]) - dq[k]); dq[k] = (qf[k] - qf[k-1]) / Ts; "
+            "qf[k] = (position[k] + position[k-1]) / 2; limited to 10 V",
+            "kp": _scalar(found, "kp"),
+            "kv": _scalar(found, "kv"),
+        },
+    }
