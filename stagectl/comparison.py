@@ -130,9 +130,9 @@ def _doubts(figures: list[Figures]) -> list[str]:
         return ["One repeat tells nothing about chance: take --repeats 5 for intervals."]
     if identical(figures):
         return [
-            f"All {repeats} repeats are identical: nothing varied from run to run, so there is no interval, and nothing "
-            "says how certain the differences are on a machine.  A virtual machine repeats itself; with --simulate its "
-            "noise differs from repeat to repeat, where simulation.current_noise or encoder_noise is set."
+            f"All {repeats} repeats are identical: nothing varied from run to run, so there is no interval, and no "
+            "telling how certain the differences are on a machine.  A virtual machine repeats itself; with --simulate "
+            "its noise differs from repeat to repeat, where simulation.current_noise or encoder_noise is set."
         ]
     return []
 
