@@ -27,8 +27,8 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+import scipy  # its parts load when they are used: reading a stage file needs none
 from numpy.typing import NDArray
-from scipy.signal import butter, cont2discrete, sosfiltfilt, sosfreqz
 
 from stagectl.kernels import law, stage
 from stagectl.units import Quantity
@@ -91,7 +91,7 @@ def filters(p: stage.Stage, running: law.Law, settings: Settings, dt: float, cou
     """Of a run of `count` periods `dt` (s)."""
     sections = _low_pass(settings, dt)
     room = 2 ** math.ceil(math.log2(count + 2.0 / (settings.cutoff * dt) + 1000.0))
-    frequency = np.fft.rfftfreq(room, dt)
+    frequency: Array = np.fft.rfftfreq(room, dt).astype(np.float64)
     passed = _passed(sections, frequency, dt)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(passed > 1e-12, passed / _plant(p, frequency, dt), 0.0)
@@ -100,12 +100,12 @@ def filters(p: stage.Stage, running: law.Law, settings: Settings, dt: float, cou
 
 
 def _low_pass(settings: Settings, dt: float) -> Any:
-    return butter(_ORDER, min(settings.cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
+    return scipy.signal.butter(_ORDER, min(settings.cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
 
 
 def _passed(sections: Any, frequency: Array, dt: float) -> Array:
     """Q (n,) at `frequency` (Hz): real, as it is run forwards and backwards."""
-    found: Array = np.abs(sosfreqz(sections, frequency, fs=1.0 / dt)[1]) ** 2
+    found: Array = np.abs(scipy.signal.sosfreqz(sections, frequency, fs=1.0 / dt)[1]) ** 2
     return found
 
 
@@ -125,7 +125,7 @@ def _plant(p: stage.Stage, frequency: Array, dt: float, stiffness: float = 0.0) 
     body = np.array([p.mechanics.inertia, p.mechanics.viscous, stiffness])
     if p.drive.current_lag > 0.0:
         body = np.polymul(body, [p.drive.current_lag, 1.0])
-    numerator, denominator, _ = cont2discrete((np.array([p.motor.force_constant]), body), dt)
+    numerator, denominator, _ = scipy.signal.cont2discrete((np.array([p.motor.force_constant]), body), dt)
     late = z ** -(p.drive.delay_samples + p.encoder.delay_samples)
     with np.errstate(divide="ignore", invalid="ignore"):
         found: NDArray[Any] = np.polyval(np.ravel(numerator), z) / np.polyval(denominator, z) * late
@@ -150,7 +150,7 @@ def improved(p: Filters, learned: Array, error: Array, gain: float) -> Array:
 
 
 def _smoothed(p: Filters, current: Array) -> Array:
-    found: Array = sosfiltfilt(p.sections, current, padtype="constant", padlen=min(len(current) - 1, 1000))
+    found: Array = scipy.signal.sosfiltfilt(p.sections, current, padtype="constant", padlen=min(len(current) - 1, 1000))
     return found
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import yaml
 
-from stagectl import design
+from stagectl import design, learning
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
 from stagectl.config.source import node_at
 from stagectl.drives import bus
@@ -123,6 +123,7 @@ class StageFile(NamedTuple):
     limits: Limits
     realtime: Realtime = Realtime()
     simulation: Simulation = Simulation()
+    learning: learning.Settings = learning.Settings()
 
 
 class Setup(NamedTuple):

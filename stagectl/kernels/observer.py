@@ -32,6 +32,10 @@ from stagectl.units import StageError
 LONGEST = len(stage.NO_COMMANDS) - 2  # whole periods of delay that the line holds, beside the share
 
 
+class DelayError(StageError):
+    """More delay than the observer's line of commands holds."""
+
+
 class Observer(NamedTuple):
     """Model and gains at the control period, ready to run."""
 
@@ -64,7 +68,7 @@ ABSENT = Observer(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 1.0, 0.0, False)
 def designed(p: stage.Stage, dt: float, bandwidth: float) -> Observer:
     """Observer of the stage at the period `dt` (s) with three poles at ``-2 pi bandwidth`` (`bandwidth` in Hz).
 
-    Raises StageError where the delay is longer than the line of commands.
+    Raises DelayError where the delay is longer than the line of commands.
     """
     plant = held(p.mechanics, p.motor.force_constant, dt)
     delay, share = _lateness(p, dt)
@@ -82,9 +86,9 @@ def _lateness(p: stage.Stage, dt: float) -> tuple[int, float]:
     lag = p.drive.current_lag / dt
     whole = p.drive.delay_samples + p.encoder.delay_samples + math.floor(lag)
     if whole > LONGEST:
-        raise StageError(
-            f"a disturbance observer with {whole} periods of delay (drive.delay_samples, encoder.delay_samples and "
-            f"drive.current_lag together); must be at most {LONGEST}: switch the layer observer off"
+        raise DelayError(
+            f"{whole} periods of delay (drive.delay_samples, encoder.delay_samples and drive.current_lag together); "
+            f"must be at most {LONGEST}: switch the layer observer off"
         )
     return whole, 1.0 - (lag - math.floor(lag))
 

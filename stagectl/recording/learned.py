@@ -88,7 +88,8 @@ def load(path: Path) -> Learned:
     if not _ours(path):
         raise LearnedError(f"{path} is no learned current; `stagectl learn` writes one")
     with h5py.File(path, "r") as file:
-        return Learned(*(file[name][:] for name in _ARRAYS), json.loads(file.attrs["meta"]))
+        current, reference, known = (file[name][:] for name in _ARRAYS)
+        return Learned(current, reference, known, json.loads(file.attrs["meta"]))
 
 
 def _ours(path: Path) -> bool:
@@ -107,8 +108,8 @@ def check(path: Path, learned: Learned, here: Learned) -> None:
     wrong = _motion(learned, here) or _circumstances(learned.meta, here.meta) or _beforehand(learned, here)
     if wrong:
         raise LearnedError(
-            f"{path} was learned {wrong}; nothing has moved: a learned current fits only what it was learned on.  Learn "
-            "again with `stagectl learn`, or run without --learned"
+            f"{path} was learned {wrong}; nothing has moved: a learned current fits only what it was learned on.  "
+            "Learn again with `stagectl learn`, or run without --learned"
         )
 
 

@@ -12,7 +12,6 @@ from scipy.signal import cont2discrete, lfilter
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import observer, stage
-from stagectl.units import StageError
 from tests.conftest import varied
 
 DT = 5e-4
@@ -109,5 +108,5 @@ def test_absent_is_nothing() -> None:
 
 def test_more_delay_than_the_line_holds_is_refused(ball_screw: Setup) -> None:
     assert observer.designed(late(ball_screw, 3, 3, 0.159e-3), DT, 10.0).delay == 6
-    with pytest.raises(StageError, match=r"7 periods of delay .* at most 6: switch the layer observer off"):
+    with pytest.raises(observer.DelayError, match=r"^7 periods of delay .* at most 6: switch the layer observer off"):
         observer.designed(late(ball_screw, 4, 3, 0.159e-3), DT, 10.0)
