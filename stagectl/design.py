@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from stagectl.kernels import cascade, feedback, feedforward, law, stage
+from stagectl.kernels import cascade, feedback, feedforward, law, observer, stage
 from stagectl.units import Quantity, StageError
 
 
@@ -23,10 +23,11 @@ class DesignError(StageError):
     """A control design that would be unstable or too close to it."""
 
 
-Layer = Literal["ptc", "friction"]
+Layer = Literal["ptc", "friction", "observer"]
 _PERIOD = Quantity("s", "[1e-5, 0.1]", "control period Ts")
 _MARGIN = Quantity("rad", "[0, 1.5]", "least phase margin that is accepted")
-_LAYERS = "what is known beforehand and used: ptc, friction"
+_LAYERS = "what acts beside the feedback: ptc, friction, observer"
+_OBSERVER = Quantity("Hz", "(0, 2000]", "where the disturbance observer's three poles are placed")
 
 
 class Control(NamedTuple):
@@ -36,6 +37,7 @@ class Control(NamedTuple):
     bandwidth: Annotated[float, Quantity("Hz", "(0, 2000]", "where all four closed-loop poles are placed")]
     margin: Annotated[float, _MARGIN] = math.radians(20)
     layers: Annotated[tuple[Layer, ...], _LAYERS] = ("ptc", "friction")
+    observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
 
 
 class CascadeControl(NamedTuple):
@@ -50,6 +52,7 @@ class CascadeControl(NamedTuple):
     velocity_span: Annotated[int, Quantity("", "[1, 2]", "periods over which the velocity is differenced")] = 1
     margin: Annotated[float, _MARGIN] = math.radians(20)
     layers: Annotated[tuple[Layer, ...], _LAYERS] = ("friction",)
+    observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
 
 
 Settings = Control | CascadeControl
@@ -138,17 +141,16 @@ def _incomputable(p: stage.Stage) -> str:
     )
 
 
-def margins(p: stage.Stage, designed: Feedback, dt: float) -> Margins:
-    """Margins of the running loop at the period `dt` (s).
+def margins(p: stage.Stage, designed: Feedback, dt: float, watching: observer.Observer = observer.ABSENT) -> Margins:
+    """Margins of the running loop at the period `dt` (s), cut at the plant's input; `watching` is its observer.
 
     Raises DesignError where the stage's numbers are too extreme to compute with.
     """
     with _computable(p):
-        return _margins(p, designed, dt)
+        return _margins(p, observed(compensator(designed, dt), watching), dt)
 
 
-def _margins(p: stage.Stage, designed: Feedback, dt: float) -> Margins:
-    controller = compensator(designed, dt)
+def _margins(p: stage.Stage, controller: Rational, dt: float) -> Margins:
     frequency = np.geomspace(1e-3 / dt, 0.5 / dt, 20_000)
     loop = _open_loop(p, controller, dt, np.exp(2j * np.pi * frequency * dt))
     phase = np.unwrap(np.angle(loop))
@@ -188,6 +190,18 @@ def compensator(designed: Feedback, dt: float) -> Rational:
     if isinstance(designed, feedback.Gains):
         return _pid(feedback.discretised(designed, dt))
     return _cascade(designed)
+
+
+def observed(controller: Rational, p: observer.Observer) -> Rational:
+    """The controller together with a disturbance observer: ``(C + M) / (1 + U)``, see `observer.transfer`."""
+    if not p.active:
+        return controller
+    poles, late = np.poly([p.pole] * 3), np.append(1.0, np.zeros(p.delay + 1))
+    measured = p.disturbance * np.poly([0.0, 1.0, p.a22])
+    current = -p.disturbance * np.polymul([p.b1, p.a12 * p.b2 - p.b1 * p.a22, 0.0], [p.share, 1.0 - p.share])
+    numerator = np.polyadd(np.polymul(controller.numerator, poles), np.polymul(controller.denominator, measured))
+    denominator = np.polymul(controller.denominator, np.polyadd(np.polymul(poles, late), current))
+    return Rational(np.polymul(numerator, late), denominator)
 
 
 def _pid(p: feedback.Pid) -> Rational:
@@ -261,6 +275,7 @@ def design(p: stage.Stage, control: Settings, without: frozenset[str] = frozense
     if not reached.stable or reached.phase < control.margin:
         raise DesignError(_refusal(p, control, reached))
     layers = frozenset(control.layers) - without
+    watching = watched(p, control, designed) if "observer" in layers else observer.ABSENT
     anticipation = feedforward.Feedforward(
         feedforward.held(p.mechanics, p.motor.force_constant, control.period),
         p.friction.operators,
@@ -268,7 +283,45 @@ def design(p: stage.Stage, control: Settings, without: frozenset[str] = frozense
         "ptc" in layers,
         "friction" in layers,
     )
-    return Controller(running(designed, control.period, p.drive.current_limit), anticipation)
+    feeding = running(designed, control.period, p.drive.current_limit)
+    return Controller(feeding._replace(observer=watching), anticipation)
+
+
+def observer_bandwidth(control: Settings) -> float:
+    """Where the disturbance observer's poles are placed (Hz): as asked for, or as fast as the position loop."""
+    if control.observer_bandwidth is not None:
+        return control.observer_bandwidth
+    return control.bandwidth if isinstance(control, Control) else control.position_gain / (2.0 * math.pi)
+
+
+def watched(p: stage.Stage, control: Settings, designed: Feedback) -> observer.Observer:
+    """The disturbance observer that `control` asks for, beside this feedback.
+
+    Raises DesignError where the two together fall below ``control.margin``, or the delay is too long to observe.
+    """
+    bandwidth, dt = observer_bandwidth(control), control.period
+    try:
+        found = observer.designed(p, dt, bandwidth)
+        reached = margins(p, designed, dt, found)
+    except observer.DelayError as error:
+        raise DesignError(f"control.layers holds observer: {error}") from error
+    if reached.stable and reached.phase >= control.margin:
+        return found
+    alone = math.degrees(margins(p, designed, dt).phase)
+    state = f"{math.degrees(reached.phase):.1f} deg" if reached.stable else "none: the sampled loop is unstable"
+    raise DesignError(
+        f"control.observer_bandwidth = {bandwidth:g} Hz leaves a phase margin of {state} ({alone:.1f} deg without the "
+        f"observer); at least {math.degrees(control.margin):g} deg are asked for.  {_calmer(p, control, designed)}"
+    )
+
+
+def _calmer(p: stage.Stage, control: Settings, designed: Feedback) -> str:
+    for share in (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1):
+        lower = share * observer_bandwidth(control)
+        reached = margins(p, designed, control.period, observer.designed(p, control.period, lower))
+        if reached.stable and reached.phase >= control.margin:
+            return f"Take {lower:.3g} Hz ({math.degrees(reached.phase):.1f} deg), or switch the layer observer off"
+    return "Switch the layer observer off, or take a lower bandwidth for the feedback"
 
 
 def running(designed: Feedback, dt: float, current_limit: float) -> law.Law:

@@ -18,11 +18,11 @@ StageArgument = Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The m
 TrajectoryArgument = Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
 Without = Annotated[
-    list[str] | None, typer.Option("--without", metavar="LAYER", help="Switch a layer off: ptc, friction.")
+    list[str] | None, typer.Option("--without", metavar="LAYER", help="Switch a layer off: ptc, friction, observer.")
 ]
 Output = Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Where to record.")]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
-LAYERS = ("ptc", "friction")
+LAYERS = ("ptc", "friction", "observer")
 
 
 def register(app: typer.Typer) -> None:

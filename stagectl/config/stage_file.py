@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import yaml
 
-from stagectl import design
+from stagectl import design, learning
 from stagectl.compensation.forms import FORMS, Model
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
 from stagectl.config.source import node_at
@@ -125,6 +125,7 @@ class StageFile(NamedTuple):
     compensation: Annotated[Any, Tagged("form", FORMS)] = Model()
     realtime: Realtime = Realtime()
     simulation: Simulation = Simulation()
+    learning: learning.Settings = learning.Settings()
 
 
 class Setup(NamedTuple):

@@ -3,7 +3,8 @@
 ::
 
     trajectory --> plan ----- target y0 ------>(-)--> PID or cascade -- feedback -->(+)--> limit --> current
-                    |                           ^ measured                           ^
+                    |                           ^ measured                           ^ |
+                    |                           +--> disturbance observer --> - d ---+-+
                     +-- feedforward (PTC) + friction compensation + learned current -+
                     +-- injected current (experiments) ------------------------------+
 
@@ -17,7 +18,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from stagectl.kernels import cascade, feedback
+from stagectl.kernels import cascade, feedback, observer
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
@@ -31,6 +32,7 @@ class Law(NamedTuple):
     current_limit: float  # A
     cascade: cascade.Cascade = cascade.ABSENT
     cascaded: bool = False  # which of the two feeds back
+    observer: observer.Observer = observer.ABSENT
 
 
 class Setpoint(NamedTuple):
@@ -51,6 +53,7 @@ class State(NamedTuple):
 
     feedback: feedback.State
     cascade: cascade.State
+    observer: observer.State
 
 
 class Output(NamedTuple):
@@ -60,11 +63,12 @@ class Output(NamedTuple):
     proportional: Annotated[float, Quantity("A", _ANY, "feedback, proportional term (cascade: of the velocity)")]
     integral: Annotated[float, Quantity("A", _ANY, "feedback, integral term (cascade: of the velocity)")]
     derivative: Annotated[float, Quantity("A", _ANY, "feedback, derivative term (cascade: change by the force filter)")]
+    observer: Annotated[float, Quantity("A", _ANY, "against the disturbance that the observer sees; 0 without one")]
     command: Annotated[float, Quantity("A", _ANY, "sum of all terms, before any limit")]
     current: Annotated[float, Quantity("A", _ANY, "command handed to the drive, after the limit")]
 
 
-AT_REST = State(feedback.AT_REST, cascade.AT_REST)
+AT_REST = State(feedback.AT_REST, cascade.AT_REST, observer.AT_REST)
 
 
 @kernel
@@ -80,7 +84,7 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
     """One period: the current for this measured position (rad | m)."""
     if r.closed == 0.0:
         known = r.feedforward + r.friction + r.learned + r.injection
-        return Output(0.0, 0.0, 0.0, 0.0, known, limited(p, known)), AT_REST
+        return Output(0.0, 0.0, 0.0, 0.0, 0.0, known, limited(p, known)), AT_REST
     error = r.target - measured
     pid, outer, driving = x.feedback, x.cascade, error
     if p.cascaded:
@@ -89,10 +93,13 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
     else:
         terms, pid = feedback.step(p.feedback, x.feedback, error)
     known = r.feedforward + r.friction + r.learned + r.injection
-    command = terms.proportional + terms.integral + terms.derivative + known
+    against = 0.0 - observer.estimate(p.observer, x.observer, measured)
+    command = terms.proportional + terms.integral + terms.derivative + against + known
     current = limited(p, command)
     if current != command and driving * command > 0.0:  # anti-windup: do not integrate further into the limit
         pid = feedback.State(pid.error, x.feedback.integral, pid.derivative)
         outer = cascade.State(outer.error, x.cascade.integral, outer.filtered, outer.last, outer.before)
-    output = Output(error, terms.proportional, terms.integral, terms.derivative, command, current)
-    return output, State(pid, outer)
+    # What compensates disturbances beforehand is kept from the observer: it would find it again, of the other sign.
+    seen = observer.told(p.observer, x.observer, measured, current - r.friction - r.learned)
+    output = Output(error, terms.proportional, terms.integral, terms.derivative, against, command, current)
+    return output, State(pid, outer, seen)

@@ -11,7 +11,7 @@ from typing import Any
 from stagectl.compensation.forms import FORMS
 from stagectl.config.stage_file import Setup
 from stagectl.design import Controller
-from stagectl.kernels import cascade, feedback, law
+from stagectl.kernels import cascade, feedback, law, observer
 from stagectl.kernels.jit import source_hash
 from stagectl.plan import Plan
 
@@ -81,5 +81,9 @@ def _form(compensation: Any) -> dict[str, Any]:
 
 def read_law(values: dict[str, Any]) -> law.Law:
     """The law that `written` wrote."""
-    blocks = {"feedback": feedback.Pid(**values["feedback"]), "cascade": cascade.Cascade(**values["cascade"])}
+    blocks = {
+        "feedback": feedback.Pid(**values["feedback"]),
+        "cascade": cascade.Cascade(**values["cascade"]),
+        "observer": observer.Observer(**values["observer"]),
+    }
     return law.Law(**{**values, **blocks})

@@ -19,7 +19,7 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
     """
     if "law" not in recording.meta:
         raise RecordingError(f"{recording.path} was imported: it holds no law to replay")
-    if "cascade" not in recording.meta["law"]:
+    if not {"cascade", "observer"} <= set(recording.meta["law"]):
         raise RecordingError(f"{recording.path} was recorded by a version whose law was another: run it again")
     if recording.lost_rows:
         raise RecordingError(f"{recording.path} lacks {recording.lost_rows} rows: the law's memory cannot be followed")

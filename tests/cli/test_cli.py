@@ -82,7 +82,9 @@ def test_usage(command: Command) -> None:
         code, out, err = command(*wrong)
         assert (code, out) == (2, "")
         assert "Traceback" not in err
-    refused(command("simulate", STAGE, SINE, "--without", "pid"), "--without pid; must be one of ptc, friction")
+    refused(
+        command("simulate", STAGE, SINE, "--without", "pid"), "--without pid; must be one of ptc, friction, observer"
+    )
 
 
 def test_a_result_that_cannot_be_written(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:

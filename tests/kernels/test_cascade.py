@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stagectl import design
-from stagectl.kernels import cascade, feedback, law
+from stagectl.kernels import cascade, feedback, law, observer
 
 P = cascade.Cascade(position=10.0, velocity=2.0, integral=0.5, retained=0.25, share=0.5, span=1, dt=0.1)
 
@@ -83,9 +83,9 @@ def test_the_cascade_does_not_integrate_into_the_limit(wanted: float, held: bool
 @pytest.mark.parametrize("cascaded", [True, False])
 def test_an_open_loop_gives_what_is_known_and_forgets(cascaded: bool) -> None:
     p = law.Law(feedback.Pid(2.0, 0.5, 3.0, 0.25), 5.0, P, cascaded)
-    x = law.State(feedback.State(1.0, 2.0, 3.0), cascade.State(1.0, 2.0, 3.0, 4.0, 5.0))
+    x = law.State(feedback.State(1.0, 2.0, 3.0), cascade.State(1.0, 2.0, 3.0, 4.0, 5.0), observer.AT_REST)
     output, after = law.step(p, x, law.Setpoint(9.0, 9.0, 0.5, 0.25, 7.0, 0.125, 1.0, 0.0), 3.0)
-    assert output == law.Output(0.0, 0.0, 0.0, 0.0, 1.875, 1.875)
+    assert output == law.Output(0.0, 0.0, 0.0, 0.0, 0.0, 1.875, 1.875)
     assert after.feedback == feedback.AT_REST
     assert math.isnan(after.cascade.last) and after.cascade[:3] == (0.0, 0.0, 0.0)
     limited, _ = law.step(p, x, law.Setpoint(0.0, 0.0, 0.0, 0.0, injection=-9.0, closed=0.0), 3.0)

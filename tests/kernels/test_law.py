@@ -21,7 +21,7 @@ NOTHING = law.Setpoint(0.0, 0.0, 0.0, 0.0)
 def test_the_command_is_the_sum_of_all_terms() -> None:
     output, state = law.step(P, remembering(0.5, 0.25, 1.0), law.Setpoint(9.0, 1.25, 0.125, 0.0625), 0.25)
     # e = 1.25 - 0.25; P 2 e; I 0.25 + 0.5 (1 + 0.5); D 0.25 * 1 + 3 (1 - 0.5)
-    assert output == law.Output(1.0, 2.0, 1.0, 1.75, 2.0 + 1.0 + 1.75 + 0.125 + 0.0625, 4.9375)
+    assert output == law.Output(1.0, 2.0, 1.0, 1.75, 0.0, 2.0 + 1.0 + 1.75 + 0.125 + 0.0625, 4.9375)
     assert state.feedback == feedback.State(1.0, 1.0, 1.75)
 
 

@@ -1,0 +1,234 @@
+"""Iterative learning: the current that a repeated motion still lacks, found from trial to trial.
+
+After trial j with the learned current u_j and the error e_j = target - measured::
+
+    u_j+1 = u_j + step (Q (u_j + gain L e_j) - u_j)        L = C + 1/P        y = P/(1 + P C) u
+
+The step is 1 until the error no longer falls: what is left then is noise, and with steps of 1/2, 1/3, ... the trials
+are averaged, which moves no fixed point.  A trial whose error grows is undone, and half the step taken.
+
+L is the inverse of what carries an injected current to the measured position, in its two parts: C e is what the
+feedback does about the error, done beforehand (the law's own kernel answers the recorded error, whichever law it is);
+1/P, of the sampled plant with its current loop and all delays, looks ahead and is applied with Q by the FFT.  Q is a
+Butterworth low-pass run forwards and backwards: no phase, half the amplitude at the cutoff.
+
+On a plant P that is not the model the error of each frequency shrinks from trial to trial while
+
+    |Q (1 - gain S/S^)| < 1             S = 1/(C + 1/P), S^ of the model
+
+`convergence` looks at that with the inertia off by a fifth and with the axis held by its rolling friction.
+Source: D. A. Bristow, M. Tharayil, A. G. Alleyne, IEEE Control Systems Magazine 26(3), 2006; together with a friction
+model: T. Takemura, H. Fujimoto, IECON 2010.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import scipy  # its parts load when they are used: reading a stage file needs none
+from numpy.typing import NDArray
+
+from stagectl.kernels import law, stage
+from stagectl.units import Quantity
+
+Array = NDArray[np.float64]
+GROWN = 1.2  # times the best error: beyond it a trial is undone; repeats under noise differ by a few per cent
+FELL = 0.9  # of the last error: above it the error counts as no longer falling, and trials are averaged
+HOLD, FADE = 0.02, 0.08  # s at the end of the run from which nothing is learned, and over which it comes to that
+_ORDER = 2
+_RESPONSE = 8192  # periods of the law's impulse response
+
+
+class Settings(NamedTuple):
+    """How an axis learns from trial to trial."""
+
+    cutoff: Annotated[
+        float, Quantity("Hz", "(0, 1e4]", "of what is learned: from where the model is not to be trusted")
+    ] = 100.0
+    gain: Annotated[float, Quantity("", "(0, 1]", "share of the model's answer that a trial learns")] = 0.8
+
+
+class Filters(NamedTuple):
+    """What turns the error of a whole run into current, for one stage, law and number of periods n."""
+
+    law: law.Law  # without a limit
+    sections: Any  # (m, 6), Q run once
+    inverse: Any  # (bins,) complex, Q/P
+    weight: Array  # (n,) share of the error that is learned from
+
+
+class Trial(NamedTuple):
+    """How one trial went."""
+
+    rms: float  # rad | m, of the error over the whole run
+    peak: float  # rad | m
+    step: float  # with which the next one was made from it; 0 where it was undone
+    words: str  # what was remarkable, if anything was
+
+
+class Course(NamedTuple):
+    """Where the learning stands."""
+
+    learned: Array  # (n,) A, to be tried next
+    best: Array  # (n,) A, tried with the least error
+    error: Array  # (n,) rad | m, of that trial
+    trials: tuple[Trial, ...] = ()
+    averaged: int = 0  # trials since the error no longer fell
+    undone: int = 0
+
+
+class Contraction(NamedTuple):
+    """What a trial leaves of the error, at the frequency where that is most."""
+
+    plant: str  # of which plant
+    most: float  # below 1: the error shrinks at every frequency
+    frequency: float  # Hz
+
+
+def filters(p: stage.Stage, running: law.Law, settings: Settings, dt: float, count: int) -> Filters:
+    """Of a run of `count` periods `dt` (s)."""
+    sections = _low_pass(settings, dt)
+    room = 2 ** math.ceil(math.log2(count + 2.0 / (settings.cutoff * dt) + 1000.0))
+    frequency: Array = np.fft.rfftfreq(room, dt).astype(np.float64)
+    passed = _passed(sections, frequency, dt)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.where(passed > 1e-12, passed / _plant(p, frequency, dt), 0.0)
+    inverse[0] = 0.0  # 1/P of a position: no current is needed to stand
+    return Filters(running._replace(current_limit=math.inf), sections, inverse, _weight(count, dt))
+
+
+def _low_pass(settings: Settings, dt: float) -> Any:
+    return scipy.signal.butter(_ORDER, min(settings.cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
+
+
+def _passed(sections: Any, frequency: Array, dt: float) -> Array:
+    """Q (n,) at `frequency` (Hz): real, as it is run forwards and backwards."""
+    found: Array = np.abs(scipy.signal.sosfreqz(sections, frequency, fs=1.0 / dt)[1]) ** 2
+    return found
+
+
+def _weight(count: int, dt: float) -> Array:
+    """1, and 0 at the end: the last periods' current has not shown all that it does, and would grow by noise."""
+    left = dt * np.arange(count)[::-1]
+    found: Array = 0.5 - 0.5 * np.cos(np.pi * np.clip((left - HOLD) / FADE, 0.0, 1.0))
+    return found
+
+
+def _plant(p: stage.Stage, frequency: Array, dt: float, stiffness: float = 0.0) -> NDArray[Any]:
+    """Command to measured position at `frequency` (Hz): held, with the current loop, nd + nm periods late.
+
+    `stiffness` (N m/rad | N/m) is that of rolling friction before it slips.
+    """
+    z = np.exp(2j * np.pi * frequency * dt)
+    body = np.array([p.mechanics.inertia, p.mechanics.viscous, stiffness])
+    if p.drive.current_lag > 0.0:
+        body = np.polymul(body, [p.drive.current_lag, 1.0])
+    numerator, denominator, _ = scipy.signal.cont2discrete((np.array([p.motor.force_constant]), body), dt)
+    late = z ** -(p.drive.delay_samples + p.encoder.delay_samples)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found: NDArray[Any] = np.polyval(np.ravel(numerator), z) / np.polyval(denominator, z) * late
+    return found
+
+
+def answer(running: law.Law, error: Array) -> Array:
+    """Current (n,) of the feedback to this `error` (n,) of a reference at rest."""
+    x, found = law.AT_REST, np.empty(len(error))
+    for k, one in enumerate(error.tolist()):
+        output, x = law.step(running, x, law.Setpoint(0.0, 0.0, 0.0, 0.0), -one)
+        found[k] = output.command
+    return found
+
+
+def improved(p: Filters, learned: Array, error: Array, gain: float) -> Array:
+    """``Q (learned + gain L error)`` (n,) A: what a whole step leads to."""
+    weighed = error * p.weight
+    room = 2 * (len(p.inverse) - 1)
+    ahead = np.fft.irfft(p.inverse * np.fft.rfft(weighed, room), room)[: len(error)]
+    return _smoothed(p, learned + gain * answer(p.law, weighed)) + gain * ahead
+
+
+def _smoothed(p: Filters, current: Array) -> Array:
+    found: Array = scipy.signal.sosfiltfilt(p.sections, current, padtype="constant", padlen=min(len(current) - 1, 1000))
+    return found
+
+
+def begun(count: int) -> Course:
+    """Nothing learned yet."""
+    nothing = np.zeros(count)
+    return Course(nothing, nothing, nothing)
+
+
+def judged(p: Filters, settings: Settings, course: Course, error: Array) -> Course:
+    """The course after the trial of ``course.learned``, which left `error` (n,) rad | m: kept or undone, what next.
+
+    Raises ValueError where the error is not finite.
+    """
+    rms, peak = float(np.sqrt(np.mean(error * error))), float(np.max(np.abs(error)))
+    if not math.isfinite(rms):
+        raise ValueError("the error of a trial holds numbers that are none")
+    least = min((trial.rms for trial in course.trials), default=math.inf)
+    if rms > GROWN * least:
+        return _undone(p, settings, course, Trial(rms, peak, 0.0, ""))
+    averaged = course.averaged + (bool(course.trials) and rms > FELL * course.trials[-1].rms)
+    step = 0.5**course.undone / (1.0 + averaged)
+    words = "no longer falls: averaged with the trials before" if averaged else ""
+    kept = (course.learned, error) if rms < least else (course.best, course.error)
+    trials = (*course.trials, Trial(rms, peak, step, words))
+    return Course(_stepped(p, settings, course.learned, error, step), *kept, trials, averaged, course.undone)
+
+
+def _undone(p: Filters, settings: Settings, course: Course, trial: Trial) -> Course:
+    """Back to the best trial, from which half the step is taken."""
+    undone = course.undone + 1
+    number = min(range(len(course.trials)), key=lambda k: course.trials[k].rms) + 1
+    step = 0.5**undone / (1.0 + course.averaged)
+    trials = (*course.trials, trial._replace(words=f"grew: undone, back to trial {number} with half the step"))
+    learned = _stepped(p, settings, course.best, course.error, step)
+    return course._replace(learned=learned, trials=trials, undone=undone)
+
+
+def _stepped(p: Filters, settings: Settings, learned: Array, error: Array, step: float) -> Array:
+    return learned + step * (improved(p, learned, error, settings.gain) - learned)
+
+
+def convergence(p: stage.Stage, running: law.Law, settings: Settings, dt: float) -> list[Contraction]:
+    """What a trial leaves of the error at worst: of the model, of one off by a fifth, and held by its friction."""
+    frequency = np.geomspace(0.5, 0.4999 / dt, 2000)
+    feedback = _feedback(running._replace(current_limit=math.inf), np.exp(2j * np.pi * frequency * dt))
+    passed = _passed(_low_pass(settings, dt), frequency, dt)
+    model = feedback + 1.0 / _plant(p, frequency, dt)
+    found = []
+    for name, other, stiffness in _others(p):
+        share = model / (feedback + 1.0 / _plant(other, frequency, dt, stiffness))
+        left = np.abs(passed * (1.0 - settings.gain * share))
+        worst = int(np.argmax(left))
+        found.append(Contraction(name, float(left[worst]), float(frequency[worst])))
+    return found
+
+
+def _others(p: stage.Stage) -> list[tuple[str, stage.Stage, float]]:
+    """Plants that the axis may be."""
+    operators, body = p.friction.operators, p.mechanics
+    stiffness = float(sum(a * r for a, r in zip(operators.weight, operators.rate, strict=True)))
+    light, heavy = (p._replace(mechanics=body._replace(inertia=share * body.inertia)) for share in (0.8, 1.2))
+    return [
+        ("the model", p, 0.0),
+        ("inertia 20 % below it", light, 0.0),
+        ("inertia 20 % above it", heavy, 0.0),
+        ("held by rolling friction", p, stiffness),
+    ]
+
+
+def _feedback(running: law.Law, z: NDArray[Any]) -> NDArray[Any]:
+    """The law's answer to an error at `z` (m,), from its impulse response.
+
+    Differenced twice, it dies out in spite of up to two integrators.
+    """
+    impulse = np.zeros(_RESPONSE)
+    impulse[1] = 1.0
+    response = np.diff(answer(running, impulse), n=2, prepend=[0.0, 0.0])[1:]
+    last = int(np.flatnonzero(np.abs(response) > 1e-9 * np.max(np.abs(response)))[-1]) + 1
+    found: NDArray[Any] = np.polyval(response[:last][::-1], 1.0 / z) / (1.0 - 1.0 / z) ** 2
+    return found

@@ -1,0 +1,112 @@
+"""The disturbance observer against its closed forms: what it sees, how fast, and what it does not invent."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete, lfilter
+
+from stagectl.config.stage_file import Setup
+from stagectl.kernels import observer, stage
+from tests.conftest import varied
+
+DT = 5e-4
+DELAYS = [(0, 0, 0.159e-3), (1, 0, 0.159e-3), (2, 1, 0.0), (1, 2, 0.7e-3)]
+
+
+def late(setup: Setup, nd: int, nm: int, lag: float) -> stage.Stage:
+    """Stage A with other delays."""
+    p = varied(setup, nd=nd, nm=nm).stage
+    return p._replace(drive=p.drive._replace(current_lag=lag))
+
+
+def sampled(p: stage.Stage) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The held plant's polynomials in 1/z, by scipy."""
+    kt, (inertia, viscous, _) = p.motor.force_constant, p.mechanics
+    numerator, denominator, _ = cont2discrete((np.array([kt]), np.array([inertia, viscous, 0.0])), DT)
+    return np.ravel(numerator), np.ravel(denominator)
+
+
+def delayed(p: stage.Stage, current: NDArray[Any]) -> NDArray[Any]:
+    """The current after nd + nm periods and the lag, as a share of two neighbouring periods."""
+    total = p.drive.delay_samples + p.encoder.delay_samples + p.drive.current_lag / DT
+    whole = math.floor(total)
+    line = np.zeros(whole + 2)
+    line[whole], line[whole + 1] = 1.0 - (total - whole), total - whole
+    found: NDArray[Any] = lfilter(line, [1.0], current)
+    return found
+
+
+def observed(p: observer.Observer, position: NDArray[Any], current: NDArray[Any]) -> NDArray[Any]:
+    """Estimates (n,) for these measured positions and commands."""
+    x, found = observer.AT_REST, []
+    for measured, ampere in zip(position.tolist(), current.tolist(), strict=True):
+        found.append(observer.estimate(p, x, measured))
+        x = observer.told(p, x, measured, ampere)
+    return np.array(found)
+
+
+@pytest.mark.parametrize(("nd", "nm", "lag"), DELAYS)
+@pytest.mark.parametrize("bandwidth", [10.0, 40.0])
+def test_a_step_is_found_with_the_designed_poles(
+    ball_screw: Setup, nd: int, nm: int, lag: float, bandwidth: float
+) -> None:
+    """T(z) = (1 - q)^3/(n1 + n2) (n1 z + n2) z / (z - q)^3; towards 1 - exp(-pt) (1 + pt + (pt)^2/2) as Ts -> 0."""
+    p = late(ball_screw, nd, nm, lag)
+    current = np.random.default_rng(1).normal(size=400)
+    disturbance = np.where(np.arange(400) >= 20, 1.5, 0.0)
+    (_, n1, n2), denominator = sampled(p)
+    position = 0.3 + lfilter([0.0, n1, n2], denominator, delayed(p, current) + disturbance)
+    found = observed(observer.designed(p, DT, bandwidth), position, current)
+    q = math.exp(-2.0 * math.pi * bandwidth * DT)
+    gain = (1.0 - q) ** 3 / (n1 + n2)
+    expected = lfilter([0.0, gain * n1, gain * n2], np.poly([q, q, q]), disturbance)
+    np.testing.assert_allclose(found, expected, atol=2e-8)
+    pt = 2.0 * math.pi * bandwidth * DT * np.arange(380)
+    limit = 1.5 * (1.0 - np.exp(-pt) * (1.0 + pt + 0.5 * pt * pt))
+    assert np.max(np.abs(found[20:] - limit)) < 1.5 * 2.0 * math.pi * bandwidth * DT
+
+
+def test_nothing_is_found_where_nothing_is(ball_screw: Setup) -> None:
+    """Unbiased, to rounding, from wherever the axis stands; a wrong inertia would not go unseen."""
+    p = ball_screw.stage
+    current = np.random.default_rng(2).normal(size=2000)
+    (_, n1, n2), denominator = sampled(p)
+    position = -2.0 + lfilter([0.0, n1, n2], denominator, delayed(p, current))
+    assert np.max(np.abs(observed(observer.designed(p, DT, 40.0), position, current))) < 1e-6
+    heavier = p._replace(mechanics=p.mechanics._replace(inertia=1.2 * p.mechanics.inertia))
+    assert np.max(np.abs(observed(observer.designed(heavier, DT, 40.0), position, current))) > 0.05
+
+
+@pytest.mark.parametrize(("nd", "nm", "lag"), DELAYS)
+def test_transfer_is_what_runs(ball_screw: Setup, nd: int, nm: int, lag: float) -> None:
+    """Both impulse responses, transformed, at frequencies from 2 Hz to Nyquist."""
+    p = observer.designed(late(ball_screw, nd, nm, lag), DT, 40.0)
+    impulse, nothing = np.zeros(600), np.zeros(600)
+    impulse[1] = 1.0  # the first measurement is where the model begins
+    z = np.exp(2j * np.pi * np.array([2.0, 20.0, 70.0, 300.0, 1000.0]) * DT)
+    for transfer, inputs in zip(observer.transfer(p, z), ((impulse, nothing), (nothing, impulse)), strict=True):
+        response = observed(p, *inputs)[1:]
+        expected = np.sum(response * z[:, None] ** -np.arange(len(response)), axis=1)
+        np.testing.assert_allclose(transfer, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_absent_is_nothing() -> None:
+    """Exactly 0, whatever it is told, and no memory."""
+    x = observer.AT_REST
+    for measured, current in ((0.1, 2.0), (-3.0, math.inf), (math.nan, 1.0)):
+        assert observer.estimate(observer.ABSENT, x, measured) == 0.0
+        x = observer.told(observer.ABSENT, x, measured, current)
+    assert x.commands == observer.AT_REST.commands
+    assert math.isnan(x.position)
+    assert [np.all(one == 0.0) for one in observer.transfer(observer.ABSENT, np.exp(1j * np.array([0.1, 1.0])))]
+
+
+def test_more_delay_than_the_line_holds_is_refused(ball_screw: Setup) -> None:
+    assert observer.designed(late(ball_screw, 3, 3, 0.159e-3), DT, 10.0).delay == 6
+    with pytest.raises(observer.DelayError, match=r"^7 periods of delay .* at most 6: switch the layer observer off"):
+        observer.designed(late(ball_screw, 4, 3, 0.159e-3), DT, 10.0)
