@@ -1,0 +1,56 @@
+"""One smooth window for every column of a regression: value, derivatives and delay of a sampled signal, zero phase.
+
+The window is the quintic B-spline ``B`` of knot distance ``h = q dt``: 6 h long, -3 dB at 0.187/h.  As it is smooth
+itself, the derivative of the filtered signal is the signal filtered with the window's derivative, and a delay is the
+window shifted, without interpolation between samples::
+
+    y(t_k)        = sum_m x_m B(t_k - t_m) dt
+    y'(t_k)       = sum_m x_m B'(t_k - t_m) dt
+    y(t_k - tau)  = sum_m x_m B(t_k - t_m - tau) dt
+
+The sampled window has a sum of exactly 1 at any shift.  Filtering both sides of a linear equation keeps its solution.
+
+Source: modulating functions, M. Shinbrot, Trans. ASME 79, 1957; the paper's zero-phase low-pass (Simultaneous
+Identification ..., section IV.B).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import interpolate, signal
+
+from stagectl.identification.capture import Array
+
+KNOTS = 3  # knot distances to either side
+HALF = KNOTS + 1  # the same with room for a shift by a fraction of a sample
+BAND = 0.187  # -3 dB frequency times knot distance
+
+
+def window(q: int, dt: float, order: int = 0, shift: float = 0.0) -> Array:
+    """Weights (2 HALF q + 1,) of the window's derivative of this `order`, late by `shift` (s), at most a sample."""
+    knots = q * dt * (np.arange(2 * KNOTS + 1) - KNOTS)
+    spline = interpolate.BSpline.basis_element(knots, extrapolate=False)
+    offsets = np.arange(-HALF * q, HALF * q + 1) * dt - shift
+    weights = np.nan_to_num(spline.derivative(order)(offsets) if order else spline(offsets))
+    return np.asarray(weights / q, dtype=np.float64)
+
+
+def margin(q: int, dt: float, delay: float) -> int:
+    """Samples that the window needs to either side of its middle at delays up to `delay` (s)."""
+    return HALF * q + math.ceil(delay / dt)
+
+
+def smoothed(x: Array, weights: Array, start: int, count: int, q: int) -> Array:
+    """`x` (..., n) filtered with `weights` at the samples start, start + q, ...: (..., count)."""
+    part = x[..., start - HALF * q : start + (count - 1) * q + HALF * q + 1]
+    full = signal.upfirdn(weights, part, up=1, down=q, axis=-1)
+    return np.asarray(full[..., 2 * HALF : 2 * HALF + count], dtype=np.float64)
+
+
+def delayed(x: Array, delay: float, dt: float, rows: tuple[int, int, int], order: int = 0) -> Array:
+    """``x(t - delay)`` filtered, or its derivative of this `order`; `rows` are start, count and q."""
+    start, count, q = rows
+    whole = round(delay / dt)
+    return smoothed(x, window(q, dt, order, delay - whole * dt), start - whole, count, q)
