@@ -1,0 +1,120 @@
+"""What a capture must contain to tell inertia, viscous and rolling friction apart; what does not is refused.
+
+The paper's two restrictions: the motion reverses, so that the rolling friction appears; and somewhere velocity and
+acceleration have the same sign, as else ``dJ a = -dD w`` may hide both errors (Simultaneous Identification ...,
+section IV.B).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stagectl.config.stage_file import StageFile
+from stagectl.identification.capture import Array, Capture, IdentificationError
+from stagectl.identification.delay_search import Fit, Problem
+from stagectl.identification.regressors import HALF, acceleration, knots, position_noise
+from stagectl.identification.slips import Range
+from stagectl.identification.smoothing import window
+from stagectl.words import length
+
+SHORTEST = 0.2  # s of record
+STEPS = 100.0  # standard deviations of the position's noise that a motion must exceed
+TURN = 0.05  # of the stroke, travel on both sides of a reversal
+SLOW, WEAK = 0.02, 0.05  # of the largest: below it a velocity or an acceleration has no sign
+NOISE = 4.0  # standard deviations of an acceleration that is none
+SAME = 10  # rows with velocity and acceleration of one sign
+
+
+def usable(captures: list[Capture]) -> tuple[list[Capture], list[str]]:
+    """Captures that meet the conditions, and why the others are left out.
+
+    Raises IdentificationError where none does.
+    """
+    if not captures:
+        raise IdentificationError("no capture to identify from; give at least one")
+    wrong = {index: reason for index, one in enumerate(captures) if (reason := refusal(one))}
+    if len(wrong) == len(captures):
+        raise IdentificationError("; ".join(wrong.values()))
+    used = [one for index, one in enumerate(captures) if index not in wrong]
+    return used, [f"left out: {reason}" for reason in wrong.values()]
+
+
+def refusal(capture: Capture) -> str:
+    """Why a capture cannot be used; empty where it can."""
+    duration = len(capture.position) * capture.dt
+    if duration < SHORTEST or len(capture.position) < 4 * HALF + 2:
+        return (
+            f"{capture.name} lasts {duration:.3g} s; must last at least {SHORTEST:g} s: record half a period of a "
+            "motion there and back, better ten periods"
+        )
+    stroke, noise = float(np.ptp(capture.position)), position_noise(capture)
+    if stroke <= STEPS * noise or stroke == 0.0:
+        return (
+            f"{capture.name} is at rest: it moves by {stroke:.3g} rad | m, {stroke / max(noise, 1e-300):.3g} times the "
+            f"noise of its position; must be more than {STEPS:g} times: record a motion with reversals"
+        )
+    turns = reversals(capture.position, TURN * stroke)
+    if turns == 0:
+        return (
+            f"{capture.name} has 0 reversals of its motion; must have at least 1, as without one the rolling friction "
+            "does not appear (first condition of the paper): record a motion there and back, such as a current sine"
+        )
+    if not _same_sign(capture):
+        return (
+            f"{capture.name} has no span in which velocity and acceleration have the same sign; must have one, as an "
+            "error of the inertia and one of the viscous friction cancel otherwise (second condition of the paper): "
+            "record the start of the motion, too, or a sine"
+        )
+    return ""
+
+
+def reversals(position: Array, travel: float) -> int:
+    """Number of reversals with at least this `travel` before and after them."""
+    count, heading, outermost = 0, 0, float(position[0])
+    lowest = highest = outermost
+    for x in position[:: max(1, len(position) // 20000)].tolist():
+        lowest, highest = min(lowest, x), max(highest, x)
+        if heading == 0:
+            heading = 1 if x - lowest >= travel else -1 if highest - x >= travel else 0
+            outermost = x
+        elif heading * (x - outermost) > 0.0:
+            outermost = x
+        elif heading * (outermost - x) >= travel:
+            count, heading, outermost = count + 1, -heading, x
+    return count
+
+
+def _same_sign(capture: Capture) -> bool:
+    q = knots(capture)
+    a, v = acceleration(capture, q), acceleration(capture, q, 1)
+    weights = window(q, capture.dt, 2)
+    noise = position_noise(capture) * math.sqrt(float(weights @ weights))
+    least = max(WEAK * float(np.abs(a).max()), NOISE * noise)
+    moving = (np.abs(v) > SLOW * float(np.abs(v).max())) & (np.abs(a) > least)
+    return int(np.sum(moving & (a * v > 0.0))) >= SAME
+
+
+def check_settles(captures: list[Capture], ends: Range, file: StageFile) -> None:
+    """Raise where the friction still rises at the end of the stroke: the motion stays in presliding."""
+    if ends.settles:
+        return
+    scale, unit = file.axis.travel_per_unit, file.axis.travel_unit
+    largest = max(captures, key=lambda one: float(np.ptp(one.position)))
+    stroke = float(np.ptp(largest.position))
+    raise IdentificationError(
+        f"{largest.name} moves by {length(stroke * scale, unit)}, and the friction still rises after "
+        f"{length(ends.high * scale, unit)} from a reversal; it must have settled after half of the motion, as the "
+        "reversal must go beyond presliding (first condition of the paper): record a larger motion"
+    )
+
+
+def check_result(fit: Fit, problem: Problem) -> None:
+    """Raise where the answer is no mechanics."""
+    inertia = float(fit.theta[0])
+    if inertia <= 0.0:
+        raise IdentificationError(
+            f"inertia = {inertia:.3g}; must be positive: position and current of {problem.parts[0].capture.name} do "
+            "not belong to each other, or have opposite signs; positive current moves towards positive positions"
+        )

@@ -1,0 +1,183 @@
+"""Equation of motion solved for its parameters and for the delay between current and position.
+
+For each delay the problem is convex (`identification.errors_in_columns`), and its cost is a smooth function of the
+delay: a scan finds the valley, and inside it the moments of the current are interpolated (Chebyshev), so that a long
+capture is filtered a few times only.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy import optimize
+
+from stagectl.identification import errors_in_columns as errors
+from stagectl.identification.capture import Array, IdentificationError
+from stagectl.identification.regressors import FREE, ONE, Part, current_noise, currents, encoder_noise
+
+PERIODS, SPARE = 8.0, 1e-3  # delays are searched within 8 sampling times and 1 ms, either way
+NODES, MANY = 9, 25  # of the interpolation: within a millisecond or two, over the whole range
+GRID = 11
+STEPS = 6  # of the search's centre
+ROUNDS = 4  # until noise and parameters agree
+
+
+class Problem(NamedTuple):
+    """Captures and grid of slips, ready to be solved for any delay."""
+
+    parts: list[Part]
+    columns: Array  # (rows, FREE + j)
+    equations: errors.Equations  # of all columns
+    slip: Array  # (j,) rad | m
+    force_constant: float
+
+
+class Fit(NamedTuple):
+    """Answer: parameters of all columns, 0 where a column was not used."""
+
+    theta: Array  # (FREE + j,)
+    delay: float  # s
+    noise: float  # variance of the noise in the acceleration column
+    sensed: float  # variance that the current's sensor leaves in the force
+    residual: Array  # (rows,) N m | N
+
+
+class Moments(NamedTuple):
+    """``X'y`` and ``y'y`` as polynomials of the delay around `middle`; `half` is 0 where it is given."""
+
+    middle: float  # s
+    half: float  # s
+    coefficients: Array  # (nodes, p + 1)
+
+    def at(self, delay: float, keep: list[int]) -> tuple[Array, float]:
+        """Moments of the columns `keep`, and the square."""
+        place = (delay - self.middle) / self.half if self.half > 0.0 else 0.0
+        values = chebyshev.chebval(place, self.coefficients)
+        return values[:-1][keep], float(values[-1])
+
+
+def widest(parts: list[Part] | float) -> float:
+    """Largest delay (s) that is looked for, at the sampling time of the slowest capture."""
+    dt = parts if isinstance(parts, float) else max(p.capture.dt for p in parts)
+    return PERIODS * dt + SPARE
+
+
+def kept(p: Problem, ripple: bool, every: slice = slice(None)) -> list[int]:
+    """Columns in use: the free ones, with or without ripple, and `every` operator."""
+    return [*range(FREE if ripple else ONE + 1), *range(FREE, FREE + len(p.slip))[every]]
+
+
+def fitted(p: Problem, keep: list[int], delay: float | None, near: float) -> Fit:
+    """Solve for the columns `keep`, and for the delay, `near` which it is looked for, where it is None.
+
+    Raises IdentificationError where the acceleration holds nothing but noise, or no delay fits.
+    """
+    part = selected(p, keep)
+    fit = at_delay(p, keep, near if delay is None else delay)
+    if delay is not None:
+        return _settled(p, keep, part, moments(p, delay), fit)
+    limit = widest(p.parts)
+    step, centre = 2.0 * limit / (GRID - 1), near
+    for _ in range(STEPS):
+        fit = _settled(p, keep, part, moments(p, centre, step), fit)
+        if abs(fit.delay - centre) < 0.95 * step:
+            return fit
+        centre = min(max(fit.delay, -limit), limit)
+    raise IdentificationError(
+        f"delay = {1e3 * fit.delay:.3g} ms is still falling or rising; must lie within {1e3 * limit:.3g} ms either "
+        "way: the motion does not tell it; give it with --delay, from a capture of a position sine"
+    )
+
+
+def selected(p: Problem, keep: list[int]) -> errors.Equations:
+    """Equations of the columns `keep`."""
+    return errors.selected(p.equations, keep, sum(index < FREE for index in keep))
+
+
+def at_delay(p: Problem, keep: list[int], delay: float) -> Fit:
+    """Plain solution for a known delay (s), the acceleration taken as free of noise."""
+    sensed = p.force_constant * p.force_constant * current_noise(p.parts)
+    theta = errors.solved(selected(p, keep), *moments(p, delay).at(delay, keep)).theta
+    return _answer(p, keep, theta, (delay, 0.0, sensed))
+
+
+def _answer(p: Problem, keep: list[int], values: Array, known: tuple[float, float, float]) -> Fit:
+    theta = np.zeros(p.columns.shape[1])
+    theta[keep] = values
+    delay, noise, sensed = known
+    return Fit(theta, delay, noise, sensed, p.force_constant * currents(p.parts, delay) - p.columns @ theta)
+
+
+def without_noise(part: errors.Equations, noise: float) -> errors.Equations:
+    """`part` without `noise` (variance) in the acceleration.
+
+    Raises IdentificationError where nothing else is in it.
+    """
+    cleared = errors.cleared(part, noise)
+    if cleared is None:
+        raise IdentificationError(
+            f"acceleration noise of {math.sqrt(noise):.3g} rad/s^2 | m/s^2 rms; the motion's own acceleration must "
+            "exceed it: record a larger current or a faster motion"
+        )
+    return cleared
+
+
+def _settled(p: Problem, keep: list[int], part: errors.Equations, span: Moments, fit: Fit) -> Fit:
+    """Repeat until the noise taken from the acceleration is that of the residual."""
+    for _ in range(ROUNDS):
+        noise = acceleration_noise(p, fit)
+        cleared = without_noise(part, noise)
+        delay = best(cleared, keep, span)
+        values = errors.solved(cleared, *span.at(delay, keep)).theta
+        fit = _answer(p, keep, values, (delay, noise, fit.sensed))
+    return fit
+
+
+def acceleration_noise(p: Problem, fit: Fit) -> float:
+    """Variance of the noise in the acceleration column.
+
+    What of the residual is noise, and is no noise of the current's sensor, as an acceleration; at least the encoder's.
+    """
+    inertia = float(fit.theta[0])
+    least = encoder_noise(p.parts)
+    if inertia == 0.0:
+        return least
+    return max(least, (float(np.mean(errors.noise(fit.residual))) - fit.sensed) / (inertia * inertia))
+
+
+def best(part: errors.Equations, keep: list[int], span: Moments) -> float:
+    """Delay of least cost within `span`."""
+    if span.half == 0.0:
+        return span.middle
+    ends = (span.middle - span.half, span.middle + span.half)
+
+    def cost(delay: float) -> float:
+        return errors.solved(part, *span.at(float(delay), keep)).cost
+
+    found = optimize.minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-8})
+    return float(found.x)
+
+
+def refitted(p: Problem, keep: list[int], fit: Fit, free_delay: bool) -> tuple[Array, float]:
+    """Parameters (FREE + j,) and delay with other columns, at the noise of `fit`: what the choice of slips changes."""
+    reach = widest(p.parts) / (GRID - 1) if free_delay else 0.0
+    span = moments(p, fit.delay, reach)
+    cleared = without_noise(selected(p, keep), fit.noise)
+    delay = best(cleared, keep, span)
+    theta = np.zeros(p.columns.shape[1])
+    theta[keep] = errors.solved(cleared, *span.at(delay, keep)).theta
+    return theta, delay
+
+
+def moments(p: Problem, middle: float, half: float = 0.0, nodes: int = NODES) -> Moments:
+    """Moments of the force with all columns, at delays up to `half` either side of `middle` (s)."""
+    count = nodes if half > 0.0 else 1
+    places = np.cos(math.pi * (np.arange(count) + 0.5) / count)
+    values = np.empty((count, p.columns.shape[1] + 1))
+    for row, place in zip(values, places, strict=True):
+        force = p.force_constant * currents(p.parts, middle + half * float(place))
+        row[:-1], row[-1] = force @ p.columns, force @ force
+    return Moments(middle, half, np.linalg.solve(chebyshev.chebvander(places, count - 1), values))

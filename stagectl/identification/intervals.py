@@ -1,0 +1,75 @@
+"""How well a fit of the equation of motion is known: covariance of what is reported, and what depends on what."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.identification import errors_in_columns as errors
+from stagectl.identification.capture import Array
+from stagectl.identification.delay_search import Fit, Problem, kept, refitted
+from stagectl.identification.regressors import FREE, currents
+
+NAMES = ("inertia", "viscous", "coulomb", "offset", "delay")
+
+
+class Known(NamedTuple):
+    """Covariance of the parameters of NAMES, and what a given delay does to the others."""
+
+    covariance: Array  # (5, 5); row and column of the delay are 0 where it was given
+    per_delay: Array  # (5,) change of each per second of delay
+    ripple: float  # how clearly there is a ripple: Wald's statistic with two degrees of freedom, 0: not asked
+
+
+def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
+    """Covariance from the residual as it is, and from what another grid of slips would have found."""
+    use = [index for index in kept(p, ripple) if index < FREE or fit.theta[index] > 0.0]
+    late = p.force_constant * currents(p.parts, fit.delay, 1)
+    curvature, scores = _curvature(p, fit, use, late)
+    size = np.sqrt(np.diag(curvature)[:-1])
+    size = np.append(size, np.linalg.norm(late))
+    curvature, scores = curvature / np.outer(size, size), scores / size
+    last = len(size) if free_delay else len(size) - 1
+    covariance = errors.spread(curvature[:last, :last], scores[:, :last]) / np.outer(size[:last], size[:last])
+    sums = _sums(use)[:, :last]
+    found = sums @ covariance @ sums.T
+    per_delay = -sums[:, : len(use)] @ (np.linalg.pinv(curvature[:-1, :-1]) @ curvature[:-1, -1] * size[-1] / size[:-1])
+    other = _grid_error(p, fit, ripple, free_delay)
+    return Known(found + np.outer(other, other), per_delay, _wald(fit, covariance) if ripple else 0.0)
+
+
+def _curvature(p: Problem, fit: Fit, use: list[int], late: Array) -> tuple[Array, Array]:
+    """Second derivatives (m, m) of half the cost, and its gradient row by row (rows, m); the delay comes last."""
+    rows = len(fit.residual)
+    scores = np.empty((rows, len(use) + 1))
+    scores[:, :-1] = p.columns[:, use]
+    scores[:, -1] = late
+    curvature = np.asarray(scores.T @ scores, dtype=np.float64)
+    bent = p.force_constant * currents(p.parts, fit.delay, 2)
+    curvature[-1, -1] += float(fit.residual @ bent)
+    curvature[0, 0] -= rows * fit.noise
+    scores *= fit.residual[:, None]
+    if fit.noise > 0.0:
+        scores[errors.APART : -errors.APART, 0] += (errors.noise(fit.residual) - fit.sensed) / fit.theta[0]
+    return curvature, scores
+
+
+def _sums(use: list[int]) -> Array:
+    """(5, m + 1) that makes NAMES from the columns in use and the delay."""
+    found = np.zeros((len(NAMES), len(use) + 1))
+    found[0, 0] = found[1, 1] = found[3, 2] = found[4, -1] = 1.0
+    found[2, :-1] = [float(index >= FREE) for index in use]
+    return found
+
+
+def _grid_error(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Array:
+    """(5,) half of what changes between every other slip and those between: the grid is not the friction's own."""
+    halves = [refitted(p, kept(p, ripple, slice(first, None, 2)), fit, free_delay) for first in (0, 1)]
+    values = [np.array([*theta[:2], theta[FREE:].sum(), theta[2], delay]) for theta, delay in halves]
+    return np.asarray(0.5 * (values[1] - values[0]), dtype=np.float64)
+
+
+def _wald(fit: Fit, covariance: Array) -> float:
+    pair = fit.theta[3:5]
+    return float(pair @ np.linalg.solve(covariance[3:5, 3:5], pair))

@@ -1,0 +1,191 @@
+"""Inertia, viscous friction, rolling friction and delay at once, from any motion with reversals.
+
+::
+
+    Kt i(t - tau) = J a + D w + b + sum_j alpha_j S_j(x)        alpha_j >= 0
+
+The paper turns J and D by hand until the loop of ``T_d = Kt i - J a - D w`` over the position lies flat and only the
+rolling friction is left.  Written with stop operators ``S_j`` the same condition is linear in everything but the
+delay: a convex problem, without a search for reversals.  The slips are not tuned to an axis: a coarse grid from what
+the motion resolves to a quarter of its stroke finds where the friction lies, and a fine one covers that.
+
+Source: Simultaneous Identification of Linear Parameters and Nonlinear Rolling Friction for Ball Screw Driven Stage,
+section IV.B; the operators as in `kernels.friction`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stagectl.config.stage_file import StageFile
+from stagectl.identification import conditions, errors_in_columns, intervals, notes
+from stagectl.identification.capture import Array, Capture, IdentificationError
+from stagectl.identification.delay_search import Fit, Problem, fitted, kept, widest
+from stagectl.identification.found import Characteristic, Found, Parameter
+from stagectl.identification.regressors import ACCELERATION, FREE, ONE, VELOCITY, columns, knots, part
+from stagectl.identification.slips import RATIO, Range, grid, located
+from stagectl.units import LINEAR, ROTARY
+
+FINE = 24  # slips of the second one
+END = 0.05  # of the friction that the longest slip may carry; with more, the grid is widened
+WIDENED = 3
+SURE = 1.959964  # standard deviations either way hold 95 %
+RIPPLE = 30.0  # Wald's statistic above which a ripple is believed; by chance once in three million
+RIPPLE_TRAVEL = 1.0  # rad, least travel that tells a ripple from the rest
+LEAST_ROWS = 60  # at least two for each unknown
+Progress = Callable[[int, int], None]
+
+
+class Solved(NamedTuple):
+    """The last fit, and how well it is known."""
+
+    problem: Problem
+    fit: Fit
+    known: intervals.Known
+    ripple: bool
+
+
+def identify(
+    captures: list[Capture], file: StageFile, delay: float | None = None, progress: Progress | None = None
+) -> Found:
+    """Parameters of `file`'s axis from all `captures` together; `delay` (s) is fitted where it is None.
+
+    `delay` is the time by which the force follows the capture's current column, less that by which the position is
+    late; it may be negative.  Raises IdentificationError where no capture meets the paper's two conditions, and where
+    the friction does not settle within the motion.
+    """
+    tell = progress or (lambda done, total: None)
+    used, left_out = conditions.usable(captures)
+    tell(1, 5)
+    ends = located(_problem(used, file, grid(used), delay), delay)
+    conditions.check_settles(used, ends, file)
+    tell(2, 5)
+    solved = _refined(used, file, ends, delay)
+    tell(4, 5)
+    conditions.check_result(solved.fit, solved.problem)
+    answer = _found(solved, file, delay is None, left_out)
+    tell(5, 5)
+    return answer
+
+
+def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float | None) -> Problem:
+    """Regressors of all captures that move far enough for the longest slip."""
+    room = widest(max(capture.dt for capture in captures)) * 1.5 if delay is None else abs(delay)
+    parts = [part(capture, knots(capture), float(slip[-1]), room) for capture in captures]
+    parts = [one for one in parts if one.count >= LEAST_ROWS]
+    if not parts:
+        raise IdentificationError(
+            f"{captures[0].name}: fewer than {LEAST_ROWS} rows are left once the friction's state is known; record "
+            "longer: a second of a motion there and back is enough"
+        )
+    stacked = np.vstack([columns(one, slip) for one in parts])
+    return Problem(parts, stacked, errors_in_columns.equations(stacked, FREE), slip, file.motor.force_constant)
+
+
+def _refined(captures: list[Capture], file: StageFile, ends: Range, delay: float | None) -> Solved:
+    """Fit on a fine grid between `ends`; widened while its longest slip carries weight."""
+    high = ends.high
+    for _ in range(WIDENED + 1):
+        problem = _problem(captures, file, np.geomspace(ends.low, high, FINE), delay)
+        fit = fitted(problem, kept(problem, ripple=False), delay, ends.delay)
+        weight = fit.theta[FREE:]
+        if weight[-1] <= END * weight.sum():
+            break
+        high *= RATIO
+    return _with_ripple(problem, fit, file, delay) or Solved(
+        problem, fit, intervals.known(problem, fit, False, delay is None), False
+    )
+
+
+def _with_ripple(problem: Problem, fit: Fit, file: StageFile, delay: float | None) -> Solved | None:
+    """The same with a torque ripple once per revolution, where the motion shows one beyond doubt."""
+    travel = max(float(np.ptp(one.capture.position)) for one in problem.parts)
+    if file.axis.kind != ROTARY or travel < RIPPLE_TRAVEL:
+        return None
+    other = fitted(problem, kept(problem, ripple=True), delay, fit.delay)
+    known = intervals.known(problem, other, True, delay is None)
+    return Solved(problem, other, known, True) if known.ripple > RIPPLE else None
+
+
+def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str]) -> Found:
+    fit, slip = solved.fit, solved.problem.slip
+    weight = fit.theta[FREE:]
+    carrying = weight > 1e-6 * weight.sum()
+    values = [*fit.theta[:2], weight.sum(), fit.theta[ONE], fit.delay]
+    deviations = np.sqrt(np.diag(solved.known.covariance))
+    parameters = {
+        name: Parameter(float(value), float(value - SURE * sd), float(value + SURE * sd), unit)
+        for name, value, sd, unit in zip(intervals.NAMES, values, deviations, units(file), strict=True)
+    }
+    changes: dict[str, Any] = {
+        "mechanics.inertia": parameters["inertia"].value,
+        "mechanics.viscous": max(parameters["viscous"].value, 0.0),
+        "friction": {
+            "law": "stop-operators",
+            "weight": weight[carrying].tolist(),
+            "slip": slip[carrying].tolist(),
+        },
+    }
+    details = _details(solved, free_delay)
+    words = notes.written(solved.problem, fit, solved.known, parameters, file, details)
+    return Found(parameters, _table(weight[carrying], slip[carrying]), details, (*left_out, *words), changes)
+
+
+def units(file: StageFile) -> tuple[str, ...]:
+    """SI units of `intervals.NAMES`."""
+    if file.axis.kind == LINEAR:
+        return "kg", "N s/m", "N", "N", "s"
+    return "kg m^2", "N m s/rad", "N m", "N m", "s"
+
+
+def _table(weight: Array, slip: Array) -> Characteristic:
+    """Reversal table to 1.1 times the displacement at which the last element slips."""
+    displacement = np.linspace(0.0, 2.2 * float(slip[-1]), 221)
+    force = np.clip(weight[:, None] * (displacement / slip[:, None] - 1.0), None, weight[:, None]).sum(axis=0)
+    return Characteristic(displacement, np.asarray(force, dtype=np.float64), weight, slip)
+
+
+def _details(solved: Solved, free_delay: bool) -> dict[str, Any]:
+    problem, fit = solved.problem, solved.fit
+    force = fit.residual + problem.columns @ fit.theta
+    deviations = np.sqrt(np.diag(solved.known.covariance))
+    names = intervals.NAMES if free_delay else intervals.NAMES[:-1]
+    size = len(names)
+    correlation = solved.known.covariance[:size, :size] / np.outer(deviations[:size], deviations[:size])
+    return {
+        "force_residual_percent": 100.0 * float(np.linalg.norm(fit.residual) / np.linalg.norm(force)),
+        "rows": len(force),
+        "captures": [one.capture.name for one in problem.parts],
+        "current_column": sorted({one.capture.current_column for one in problem.parts}),
+        "delay_fitted": free_delay,
+        "wald": solved.known.ripple,
+        "ripple": math.hypot(*fit.theta[ONE + 1 : FREE]) if solved.ripple else None,
+        "identifiability": {
+            "names": list(names),
+            "correlation": correlation.tolist(),
+            "per_delay": dict(zip(names, solved.known.per_delay.tolist(), strict=False)),
+        },
+        "curves": _curves(solved, force),
+    }
+
+
+def _curves(solved: Solved, force: Array) -> dict[str, list[float]]:
+    """What the figures draw of the first capture: at most 4000 rows."""
+    problem, fit = solved.problem, solved.fit
+    one = problem.parts[0]
+    rows = slice(0, min(one.count, 4000))
+    index = one.start + one.q * np.arange(one.count)[rows]
+    found = {
+        "time": one.capture.time[index],
+        "position": one.capture.position[index],
+        "force": force[rows],
+        "acceleration": problem.columns[rows, ACCELERATION],
+        "velocity": problem.columns[rows, VELOCITY],
+        "friction": (problem.columns[rows, FREE:] @ fit.theta[FREE:]),
+        "residual": fit.residual[rows],
+    }
+    return {name: np.asarray(values).tolist() for name, values in found.items()}
