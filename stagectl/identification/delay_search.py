@@ -22,6 +22,7 @@ PERIODS, SPARE = 8.0, 1e-3  # delays are searched within 8 sampling times and 1 
 NODES, MANY = 9, 25  # of the interpolation: within a millisecond or two, over the whole range
 GRID = 11
 STEPS = 6  # of the search's centre
+SHARES = (1.0, 0.5, 0.25, 0.1)  # of the noise
 ROUNDS = 4  # until noise and parameters agree
 
 
@@ -123,6 +124,15 @@ def without_noise(part: errors.Equations, noise: float) -> errors.Equations:
             "exceed it: record a larger current or a faster motion"
         )
     return cleared
+
+
+def with_less(part: errors.Equations, noise: float) -> tuple[errors.Equations, float]:
+    """`part` without as much of `noise` as leaves an acceleration at all, and how much that was: for a first look."""
+    for share in SHARES:
+        cleared = errors.cleared(part, share * noise)
+        if cleared is not None:
+            return cleared, share * noise
+    return part, 0.0
 
 
 def _settled(p: Problem, keep: list[int], part: errors.Equations, span: Moments, fit: Fit) -> Fit:

@@ -34,8 +34,8 @@ FINE = 24  # slips of the second one
 END = 0.05  # of the friction that the longest slip may carry; with more, the grid is widened
 WIDENED = 3
 SURE = 1.959964  # standard deviations either way hold 95 %
-RIPPLE = 30.0  # Wald's statistic above which a ripple is believed; by chance once in three million
-RIPPLE_TRAVEL = 1.0  # rad, least travel that tells a ripple from the rest
+RIPPLE = 12.0  # Wald's statistic above which a ripple is believed; by chance once in four hundred
+RIPPLE_TRAVEL = 1.5  # rad, least travel that tells a ripple from the rest
 LEAST_ROWS = 60  # at least two for each unknown
 Progress = Callable[[int, int], None]
 
@@ -61,7 +61,7 @@ def identify(
     tell = progress or (lambda done, total: None)
     used, left_out = conditions.usable(captures)
     tell(1, 5)
-    ends = located(_problem(used, file, grid(used), delay), delay)
+    ends = located(_problem(used, file, grid(used), delay), delay, _may_ripple(used, file))
     conditions.check_settles(used, ends, file)
     tell(2, 5)
     solved = _refined(used, file, ends, delay)
@@ -96,17 +96,21 @@ def _refined(captures: list[Capture], file: StageFile, ends: Range, delay: float
         if weight[-1] <= END * weight.sum():
             break
         high *= RATIO
-    return _with_ripple(problem, fit, file, delay) or Solved(
-        problem, fit, intervals.known(problem, fit, False, delay is None), False
-    )
+    rippled = _with_ripple(problem, fit, delay) if _may_ripple(captures, file) else None
+    return rippled or Solved(problem, fit, intervals.known(problem, fit, False, delay is None), False)
 
 
-def _with_ripple(problem: Problem, fit: Fit, file: StageFile, delay: float | None) -> Solved | None:
-    """The same with a torque ripple once per revolution, where the motion shows one beyond doubt."""
-    travel = max(float(np.ptp(one.capture.position)) for one in problem.parts)
-    if file.axis.kind != ROTARY or travel < RIPPLE_TRAVEL:
+def _may_ripple(captures: list[Capture], file: StageFile) -> bool:
+    """Whether the motion goes far enough round to tell a torque ripple once per revolution."""
+    return file.axis.kind == ROTARY and max(float(np.ptp(one.position)) for one in captures) >= RIPPLE_TRAVEL
+
+
+def _with_ripple(problem: Problem, fit: Fit, delay: float | None) -> Solved | None:
+    """The same with a torque ripple, where the motion shows one beyond doubt."""
+    try:
+        other = fitted(problem, kept(problem, ripple=True), delay, fit.delay)
+    except IdentificationError:  # with two more columns the acceleration cannot be told from its noise
         return None
-    other = fitted(problem, kept(problem, ripple=True), delay, fit.delay)
     known = intervals.known(problem, other, True, delay is None)
     return Solved(problem, other, known, True) if known.ripple > RIPPLE else None
 

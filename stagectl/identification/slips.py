@@ -15,7 +15,7 @@ import numpy as np
 from stagectl.identification import delay_search as search
 from stagectl.identification import errors_in_columns as errors
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.regressors import FREE, ONE, acceleration, knots
+from stagectl.identification.regressors import acceleration, knots
 
 COUNTS = 8.0  # encoder steps below which no slip is looked for
 STROKE = 0.25  # of a motion: the longest slip that is looked for
@@ -46,38 +46,25 @@ def grid(captures: list[Capture]) -> Array:
     return np.geomspace(low, longest, max(4, math.ceil(math.log(longest / low) / math.log(RATIO)) + 1))
 
 
-def located(p: search.Problem, delay: float | None) -> Range:
+def located(p: search.Problem, delay: float | None, ripple: bool) -> Range:
     """Range of slips on the coarse grid of `p`: the fewest elements that do as well as all at the same delay."""
     limit = search.widest(p.parts)
     span = search.moments(p, 0.0, limit, search.MANY) if delay is None else search.moments(p, delay)
     every = len(p.slip)
-    noise = search.acceleration_noise(p, search.at_delay(p, _columns(every), span.middle))
-    enough = 1.0 + WORSE + CHANCE / len(p.columns)
+    keep = search.kept(p, ripple)
+    noise = search.acceleration_noise(p, search.at_delay(p, keep, span.middle))
+    whole, noise = search.with_less(search.selected(p, keep), noise)
     for count in range(LEAST, every + 1):
-        cost, place, weight = _tried(p, span, count, noise)
-        if cost <= enough * _cost(p, span, place, noise):
+        some = search.kept(p, ripple, slice(count))
+        part = search.without_noise(search.selected(p, some), noise)
+        place = search.best(part, some, span)
+        solution = errors.solved(part, *span.at(place, some))
+        full = errors.solved(whole, *span.at(place, keep))
+        # The cost is what is left above the noise: it may be about zero, so the noise is put back for comparison.
+        square = full.cost + len(p.columns) * noise * float(full.theta[0]) ** 2
+        if solution.cost - full.cost <= (WORSE + CHANCE / len(p.columns)) * square:
             break
+    weight = solution.theta[len(some) - count :]
     below = np.cumsum(weight) / max(float(weight.sum()), 1e-300)
-    first = int(np.argmax(below > HEAD))
-    low = max(float(p.slip[first]) / RATIO, float(p.slip[0]))
+    low = max(float(p.slip[int(np.argmax(below > HEAD))]) / RATIO, float(p.slip[0]))
     return Range(low, float(p.slip[count - 1]) * RATIO, place, count < every - 1)
-
-
-def _columns(count: int) -> list[int]:
-    return [*range(ONE + 1), *range(FREE, FREE + count)]
-
-
-def _tried(p: search.Problem, span: search.Moments, count: int, noise: float) -> tuple[float, float, Array]:
-    """Cost, delay and weights with the `count` shortest elements."""
-    keep = _columns(count)
-    part = search.without_noise(search.selected(p, keep), noise)
-    place = search.best(part, keep, span)
-    solution = errors.solved(part, *span.at(place, keep))
-    return solution.cost, place, solution.theta[ONE + 1 :]
-
-
-def _cost(p: search.Problem, span: search.Moments, place: float, noise: float) -> float:
-    """Cost with all elements at the delay `place`."""
-    keep = _columns(len(p.slip))
-    part = search.without_noise(search.selected(p, keep), noise)
-    return errors.solved(part, *span.at(place, keep)).cost
