@@ -5,7 +5,7 @@
     command --> drive -------> motor ------> mechanics <------ friction        encoder --> measured
                 quantise       i -> effort   v, x: inertia     stop operators  delay nm Ts
                 delay nd Ts                  viscous, bias     Stribeck        noise
-                limit                                                          steps
+                limit                                          bristle         steps
                 current loop
 
 Every effect has its place in one of these five blocks, is always there, and vanishes bit for bit at its
@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
-from stagectl.kernels import friction
+from stagectl.kernels import friction, friction_bristle
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
@@ -52,10 +52,11 @@ class Mechanics(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """What depends on displacement and on the sign of the motion."""
+    """What depends on displacement and on the sign of the motion: a bundle of stop operators, a bristle, or both."""
 
     operators: friction.StopOperators
-    stribeck: friction.Stribeck
+    stribeck: friction.Stribeck  # of the operators
+    bristle: friction_bristle.Bristle = friction_bristle.NEUTRAL
 
 
 class Encoder(NamedTuple):
@@ -85,6 +86,7 @@ class State(NamedTuple):
     velocity: float  # rad/s | m/s
     force: float  # N m | N, friction at this position and velocity
     stops: Any  # (n,) operators of the rolling friction, changed in place
+    bristle: float  # rad | m, deflection of the bristle
 
 
 class Noise(NamedTuple):
@@ -114,8 +116,11 @@ def at_rest(p: Stage, position: float = 0.0) -> State:
     here: Line = (place, place, place, place, place, place, place, place)
     stops = friction.relaxed(p.friction.operators)
     factor = friction.stribeck(p.friction.stribeck, 0.0)
-    force = factor * friction.settled(p.friction.operators, stops, p.mechanics.bias / factor)
-    return State(NO_COMMANDS, here, 0.0, place, 0.0, force, stops)
+    held = friction_bristle.settled(p.friction.bristle, p.mechanics.bias)
+    load = p.mechanics.bias - p.friction.bristle.stiffness * held
+    force = factor * friction.settled(p.friction.operators, stops, load / factor)
+    force += p.friction.bristle.stiffness * held
+    return State(NO_COMMANDS, here, 0.0, place, 0.0, force, stops, held)
 
 
 @kernel
@@ -155,7 +160,7 @@ def _coefficients(p: Stage, h: float) -> _Coefficients:
 
 
 @kernel
-def _substep(p: Stage, c: _Coefficients, x: State, target: float, extra: float) -> State:
+def _substep(p: Stage, c: _Coefficients, x: State, target: float, extra: float, bristled: bool) -> State:
     """Kick, drift, kick (velocity Verlet), exact in current loop and viscous part.
 
     Second order while Stribeck is neutral; with it first, as its factor takes the velocity of half a step before.
@@ -165,18 +170,22 @@ def _substep(p: Stage, c: _Coefficients, x: State, target: float, extra: float) 
     half_way = c.damping * x.velocity + c.gain * (effort - x.force)
     dx = c.h * half_way
     force = friction.stops(p.friction.operators, x.stops, dx) * friction.stribeck(p.friction.stribeck, half_way)
+    bristle = x.bristle
+    if bristled:
+        carried, bristle = friction_bristle.bent(p.friction.bristle, bristle, half_way, dx, c.h)
+        force += carried
     error *= c.lag
     effort = p.motor.force_constant * (target + error * c.lag_mean + extra) + p.mechanics.bias
     velocity = c.damping * half_way + c.gain * (effort - force)
     current = target + error * c.lag
-    return State(x.commands, x.latched, current, x.position + dx, velocity, force, x.stops)
+    return State(x.commands, x.latched, current, x.position + dx, velocity, force, x.stops, bristle)
 
 
 @kernel
 def commanded(p: Drive, x: State, command: float) -> State:
     """Drive, once a period: `command` (A) enters the delay line; the one that leaves it acts from now on."""
     commands = pushed(x.commands, rounded(p, command))
-    return State(commands, x.latched, x.current, x.position, x.velocity, x.force, x.stops)
+    return State(commands, x.latched, x.current, x.position, x.velocity, x.force, x.stops, x.bristle)
 
 
 @kernel
@@ -184,8 +193,12 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
     """The plant `dt` (s) later, under the command that acts."""
     target = delivered(p.drive, x.commands)
     c = _coefficients(p, dt / substeps)
-    for _ in range(substeps):
-        x = _substep(p, c, x, target, noise.current)
+    if p.friction.bristle.coulomb == 0.0:  # asked once a period, not at every step: neutral costs nothing
+        for _ in range(substeps):
+            x = _substep(p, c, x, target, noise.current, False)
+    else:
+        for _ in range(substeps):
+            x = _substep(p, c, x, target, noise.current, True)
     return x
 
 
@@ -193,7 +206,7 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
 def latched(x: State) -> State:
     """Encoder, once a period: the position now enters the measurement's delay line."""
     line = pushed(x.latched, x.position)
-    return State(x.commands, line, x.current, x.position, x.velocity, x.force, x.stops)
+    return State(x.commands, line, x.current, x.position, x.velocity, x.force, x.stops, x.bristle)
 
 
 @kernel

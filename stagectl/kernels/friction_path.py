@@ -1,0 +1,82 @@
+"""Friction laws along a whole path: the loops that fits and compensation run, one a law.
+
+Each fills ``out`` in place from positions (n,) that are `dt` (s) apart; the velocity of a step is its mean, dx / dt.
+Row 0 is the state the law begins with.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from stagectl.kernels import friction, friction_bristle, friction_memory, friction_static
+from stagectl.kernels.jit import kernel
+
+
+@kernel
+def static(p: friction_static.Static, position: Any, dt: float, out: Any) -> None:
+    """Forces (n,) of Coulomb, Stribeck and viscous friction."""
+    x = friction_static.State(0.0)
+    out[0] = 0.0
+    for k in range(1, len(position)):
+        dx = position[k] - position[k - 1]
+        out[k], x = friction_static.step(p, x, dx / dt, dx, dt)
+
+
+@kernel
+def bristle(p: friction_bristle.Bristle, position: Any, dt: float, out: Any) -> None:
+    """Columns (n, 2) of Dahl or LuGre: the force without `damping`, and the rate of the deflection (rad/s | m/s)."""
+    x = friction_bristle.State(0.0)
+    out[0, 0], out[0, 1] = 0.0, 0.0
+    for k in range(1, len(position)):
+        dx = position[k] - position[k - 1]
+        before = x.deflection
+        _, x = friction_bristle.step(p, x, dx / dt, dx, dt)
+        out[k, 0] = p.stiffness * x.deflection
+        out[k, 1] = (x.deflection - before) / dt
+
+
+@kernel
+def operators(p: friction.Gms, position: Any, dt: float, out: Any) -> None:
+    """Columns (n, j) of a bundle: each element between -1 and 1, times the Stribeck factor; the weights stay out."""
+    count = len(p.operators.rate)
+    for j in range(count):
+        s = 0.0
+        out[0, j] = 0.0
+        for k in range(1, len(position)):
+            s = min(max(s + (position[k] - position[k - 1]) * p.operators.rate[j], -1.0), 1.0)
+            out[k, j] = s
+    for k in range(1, len(position)):
+        factor = friction.stribeck(p.stribeck, (position[k] - position[k - 1]) / dt)
+        for j in range(count):
+            out[k, j] *= factor
+
+
+@kernel
+def branches(position: Any, out: Any) -> None:
+    """Columns (n, 3) of the laws of displacement since reversal: what is travelled, direction, 1 while virgin."""
+    x = friction_memory.Branch(0.0, 0.0, 1.0, 0.0, 0.0)
+    for k in range(len(position)):
+        dx = position[k] - position[max(k - 1, 0)]
+        x = friction_memory.moved(x, dx)
+        out[k, 0], out[k, 1], out[k, 2] = x.travelled, x.direction, x.virgin
+
+
+@kernel
+def table(p: friction_memory.Table, position: Any, dt: float, out: Any) -> None:
+    """Forces (n,) of the data-based table."""
+    x = friction_memory.Branch(0.0, 0.0, 1.0, 0.0, 0.0)
+    out[0] = 0.0
+    for k in range(1, len(position)):
+        dx = position[k] - position[k - 1]
+        out[k], x = friction_memory.table(p, x, dx / dt, dx, dt)
+
+
+@kernel
+def rheology(p: friction_memory.Rheology, position: Any, dt: float, out: Any) -> None:
+    """Columns (n, 2) of the rheology model: the spring's force, and the creeping one's."""
+    x = friction_memory.Creep(friction_memory.Branch(0.0, 0.0, 1.0, 0.0, 0.0), 0.0)
+    out[0, 0], out[0, 1] = 0.0, 0.0
+    for k in range(1, len(position)):
+        dx = position[k] - position[k - 1]
+        _, x = friction_memory.rheology(p, x, dx / dt, dx, dt)
+        out[k, 0], out[k, 1] = x.branch.force, x.relaxing
