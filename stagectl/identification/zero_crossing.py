@@ -98,7 +98,7 @@ def _usable(captures: list[Capture], file: StageFile) -> tuple[list[Reversals], 
 
 def _found(fits: _Fits, notes: tuple[str, ...], file: StageFile) -> Found:
     best = fits.forms[fits.chosen]
-    block = {"law": fits.chosen, **best.form._asdict()}
+    block = {"form": fits.chosen, **best.form._asdict()}
     forms = {name: _described(fit, fits.data, file) for name, fit in fits.forms.items()}
     for name, free in fits.free.items():
         forms[name]["unbounded"] = _described(free, fits.data, file)
@@ -178,7 +178,7 @@ def _remarks(fits: _Fits, file: StageFile) -> tuple[str, ...]:
         if fits.forms[name].at_bound:
             notes.append(
                 f"{name}: without bounds the fit would take static = {free.form.static:.3g} {force}; the largest force "
-                f"seen is {largest:.3g} {force}, the constant one {fits.data.constant.positive:.3g} {force}: it is kept "
+                f"seen is {largest:.3g} {force}, the constant one {fits.data.constant.positive:.3g} {force}: it stays "
                 f"in between (residual {_rms(fits.forms[name].residual):.3g}, not {_rms(free.residual):.3g} {force})"
             )
     notes.extend(

@@ -134,9 +134,9 @@ def fitted(name: str, data: Data, seed: int, generation: Callable[..., None], ph
     )
     x = np.exp(np.asarray(found.x, dtype=np.float64))
     at_bound = not low[-1] * (1.0 + AT_BOUND) < x[-1] < high[-1] * (1.0 - AT_BOUND)
-    return Fit(
-        _form(name, x, data.constant), _residual(name, x, data), _spread(name, x, data), at_bound, int(found.nfev)
-    )
+    spread = _spread(name, x, data)
+    interval = np.clip(x - spread, low, x), np.clip(x + spread, x, np.maximum(x, high))
+    return Fit(_form(name, x, data.constant), _residual(name, x, data), interval, at_bound, int(found.nfev))
 
 
 def _form(name: str, x: Array, constant: Constant) -> Form:
