@@ -111,14 +111,14 @@ def _found(fits: _Fits, notes: tuple[str, ...], file: StageFile) -> Found:
         "curves": curves(fits.data, {name: fit.form for name, fit in fits.forms.items()}),
     }
     parameters = _parameters(best, fits.data, file)
-    return Found(parameters, None, details, (*notes, *_remarks(fits, file)), {"control.compensation": block})
+    return Found(parameters, None, details, (*notes, *_remarks(fits, file)), {"compensation": block})
 
 
 def _parameters(fit: Fit, data: Data, file: StageFile) -> dict[str, Parameter]:
     """Each value with its interval."""
     hints, constant = get_type_hints(type(fit.form), include_extras=True), data.constant
     ends = list(zip(*fit.interval, strict=True))
-    for value, half in zip(constant[:2], constant.spread, strict=True):
+    for value, half in zip(fit.form[-2:], constant.spread, strict=True):
         ends.append((value - half, value + half))
     found = {}
     for (name, value), (low, high) in zip(fit.form._asdict().items(), ends, strict=True):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.compensation.reversal_error import ReversalError, reversal_errors
@@ -13,13 +12,12 @@ from stagectl.compensation.zero_crossing import Form
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.design import design
 from stagectl.identification.capture import Capture
-from stagectl.plan import command_delay, plan
+from stagectl.plan import plan
 from stagectl.simulation import simulate
 from stagectl.trajectories import Experiment
 from stagectl.trajectories.profiles import Trapezoid
 
 SLIDER = Path(__file__).parents[2] / "config" / "linear-slider.yaml"
-FRICTION = 3  # column of the setpoints
 
 
 def slider(**control: Any) -> Setup:
@@ -33,16 +31,14 @@ def trapezoid(speed: float = 10e-3, acceleration: float = 0.1, dwell: float = 0.
     return Trapezoid(5e-3, speed, acceleration, dwell, 2)
 
 
-def recorded(setup: Setup, experiment: Experiment, form: Form | None = None, plant: Setup | None = None) -> NDArray[Any]:
+def recorded(
+    setup: Setup, experiment: Experiment, form: Form | None = None, plant: Setup | None = None
+) -> NDArray[Any]:
     """Rows (n,) of a run without compensation, or with that of `form`; `plant` is the machine if not the model."""
-    controller = design(setup.stage, setup.file.control, frozenset({"friction"}))
-    laid = plan(setup, experiment, controller.feedforward)
-    if form is not None and isinstance(experiment, Trapezoid):
-        t = setup.dt * np.arange(len(laid.setpoints)) + command_delay(setup) + 0.5 * setup.dt
-        motion = experiment.at(t)
-        current = form.force(motion.position, motion.velocity, setup.dt) / setup.file.motor.force_constant
-        laid.setpoints[:, FRICTION] = current
-    return simulate(setup, laid, controller.law, plant)
+    if form is not None:
+        setup = setup._replace(file=setup.file._replace(compensation=form))
+    controller = design(setup.stage, setup.file.control, frozenset() if form else frozenset({"friction"}))
+    return simulate(setup, plan(setup, experiment, controller.feedforward), controller.law, plant)
 
 
 def capture(rows: NDArray[Any], column: str = "measured_current", name: str = "slider") -> Capture:
