@@ -11,16 +11,17 @@ goes on from ``Cs``, which now assists the motion, to the constant value of the 
 
     exponential   rise exp(-(tz - t) / t1)   decay exp(-(t - tz) / t2)            the paper's
     gaussian      the same                   decay exp(-((t - tz) / t2)^2)
-    displacement  rise exp(-|v| / vs)        decay exp(-|x - xz| / delta)         constant part C + (Cs - C) rise
+    displacement  F = way [C + (Cs - C) exp(-|v| / vs)] [1 - 2 exp(-|x - xz| / delta)]
     symmetric     +-[C + (Cs - C) exp(-|t - tz| / t1)]   jumps at tz              Tustin, Stribeck: the baseline
 
 At constant acceleration ``|x - xz|`` is quadratic in time and ``|v|`` linear, so there the displacement form and the
 gaussian one look alike; with another acceleration only the displacement form still holds.  The viscous part is
 *not* inside: it belongs to the plant, as ``M a`` does.
 
-One recursion serves all continuous forms.  A leg begins with the force ``F0`` at which the last one ended::
+A leg begins with the force ``F0`` at which the last one ended.  In time, and over the displacement::
 
     F = way [C + (Cs - C) rise] + (F0 - way [C + (Cs - C) rise at its beginning]) decay
+    F = way [C + (Cs - C) exp(-|v| / vs)] s,   s = way + (s0 - way) exp(-|x - xz| / (delta |s0 - way| / 2))
 
 so a standstill holds the force, going on in the same direction does not start anew, a tail that meets the next
 crossing stays continuous, and a start from rest begins at zero.
@@ -45,9 +46,7 @@ _POSITIVE = Quantity("N m | N", _FORCE, "constant friction at positive velocity,
 _NEGATIVE = Quantity("N m | N", _FORCE, "constant friction at negative velocity, C2; a positive number")
 _BEFORE = Quantity("s", _TIME, "time constant of the rise towards the crossing, t1")
 _AFTER = Quantity("s", _TIME, "time constant of the decay behind the crossing, t2")
-_SMALLEST = 1e-3  # share of a full reversal: below, the slip would shrink to nothing
-
-Decay = Callable[[Array, Array, Array], Array]  # of times, distances and shares of a full reversal
+_SMALLEST = 1e-6  # what is divided by
 
 
 class Level(NamedTuple):
@@ -77,8 +76,7 @@ class Exponential(NamedTuple):
 
     def along(self, cut: Legs) -> Array:
         """Friction (n,) N m | N along legs that are known."""
-        rise, first = np.exp(-cut.until / self.before), np.exp(-cut.duration / self.before)
-        return _continuous(cut, Level(*self[2:]), rise, first, lambda t, s, share: np.exp(-t / self.after))
+        return _in_time(cut, Level(*self[2:]), self.before, lambda t: np.exp(-t / self.after))
 
 
 class Gaussian(NamedTuple):
@@ -96,15 +94,14 @@ class Gaussian(NamedTuple):
 
     def along(self, cut: Legs) -> Array:
         """Friction (n,) N m | N along legs that are known."""
-        rise, first = np.exp(-cut.until / self.before), np.exp(-cut.duration / self.before)
-        return _continuous(cut, Level(*self[2:]), rise, first, lambda t, s, share: np.exp(-((t / self.after) ** 2)))
+        return _in_time(cut, Level(*self[2:]), self.before, lambda t: np.exp(-((t / self.after) ** 2)))
 
 
 class Displacement(NamedTuple):
     """Stribeck's rise over the speed and a decay over the displacement: no time inside, so any acceleration.
 
-    A leg that has less than a full reversal ``2 Cs`` to make up for, as from rest, does so over proportionally less
-    displacement (Masing's rule).
+    A leg that has less than a full reversal to make up for, as from rest, does so over proportionally less
+    displacement (Masing's rule: the stiffness after a turn is always the same).
     """
 
     velocity: Annotated[float, Quantity("rad/s | m/s", "(0, 1e4]", "speed over which the rise decays, vs")]
@@ -119,9 +116,9 @@ class Displacement(NamedTuple):
 
     def along(self, cut: Legs) -> Array:
         """Friction (n,) N m | N along legs that are known."""
-        rise = np.exp(-cut.speed / self.velocity)
-        first = np.where(np.isinf(cut.start), 0.0, 1.0)  # a leg begins at zero speed, unless in motion
-        return _continuous(cut, Level(*self[2:]), rise, first, lambda t, s, share: np.exp(-s / (self.slip * share)))
+        constant = Level(*self[2:]).constant(cut.way)[cut.leg]
+        size = constant + (self.static - constant) * np.exp(-cut.speed / self.velocity)
+        return np.asarray(size * _stretch(cut, self.slip), dtype=np.float64)
 
 
 class Symmetric(NamedTuple):
@@ -153,24 +150,38 @@ FORMS: dict[str, type[Form]] = {
 }
 
 
-def _continuous(cut: Legs, p: Level, rise: Array, first: Array, decay: Decay) -> Array:
-    """Friction along all legs; `rise` (n,) at each row and `first` (m,) at each leg's beginning."""
+def _in_time(cut: Legs, p: Level, before: float, decay: Callable[[Array], Array]) -> Array:
+    """Friction along all legs: the rise over `before` (s) to the next crossing, `decay` of the time since the last."""
+    rise, first = np.exp(-cut.until / before), np.exp(-cut.duration / before)
     constant = p.constant(cut.way)
     top = cut.way * (constant + (p.static - constant) * first)
-    jump, share = _jumps(cut, p, top, decay)
-    way, level = cut.way[cut.leg], constant[cut.leg]
-    tail = jump[cut.leg] * decay(cut.since, cut.covered, share[cut.leg])
+    jump = _jumps(cut, p, top, decay(cut.duration))
+    way, level, left = cut.way[cut.leg], constant[cut.leg], jump[cut.leg]
+    tail = left * decay(cut.since)
+    # Going on in the same direction the tail lies on top of the rise: both together end at Cs, not beyond.
+    tail *= np.where(left * way > 0.0, (1.0 - rise) / np.maximum(1.0 - first[cut.leg], _SMALLEST), 1.0)
     steady = level + np.where(way == 0.0, 0.0, p.static - level) * rise
     return np.asarray(way * steady + tail, dtype=np.float64)
 
 
-def _jumps(cut: Legs, p: Level, top: Array, decay: Decay) -> tuple[Array, Array]:
-    """What each leg (m,) has to make up for at its beginning (N m | N), and its share of a full reversal."""
-    jump, share = np.zeros(len(top)), np.ones(len(top))
+def _jumps(cut: Legs, p: Level, top: Array, left: Array) -> Array:
+    """What each leg (m,) has to make up for at its beginning (N m | N); `left` of it is there at its end."""
+    jump = np.zeros(len(top))
     held = 0.0  # after assembly, and at the start of every reference
     for j in range(1, len(top)):
         jump[j] = 0.0 if np.isinf(cut.start[j]) else held - top[j]
-        share[j] = max(abs(jump[j]) / (2.0 * p.static), _SMALLEST) if p.static > 0.0 else 1.0
-        left = decay(cut.duration[j : j + 1], cut.length[j : j + 1], share[j : j + 1])
-        held = float(cut.way[j] * p.static + jump[j] * left[0])
-    return jump, share
+        against = jump[j] * cut.way[j] < 0.0
+        held = float(cut.way[j] * p.static + (jump[j] * left[j] if against else 0.0))
+    return jump
+
+
+def _stretch(cut: Legs, slip: float) -> Array:
+    """State (n,) in [-1, 1] of a spring that gives way exponentially over `slip` (rad | m): -way, then +way."""
+    jump, share = np.zeros(len(cut.way)), np.ones(len(cut.way))
+    held = 0.0
+    for j in range(1, len(cut.way)):
+        jump[j] = 0.0 if np.isinf(cut.start[j]) else held - cut.way[j]
+        share[j] = max(0.5 * abs(jump[j]), _SMALLEST)
+        held = float(cut.way[j] + jump[j] * np.exp(-cut.length[j] / (slip * share[j])))
+    decay = np.exp(-cut.covered / (slip * share[cut.leg]))
+    return np.asarray(cut.way[cut.leg] + jump[cut.leg] * decay, dtype=np.float64)

@@ -136,11 +136,11 @@ def _acting(capture: Capture, file: StageFile) -> tuple[Array, tuple[str, ...]]:
     """The motor's current (n,) A; a command acts later, by the stage file's delay."""
     if capture.current_column not in COMMANDED:
         return capture.current, ()
-    late = file.drive.current_lag + file.drive.delay_samples * capture.dt
+    late = file.drive.current_lag + (file.drive.delay_samples + 0.5) * capture.dt  # the middle of the period it acts in
     t = capture.dt * np.arange(len(capture.current))
     note = (
         f"{capture.name}: no measured current; the {capture.current_column} column, taken to act {late * 1e3:.3g} ms "
-        "later (drive.current_lag and delay_samples of the stage file)"
+        "later (drive.current_lag and delay_samples of the stage file, and half a period)"
     )
     return np.interp(t - late, t, capture.current), (note,)
 

@@ -98,7 +98,7 @@ def _usable(captures: list[Capture], file: StageFile) -> tuple[list[Reversals], 
 
 def _found(fits: _Fits, notes: tuple[str, ...], file: StageFile) -> Found:
     best = fits.forms[fits.chosen]
-    block = {"law": fits.chosen, **best.form._asdict()}
+    block = {"form": fits.chosen, **best.form._asdict()}
     forms = {name: _described(fit, fits.data, file) for name, fit in fits.forms.items()}
     for name, free in fits.free.items():
         forms[name]["unbounded"] = _described(free, fits.data, file)
@@ -111,14 +111,14 @@ def _found(fits: _Fits, notes: tuple[str, ...], file: StageFile) -> Found:
         "curves": curves(fits.data, {name: fit.form for name, fit in fits.forms.items()}),
     }
     parameters = _parameters(best, fits.data, file)
-    return Found(parameters, None, details, (*notes, *_remarks(fits, file)), {"control.compensation": block})
+    return Found(parameters, None, details, (*notes, *_remarks(fits, file)), {"compensation": block})
 
 
 def _parameters(fit: Fit, data: Data, file: StageFile) -> dict[str, Parameter]:
     """Each value with its interval."""
     hints, constant = get_type_hints(type(fit.form), include_extras=True), data.constant
     ends = list(zip(*fit.interval, strict=True))
-    for value, half in zip(constant[:2], constant.spread, strict=True):
+    for value, half in zip(fit.form[-2:], constant.spread, strict=True):
         ends.append((value - half, value + half))
     found = {}
     for (name, value), (low, high) in zip(fit.form._asdict().items(), ends, strict=True):
@@ -178,7 +178,7 @@ def _remarks(fits: _Fits, file: StageFile) -> tuple[str, ...]:
         if fits.forms[name].at_bound:
             notes.append(
                 f"{name}: without bounds the fit would take static = {free.form.static:.3g} {force}; the largest force "
-                f"seen is {largest:.3g} {force}, the constant one {fits.data.constant.positive:.3g} {force}: it is kept "
+                f"seen is {largest:.3g} {force}, the constant one {fits.data.constant.positive:.3g} {force}: it stays "
                 f"in between (residual {_rms(fits.forms[name].residual):.3g}, not {_rms(free.residual):.3g} {force})"
             )
     notes.extend(

@@ -12,6 +12,7 @@ Source: the friction paper of the linear slider, section 3 (there: a genetic alg
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from stagectl.compensation.legs import Array, Legs
-from stagectl.compensation.zero_crossing import FORMS, Form
+from stagectl.compensation.zero_crossing import FORMS, Displacement, Form
 from stagectl.identification.capture import IdentificationError
 from stagectl.identification.reversals import Reversals
 
@@ -134,14 +135,18 @@ def fitted(name: str, data: Data, seed: int, generation: Callable[..., None], ph
     )
     x = np.exp(np.asarray(found.x, dtype=np.float64))
     at_bound = not low[-1] * (1.0 + AT_BOUND) < x[-1] < high[-1] * (1.0 - AT_BOUND)
-    return Fit(
-        _form(name, x, data.constant), _residual(name, x, data), _spread(name, x, data), at_bound, int(found.nfev)
-    )
+    spread = _spread(name, x, data)
+    interval = np.clip(x - spread, low, x), np.clip(x + spread, x, np.maximum(x, high))
+    return Fit(_form(name, x, data.constant), _residual(name, x, data), interval, at_bound, int(found.nfev))
 
 
 def _form(name: str, x: Array, constant: Constant) -> Form:
-    values = (*(float(value) for value in x), constant.positive, constant.negative)
-    return FORMS[name]._make(values)
+    values = tuple(float(value) for value in x)
+    if name == "displacement":  # the spans lie on its curve, a little above its constant part
+        rest = math.exp(-constant.speed / values[0])
+        up, down = (max((force - values[-1] * rest) / (1.0 - rest), 0.0) for force in constant[:2])
+        return Displacement._make((*values, up, down))
+    return FORMS[name]._make((*values, constant.positive, constant.negative))
 
 
 def _residual(name: str, x: Array, data: Data) -> Array:
@@ -153,7 +158,7 @@ def _bounds(name: str, data: Data, physical: bool) -> tuple[Array, Array]:
     longest = float(np.max(np.where(np.isfinite(data.cut.until), data.cut.until, 0.0)))
     time = (data.resolution, max(longest, 10.0 * data.resolution))
     shapes = {
-        "displacement": [(1e-3 * data.constant.speed, 2.0 * data.constant.speed), (1e-6 * data.length, data.length)],
+        "displacement": [(1e-3 * data.constant.speed, data.constant.speed), (1e-6 * data.length, data.length)],
         "symmetric": [time],
     }.get(name, [time, time])
     least = min(data.constant.positive, data.constant.negative)
