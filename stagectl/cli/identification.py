@@ -6,6 +6,7 @@ import itertools
 import shlex
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -133,7 +134,7 @@ def _fresh(method: str) -> Path:
     return next(path for name in names if not (path := stem.with_name(f"{name}.html")).exists())
 
 
-def _write(stage: Path, target: Path, changes: dict[str, Any], strange: list[str]) -> None:
+def _write(stage: Path, target: Path, changes: Mapping[str, Any], strange: list[str]) -> None:
     """Patch `target` and say what has changed."""
     from stagectl.config.patch import write
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture, IdentificationError
@@ -17,24 +16,14 @@ from stagectl.identification.captures import CURRENTS, load, prepared
 from stagectl.identification.methods import identify
 from stagectl.identification.suspicion import clipped, implausible
 from stagectl.recording.hdf5 import Recording
-from stagectl.trajectories import Multisine
+from tests.identification.synthetic import DT, ROWS, TC, Array, D, J, motion
 
-Array = NDArray[np.float64]
 Spoil = Callable[[dict[str, Array]], object]
-DT, ROWS = 0.5e-3, 20000
-J, D, TC, KT = 0.011, 0.13, 0.9, 0.72  # near the stage file's, not its own
 
 
 @pytest.fixture(scope="module")
 def columns() -> dict[str, Array]:
-    """A motion of 20 mm of an axis with plain Coulomb friction, 0.045 A of noise on its current."""
-    time = np.arange(ROWS) * DT
-    x, v, a = Multisine(10.0, 0.2, 2.0, base=5.0, periods=2.0).at(time)
-    noise = np.random.default_rng(3).normal(0.0, 0.045, ROWS)
-    current = (J * a + D * v + TC * np.tanh(v / 0.05)) / KT + noise
-    step = 2.0 * math.pi / 2**20
-    columns = {"time": time, "reference": x, "measured": step * np.round(x / step), "measured_current": current}
-    return {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
+    return motion()
 
 
 def recording(columns: dict[str, Array], **meta: Any) -> Recording:

@@ -220,15 +220,15 @@ def test_columns_by_name_and_number(tmp_path: Path) -> None:
     setup = load_stage(CONFIG / "ball-screw.yaml")
     (tmp_path / "named.csv").write_text("t,q,i\n0,0,1\n0.5,12,2\n")
     (tmp_path / "bare.csv").write_text("7,0,0,1000\n8,500,12,2000\n")
-    for name, words in (
-        ("named.csv", {"time": "t", "position": "q:mm", "current": "i"}),
-        ("named.csv", {"time": "1:s", "position": "2:mm", "command": "3"}),
-        ("bare.csv", {"time": "2:ms", "position": "3:mm", "current": "4:mA"}),
+    for name, words, current in (
+        ("named.csv", {"time": "t", "position": "q:mm", "current": "i"}, "measured_current"),
+        ("named.csv", {"time": "1:s", "position": "2:mm", "command": "3"}, "command"),
+        ("bare.csv", {"time": "2:ms", "position": "3:mm", "current": "4:mA"}, "measured_current"),
     ):
         (found,) = read(tmp_path / name, setup, words)
         np.testing.assert_allclose(found.column("time"), [0.0, 0.5])
         np.testing.assert_allclose(found.column("measured"), [0.0, 2.0 * math.pi])
-        np.testing.assert_allclose(found.column(found.samples.dtype.names[-1 if "current" in words else 1]), [1.0, 2.0])
+        np.testing.assert_allclose(found.column(current), [1.0, 2.0])
 
 
 def test_variables_of_a_mat_file(tmp_path: Path) -> None:
