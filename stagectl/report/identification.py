@@ -43,6 +43,7 @@ def answer(result: dict[str, Any]) -> str:
     words = [
         f"{name.replace('_', ' ')} {one['value']:.4g} {one['unit']}".strip()
         for name, one in result["parameters"].items()
+        if one["value"] is not None
     ]
     return f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
 
@@ -50,24 +51,29 @@ def answer(result: dict[str, Any]) -> str:
 def parameters(result: dict[str, Any]) -> Table:
     """Values with their intervals."""
     rows = [
-        [name.replace("_", " "), f"{one['value']:.6g}", _interval(one), one["unit"]]
+        [f"{name.replace('_', ' ')} [{one['unit']}]".replace(" []", ""), _number(one["value"]), _interval(one)]
         for name, one in result["parameters"].items()
     ]
-    return Table("Parameters", ["parameter", "value", "95 % interval", "unit"], rows)
+    return Table("Parameters", ["parameter", "value", "95 % interval"], rows)
+
+
+def _number(value: float | None) -> str:
+    return "not known" if value is None else f"{value:.6g}"
 
 
 def _interval(one: dict[str, Any]) -> str:
     if one["low"] is None or one["high"] is None:
         return "not known"
-    return f"{one['low']:.6g} to {one['high']:.6g}"
+    return f"{one['low']:.5g} to {one['high']:.5g}"
 
 
 def _correlations(result: dict[str, Any]) -> list[Table]:
-    matrix, names = result.get("correlation"), list(result["parameters"])
-    if not matrix or len(matrix) > len(names):
+    told = result.get("identifiability") or {}
+    if not {"names", "correlation"} <= set(told):
         return []
-    rows = [[names[j], *(f"{value:+.2f}" for value in row)] for j, row in enumerate(matrix)]
-    return [Table("Correlations: what lies near 1 cannot be separated", ["", *names[: len(matrix)]], rows)]
+    names, matrix = told["names"], told["correlation"]
+    rows = [[name, *("" if x is None else f"{x:+.3f}" for x in row)] for name, row in zip(names, matrix, strict=True)]
+    return [Table("Correlations: what lies near +1 or -1 moves together", ["", *names], rows)]
 
 
 def _captures(captures: Sequence[Capture]) -> Table:
