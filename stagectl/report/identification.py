@@ -41,11 +41,15 @@ def page(result: dict[str, Any], what: tuple[Found, Sequence[Capture], Setup], c
 def answer(result: dict[str, Any]) -> str:
     """The parameters in a sentence."""
     words = [
-        f"{name.replace('_', ' ')} {one['value']:.4g} {one['unit']}".strip()
+        f"{name.replace('_', ' ')} {_worded(one)}"
         for name, one in result["parameters"].items()
         if one["value"] is not None
     ]
     return f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
+
+
+def _worded(one: dict[str, Any]) -> str:
+    return duration(one["value"]) if one["unit"] == "s" else f"{one['value']:.4g} {one['unit']}".strip()
 
 
 def parameters(result: dict[str, Any]) -> Table:
@@ -129,7 +133,7 @@ def characteristic(table: Characteristic, setup: Setup) -> Figure:
     scale, unit = (1e6 * axis.travel_per_unit, "µm") if axis.travel_unit == "m" else (1e3, "mrad")
     force = "N" if axis.kind == "linear" else "N m"
     with rc_context(STYLE):
-        figure, (curve, bars) = plt.subplots(1, 2, figsize=(7.2, 3.2), width_ratios=(3, 2))
+        figure, (curve, bars) = plt.subplots(1, 2, figsize=(5.6, 4.0), width_ratios=(4, 3))
         curve.plot(scale * table.displacement, table.force, color=WITH, linewidth=1.4)
         curve.set_xlabel(f"displacement since the reversal [{unit}]")
         curve.set_ylabel(f"friction [{force}]")

@@ -14,7 +14,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.recording.columns import split
 from stagectl.recording.exports import export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording
-from stagectl.recording.imports import captures, read, store
+from stagectl.recording.imports import read, store
 from stagectl.recording.replay import replay
 from stagectl.units import StageError
 
@@ -180,7 +180,7 @@ def test_an_import_is_a_recording(tmp_path: Path) -> None:
         export([stored], to, tmp_path / to / "log.csv")
     (back,) = read(tmp_path / "csv" / "log.csv")
     np.testing.assert_array_equal(back.samples, found.samples)
-    (back,) = captures(tmp_path / "folder" / "log.csv")  # a folder of this name
+    (back,) = read(tmp_path / "folder" / "log.csv")  # a folder of this name
     np.testing.assert_array_equal(back.samples, found.samples)
     with pytest.raises(RecordingError, match="it holds no law to replay"):
         replay(stored)
