@@ -6,6 +6,7 @@ import itertools
 import shlex
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,6 +37,8 @@ Doubtful = Annotated[bool, typer.Option("--doubtful", help="Go on where a captur
 Delay = Annotated[str | None, typer.Option("--delay", metavar="TIME", help="A known delay, such as 0.2ms.")]
 Gravity = Annotated[bool, typer.Option("--gravity", help="The axis turns in gravity: sine and cosine of its angle.")]
 Seed = Annotated[int | None, typer.Option("--seed", help="Of a method that searches at random.")]
+
+TOGETHER = 0.95  # correlation, either way
 
 
 def register(app: typer.Typer) -> None:
@@ -109,8 +112,17 @@ def _show(result: dict[str, Any]) -> None:
         console.print(f"force residual {result['force_residual_percent']:.3g} % of the force")
     for name in result["held_out"]:
         console.print(f"{name}: held out, not used")
+    if together := _together(result["identifiability"] or {}):
+        console.print(f"these move together, so one is known no better than the other: {', '.join(together)}")
     for note in result["notes"]:
         console.print(note)
+
+
+def _together(told: dict[str, Any]) -> list[str]:
+    """Pairs of parameters whose errors are nearly one, with their correlation."""
+    names, matrix = told.get("names", []), told.get("correlation", [])
+    pairs = [(names[j], names[k], matrix[j][k]) for j in range(len(matrix)) for k in range(j)]
+    return [f"{a} and {b} ({r:+.3f})" for a, b, r in pairs if r is not None and abs(r) > TOGETHER]
 
 
 def _digits(value: float | None) -> str:
@@ -133,7 +145,7 @@ def _fresh(method: str) -> Path:
     return next(path for name in names if not (path := stem.with_name(f"{name}.html")).exists())
 
 
-def _write(stage: Path, target: Path, changes: dict[str, Any], strange: list[str]) -> None:
+def _write(stage: Path, target: Path, changes: Mapping[str, Any], strange: list[str]) -> None:
     """Patch `target` and say what has changed."""
     from stagectl.config.patch import write
 

@@ -48,7 +48,7 @@ def block_of(hint: Any, node: yaml.Node) -> Any:
     if tag is None:
         return _inner(hint)
     entries = node.value if isinstance(node, yaml.MappingNode) else []
-    chosen = next((value.value for key, value in entries if key.value == tag.key), "")
+    chosen = next((value.value for key, value in entries if key.value == tag.key), tag.default)
     return tag.blocks.get(chosen)
 
 

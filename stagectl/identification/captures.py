@@ -12,10 +12,11 @@ from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.sampling import Part, parts
 from stagectl.identification.suspicion import remarks, suspicions
-from stagectl.recording.hdf5 import Recording
-from stagectl.recording.imports import captures as logs
+from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.recording.imports import read
 
 CURRENTS = ("measured_current", "current", "command")  # the best that there is: in the motor, after, before the limit
+READ = ("time", "measured", "reference", "injection", *CURRENTS)  # ten minutes of all columns would be 200 MB
 _SMOOTH = frozenset({"position", "reference"})
 _STANDS_IN = {
     "command": "no measured current: the command stands in for it, so a delay found here is that of command and drive",
@@ -36,7 +37,10 @@ def load(
 
 def opened(paths: Sequence[Path], setup: Setup, columns: Mapping[str, str] | None = None) -> list[Recording]:
     """All recordings of `paths`, those that are held out too; `columns` names those of logs."""
-    return [one for path in paths for one in logs(path, setup, None if path.suffix == ".h5" else columns)]
+    found = []
+    for path in paths:
+        found += [open_recording(path, READ)] if path.suffix == ".h5" else read(path, setup, columns)
+    return found
 
 
 def held_out(recording: Recording) -> bool:

@@ -81,7 +81,7 @@ def result(name: str, setup: Setup, captures: Sequence[Capture], found: Found, l
         "stage": setup.file.name,
         "parameters": {key: _plain(one._asdict()) for key, one in found.parameters.items()},
         "table": _table(found.table, setup) if found.table is not None else None,
-        "identifiability": _plain(found.details.get("identifiability")),
+        "identifiability": _plain(_identifiability(found)),
         **{key: _plain(found.details[key]) for key in common if key in found.details},
         "captures": [_capture(one) for one in captures],
         "held_out": list(left),
@@ -89,6 +89,14 @@ def result(name: str, setup: Setup, captures: Sequence[Capture], found: Found, l
         "changes": _plain(found.changes),
         "details": _plain({key: one for key, one in found.details.items() if key != "identifiability"}),
     }
+
+
+def _identifiability(found: Found) -> Any:
+    """What a method says of it, else the correlations of its parameters."""
+    told, matrix = found.details.get("identifiability"), found.details.get("correlation")
+    if told is not None or matrix is None or len(matrix) > len(found.parameters):
+        return told
+    return {"names": list(found.parameters)[: len(matrix)], "correlation": matrix}
 
 
 def _capture(capture: Capture) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from stagectl.identification.capture import Array, IdentificationError
 from stagectl.words import duration
 
-GAP = 3.0  # median steps; a row or two may be lost without one
+GAP = 3.5  # median steps: a row or two may be lost without one
 JITTER = 1e-3  # of the mean step: digits of the time stamps, not their irregularity
 LEAST_ROWS = 100  # of a part
 LEAST_SHARE = 0.02  # of the longest part's rows
@@ -89,7 +90,7 @@ def _missing(name: str, column: Array, time: Array) -> str:
 def _gaps(time: Array, pieces: list[NDArray[np.intp]], step: float) -> list[str]:
     if len(pieces) < 2:
         return []
-    ends = [(float(time[a[-1]]), float(time[b[0]])) for a, b in zip(pieces[:-1], pieces[1:], strict=True)]
+    ends = [(float(time[a[-1]]), float(time[b[0]])) for a, b in itertools.pairwise(pieces)]
     begin, end = max(ends, key=lambda gap: gap[1] - gap[0])
     return [
         f"{len(ends)} {'gap' if len(ends) == 1 else 'gaps'}, the longest from {begin:.6g} to {end:.6g} s at steps of "

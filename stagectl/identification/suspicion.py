@@ -21,10 +21,14 @@ from stagectl.units import LINEAR
 
 BEYOND = 1.5  # of a limit: more than any overshoot
 FITS, DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
+BETTER = 0.4  # times what is left unexplained as recorded: a factor of 1000 is not found by chance
 SLOW = 0.02  # cycles a sample: what lies below is the motion, above is noise
 LEAST_RUN = 5  # equal rows in a row at the largest current
 LEAST_SHARE = 0.005  # of the rows
-CORNER = 0.05  # of the rise, in the last tenth of its time: a sine's top has 0.02, a straight flank 0.1
+LEAST_RISE = 0.01  # of the largest current, in the last fifth
+CORNER = 0.38  # rise in the last tenth over that in the last fifth: a flank has 0.5, a rounded top 0.25
+
+TURN = "positive current must move towards positive positions: turn the sign in the log, or go on with --doubtful"
 
 
 class Mistake(NamedTuple):
@@ -76,7 +80,8 @@ def suspicions(capture: Capture, setup: Setup) -> list[str]:
     found = [*_beyond_limits(capture, setup), *_flat(capture, setup)]
     mistake = likely_mistake(capture, setup)
     if mistake is not None:
-        found.append(f"the force fits the stage file's model if {mistake.words}, and does not as it is: {ADVICE}")
+        advice = TURN if mistake.current < 0.0 else ADVICE
+        found.append(f"the force fits the stage file's model if {mistake.words}, and does not as it is: {advice}")
     elif found and "flat" not in found[-1]:
         found[-1] += f": {ADVICE}"
     return found
@@ -136,10 +141,9 @@ def _beyond_limits(capture: Capture, setup: Setup) -> list[str]:
 def likely_mistake(capture: Capture, setup: Setup) -> Mistake | None:
     """The mistake without which the force would fit the stage file's model; None where none is likely."""
     as_recorded = _unexplained(capture, setup, Mistake(1.0, 1.0, 1.0, ""))
-    if not as_recorded > DIFFERS:
-        return None
     share, best = min(((_unexplained(capture, setup, one), one) for one in MISTAKES), key=lambda pair: pair[0])
-    return best if share < FITS else None
+    blind = as_recorded > DIFFERS and share < FITS
+    return best if blind or share < min(0.5 * FITS, BETTER * as_recorded) else None
 
 
 def _unexplained(capture: Capture, setup: Setup, wrong: Mistake) -> float:
@@ -196,19 +200,22 @@ def clipped(current: Array) -> NDArray[np.intp]:
     rows = np.concatenate([np.arange(a, b) for a, b in runs]) if runs else np.zeros(0, dtype=np.intp)
     if len(rows) < LEAST_SHARE * len(current):
         return np.zeros(0, dtype=np.intp)
-    corners = [corner for a, _ in runs if not math.isnan(corner := _corner(current, a, largest))]
+    first = [a for j, (a, _) in enumerate(runs) if j == 0 or a - runs[j - 1][1] > 4 * LEAST_RUN]  # noise breaks runs
+    corners = [corner for a in first if not math.isnan(corner := _corner(current, a, largest))]
     return rows if corners and float(np.median(corners)) >= CORNER else np.zeros(0, dtype=np.intp)
 
 
 def _corner(current: Array, top: int, largest: float) -> float:
-    """Share of the rise from half of `largest` that happens in the last tenth of its time; NaN for a jump."""
+    """How straight the rise to `largest` ends at row `top`, see CORNER; NaN for a jump."""
     signed = current[:top] * math.copysign(1.0, current[top])
     low = np.flatnonzero(signed < 0.5 * largest)
-    if not len(low) or top - low[-1] < 2 * LEAST_RUN:
+    tenth = (top - int(low[-1])) // 10 if len(low) else 0
+    if tenth < 2:
         return math.nan
-    begin = int(low[-1])
-    late = max(begin, top - max(1, (top - begin) // 10))
-    return float((largest - signed[late]) / (largest - signed[begin]))
+    width = max(1, tenth // 2)
+    late, early = (float(np.mean(signed[max(top - n * tenth - width, 0) : top - n * tenth + width])) for n in (1, 2))
+    rise = largest - early
+    return (largest - late) / rise if rise > LEAST_RISE * largest else 0.0  # it has long been there
 
 
 def _position_step(position: Array) -> float:

@@ -127,6 +127,10 @@ def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tu
             ours, scale = meaning(choice.quantity, choice.unit, scales)
         except StageError as error:
             raise RecordingError(f"--columns {choice.quantity}={choice.name}:{choice.unit}: {error}") from error
+        if ours in found:
+            raise RecordingError(
+                f"{path} has two columns for {ours}, {found[ours][0].name} and {choice.name}: name one"
+            )
         found[ours] = (choice, scale)
     for ours, quantity in (("time", "time"), ("measured", "position")):
         if ours not in found:

@@ -17,7 +17,7 @@ import contextlib
 import fcntl
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -177,8 +177,8 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         file.close()
 
 
-def open_recording(path: Path) -> Recording:
-    """Read a recording, also one whose writer was killed or is still at work.
+def open_recording(path: Path, only: Collection[str] = ()) -> Recording:
+    """Read a recording, also one whose writer was killed or is still at work; of the columns those named in `only`.
 
     Raises RecordingError where the file is no recording of ours.
     """
@@ -188,7 +188,9 @@ def open_recording(path: Path) -> Recording:
         complete = bool(file.attrs.get("complete", False))
         ended = str(file.attrs.get("ended", "the recorder was cut off: the rows end at its last block"))
         lost = int(file.attrs.get("lost_rows", 0))
-        return Recording(path, json.loads(file.attrs["meta"]), file["samples"][:], complete, ended, lost)
+        names = [name for name in file["samples"].dtype.names if not only or name in only]
+        samples = file["samples"].fields(names)[:] if only else file["samples"][:]
+        return Recording(path, json.loads(file.attrs["meta"]), samples, complete, ended, lost)
 
 
 def repair(path: Path) -> bool:

@@ -16,7 +16,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout
 from stagectl.recording import csv_logs, mat_logs
 from stagectl.recording.columns import Array, Log
-from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, save
+from stagectl.recording.hdf5 import Recording, RecordingError, save
 from stagectl.recording.meta import versions
 from stagectl.recording.nominal import read_values
 
@@ -49,11 +49,6 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
         f"{path} is of no kind that can be imported; these are .csv with a header of quantities and units "
         "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
     )
-
-
-def captures(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | None = None) -> list[Recording]:
-    """Like `read`, and our own recordings as they are."""
-    return [open_recording(path)] if path.suffix == ".h5" else read(path, setup, columns)
 
 
 def store(recordings: list[Recording], source: Path, output: Path | None) -> list[Path]:

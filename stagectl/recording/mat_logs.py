@@ -33,6 +33,12 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Lo
     if "t" in found and "qm" in found:
         return _emps(path, found, setup)
     told = {name: what for name in _names(found) if (what := parsed(name.rsplit(".", 1)[-1]))}
+    absent = [one for one in ("time", "position") if one not in [quantity for quantity, _ in told.values()]]
+    if absent:
+        raise RecordingError(
+            f"{path} has no {' and no '.join(absent)} by that name; it holds {', '.join(_names(found)) or 'nothing'}: "
+            "say which is which, such as --columns time=t,position=q:mm,current=i"
+        )
     return _chosen(path, found, setup, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in told.items()])
 
 
@@ -55,13 +61,6 @@ def _names(found: Mapping[str, Any], prefix: str = "") -> list[str]:
 
 
 def _chosen(path: Path, found: dict[str, Any], setup: Setup | None, chosen: list[Choice]) -> Log:
-    named = {one.quantity for one in chosen}
-    absent = [quantity for quantity in ("time", "position") if quantity not in named]
-    if absent:
-        raise RecordingError(
-            f"{path} has no {' and no '.join(absent)} by that name; it holds {', '.join(_names(found)) or 'nothing'}: "
-            "say which is which, such as --columns time=t,position=q:mm,current=i"
-        )
     scales = axis_of(chosen, setup, path)
     known = of_choices(chosen, scales, path)
     columns = {ours: scale * _vector(path, found, choice) for ours, (choice, scale) in known.items()}

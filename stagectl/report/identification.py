@@ -41,33 +41,43 @@ def page(result: dict[str, Any], what: tuple[Found, Sequence[Capture], Setup], c
 def answer(result: dict[str, Any]) -> str:
     """The parameters in a sentence."""
     words = [
-        f"{name.replace('_', ' ')} {one['value']:.4g} {one['unit']}".strip()
+        f"{name.replace('_', ' ')} {_worded(one)}"
         for name, one in result["parameters"].items()
+        if one["value"] is not None
     ]
     return f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
+
+
+def _worded(one: dict[str, Any]) -> str:
+    return duration(one["value"]) if one["unit"] == "s" else f"{one['value']:.4g} {one['unit']}".strip()
 
 
 def parameters(result: dict[str, Any]) -> Table:
     """Values with their intervals."""
     rows = [
-        [name.replace("_", " "), f"{one['value']:.6g}", _interval(one), one["unit"]]
+        [f"{name.replace('_', ' ')} [{one['unit']}]".replace(" []", ""), _number(one["value"]), _interval(one)]
         for name, one in result["parameters"].items()
     ]
-    return Table("Parameters", ["parameter", "value", "95 % interval", "unit"], rows)
+    return Table("Parameters", ["parameter", "value", "95 % interval"], rows)
+
+
+def _number(value: float | None) -> str:
+    return "not known" if value is None else f"{value:.6g}"
 
 
 def _interval(one: dict[str, Any]) -> str:
     if one["low"] is None or one["high"] is None:
         return "not known"
-    return f"{one['low']:.6g} to {one['high']:.6g}"
+    return f"{one['low']:.5g} to {one['high']:.5g}"
 
 
 def _correlations(result: dict[str, Any]) -> list[Table]:
-    matrix, names = result.get("correlation"), list(result["parameters"])
-    if not matrix or len(matrix) > len(names):
+    told = result.get("identifiability") or {}
+    if not {"names", "correlation"} <= set(told):
         return []
-    rows = [[names[j], *(f"{value:+.2f}" for value in row)] for j, row in enumerate(matrix)]
-    return [Table("Correlations: what lies near 1 cannot be separated", ["", *names[: len(matrix)]], rows)]
+    names, matrix = told["names"], told["correlation"]
+    rows = [[name, *("" if x is None else f"{x:+.3f}" for x in row)] for name, row in zip(names, matrix, strict=True)]
+    return [Table("Correlations: what lies near +1 or -1 moves together", ["", *names], rows)]
 
 
 def _captures(captures: Sequence[Capture]) -> Table:
@@ -123,7 +133,7 @@ def characteristic(table: Characteristic, setup: Setup) -> Figure:
     scale, unit = (1e6 * axis.travel_per_unit, "µm") if axis.travel_unit == "m" else (1e3, "mrad")
     force = "N" if axis.kind == "linear" else "N m"
     with rc_context(STYLE):
-        figure, (curve, bars) = plt.subplots(1, 2, figsize=(7.2, 3.2), width_ratios=(3, 2))
+        figure, (curve, bars) = plt.subplots(1, 2, figsize=(5.6, 4.0), width_ratios=(4, 3))
         curve.plot(scale * table.displacement, table.force, color=WITH, linewidth=1.4)
         curve.set_xlabel(f"displacement since the reversal [{unit}]")
         curve.set_ylabel(f"friction [{force}]")

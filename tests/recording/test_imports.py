@@ -11,9 +11,10 @@ import pytest
 from scipy.io import savemat
 
 from stagectl.config.stage_file import load_stage
+from stagectl.recording.columns import split
 from stagectl.recording.exports import export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording
-from stagectl.recording.imports import captures, read, store
+from stagectl.recording.imports import read, store
 from stagectl.recording.replay import replay
 from stagectl.units import StageError
 
@@ -179,7 +180,7 @@ def test_an_import_is_a_recording(tmp_path: Path) -> None:
         export([stored], to, tmp_path / to / "log.csv")
     (back,) = read(tmp_path / "csv" / "log.csv")
     np.testing.assert_array_equal(back.samples, found.samples)
-    (back,) = captures(tmp_path / "folder" / "log.csv")  # a folder of this name
+    (back,) = read(tmp_path / "folder" / "log.csv")  # a folder of this name
     np.testing.assert_array_equal(back.samples, found.samples)
     with pytest.raises(RecordingError, match="it holds no law to replay"):
         replay(stored)
@@ -212,3 +213,83 @@ def test_the_benchmark_comes_in(tmp_path: Path) -> None:
     smooth = 0.5 * (found.column("measured")[1:] + found.column("measured")[:-1])
     law = kv * (kp * error[2:] - np.diff(smooth) / 1e-3)
     assert np.std(law - found.column("command")[2:]) == pytest.approx(0.0037, rel=0.2)
+
+
+def test_columns_by_name_and_number(tmp_path: Path) -> None:
+    """With a header or without; a unit follows the colon, none is SI."""
+    setup = load_stage(CONFIG / "ball-screw.yaml")
+    (tmp_path / "named.csv").write_text("t,q,i\n0,0,1\n0.5,12,2\n")
+    (tmp_path / "bare.csv").write_text("7,0,0,1000\n8,500,12,2000\n")
+    for name, words, current in (
+        ("named.csv", {"time": "t", "position": "q:mm", "current": "i"}, "measured_current"),
+        ("named.csv", {"time": "1:s", "position": "2:mm", "command": "3"}, "command"),
+        ("bare.csv", {"time": "2:ms", "position": "3:mm", "current": "4:mA"}, "measured_current"),
+    ):
+        (found,) = read(tmp_path / name, setup, words)
+        np.testing.assert_allclose(found.column("time"), [0.0, 0.5])
+        np.testing.assert_allclose(found.column("measured"), [0.0, 2.0 * math.pi])
+        np.testing.assert_allclose(found.column(current), [1.0, 2.0])
+
+
+def test_variables_of_a_mat_file(tmp_path: Path) -> None:
+    """Names that tell themselves, in a struct or not, and names that the user tells."""
+    time, angle, current = np.arange(3.0), np.array([0.0, 0.5, 1.0]), np.array([1.0, 2.0, 3.0])
+    savemat(tmp_path / "told.mat", {"log": {"time_ms": 1e3 * time, "position_rad": angle, "current": current}})
+    savemat(tmp_path / "table.mat", {"X": np.column_stack([time, angle]), "u": current, "s": "text"})
+    (told,) = read(tmp_path / "told.mat")
+    assert "log.current has no unit: it is taken as the current in A" in told.meta["notes"]
+    words = {"time": "X[1]", "position": "X[2]:rad", "current": "u"}
+    (named,) = read(tmp_path / "table.mat", columns=words)
+    for found in (told, named):
+        np.testing.assert_allclose(found.column("time"), time)
+        np.testing.assert_allclose(found.column("measured"), angle)
+        np.testing.assert_allclose(found.column("measured_current"), current)
+    for wrong, message in (
+        ({"position": "X[3]:rad"}, r"X\[3\] in .*: X has shape \(3, 2\)"),
+        ({"position": "X:rad"}, r"is a table of shape \(3, 2\): say which column, X\[1\] the first"),
+        ({"current": "v"}, "has no v; it holds X, u, s"),
+        ({"current": "s"}, "s in .* does not hold numbers"),
+        ({"current": "u:mm"}, "--columns current=u:mm: 'mm' does not measure A"),
+        ({"speed": "u"}, "--columns speed=u; must be QUANTITY=COLUMN .* time, position, current"),
+    ):
+        with pytest.raises(RecordingError, match=message):
+            read(tmp_path / "table.mat", columns={**words, **wrong})
+    with pytest.raises(RecordingError, match="--columns names no position; add position=COLUMN"):
+        read(tmp_path / "table.mat", load_stage(CONFIG / "ball-screw.yaml"), {"time": "X[1]", "current": "u"})
+
+
+def test_our_own_mat_export_comes_back(tmp_path: Path) -> None:
+    found = one(tmp_path, "time_s,position_rad,current_A\n0,0.125,0\n1,0.25,1\n2,0.5,2\n", NOMINAL)
+    export([found], "mat", tmp_path / "log.mat")
+    (back,) = read(tmp_path / "log.mat")
+    np.testing.assert_array_equal(back.samples, found.samples)
+    assert back.meta["axis"] == found.meta["axis"]
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "message"),
+    [
+        (
+            "bare.csv",
+            None,
+            r"has no header, its first row is numbers; say which of its 3 columns is which, .*--columns",
+        ),
+        (
+            "bare.csv",
+            {"time": "t", "position": "2:rad"},
+            "no column t for the time: it has no header, so give a number",
+        ),
+        ("bare.csv", {"time": "0", "position": "2:rad"}, r"column 0 of .*; must be 1 to 3, the first is 1"),
+        ("bare.csv", {"time": "1", "position": "4:rad"}, "column 4 of"),
+        ("named.csv", {"time": "t", "position": "p:rad"}, "no column p for the position: its columns are t, q, i"),
+        ("named.csv", None, "no column position_<unit>"),
+        ("named.csv", {"time": "t", "position": "q"}, "does not tell the axis; give --stage"),
+    ],
+)
+def test_columns_that_are_not_there(tmp_path: Path, name: str, words: dict[str, str] | None, message: str) -> None:
+    (tmp_path / "named.csv").write_text("t,q,i\n0,0,1\n0.5,12,2\n")
+    (tmp_path / "bare.csv").write_text("0,0,1\n1,12,2\n")
+    with pytest.raises(RecordingError, match=message):
+        read(tmp_path / name, None, words)
+    with pytest.raises(RecordingError, match="'position' must be QUANTITY=COLUMN, each quantity once"):
+        split("time=1,position")

@@ -1,0 +1,237 @@
+"""What comes in as a capture: gaps, stamps, units, clipping: refused or said, with value, place and next step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stagectl.config.stage_file import Setup
+from stagectl.identification.capture import Capture, IdentificationError
+from stagectl.identification.captures import CURRENTS, load, prepared
+from stagectl.identification.methods import identify
+from stagectl.identification.suspicion import clipped, implausible
+from stagectl.recording.hdf5 import Recording
+from tests.identification.synthetic import DT, ROWS, TC, Array, D, J, motion
+
+Spoil = Callable[[dict[str, Array]], object]
+
+
+@pytest.fixture(scope="module")
+def columns() -> dict[str, Array]:
+    return motion()
+
+
+def recording(columns: dict[str, Array], **meta: Any) -> Recording:
+    rows = len(columns["time"])
+    samples = np.zeros(rows, dtype=[(name, "<f8") for name in columns])
+    for name, values in columns.items():
+        samples[name] = values
+    axis = {"kind": "rotary", "travel_per_unit": 0.012 / 2 / math.pi, "travel_unit": "m", "encoder_step": 5.992e-6}
+    return Recording(Path("made.h5"), {"axis": axis, "dt": DT, **meta}, samples, True, "complete", 0)
+
+
+def spoilt(columns: dict[str, Array], spoil: Spoil) -> Recording:
+    copies = {name: values.copy() for name, values in columns.items()}
+    spoil(copies)
+    return recording(copies)
+
+
+def silent(_done: int, _total: int) -> None:
+    """Nobody watches."""
+
+
+def solved(captures: list[Capture], setup: Setup) -> list[float]:
+    found = identify("least-squares", captures, setup.file, silent, {}).parameters
+    return [found[name].value for name in ("inertia", "viscous", "coulomb")]
+
+
+def test_a_sound_recording_comes_as_it_is(columns: dict[str, Array], ball_screw: Setup) -> None:
+    (found,) = prepared([recording(columns, steady=[1.0, 9.0])], ball_screw)
+    np.testing.assert_array_equal(found.position, columns["measured"])
+    np.testing.assert_array_equal(found.current, columns["measured_current"])
+    assert found.reference is not None and found.excitation is None
+    assert (found.current_column, found.dt, found.steady) == ("measured_current", pytest.approx(DT), (1.0, 9.0))
+    assert found.notes == ()
+    assert solved([found], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
+
+
+@pytest.mark.parametrize("rows", [slice(9000, 9400), slice(9000, 9010), slice(0, 3), slice(19000, 19950)])
+def test_a_gap_splits_and_the_rest_is_used(columns: dict[str, Array], ball_screw: Setup, rows: slice) -> None:
+    left = {name: np.delete(values, rows) for name, values in columns.items()}
+    found = prepared([recording(left)], ball_screw)
+    if rows.start == 0:
+        assert [len(one.time) for one in found] == [ROWS - 3] and found[0].notes == ()
+        return
+    assert len(found) == (1 if rows.stop == 19950 else 2)  # 50 rows are too few
+    assert len(found[0].time) == rows.start and found[0].time[0] == 0.0
+    words = f"1 gap, the longest from {DT * (rows.start - 1):.6g} to {DT * rows.stop:.6g} s at steps of 0.5 ms"
+    assert words in found[0].notes[0]
+    if len(found) == 1:
+        assert "1 of 2 parts between gaps are shorter than 380 rows and are left out" in found[0].notes[1]
+    else:
+        assert len(found[1].time) == ROWS - rows.stop
+        assert found[1].name == f"made.h5 (part 2 of 2, from {DT * rows.stop:.6g} s)"
+    assert solved(found, ball_screw) == pytest.approx([J, D, TC], rel=0.02)
+
+
+def test_windows_and_excitation_go_with_their_part(columns: dict[str, Array], ball_screw: Setup) -> None:
+    spans = [{"start": 1.0, "end": 4.0, "kind": "sine"}, {"start": 4.2, "end": 6.0}, {"start": 6.0, "end": 9.0}]
+    left = {name: np.delete(values, slice(9000, 9400)) for name, values in columns.items()}
+    first, second = prepared([recording(left, steady=[1.0, 9.0], excitation=spans)], ball_screw)
+    assert first.steady == (1.0, pytest.approx(4.5)) and second.steady == (0.0, pytest.approx(4.3))
+    assert first.meta["excitation"] == spans[:1]
+    assert second.meta["excitation"] == [{"start": pytest.approx(1.3), "end": pytest.approx(4.3)}]
+
+
+def test_numbers_that_are_none(columns: dict[str, Array], ball_screw: Setup) -> None:
+    """Two rows are bridged, a block splits; both are said."""
+    (found,) = prepared(
+        [spoilt(columns, lambda c: c["measured_current"].__setitem__(slice(500, 502), np.nan))], ball_screw
+    )
+    assert len(found.time) == ROWS - 2
+    assert (
+        "current is no number in 2 of 20000 rows, the first is row 501 at 0.25 s: these rows are not used"
+        in found.notes
+    )
+    assert solved([found], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
+    both = prepared([spoilt(columns, lambda c: c["measured"].__setitem__(slice(500, 900), np.nan))], ball_screw)
+    assert [len(one.time) for one in both] == [500, ROWS - 900]
+    with pytest.raises(
+        IdentificationError, match=r"0 of 20000 rows have a number in position and current and .* at once"
+    ):
+        prepared([spoilt(columns, interlaced)], ball_screw)
+
+
+def interlaced(columns: dict[str, Array]) -> None:
+    columns["measured"][::2] = np.nan
+    columns["measured_current"][1::2] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda c: c["time"].__setitem__(700, c["time"][699]), r"time 0\.3495 s in row 701 repeats .* in 1 of"),
+        (lambda c: c["time"].__setitem__(700, 0.1), r"time 0\.1 s in row 701 goes back \(0\.3495 s before it\)"),
+        (lambda c: c["time"].__setitem__(slice(None), c["time"][::-1].copy()), "row 2 goes back .* in 19999 of"),
+        (lambda c: c["time"].__setitem__(5, np.nan), "time in row 6 is nan; must be a number: remove the row"),
+        (lambda c: c["measured"].__setitem__(slice(None), 1.0), "the axis did not move: its positions span 0 rad"),
+        (lambda c: c["measured_current"].__setitem__(slice(None), 2.0), "measured_current is 2 A throughout"),
+        (lambda c: c["measured_current"].clip(-4.0, 4.0, out=c["measured_current"]),
+         r"the current is clipped: flat at 4 A in \d+ of 20000 rows, the first at 0\.\d+ s; .* smaller amplitude"),
+        (lambda c: c["time"].__imul__(1e3),
+         r"times are in ms .*name the unit in the column's header or in --columns"),
+        (lambda c: c["time"].__imul__(1e-3),
+         r"largest speed is \d+\.?\d* m/s, limits.speed is 0.3 m/s; .*times are a thousand times too small"),
+        (lambda c: c["measured"].__imul__(1e3),
+         r"positions span [\d.]+ m, limits.travel is 0.1 m; .*positions are a thousand times too large"),
+        (lambda c: c["measured"].__imul__(1e-3), "positions are a thousand times too small"),
+        (lambda c: c["measured_current"].__imul__(1e3),
+         r"current is [\d.e+]+ A, drive.current_limit is 15 A; .*currents are in mA"),
+        (lambda c: c["measured_current"].__imul__(1e-3), "currents are a thousand times too small"),
+        (lambda c: c["measured_current"].__imul__(-1.0), "opposite sign, .*: positive current must move"),
+        (lambda c: c["measured"].__imul__(180.0 / math.pi), "positions are in degrees"),
+    ],
+)  # fmt: skip
+def test_a_spoilt_recording_is_refused(columns: dict[str, Array], ball_screw: Setup, spoil: Spoil, words: str) -> None:
+    with pytest.raises(IdentificationError, match=rf"^made\.h5: .*{words}"):
+        prepared([spoilt(columns, spoil)], ball_screw)
+
+
+def test_with_doubtful_it_is_said_instead(columns: dict[str, Array], ball_screw: Setup) -> None:
+    (found,) = prepared([spoilt(columns, lambda c: c["measured_current"].__imul__(1e3))], ball_screw, doubtful=True)
+    assert any("currents are in mA" in note for note in found.notes)
+    (strange,) = implausible({"inertia": 11.0, "viscous": 130.0, "coulomb": 900.0}, ball_screw)
+    assert "inertia is 11, 0.01 in the stage file; viscous is 130, 0.14" in strange
+    assert strange.endswith("(currents a thousand times too large)")
+
+
+@pytest.mark.parametrize(
+    ("values", "cause"),
+    [
+        ((0.011, 0.13, 0.9), None),
+        ((0.2, 0.13, 0.9), None),
+        ((11.0, 130.0, 0.9), "positions a thousand times too small"),
+        ((1.1e4, 130.0, 0.9), "times a thousand times too large"),
+        ((1.1e-5, 1.3e-4, 0.9e-3), "currents a thousand times too small"),
+        ((-0.011, 0.13, 0.9), "not the same machine, or a wrong unit"),
+    ],
+)
+def test_what_was_found_is_compared_by_decades(
+    ball_screw: Setup, values: tuple[float, float, float], cause: str | None
+) -> None:
+    found = implausible(dict(zip(("inertia", "viscous", "coulomb"), values, strict=True)), ball_screw)
+    assert (found == []) if cause is None else (cause in found[0])
+
+
+@pytest.mark.parametrize("factor", [0.4, 1.0, 2.5])
+def test_nominal_values_may_be_wrong(columns: dict[str, Array], ball_screw: Setup, factor: float) -> None:
+    p = ball_screw.stage.mechanics
+    other = p._replace(inertia=factor * p.inertia, viscous=factor * p.viscous)
+    setup = ball_screw._replace(stage=ball_screw.stage._replace(mechanics=other))
+    assert prepared([recording(columns)], setup)[0].notes == ()
+
+
+def test_a_flat_top_is_no_clipping_by_itself() -> None:
+    """A sine in steps of 4 mA, friction that saturates; cut off at 0.6 and at 0.95 of the amplitude."""
+    time = np.arange(20000) * DT
+    sine = 5.0 * np.sin(2.0 * math.pi * 1.6 * time)
+    noise = np.random.default_rng(1).normal(0.0, 0.045, len(time))
+    saturating = 1.4 * np.sign(sine) * (1.0 - 2.0 * np.exp(-((time * 3.2) % 1.0) / 0.05))
+    for sound in (sine, sine + noise, 0.004 * np.round(sine / 0.004), 0.004 * np.round(saturating / 0.004), saturating):
+        assert not len(clipped(sound))
+    for cut in (0.6, 0.8, 0.95):
+        rows = clipped(np.clip(sine + noise, -5.0 * cut, 5.0 * cut))
+        assert len(rows) == pytest.approx(2.0 * math.acos(cut) / math.pi * len(time), rel=0.15)
+
+
+def test_stamps_that_jitter_are_resampled(columns: dict[str, Array], ball_screw: Setup) -> None:
+    jitter = np.random.default_rng(2).uniform(-0.2 * DT, 0.2 * DT, ROWS)
+    time = columns["time"] + jitter
+    moved = {name: np.interp(time, columns["time"], values) for name, values in columns.items()}
+    (found,) = prepared([recording({**moved, "time": time})], ball_screw)
+    assert "resampled every 0.5 ms, position and reference by a cubic spline, the rest linearly" in found.notes[0]
+    np.testing.assert_allclose(found.position, columns["measured"], atol=3e-3)
+    assert solved([found], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
+    rounded = {**columns, "time": np.round(columns["time"], 5)}  # digits only
+    assert prepared([recording(rounded)], ball_screw)[0].notes == ()
+
+
+def test_a_late_position_belongs_to_an_earlier_row(columns: dict[str, Array], ball_screw: Setup) -> None:
+    late = {**columns, "measured": np.concatenate([columns["measured"][:1]] * 3 + [columns["measured"]])[:ROWS]}
+    late["measured"][3:] = columns["measured"][:-3]
+    (found,) = prepared([recording(late, nm=3)], ball_screw)
+    np.testing.assert_array_equal(found.position, columns["measured"][: ROWS - 3])
+    np.testing.assert_array_equal(found.current, columns["measured_current"][: ROWS - 3])
+    assert "3 periods" in found.notes[0]
+
+
+def test_the_current_can_be_chosen(columns: dict[str, Array], ball_screw: Setup) -> None:
+    more = {**columns, "command": 1.01 * columns["measured_current"]}
+    assert prepared([recording(more)], ball_screw, "command")[0].current_column == "command"
+    with pytest.raises(IdentificationError, match=r"it has no current; .* it has: measured_current, command"):
+        prepared([recording(more)], ball_screw, "current")
+    empty = {**more, "measured_current": np.full(ROWS, np.nan)}
+    assert prepared([recording(empty)], ball_screw)[0].current_column == "command"
+    assert CURRENTS[0] == "measured_current"
+
+
+def test_columns_of_a_log_without_a_header(columns: dict[str, Array], ball_screw: Setup, tmp_path: Path) -> None:
+    """Numbers count from 1; milliseconds, counts and mA are said in words of units."""
+    table = np.column_stack(
+        [
+            1e3 * columns["time"],
+            columns["time"],
+            columns["measured"] * 2**20 / 2 / math.pi,
+            1e3 * columns["measured_current"],
+        ]
+    )
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", fmt="%.9g")
+    words = {"time": "1:ms", "position": "3:counts", "current": "4:mA"}
+    (found,) = load([tmp_path / "log.csv"], ball_screw, columns=words)
+    np.testing.assert_allclose(found.position, columns["measured"], atol=1e-6)
+    assert solved([found], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
