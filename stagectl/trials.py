@@ -175,7 +175,7 @@ def _learned(state: Learning, results: list[Result], stopped: str) -> Result:
     base, course = state.motion, state.course
     setup = base.setup
     kept = min(range(len(results)), key=lambda k: course.trials[k].rms)
-    check = learning.convergence(setup.stage, base.law, state.settings, setup.dt)
+    seen = learning.shares(setup.stage, base.law, setup.dt)
     found = blank(base)
     meta = {**found.meta, "kept": kept + 1, "settings": state.settings._asdict()}
     return {
@@ -186,21 +186,26 @@ def _learned(state: Learning, results: list[Result], stopped: str) -> Result:
         "trials": results,
         "kept": kept + 1,
         "stopped": stopped,
-        "convergence": [one._asdict() for one in check],
+        "settings": state.settings._asdict(),
+        "convergence": [one._asdict() for one in learning.convergence(seen, state.settings)],
+        "calmest_cutoff": learning.calmest(seen, state.settings),
         "current": found._replace(current=course.best, meta=meta),
     }
 
 
-def convergence_words(check: list[Result], settings: learning.Settings) -> list[str]:
+def convergence_words(result: Result) -> list[str]:
     """What a trial leaves of the error, in words; and where it would grow, what to do."""
+    check, cutoff = result["convergence"], result["settings"]["cutoff"]
     shown = ", ".join(f"{100.0 * one['most']:.0f} % ({one['plant']}, at {one['frequency']:.3g} Hz)" for one in check)
     found = [f"by the model a trial leaves at most {shown} of the error"]
     growing = [one for one in check if one["most"] >= 1.0]
     if growing:
+        calm = result["calmest_cutoff"]
+        advice = f"with learning.cutoff at {calm:.3g} Hz it shrinks everywhere" if calm else "no cutoff prevents it"
         found.append(
-            f"an axis {' or '.join(one['plant'] for one in growing)} may learn a larger error near "
-            f"{growing[0]['frequency']:.3g} Hz: trials that grow are undone; learning.cutoff below "
-            f"{settings.cutoff:g} Hz or a lower learning.gain prevents it"
+            f"near {growing[0]['frequency']:.3g} Hz the error of an axis "
+            f"{' or '.join(one['plant'] for one in growing)} would grow; {advice}, at {cutoff:g} Hz trials that grow "
+            "are undone"
         )
     return found
 

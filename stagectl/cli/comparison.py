@@ -59,7 +59,7 @@ def learn(
     found = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
     path = output or folder / "learned.h5"
     learned.save(path, found.pop("current"))
-    for line in many.convergence_words(found["convergence"], machine.setup.file.learning):
+    for line in many.convergence_words(found):
         console.print(line)
     console.print(many.learned_words(found))
     console.print(f"learned: {path}")

@@ -21,13 +21,16 @@ from stagectl.report.page import Page, Picture, Table
 from stagectl.words import length
 
 Result = dict[str, Any]
+WIDTH = 4.1  # inches: three stand side by side on a page, with letters as large as the captions
 
 
 def page(result: Result, commands: list[str]) -> Page:
     """The page of `trials.compare`'s result."""
     names, repeats = [one["name"] for one in result["variants"]], len(result["order"])
-    doubts = [line for line in result["verdict"] if line.startswith(("All ", "One repeat"))]
-    verdict = [line for line in result["verdict"] if line not in doubts]
+    answer = next(
+        (line for line in result["verdict"] if line.startswith((f"{result['best']} ", f"{result['best']}:"))),
+        result["verdict"][-1],
+    )
     where = "simulated" if result["simulated"] else "on the drive"
     about = (
         f"{result['stage']}, {result['trajectory']}, {where}: {len(names)} variants, {repeats} repeats each, in an "
@@ -35,8 +38,8 @@ def page(result: Result, commands: list[str]) -> Page:
     )
     return Page(
         f"stagectl compare: {', '.join(names)}",
-        verdict[-1] if verdict else "",
-        [*verdict[:-1], *doubts, about, *result["notes"]],
+        answer,
+        [*(line for line in result["verdict"] if line != answer), about, *result["notes"]],
         _pictures(result),
         _tables(result),
         commands,
@@ -49,9 +52,6 @@ def _pictures(result: Result) -> list[Picture]:
         Picture(embedded(peaks(result)), "Peak error of each repeat; the bar is the mean. Logarithmic."),
         Picture(embedded(errors(result)), "Error over the steady window, last repeat of each variant. Own scales."),
     ]
-    if not result["identical"] and len(result["order"]) > 1:
-        caption = f"How much lower than {result['variants'][0]['name']} in peak, with 95 % intervals, paired."
-        found.append(Picture(embedded(intervals(result)), caption))
     if result["learned"]:
         found.append(Picture(embedded(courses(result["learned"])), "Error over the whole run, trial by trial."))
     return found
@@ -76,7 +76,7 @@ def peaks(result: Result) -> Figure:
     rows = result["variants"]
     scale, unit = _scale([one["peak"]["mean"] for one in rows], result["unit"])
     with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(5.4, 1.1 + 0.42 * len(rows)))
+        figure, axes = plt.subplots(figsize=(WIDTH, 1.0 + 0.42 * len(rows)))
         for place, one in enumerate(rows):
             colour = _colour(result, one["name"])
             values = scale * np.array(one["peak"]["values"])
@@ -110,7 +110,7 @@ def errors(result: Result) -> Figure:
     rows = result["variants"]
     with mpl.rc_context(STYLE):
         figure, grid = plt.subplots(
-            len(rows), 1, figsize=(5.4, 0.7 + 1.15 * len(rows)), sharex=True, squeeze=False, layout="constrained"
+            len(rows), 1, figsize=(WIDTH, 0.6 + 1.0 * len(rows)), sharex=True, squeeze=False, layout="constrained"
         )
         for axes, one in zip(grid[:, 0], rows, strict=True):
             time, error = _error(Path(one["recordings"][-1]))
@@ -133,32 +133,16 @@ def _error(path: Path) -> tuple[Any, Any]:
     return samples["time"][inside], error[inside]
 
 
-def intervals(result: Result) -> Figure:
-    """Differences from the first variant, with their intervals."""
-    rows = [one for one in result["against_first"]["peak"] if one["low"] is not None]
-    scale, unit = _scale([one["mean"] for one in rows], result["unit"])
-    with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(5.4, 1.1 + 0.42 * max(1, len(rows))))
-        for place, one in enumerate(rows):
-            colour = _colour(result, one["name"])
-            reach = [[scale * (one["mean"] - one["low"])], [scale * (one["high"] - one["mean"])]]
-            axes.errorbar(scale * one["mean"], place, xerr=reach, fmt="o", color=colour, capsize=4, markersize=5)
-        axes.axvline(0.0, color=WITHOUT, linewidth=1)
-        _named(axes, [one["name"] for one in rows])
-        axes.set_xlabel(f"peak error below {result['against_first']['other']} [{unit}]")
-        figure.tight_layout()
-    return figure
-
-
 def courses(learned: list[Result]) -> Figure:
     """Error over the whole run of each trial, a line a learning."""
     with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(5.4, 3.0))
+        figure, axes = plt.subplots(figsize=(WIDTH, 3.1))
         values = [[trial["whole"]["rms"] for trial in one["trials"]] for one in learned]
         scale, unit = _scale(np.concatenate(values), learned[0]["unit"])
         for colour, one, rms in zip((WITH, TARGET, WITHOUT, "#7c3aed"), learned, values, strict=False):
-            name = "+".join([*one["layers"], "ilc"])
-            axes.plot(range(1, len(rms) + 1), scale * np.array(rms), "o-", color=colour, markersize=4, label=name)
+            axes.plot(
+                range(1, len(rms) + 1), scale * np.array(rms), "o-", color=colour, markersize=4, label=one["name"]
+            )
             axes.plot(one["kept"], scale * rms[one["kept"] - 1], "o", color=colour, markersize=9, fillstyle="none")
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
@@ -201,5 +185,5 @@ def _against(against: Result, unit: str) -> Table:
 
 def _certainty(one: Result, unit: str) -> list[str]:
     if one["low"] is None:
-        return ["repeats are identical", "none"]
+        return ["no spread", "none"]
     return [f"{length(one['low'], unit)} to {length(one['high'], unit)}", f"{one['adjusted']:.2g}"]
