@@ -161,9 +161,11 @@ def _share(before: float, after: float) -> str:
 
 def _runner_up(figures: list[Figures], lowest: Figures, unit: str) -> str:
     against = differences(figures, lowest)
+    same = [one.name for one in against if one.mean == 0.0 and math.isnan(one.adjusted)]
     near = [one.name for one in against if not math.isnan(one.adjusted) and not one.certain]
-    peak = length(float(np.mean(lowest.peak)), unit)
+    words = f"Lowest: {lowest.name} with {length(float(np.mean(lowest.peak)), unit)}"
+    words += f"; the same in every repeat: {', '.join(same)}" if same else ""
     if near:
-        return f"Lowest: {lowest.name} with {peak}; not shown to differ from it: {', '.join(near)}."
-    sure = " all others are higher, beyond chance" if not any(math.isnan(one.adjusted) for one in against) else ""
-    return f"Lowest: {lowest.name} with {peak}{';' if sure else ''}{sure}."
+        return f"{words}; not shown to differ from it: {', '.join(near)}."
+    apart = [one for one in against if one.certain]
+    return f"{words}; all others are higher, beyond chance." if len(apart) == len(against) - len(same) else f"{words}."

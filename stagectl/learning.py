@@ -46,7 +46,7 @@ class Settings(NamedTuple):
 
     cutoff: Annotated[
         float, Quantity("Hz", "(0, 1e4]", "of what is learned: from where the model is not to be trusted")
-    ] = 100.0
+    ] = 200.0
     gain: Annotated[float, Quantity("", "(0, 1]", "share of the model's answer that a trial learns")] = 0.8
 
 
@@ -193,19 +193,43 @@ def _stepped(p: Filters, settings: Settings, learned: Array, error: Array, step:
     return learned + step * (improved(p, learned, error, settings.gain) - learned)
 
 
-def convergence(p: stage.Stage, running: law.Law, settings: Settings, dt: float) -> list[Contraction]:
-    """What a trial leaves of the error at worst: of the model, of one off by a fifth, and held by its friction."""
+class Shares(NamedTuple):
+    """S/S^ of the plants that the axis may be: what each of them answers, over what the model answers."""
+
+    dt: float  # s
+    frequency: Array  # (m,) Hz
+    plants: list[tuple[str, NDArray[Any]]]  # name and share (m,)
+
+
+def shares(p: stage.Stage, running: law.Law, dt: float) -> Shares:
+    """Of the model itself, of one off by a fifth, and of the axis while its rolling friction holds it."""
     frequency = np.geomspace(0.5, 0.4999 / dt, 2000)
     feedback = _feedback(running._replace(current_limit=math.inf), np.exp(2j * np.pi * frequency * dt))
-    passed = _passed(_low_pass(settings, dt), frequency, dt)
     model = feedback + 1.0 / _plant(p, frequency, dt)
-    found = []
-    for name, other, stiffness in _others(p):
-        share = model / (feedback + 1.0 / _plant(other, frequency, dt, stiffness))
+    plants = [
+        (name, model / (feedback + 1.0 / _plant(other, frequency, dt, stiffness)))
+        for name, other, stiffness in _others(p)
+    ]
+    return Shares(dt, frequency, plants)
+
+
+def convergence(seen: Shares, settings: Settings) -> list[Contraction]:
+    """What a trial leaves of the error at worst, plant by plant."""
+    passed, found = _passed(_low_pass(settings, seen.dt), seen.frequency, seen.dt), []
+    for name, share in seen.plants:
         left = np.abs(passed * (1.0 - settings.gain * share))
         worst = int(np.argmax(left))
-        found.append(Contraction(name, float(left[worst]), float(frequency[worst])))
+        found.append(Contraction(name, float(left[worst]), float(seen.frequency[worst])))
     return found
+
+
+def calmest(seen: Shares, settings: Settings) -> float:
+    """The highest cutoff (Hz) up to that of `settings` with which the error shrinks on all these plants; 0: none."""
+    for share in np.arange(20, 0, -1) / 20.0:
+        lower = settings._replace(cutoff=float(share * settings.cutoff))
+        if max(one.most for one in convergence(seen, lower)) < 1.0:
+            return lower.cutoff
+    return 0.0
 
 
 def _others(p: stage.Stage) -> list[tuple[str, stage.Stage, float]]:

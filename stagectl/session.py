@@ -20,8 +20,10 @@ from stagectl.daemon.run import Motion, Progress, move, waits_for_sync
 from stagectl.daemon.safety import words
 from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.evaluation import evaluate
+from stagectl.kernels.law import Setpoint
 from stagectl.plan import plan
 from stagectl.recording.hdf5 import RecordingError, open_recording, repair, save
+from stagectl.recording.learned import Learned, check, load, nothing
 from stagectl.recording.meta import describe
 from stagectl.units import StageError
 
@@ -52,12 +54,41 @@ def on_channel(setup: Setup, channel: str | None) -> Setup:
     return setup._replace(file=setup.file._replace(drive=drive))
 
 
-def prepare(setup: Setup, trajectory: Path, without: frozenset[str], recording: Path | None) -> Motion:
-    """Read, check and lay out a motion; nothing moves yet."""
+def prepare(
+    setup: Setup, trajectory: Path, without: frozenset[str], recording: Path | None, learned: Path | None = None
+) -> Motion:
+    """Read, check and lay out a motion, with the current that was `learned` for it; nothing moves yet."""
     controller = design.design(setup.stage, setup.file.control, without)
     laid_out = plan(setup, load_trajectory(trajectory, axis_of(setup)), controller.feedforward)
-    meta = {**describe(setup, laid_out, controller, trajectory), "without": sorted(without)}
-    return Motion(setup, laid_out, controller.law, meta, recording or _fresh(trajectory.stem))
+    layers = sorted(frozenset(setup.file.control.layers) - without)
+    meta = {**describe(setup, laid_out, controller, trajectory), "without": sorted(without), "layers": layers}
+    motion = Motion(setup, laid_out, controller.law, meta, recording or _fresh(trajectory.stem))
+    return motion if learned is None else _with_learned(motion, learned)
+
+
+def _with_learned(motion: Motion, path: Path) -> Motion:
+    """The layer ``ilc``: the current in `path` added to the command.
+
+    Raises LearnedError where it was learned on something else.
+    """
+    found, here = load(path), blank(motion)
+    check(path, found, here)
+    about = {name: found.meta[name] for name in ("kept", "created")}
+    meta = {**motion.meta, "layers": [*motion.meta["layers"], "ilc"], "learned": {"name": path.name, **about}}
+    return with_current(motion, found.current)._replace(meta=meta)
+
+
+def blank(motion: Motion) -> Learned:
+    """What a current that is learned on `motion` belongs to; the current is 0 still."""
+    what = (motion.meta["trajectory"], motion.meta["layers"])
+    return nothing(motion.setup, motion.law, motion.plan.setpoints, what)
+
+
+def with_current(motion: Motion, current: NDArray[np.float64]) -> Motion:
+    """`motion` with this learned `current` (n,) A."""
+    rows = motion.plan.setpoints.copy()
+    rows[:, Setpoint._fields.index("learned")] = current
+    return motion._replace(plan=motion.plan._replace(setpoints=rows))
 
 
 def _fresh(what: str) -> Path:

@@ -21,6 +21,9 @@ Without = Annotated[
     list[str] | None, typer.Option("--without", metavar="LAYER", help="Switch a layer off: ptc, friction, observer.")
 ]
 Output = Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Where to record.")]
+Learned = Annotated[
+    Path | None, typer.Option(metavar="FILE.h5", help="Add the current that `stagectl learn` found for this motion.")
+]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
 LAYERS = ("ptc", "friction", "observer")
 
@@ -40,6 +43,7 @@ def run(
     json: Json = None,
     output: Output = None,
     channel: Channel = None,
+    learned: Learned = None,
 ) -> None:
     """Run a trajectory on the drive and record it.
 
@@ -52,7 +56,7 @@ def run(
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
     setup = on_channel(_load(stage), channel)
-    motion = prepare(setup, trajectory, _layers(without), output)
+    motion = prepare(setup, trajectory, layers_without(without), output, learned)
     with bar(f"run {motion.meta['trajectory']}", len(motion.plan.setpoints)) as update:
         result = perform(motion, console.print, update)
     console.print(summary(result))
@@ -71,6 +75,7 @@ def simulate(
     plant: Annotated[
         Path | None, typer.Option(metavar="PLANT.yaml", help="The machine, where it is not as the model says.")
     ] = None,
+    learned: Learned = None,
 ) -> None:
     """Run the same law on the stage model, compiled, faster than real time.
 
@@ -81,7 +86,7 @@ def simulate(
 
     if cold():
         console.print("compiling the kernels, once for this version: about ten seconds")
-    motion = prepare(_load(stage), trajectory, _layers(without), output)
+    motion = prepare(_load(stage), trajectory, layers_without(without), output, learned)
     result = pretend(motion, _load(plant) if plant else None)
     console.print(f"simulated: {summary(result)}")
     console.print(f"recorded: {result['recording']}")
@@ -134,7 +139,11 @@ def demo(
     console.print(f"report: {page}")
 
 
-def _layers(without: list[str] | None) -> frozenset[str]:
+def layers_without(without: list[str] | None) -> frozenset[str]:
+    """The layers that the user switches off.
+
+    Raises StageError where there is no such layer.
+    """
     for layer in without or ():
         if layer not in LAYERS:
             raise StageError(f"--without {layer}; must be one of {', '.join(LAYERS)}")

@@ -1,0 +1,189 @@
+"""The page of a comparison, and the page of a learning: the verdict, the figures it stands on, how to do it again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stagectl.evaluation import latched_reference, window
+from stagectl.recording.hdf5 import open_recording
+from stagectl.recording.meta import versions
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.page import Page, Picture, Table
+from stagectl.words import length
+
+Result = dict[str, Any]
+WIDTH = 4.1  # inches: three stand side by side on a page, with letters as large as the captions
+
+
+def page(result: Result, commands: list[str]) -> Page:
+    """The page of `trials.compare`'s result."""
+    names, repeats = [one["name"] for one in result["variants"]], len(result["order"])
+    answer = next(
+        (line for line in result["verdict"] if line.startswith((f"{result['best']} ", f"{result['best']}:"))),
+        result["verdict"][-1],
+    )
+    where = "simulated" if result["simulated"] else "on the drive"
+    about = (
+        f"{result['stage']}, {result['trajectory']}, {where}: {len(names)} variants, {repeats} repeats each, in an "
+        "order that a Latin square balances; peak and rms of the tracking error over the steady window."
+    )
+    return Page(
+        f"stagectl compare: {', '.join(names)}",
+        answer,
+        [*(line for line in result["verdict"] if line != answer), about, *result["notes"]],
+        _pictures(result),
+        _tables(result),
+        commands,
+        versions(),
+    )
+
+
+def _pictures(result: Result) -> list[Picture]:
+    found = [
+        Picture(embedded(peaks(result)), "Peak error of each repeat; the bar is the mean. Logarithmic."),
+        Picture(embedded(errors(result)), "Error over the steady window, last repeat of each variant. Own scales."),
+    ]
+    if result["learned"]:
+        found.append(Picture(embedded(courses(result["learned"])), "Error over the whole run, trial by trial."))
+    return found
+
+
+def _colour(result: Result, name: str) -> str:
+    """The first variant, the best one, and all others."""
+    if name == result["best"]:
+        return WITH
+    return WITHOUT if name == result["variants"][0]["name"] else TARGET
+
+
+def _scale(values: Any, unit: str) -> tuple[float, str]:
+    """Factor and unit in which `values` (m or rad) read well."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    prefixes = ((1e3, "m"), (1e6, "µ"), (1e9, "n"))
+    return next(((k, f"{prefix}{unit}") for k, prefix in prefixes if largest * k >= 0.5), (1e9, f"n{unit}"))
+
+
+def peaks(result: Result) -> Figure:
+    """Peak error of each repeat, a row a variant."""
+    rows = result["variants"]
+    scale, unit = _scale([one["peak"]["mean"] for one in rows], result["unit"])
+    with mpl.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(WIDTH, 1.0 + 0.42 * len(rows)))
+        for place, one in enumerate(rows):
+            colour = _colour(result, one["name"])
+            values = scale * np.array(one["peak"]["values"])
+            spread = np.linspace(-0.18, 0.18, len(values)) if len(values) > 1 else np.zeros(1)
+            axes.plot(values, place + spread, "o", color=colour, markersize=4, alpha=0.7, markeredgewidth=0)
+            axes.plot([scale * one["peak"]["mean"]] * 2, [place - 0.3, place + 0.3], color=colour, linewidth=2)
+        _named(axes, [one["name"] for one in rows])
+        axes.set_xscale("log")
+        _decades(axes, np.concatenate([scale * np.array(one["peak"]["values"]) for one in rows]))
+        axes.set_xlabel(f"peak error [{unit}]")
+        figure.tight_layout()
+    return figure
+
+
+def _named(axes: Axes, names: list[str]) -> None:
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.grid(False, axis="y")
+
+
+def _decades(axes: Axes, values: Any) -> None:
+    """Limits of whole half decades, numbers written out."""
+    low, high = np.log10(np.min(values)), np.log10(np.max(values))
+    axes.set_xlim(10 ** (np.floor(2 * low - 0.2) / 2), 10 ** (np.ceil(2 * high + 0.2) / 2))
+    axes.xaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(mpl.ticker.NullFormatter())
+
+
+def errors(result: Result) -> Figure:
+    """The last repeat's error over time, a panel a variant."""
+    rows = result["variants"]
+    with mpl.rc_context(STYLE):
+        figure, grid = plt.subplots(
+            len(rows), 1, figsize=(WIDTH, 0.6 + 1.0 * len(rows)), sharex=True, squeeze=False, layout="constrained"
+        )
+        for axes, one in zip(grid[:, 0], rows, strict=True):
+            time, error = _error(Path(one["recordings"][-1]))
+            scale, unit = _scale(error, result["unit"])
+            axes.plot(time, scale * error, color=_colour(result, one["name"]), linewidth=0.8)
+            axes.set_title(one["name"], loc="left", fontsize=8, pad=2, color=TARGET)
+            axes.set_ylabel(f"[{unit}]")
+            reach = 1.15 * scale * float(np.max(np.abs(error)))
+            axes.set_ylim(-reach, reach)
+        grid[-1, 0].set_xlabel("time [s]")
+    return figure
+
+
+def _error(path: Path) -> tuple[Any, Any]:
+    """Time (s) and tracking error (m or rad) within the steady window."""
+    recording = open_recording(path)
+    samples, meta = recording.samples, recording.meta
+    inside = window(samples["time"], meta["steady"])
+    error = (latched_reference(samples, meta) - samples["measured"]) * meta["axis"]["travel_per_unit"]
+    return samples["time"][inside], error[inside]
+
+
+def courses(learned: list[Result]) -> Figure:
+    """Error over the whole run of each trial, a line a learning."""
+    with mpl.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(WIDTH, 3.1))
+        values = [[trial["whole"]["rms"] for trial in one["trials"]] for one in learned]
+        scale, unit = _scale(np.concatenate(values), learned[0]["unit"])
+        for colour, one, rms in zip((WITH, TARGET, WITHOUT, "#7c3aed"), learned, values, strict=False):
+            axes.plot(
+                range(1, len(rms) + 1), scale * np.array(rms), "o-", color=colour, markersize=4, label=one["name"]
+            )
+            axes.plot(one["kept"], scale * rms[one["kept"] - 1], "o", color=colour, markersize=9, fillstyle="none")
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
+        axes.xaxis.set_major_locator(mpl.ticker.MaxNLocator(integer=True))
+        axes.set_xlabel("trial (ring: the one that is kept)")
+        axes.set_ylabel(f"rms error [{unit}]")
+        axes.legend(fontsize=8)
+        figure.tight_layout()
+    return figure
+
+
+def _tables(result: Result) -> list[Table]:
+    unit = result["unit"]
+    rows = [
+        [one["name"], *(length(one[measure]["mean"], unit) for measure in ("peak", "rms")), *_ends(one, unit)]
+        for one in result["variants"]
+    ]
+    found = [Table("Tracking error", ["variant", "peak, mean", "rms, mean", "peak, least", "peak, most"], rows)]
+    for key in ("against_first", "against_best"):
+        against = result[key]
+        if key == "against_first" or against["other"] != result["variants"][0]["name"]:
+            found.append(_against(against, unit))
+    return found
+
+
+def _ends(one: Result, unit: str) -> list[str]:
+    return [length(end(one["peak"]["values"]), unit) for end in (min, max)]
+
+
+def _against(against: Result, unit: str) -> Table:
+    head = ["variant", "measure", "lower by", "95 % interval", "p, after Holm", "repeats that agree"]
+    rows = [
+        [one["name"], measure, length(one["mean"], unit), *_certainty(one, unit), f"{one['agree']} of {one['repeats']}"]
+        for measure in ("peak", "rms")
+        for one in against[measure]
+    ]
+    return Table(f"Differences from {against['other']}, paired; negative is worse", head, rows)
+
+
+def _certainty(one: Result, unit: str) -> list[str]:
+    if one["low"] is None:
+        return ["no spread", "none"]
+    return [f"{length(one['low'], unit)} to {length(one['high'], unit)}", f"{one['adjusted']:.2g}"]
