@@ -14,9 +14,9 @@ import numpy as np
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.delay_search import Fit, Problem
-from stagectl.identification.regressors import HALF, acceleration, knots, position_noise
+from stagectl.identification.regressors import acceleration, knots, position_noise
 from stagectl.identification.slips import Range
-from stagectl.identification.smoothing import window
+from stagectl.identification.smoothing import HALF, window
 from stagectl.words import length
 
 SHORTEST = 0.2  # s of record

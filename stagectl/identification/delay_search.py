@@ -56,7 +56,7 @@ class Moments(NamedTuple):
     def at(self, delay: float, keep: list[int]) -> tuple[Array, float]:
         """Moments of the columns `keep`, and the square."""
         place = (delay - self.middle) / self.half if self.half > 0.0 else 0.0
-        values = chebyshev.chebval(place, self.coefficients)
+        values = np.asarray(chebyshev.chebval(place, self.coefficients), dtype=np.float64)
         return values[:-1][keep], float(values[-1])
 
 
@@ -190,4 +190,5 @@ def moments(p: Problem, middle: float, half: float = 0.0, nodes: int = NODES) ->
     for row, place in zip(values, places, strict=True):
         force = p.force_constant * currents(p.parts, middle + half * float(place))
         row[:-1], row[-1] = force @ p.columns, force @ force
-    return Moments(middle, half, np.linalg.solve(chebyshev.chebvander(places, count - 1), values))
+    coefficients = np.linalg.solve(chebyshev.chebvander(places, count - 1), values)
+    return Moments(middle, half, np.asarray(coefficients, dtype=np.float64))

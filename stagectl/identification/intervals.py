@@ -20,6 +20,7 @@ class Known(NamedTuple):
     covariance: Array  # (5, 5); row and column of the delay are 0 where it was given
     per_delay: Array  # (5,) change of each per second of delay
     ripple: float  # how clearly there is a ripple: Wald's statistic with two degrees of freedom, 0: not asked
+    ripple_bias: float | None = None  # what the inertia may change by with a ripple that is not seen; None: not asked
 
 
 def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
