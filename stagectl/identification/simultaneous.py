@@ -119,7 +119,7 @@ def _may_ripple(captures: list[Capture], file: StageFile) -> bool:
 def _with_ripple(problem: Problem, fit: Fit, delay: float | None) -> Solved | None:
     """The same with a torque ripple; None where that leaves no inertia that could be told."""
     try:
-        other = fitted(problem, kept(problem, ripple=True), delay, fit.delay)
+        other = fitted(problem, kept(problem, ripple=True), delay, fit)
     except IdentificationError:  # with two more columns the acceleration cannot be told from its noise
         return None
     known = intervals.known(problem, other, True, delay is None)
