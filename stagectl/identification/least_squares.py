@@ -125,7 +125,7 @@ def least_squares(
     _check(time, position, force)
     pieces, notes = parts(time, {"position": position, "force": force}, frozenset({"position"}))
     found = [_rows(p.columns["position"], p.columns["force"], p.dt, (cutoff_hz, decimate), model) for p in pieces]
-    _check_directions(np.concatenate([one.velocity for one in found]))
+    check_directions(np.concatenate([one.velocity for one in found]))
     regressor, kept = np.vstack([one.regressor for one in found]), np.concatenate([one.force for one in found])
     notes += [piece.note for piece in pieces if piece.note]
     return _solved(regressor, kept, model, (*notes, *_said(found)))
@@ -213,7 +213,7 @@ def _check(time: Array, position: Array, force: Array) -> None:
         raise IdentificationError(f"record of {len(time)} samples; must have more: record longer")
 
 
-def _check_directions(velocity: Array) -> None:
+def check_directions(velocity: Array) -> None:
     """Without both directions Coulomb friction and offset are one number."""
     fastest = float(np.abs(velocity).max())
     share = min(float(np.mean(velocity > SLOW * fastest)), float(np.mean(velocity < -SLOW * fastest)))
