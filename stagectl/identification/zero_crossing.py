@@ -102,23 +102,25 @@ def _found(fits: _Fits, notes: tuple[str, ...], file: StageFile) -> Found:
     forms = {name: _described(fit, fits.data, file) for name, fit in fits.forms.items()}
     for name, free in fits.free.items():
         forms[name]["unbounded"] = _described(free, fits.data, file)
+    drawn = {name: fit.form for name, fit in fits.forms.items()}
+    drawn.update({f"{name}-free": fit.form for name, fit in fits.free.items()})
     details = {
         "form": fits.chosen,
         "forms": forms,
         "largest_force": fits.data.largest,
         "speed": fits.data.constant.speed,
         "reversals": [_where(one) for one in fits.seen],
-        "curves": curves(fits.data, {name: fit.form for name, fit in fits.forms.items()}),
+        "curves": curves(fits.data, drawn),
     }
-    parameters = _parameters(best, fits.data, file)
+    parameters = _parameters(best, file)
     return Found(parameters, None, details, (*notes, *_remarks(fits, file)), {"compensation": block})
 
 
-def _parameters(fit: Fit, data: Data, file: StageFile) -> dict[str, Parameter]:
+def _parameters(fit: Fit, file: StageFile) -> dict[str, Parameter]:
     """Each value with its interval."""
-    hints, constant = get_type_hints(type(fit.form), include_extras=True), data.constant
+    hints = get_type_hints(type(fit.form), include_extras=True)
     ends = list(zip(*fit.interval, strict=True))
-    for value, half in zip(fit.form[-2:], constant.spread, strict=True):
+    for value, half in zip(fit.form[-2:], fit.constant.tolist(), strict=True):
         ends.append((value - half, value + half))
     found = {}
     for (name, value), (low, high) in zip(fit.form._asdict().items(), ends, strict=True):
@@ -131,7 +133,7 @@ def _parameters(fit: Fit, data: Data, file: StageFile) -> dict[str, Parameter]:
 def _described(fit: Fit, data: Data, file: StageFile) -> dict[str, Any]:
     """A form's row of the comparison, as JSON values."""
     return {
-        "parameters": {name: one._asdict() for name, one in _parameters(fit, data, file).items()},
+        "parameters": {name: one._asdict() for name, one in _parameters(fit, file).items()},
         "fitted": len(fit.interval[0]),
         "residual_rms": _rms(fit.residual),
         "residual_percent": 100.0 * _rms(fit.residual) / _rms(data.friction),
@@ -154,7 +156,7 @@ def _where(one: Reversals) -> dict[str, Any]:
 
 
 def curves(data: Data, forms: dict[str, Form]) -> dict[str, Any]:
-    """The first reversal, from its crossing (s): the friction seen (N m | N), the speed, and each form's force."""
+    """The first reversal, from its crossing (s): the friction seen (N m | N), the velocity, and each form's force."""
     rows = data.cut.leg <= 2
     after = data.cut.leg[rows] == 2
     time = np.where(after, data.cut.since[rows], -data.cut.until[rows])
