@@ -16,7 +16,8 @@ On a plant P that is not the model the error of each frequency shrinks from tria
 
     |Q (1 - gain S/S^)| < 1             S = 1/(C + M + (1 + U)/P), S^ = 1/(C + 1/P) of the model
 
-with M and U of the disturbance observer, if there is one: on the model itself it sees nothing.  `convergence` looks at that with the inertia off by a fifth and with the axis held by its rolling friction.
+with M and U of the disturbance observer, if there is one: on the model itself it sees nothing.  `convergence` looks
+at that with the inertia off by a fifth and with the axis held by its rolling friction.
 Source: D. A. Bristow, M. Tharayil, A. G. Alleyne, IEEE Control Systems Magazine 26(3), 2006; together with a friction
 model: T. Takemura, H. Fujimoto, IECON 2010.
 """
