@@ -60,14 +60,13 @@ def test_learn_keeps_a_current_that_simulate_uses(command: Command) -> None:
 
 def test_layers_that_are_off_are_absent(command: Command) -> None:
     """Every column of the recording, bit for bit: observer and learning switched off, and never there."""
-    outcomes: list[tuple[str, *tuple[object, ...]]] = [
-        ("absent.h5", STAGE, "--without", "friction"),
-        ("off.h5", "watched.yaml", "--without", "observer"),
-        ("on.h5", "watched.yaml"),
-    ]
     found = {}
-    for name, stage, *options in outcomes:
-        code, _, err = command("simulate", stage, "sine.yaml", *options, "-o", name)
+    for name, arguments in (
+        ("absent.h5", (STAGE, "sine.yaml", "--without", "friction")),
+        ("off.h5", ("watched.yaml", "sine.yaml", "--without", "observer")),
+        ("on.h5", ("watched.yaml", "sine.yaml")),
+    ):
+        code, _, err = command("simulate", *arguments, "-o", name)
         assert code == 0, err
         found[name] = open_recording(Path(name)).samples
     assert found["absent.h5"].tobytes() == found["off.h5"].tobytes()
