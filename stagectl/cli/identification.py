@@ -46,7 +46,7 @@ def register(app: typer.Typer) -> None:
     app.command("identify")(identify)
 
 
-def identify(  # noqa: PLR0913 - the options of a command line
+def identify(
     method: MethodArgument,
     stage: StageArgument,
     captures: Captures,
