@@ -23,6 +23,15 @@ class Table(NamedTuple):
     rows: list[list[str]]
 
 
+class Section(NamedTuple):
+    """A part of a longer report: what it is about, what is to be said, and what shows it."""
+
+    title: str
+    words: list[str]
+    figures: list[Picture]
+    tables: list[Table]
+
+
 class Page(NamedTuple):
     """A report: the answer in plain words comes first."""
 
@@ -33,6 +42,7 @@ class Page(NamedTuple):
     tables: list[Table]
     commands: list[str]
     versions: dict[str, str]
+    sections: tuple[Section, ...] = ()  # after the page's own figures and tables
 
 
 def write(page: Page, path: Path) -> Path:
