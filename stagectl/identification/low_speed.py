@@ -147,7 +147,7 @@ def fitted(strokes: list[Stroke], encoder_step: float) -> Fit:
     direction = np.concatenate([np.full(len(one.force), one.direction) for one in strokes])
     force = np.concatenate([one.force for one in strokes])
     columns = np.column_stack([np.clip(displacement[:, None] / slip - 1.0, -1.0, 1.0), direction, -direction, force])
-    triangle = np.linalg.qr(columns, mode="r")  # the same problem in as many rows as columns
+    triangle = np.asarray(np.linalg.qr(columns, mode="r"))  # the same problem in as many rows as columns
     values, norm = optimize.nnls(triangle[:, :-1], triangle[:, -1])
     kept = values[:-2] > 1e-6 * np.sum(values[:-2])
     offset = float(values[-2] - values[-1])
@@ -170,7 +170,8 @@ def _check(strokes: list[Stroke], captures: list[Capture]) -> None:
     if len(ways) < 2:
         raise IdentificationError(
             f"{len(strokes)} full strokes between two reversals, {'all one way' if ways else 'none'}; at least one "
-            "each way is needed: record one and a half periods or more of a slow sine, such as 50 um at 0.05 Hz, closed loop"
+            "each way is needed: record one and a half periods or more of a slow sine, such as 50 um at 0.05 Hz, in "
+            "closed loop"
         )
     shortest = min(float(one.displacement[-1]) for one in strokes)
     step = max(one.encoder_step for one in captures)
