@@ -229,7 +229,7 @@ def _doubts(merged: list[Curve], done: Done, capture: Capture) -> list[str]:
                 f"({poor[0]:.3g} to {poor[-1]:.3g} Hz); they are shown, not fitted"
             )
         if one.periods < 2:
-            notes.append(f"{where}: one period only, so neither coherence nor variance is known; record two or more")
+            notes.append(f"{where}: nothing to average, so neither coherence nor variance is known; record more periods")
         if one.kind == "multisine" and not math.isnan(one.distortion):
             notes.append(
                 f"{where}: even lines, which an odd multisine does not excite, carry {100.0 * one.distortion:.2g} % of "

@@ -108,9 +108,8 @@ def gain_curve(p: Lines) -> Fit:
     def residual(logs: Array) -> Array:
         return np.asarray(np.log(np.abs(1j * omega * math.exp(logs[0]) + math.exp(logs[1]))) - size)
 
-    first = _linear(p, 0.0, np.ones(len(omega)))
-    start = np.log(np.maximum(first, 1e-6 * np.max(np.abs(first)) * np.array([1.0 / omega[-1], 1.0])))
-    found = optimize.least_squares(residual, start)
+    low, high = int(np.argmin(omega)), int(np.argmax(omega))
+    found = optimize.least_squares(residual, [size[high] - math.log(omega[high]), size[low]])
     rms = math.sqrt(float(np.mean(found.fun**2)))
     return _plain("gain curve", np.exp(found.x), 0.0, rms)
 
@@ -155,7 +154,8 @@ def _searched(p: Lines, slip: Array, name: str) -> Fit:
     rough = np.linspace(EARLIEST, LATEST, 57)
     best = float(rough[int(np.argmin([misfit(delay) for delay in rough.tolist()]))])
     step = float(rough[1] - rough[0])
-    delay = float(optimize.minimize_scalar(misfit, bounds=(best - step, best + step), method="bounded").x)
+    bounds = (best - step, best + step)
+    delay = float(optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-10}).x)
     values, norm = _solved(p, model, delay)
     return _judged(p, model, Fit(name, values, np.zeros((0, 0)), delay, slip, norm, 0))
 

@@ -32,6 +32,7 @@ from stagectl.identification.response_sampling import LEAST_CURRENT, Complex, ch
 
 COHERENT = 0.9  # least coherence of a line that is used
 SEGMENTS = 12  # of Welch's method, at least, half overlapping
+LEAST_SAMPLES = 50  # of a stretch that a sine is fitted to
 HARMONICS = 9  # of a sine that are fitted with it, so that the friction's own do not leak into it
 STEADY_SIGN = 0.999  # least share of the velocities in one direction of an axis that is kept moving
 FOLLOWING = 0.95  # the same, in the direction of a reference that moves to and fro
@@ -51,7 +52,7 @@ class Curve(NamedTuple):
     coherence: Array  # NaN with one period
     velocity: Array  # rad/s | m/s, amplitude of each line
     relay: Complex  # fundamental of the velocity's sign, the velocity's own as phase zero: 4/pi for a pure sine
-    periods: int  # least number that a line was averaged over
+    periods: int  # least number that a line was averaged over: of periods, or of stretches of several short ones
     distortion: float  # third harmonic of a sine, even lines of an odd multisine, relative to the response; or NaN
 
     @property
@@ -111,6 +112,9 @@ def _span(capture: Capture, span: dict[str, Any], file: StageFile) -> Curve:
             f"{capture.name}: {max(available, 0.0):.4g} s are left of the excitation from {span['start']:g} s on; "
             f"must be at least one period, {period:g} s: record longer"
         )
+    if len(frequency) == 1:  # a period of a few samples does not tell its sine from the mean
+        together = min(periods, math.ceil(LEAST_SAMPLES * capture.dt / period))
+        period, periods = period * together, periods // together
     edges = first + np.rint(np.arange(periods + 1) * period / capture.dt).astype(np.int64)
     fitted = _sine if len(frequency) == 1 else _multisine
     spectra = fitted(capture, edges, frequency)
@@ -175,8 +179,8 @@ def _sine(capture: Capture, edges: NDArray[np.int64], frequency: Array) -> _Spec
     for a, b, window in segments:
         turn = 2.0 * np.pi * frequency[0] * capture.dt * np.arange(a, b)[:, None] * np.arange(1, count + 1)
         basis = np.hstack([np.ones((b - a, 1)), np.cos(turn), np.sin(turn)])
-        weight = np.sqrt(window)[:, None]
-        fit, *_ = np.linalg.lstsq(basis * weight, columns[a:b] * weight, rcond=None)
+        weighted = basis.T * window
+        fit = np.linalg.solve(weighted @ basis, weighted @ columns[a:b])  # nearly orthogonal: no need for more
         spectra.append(fit[1 : count + 1] - 1j * fit[count + 1 :])
     lines = np.array(spectra)  # (segments, harmonics, columns)
     mean = np.mean(lines[:, :, 0], axis=0)

@@ -32,17 +32,18 @@ class Machine(NamedTuple):
     ripple: float = 0.0  # N m, amplitude of a torque once per revolution
     bandwidth: float = 40.0  # Hz, of the PID
     seed: int = 1
+    substeps: int = 10  # a control period, of the integration
 
 
 @kernel
 def _run(loop: tuple[stage.Stage, feedback.Pid], plant: stage.State, inputs: Any, dt: float, what: Any) -> None:
     """Fill the rows (n, 3) of `inputs` = (asked (n, 2), noise (n,), rows): measured, current, command.
 
-    `what` is (1.0 where the loop is closed, ripple as a current).
+    `what` is (1.0 where the loop is closed, ripple as a current, substeps).
     """
     p, pid = loop
     asked, noises, rows = inputs
-    closed, ripple = what
+    closed, ripple, substeps = what
     x = feedback.AT_REST
     for k in range(len(asked)):
         noise = stage.Noise(noises[k] + ripple * np.sin(plant.position), 0.0)
@@ -51,7 +52,7 @@ def _run(loop: tuple[stage.Stage, feedback.Pid], plant: stage.State, inputs: Any
         command = closed * (terms.proportional + terms.integral + terms.derivative) + asked[k, 1]
         command = min(max(command, -p.drive.current_limit), p.drive.current_limit)
         rows[k, 0], rows[k, 1], rows[k, 2] = measured, plant.current, command
-        plant = stage.period(p, plant, command, noise, dt, 10)
+        plant = stage.period(p, plant, command, noise, dt, substeps)
 
 
 def opened(machine: Machine, current: Array, column: str = "measured_current", **known: Any) -> Capture:
@@ -73,7 +74,8 @@ def _captured(machine: Machine, asked: Array, closed: float, column: str, known:
     rows = np.zeros((len(asked), 3))
     pid = feedback.discretised(feedback.place_poles(p.mechanics, p.motor.force_constant, machine.bandwidth), dt)
     noise = source.normal(0.0, machine.acting, len(asked))
-    _run((p, pid), stage.at_rest(p), (asked, noise, rows), dt, (closed, machine.ripple / p.motor.force_constant))
+    what = (closed, machine.ripple / p.motor.force_constant, machine.substeps)
+    _run((p, pid), stage.at_rest(p), (asked, noise, rows), dt, what)
     current = rows[:, 1] + source.normal(0.0, machine.sensed, len(asked)) if column != "command" else rows[:, 2]
     time = dt * np.arange(len(asked), dtype=np.float64)
     step = p.encoder.step
