@@ -102,13 +102,15 @@ def _found(fits: _Fits, notes: tuple[str, ...], file: StageFile) -> Found:
     forms = {name: _described(fit, fits.data, file) for name, fit in fits.forms.items()}
     for name, free in fits.free.items():
         forms[name]["unbounded"] = _described(free, fits.data, file)
+    drawn = {name: fit.form for name, fit in fits.forms.items()}
+    drawn.update({f"{name}-free": fit.form for name, fit in fits.free.items()})
     details = {
         "form": fits.chosen,
         "forms": forms,
         "largest_force": fits.data.largest,
         "speed": fits.data.constant.speed,
         "reversals": [_where(one) for one in fits.seen],
-        "curves": curves(fits.data, {name: fit.form for name, fit in fits.forms.items()}),
+        "curves": curves(fits.data, drawn),
     }
     parameters = _parameters(best, fits.data, file)
     return Found(parameters, None, details, (*notes, *_remarks(fits, file)), {"compensation": block})
@@ -154,7 +156,7 @@ def _where(one: Reversals) -> dict[str, Any]:
 
 
 def curves(data: Data, forms: dict[str, Form]) -> dict[str, Any]:
-    """The first reversal, from its crossing (s): the friction seen (N m | N), the speed, and each form's force."""
+    """The first reversal, from its crossing (s): the friction seen (N m | N), the velocity, and each form's force."""
     rows = data.cut.leg <= 2
     after = data.cut.leg[rows] == 2
     time = np.where(after, data.cut.since[rows], -data.cut.until[rows])
