@@ -60,9 +60,9 @@ def characteristics(spans: list[dict[str, Any]], model: tuple[float, float], loo
     viscous, coulomb = model
     speed = np.linspace(-40.0, 40.0, 401)
     sign = np.sign(speed)
-    stribeck = coulomb * (1.0 + 0.3 * np.exp(-np.abs(speed) / 2.0))
+    stribeck = coulomb * (1.0 + 0.6 * np.exp(-np.abs(speed) / 3.0))
     lines = [
-        Line(speed, sign * (viscous * np.abs(speed) + stribeck), "the equation with $T_s$ = 1.3 $T_c$", TRUTH, "--"),
+        Line(speed, sign * (viscous * np.abs(speed) + stribeck), "the equation with $T_s$ = 1.6 $T_c$", TRUTH, "--"),
         Line(speed, sign * coulomb + viscous * speed, "$D\\omega + T_c$ sgn $\\omega$, as found", WITH),
         Line([one["speed"] for one in spans], [one["force"] for one in spans], "constant speed", WITHOUT, "o"),
     ]
@@ -74,7 +74,7 @@ def characteristics(spans: list[dict[str, Any]], model: tuple[float, float], loo
         picture(
             loops,
             Frame("table position [µm]", "torque [N m]", "(b) over displacement"),
-            "Rolling friction: a loop that springs after each reversal and then stays at $T_c$.".replace("$", ""),
+            "Rolling friction: a loop that springs after each reversal and then stays at Tc.",
         ),
     ]
 

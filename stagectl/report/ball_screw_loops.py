@@ -50,8 +50,11 @@ def responses(c: Columns, force_constant: float, span: tuple[float, float]) -> l
     return [picture([Line(t, y[inside])], Frame(_SECONDS, label, title), "") for y, label, title in shown]
 
 
-def flattening(c: Columns, inertia: float, viscous: float) -> list[Picture]:
-    """Fig. 9: the loop of the disturbance torque over the position, on its way to the rolling friction."""
+def flattening(c: Columns, inertia: float, viscous: float, misprint: tuple[float, float]) -> list[Picture]:
+    """Fig. 9: the loop of the disturbance torque over the position, on its way to the rolling friction.
+
+    `misprint` is the inertia and viscous friction that the paper prints on the way.
+    """
     x = 1e3 * c.position
     first = [Line(x, disturbance(c, 0.0, 0.0), "J = D = 0", SHADES[0], "-", 0.8)]
     by_viscous, by_inertia = [], []
@@ -63,16 +66,24 @@ def flattening(c: Columns, inertia: float, viscous: float) -> list[Picture]:
         Line(x, disturbance(c, inertia, viscous), "$T_d$ at the J and D found", WITHOUT, "-", 0.8),
         Line(x, c.friction, "rolling friction found", WITH, "-", 1.2),
     ]
-    frames = ("(a) as recorded, J = D = 0", "(b) D varied, J = 0", f"(c) J varied, D = {viscous:.2g}", "(d) the end")
+    printed = [Line(x, disturbance(c, *misprint), f"J = {misprint[0]:g}, D = {misprint[1]:g}", SHADES[-1], "-", 0.8)]
+    frames = (
+        "(a) as recorded, J = D = 0",
+        "(b) D varied, J = 0",
+        f"(c) J varied, D = {viscous:.2g}",
+        "(d) the end",
+        "(e) the misprint",
+    )
     captions = (
         "The loop begins as an open ellipse.",
         "With the right D upper and lower side run parallel.",
         "With the right J both lie parallel to the axis.",
         "What is left is the rolling friction alone.",
+        "The numbers that the paper prints in its steps 2 and 3.",
     )
     return [
         picture(lines, Frame(_PLACE, _TORQUE, title, columns=2 if len(lines) == 4 else 1), caption)
-        for lines, title, caption in zip((first, by_viscous, by_inertia, last), frames, captions, strict=True)
+        for lines, title, caption in zip((first, by_viscous, by_inertia, last, printed), frames, captions, strict=True)
     ]
 
 

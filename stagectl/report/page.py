@@ -13,6 +13,7 @@ class Picture(NamedTuple):
 
     image: str  # data URI
     caption: str
+    least: int = 0  # px below which it is not shrunk, but scrolled
 
 
 class Table(NamedTuple):

@@ -13,6 +13,7 @@ from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.identification import constant_speed, frequency_response, low_speed, simultaneous
 from stagectl.identification.capture import Capture
 from stagectl.identification.found import Found
+from stagectl.identification.response_sampling import known_delay
 from stagectl.reproduction.bench import CONFIG, NOISE, Bench, Run, captured, carried_out, guessed
 from stagectl.reproduction.course import Course
 from stagectl.reproduction.tracking import MOTIONS, Tracking, tracked
@@ -94,12 +95,13 @@ def experiment(name: str, setup: Setup, extent: Extent = Extent()) -> Experiment
 def _proposed(
     course: Course, captures: dict[str, list[Capture]], bench: Bench, extent: Extent
 ) -> dict[str, Found]:
-    """By experiment; the main one once more with the delay known: drives latch position and current together."""
+    """By experiment; the main one once more with the delay known from how a drive samples."""
     tell = course.begin("simultaneous")
     names = (MAIN, *extent.others)
     found = {}
     for number, name in enumerate(names):
         found[name] = simultaneous.identify(captures[name], bench.believed.file)
         tell(number + 1, len(names) + 1)
-    found[CALIBRATED] = simultaneous.identify(captures[MAIN], bench.believed.file, delay=0.0)
+    delay = known_delay(captures[MAIN][0], bench.believed.file)
+    found[CALIBRATED] = simultaneous.identify(captures[MAIN], bench.believed.file, delay=delay)
     return found

@@ -46,8 +46,8 @@ def _responses(e: Evidence) -> Part:
     }
     words = [
         "The paper: current, position, velocity and acceleration under i = 5 sin(2 pi 1.6 t), the loop open, all "
-        "low-passed with zero phase. Ours: the same, with 0.045 A rms of noise on the motor current. The flat foot of "
-        "the acceleration at each reversal is friction that changes its sign.",
+        "low-passed with zero phase. Ours: the same, with 0.045 A rms of noise on the motor current. The jumps of "
+        "the acceleration at the reversals are friction changing its sign.",
         f"Table travel {1e3 * numbers['position_peak_to_peak']:.1f} mm from peak to peak.",
     ]
     return Part("figure 8", Section("Fig. 8 - Time responses on current control", words, pictures, []), numbers)
@@ -62,9 +62,9 @@ def _flattening(e: Evidence) -> Part:
         "until the sides run parallel, then J until they lie parallel to the axis, then both finely. Ours is the same "
         "condition, solved: with stop operators for the rolling friction it is linear in J, D and the operators' "
         "weights, a convex problem with one answer, and gives intervals.",
-        "A misprint: the paper's steps 2 and 3 print D = 0.01 and J = 0.1, its result J = 0.010 and D = 0.14. With J = "
-        "0.1 the loop would be bent by ten times the inertia's torque; the result stands, and the two numbers of the "
-        "steps have changed places with each other or with their digits.",
+        "A misprint: the paper's steps 2 and 3 print D = 0.01 and J = 0.1, its result J = 0.010 and D = 0.14. With the "
+        "printed numbers the loop is far from flat (e); the result stands. Most likely the two have changed places: J = "
+        "0.01 and D = 0.1 would be first settings near the result.",
         f"Found: J {inertia:.5f} kg m² ({percent(inertia, published.INERTIA)}), D {viscous:.4f} N m s/rad "
         f"({percent(viscous, published.VISCOUS)}).",
     ]
@@ -74,7 +74,9 @@ def _flattening(e: Evidence) -> Part:
         "residual_percent": found.details.get("force_residual_percent"),
         "misprint": {"inertia": published.MISPRINT_INERTIA, "viscous": published.MISPRINT_VISCOUS},
     }
-    pictures = figures.flattening(columns, inertia, viscous)
+    pictures = figures.flattening(
+        columns, inertia, viscous, (published.MISPRINT_INERTIA, published.MISPRINT_VISCOUS)
+    )
     return Part("figure 9", Section("Fig. 9 - Shape of T_d by J and D (proposed)", words, pictures, []), numbers)
 
 

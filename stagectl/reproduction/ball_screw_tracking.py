@@ -64,9 +64,9 @@ def _errors(e: Evidence) -> Part:
         "Shown: all three without noise; then the compensated ones closer, without noise and with "
         f"{NOISE} A rms of noise on the motor current, which the loop can only partly reject. Shaded: where the "
         "error is taken.",
-        "Without noise what remains is the encoder's step of 11.4 nm. The paper's figure surely shows larger errors "
-        "than ours: a real stage has torque ripple, a flexible coupling and friction that changes along its travel, "
-        "which this plant has not.",
+        "Without noise what remains is of the size of the encoder's step, 11.4 nm. A real stage has torque ripple, a "
+        "flexible coupling and friction that changes along its travel, which this plant has not: do not expect such "
+        "small errors of it.",
     ]
     table = Table("Peak of the tracking error at full amplitude", head, rows)
     return Part("figure 13", Section("Fig. 13 - Tracking error", words, pictures, [table]), found)
