@@ -13,6 +13,7 @@ class Picture(NamedTuple):
 
     image: str  # data URI
     caption: str
+    least: int = 0  # px below which it is not shrunk, but scrolled
 
 
 class Table(NamedTuple):
@@ -21,6 +22,15 @@ class Table(NamedTuple):
     title: str
     head: list[str]
     rows: list[list[str]]
+
+
+class Section(NamedTuple):
+    """A part of a longer report: what it is about, what is to be said, and what shows it."""
+
+    title: str
+    words: list[str]
+    figures: list[Picture]
+    tables: list[Table]
 
 
 class Page(NamedTuple):
@@ -33,6 +43,7 @@ class Page(NamedTuple):
     tables: list[Table]
     commands: list[str]
     versions: dict[str, str]
+    sections: tuple[Section, ...] = ()  # after the page's own figures and tables
 
 
 def write(page: Page, path: Path) -> Path:

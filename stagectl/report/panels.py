@@ -1,0 +1,78 @@
+"""Panels: small figures of one pair of axes, which a page sets side by side, or below each other on a narrow screen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stagectl.report.figures import STYLE, TARGET, embedded
+from stagectl.report.page import Picture
+
+CONVENTIONAL, TRUTH = "#2563eb", "#94a3b8"  # beside WITHOUT (no compensation) and WITH (ours)
+SHADES = ("#fbbf24", "#f08c00", "#c2570c", "#7c2d12")  # of one quantity, from small to large
+SIZE = (4.5, 3.2)  # inch
+
+
+class Line(NamedTuple):
+    """A curve."""
+
+    x: Any  # (n,)
+    y: Any  # (n,)
+    label: str = ""
+    colour: str = TARGET
+    style: str = "-"  # as matplotlib's format: "--", "o", ".-"
+    width: float = 1.2
+
+
+class Frame(NamedTuple):
+    """What stands around the curves."""
+
+    x: str  # label with unit
+    y: str
+    title: str = ""
+    logarithmic: bool = False  # the x axis
+    ylim: tuple[float, float] | None = None
+    xlim: tuple[float, float] | None = None
+    columns: int = 1  # of the legend
+    level: tuple[float, ...] = ()  # dotted horizontals
+    shaded: tuple[tuple[float, float], ...] = ()  # spans of x
+
+
+def panel(lines: Sequence[Line], frame: Frame) -> Figure:
+    """One pair of axes with these curves."""
+    with mpl.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=SIZE)
+        for line in lines:
+            marks = {"markersize": 3.5, "markeredgewidth": 0.8}
+            axes.plot(line.x, line.y, line.style, color=line.colour, label=line.label, linewidth=line.width, **marks)
+        _around(axes, frame)
+        if any(line.label for line in lines):
+            axes.legend(loc="best", fontsize=7.5, ncols=frame.columns, columnspacing=1.0, handlelength=1.5)
+        figure.tight_layout()
+    return figure
+
+
+def _around(axes: Axes, frame: Frame) -> None:
+    axes.set_xlabel(frame.x)
+    axes.set_ylabel(frame.y)
+    axes.set_title(frame.title, loc="left", fontsize=9, fontweight="bold", color=TARGET)
+    if frame.logarithmic:
+        axes.set_xscale("log")
+    if frame.ylim is not None:
+        axes.set_ylim(*frame.ylim)
+    if frame.xlim is not None:
+        axes.set_xlim(*frame.xlim)
+    for value in frame.level:
+        axes.axhline(value, color=TRUTH, linewidth=0.9, linestyle=":")
+    for span in frame.shaded:
+        axes.axvspan(*span, color="#f1f5f9", zorder=-1)
+
+
+def picture(lines: Sequence[Line], frame: Frame, caption: str) -> Picture:
+    """The panel as it stands in a page."""
+    return Picture(embedded(panel(lines, frame)), caption)

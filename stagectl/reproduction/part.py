@@ -1,0 +1,32 @@
+"""One figure or table of a paper, reproduced: what the page shows and what the JSON file holds."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from stagectl.report.page import Section
+
+
+class Part(NamedTuple):
+    """A section of the page with its numbers."""
+
+    name: str  # key in the JSON file: "figure 5", "parameters"
+    section: Section
+    numbers: dict[str, Any]  # JSON values, SI
+
+
+class Outcome(NamedTuple):
+    """A whole paper: the answer in a sentence, and its parts in the paper's order."""
+
+    answer: str
+    notes: list[str]
+    parts: list[Part]
+
+    def numbers(self) -> dict[str, Any]:
+        """All parts by name, as JSON values."""
+        return {"simulated": True, "answer": self.answer, **{part.name: part.numbers for part in self.parts}}
+
+
+def percent(value: float, true: float) -> str:
+    """Deviation from `true`: ``+0.12 %``."""
+    return f"{100.0 * (value / true - 1.0):+.2f} %"
