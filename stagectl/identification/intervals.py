@@ -25,7 +25,7 @@ class Known(NamedTuple):
 
 def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
     """Covariance from the residual as it is, and from what another grid of slips would have found."""
-    use = [index for index in kept(p, ripple) if index < FREE or fit.theta[index] > 0.0]
+    use = _in_play(p, fit, ripple)
     late = p.force_constant * currents(p.parts, fit.delay, 1)
     curvature, scores = _curvature(p, fit, use, late)
     size = np.sqrt(np.diag(curvature)[:-1])
@@ -35,9 +35,23 @@ def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
     covariance = errors.spread(curvature[:last, :last], scores[:, :last]) / np.outer(size[:last], size[:last])
     sums = _sums(use)[:, :last]
     found = sums @ covariance @ sums.T
-    per_delay = -sums[:, : len(use)] @ (np.linalg.pinv(curvature[:-1, :-1]) @ curvature[:-1, -1] * size[-1] / size[:-1])
+    per_delay = -sums[:, : len(use)] @ (
+        np.linalg.pinv(curvature[:-1, :-1], rcond=errors.SAME, hermitian=True)
+        @ curvature[:-1, -1]
+        * size[-1]
+        / size[:-1]
+    )
     other = _grid_error(p, fit, ripple)
     return Known(found + np.outer(other, other), per_delay, _wald(fit, covariance) if ripple else 0.0)
+
+
+def _in_play(p: Problem, fit: Fit, ripple: bool) -> list[int]:
+    """Columns whose parameters the data could have moved: an element that carries may as well lie at its neighbour."""
+    carrying = fit.theta[FREE:] > 0.0
+    near = carrying.copy()
+    near[1:] |= carrying[:-1]
+    near[:-1] |= carrying[1:]
+    return [index for index in kept(p, ripple) if index < FREE or near[index - FREE]]
 
 
 def _curvature(p: Problem, fit: Fit, use: list[int], late: Array) -> tuple[Array, Array]:

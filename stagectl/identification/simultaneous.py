@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stagectl.config.stage_file import StageFile
-from stagectl.identification import conditions, errors_in_columns, intervals, notes
+from stagectl.identification import conditions, errors_in_columns, even_weights, intervals, notes
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.delay_search import Fit, Problem, fitted, kept, widest
 from stagectl.identification.found import Characteristic, Found, Parameter
@@ -128,7 +128,7 @@ def _with_ripple(problem: Problem, fit: Fit, delay: float | None) -> Solved | No
 
 def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str]) -> Found:
     fit, slip = solved.fit, solved.problem.slip
-    weight = fit.theta[FREE:]
+    weight = even_weights.evened(solved.problem, fit)
     carrying = weight > 1e-6 * weight.sum()
     values = [*fit.theta[:2], weight.sum(), fit.theta[ONE], fit.delay]
     parameters = {
