@@ -84,7 +84,9 @@ def joined_curve(group: list[Curve]) -> Curve:
         for name in ("frequency", "response", "deviation", "coherence", "velocity", "relay")
     }
     worst = max((one.distortion for one in group if not math.isnan(one.distortion)), default=math.nan)
-    return group[0]._replace(periods=min(one.periods for one in group), distortion=worst, **columns)
+    return group[0]._replace(
+        periods=min([one.periods for one in group if one.periods > 1], default=1), distortion=worst, **columns
+    )
 
 
 def _check(merged: list[Curve]) -> None:
@@ -240,8 +242,11 @@ def _doubts(merged: list[Curve], done: Done, capture: Capture) -> list[str]:
                 f"{where}: coherence below {threshold(one.periods):.2f} at {len(poor)} of {len(one.frequency)} lines "
                 f"({poor[0]:.3g} to {poor[-1]:.3g} Hz); they are shown, not fitted"
             )
-        if one.periods < 2:
-            notes.append(f"{where}: nothing to average, so coherence and variance are not known; record more periods")
+        if alone := int(np.sum(np.isnan(one.coherence))):
+            notes.append(
+                f"{where}: nothing to average at {alone} of {len(one.frequency)} lines, so coherence and variance are "
+                "not known there; record more periods"
+            )
         if one.kind == "multisine" and not math.isnan(one.distortion):
             notes.append(
                 f"{where}: even lines, which an odd multisine does not excite, carry {100.0 * one.distortion:.2g} % of "

@@ -32,7 +32,7 @@ from stagectl.identification.response_sampling import LEAST_CURRENT, Complex, ch
 
 COHERENT = 0.9  # least coherence of a line that is used
 SEGMENTS = 12  # of Welch's method, at least, half overlapping
-LEAST_SAMPLES = 50  # of a stretch that a sine is fitted to
+LEAST_SAMPLES = 12  # of a stretch that a sine is fitted to, and six more for each harmonic
 HARMONICS = 9  # of a sine that are fitted with it, so that the friction's own do not leak into it
 STEADY_SIGN = 0.999  # least share of the velocities in one direction of an axis that is kept moving
 FOLLOWING = 0.95  # the same, in the direction of a reference that moves to and fro
@@ -171,9 +171,9 @@ def _columns(capture: Capture, edges: NDArray[np.int64]) -> Array:
 
 def _sine(capture: Capture, edges: NDArray[np.int64], frequency: Array) -> _Spectra:
     """One frequency by least squares with its harmonics, so that a period need not be whole samples."""
-    columns = _columns(capture, edges)
-    count = max(1, min(HARMONICS, int(0.4 / (capture.dt * frequency[0]))))
-    segments = _segments(capture, edges)
+    columns, segments = _columns(capture, edges), _segments(capture, edges)
+    shortest = len(min(segments, key=lambda one: len(one[2]))[2])
+    count = max(1, min(HARMONICS, int(0.4 / (capture.dt * frequency[0])), (shortest - 6) // 6))
     spectra = []
     for a, b, window in segments:
         turn = 2.0 * np.pi * frequency[0] * capture.dt * np.arange(a, b)[:, None] * np.arange(1, count + 1)

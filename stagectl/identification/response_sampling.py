@@ -7,7 +7,7 @@ All of it is known, and taken out exactly, line by line (x = 2 pi f Ts, a = exp(
 * central differences have the gain ``sin(x)/x``;
 * the images of the staircase fold back into the sampled position, on an inertia by the share
   ``sum_n (x/x_n)^3 (1 + jx tau/Ts)/(1 + jx_n tau/Ts)``, ``x_n = x + 2 pi n``;
-* a position that is nm periods old lags by ``exp(-j nm x)``, a command acts nd periods late.
+* a command acts nd periods late; captures have their positions at the instants they were latched at.
 """
 
 from __future__ import annotations
@@ -61,8 +61,7 @@ def sampled(frequency: Array, capture: Capture, file: StageFile) -> Complex:
         wave *= np.exp(-1j * x * capture.meta.get("nd", file.drive.delay_samples))
     all_x = x[:, None] + 2.0 * np.pi * np.arange(-IMAGES, IMAGES + 1)
     folded = np.sum((x[:, None] / all_x) ** 3 * (1.0 + 1j * lag * x[:, None]) / (1.0 + 1j * lag * all_x), axis=1)
-    old = np.exp(1j * x * capture.meta.get("nm", file.encoder.delay_samples))
-    return np.asarray(x / np.sin(x) * old / (wave * folded), dtype=np.complex128)
+    return np.asarray(x / np.sin(x) / (wave * folded), dtype=np.complex128)
 
 
 def known_delay(capture: Capture, file: StageFile) -> float:

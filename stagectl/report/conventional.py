@@ -15,12 +15,19 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import StageFile
+from stagectl.identification.capture import Capture
 from stagectl.identification.found import Characteristic, Found
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.page import Picture
 from stagectl.units import ROTARY
 
 SHADES = ("#f59e0b", "#0ea5e9", "#8b5cf6", "#0f766e", "#be123c", "#334155")
 FAINT = "#94a3b8"
+
+
+def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
+    """The same figures for a page; all that they show is in the answer, the `captures` are not drawn."""
+    return [Picture(embedded(figure), f"{caption}.") for caption, figure in figures(found, file).items()]
 
 
 def figures(found: Found, file: StageFile) -> dict[str, Figure]:

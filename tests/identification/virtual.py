@@ -77,6 +77,7 @@ def _captured(machine: Machine, asked: Array, closed: float, column: str, known:
     what = (closed, machine.ripple / p.motor.force_constant, machine.substeps)
     _run((p, pid), stage.at_rest(p), (asked, noise, rows), dt, what)
     current = rows[:, 1] + source.normal(0.0, machine.sensed, len(asked)) if column != "command" else rows[:, 2]
+    late = p.encoder.delay_samples  # captures have their positions at the instants they were latched at
+    position = np.append(rows[late:, 0], np.full(late, rows[-1, 0]))
     time = dt * np.arange(len(asked), dtype=np.float64)
-    step = p.encoder.step
-    return Capture("virtual", time, rows[:, 0].copy(), current, dt, column, encoder_step=step, **known)
+    return Capture("virtual", time, position, current, dt, column, encoder_step=p.encoder.step, **known)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator
 
 import numpy as np
@@ -58,6 +59,8 @@ def test_force_over_speed() -> None:
 
 def test_rolling_friction_in_travel() -> None:
     found = low_speed.identify([slow(Machine(SETUP), seconds=35.0)], SETUP.file)
+    (picture,) = importlib.import_module("stagectl.report.low_speed").pictures(found, [], SETUP.file)
+    assert picture.image.startswith("data:image/png;base64,") and picture.caption == "Rolling-friction characteristic."
     (figure,) = figures(found, SETUP.file).values()
     whole, near = figure.axes
     assert whole.get_xlabel() == "travel since the reversal [µm]"
