@@ -31,7 +31,7 @@ class Data(NamedTuple):
 
     path: Path
     recipe: Recipe
-    fixed: Array  # (m, 2) acceleration and velocity
+    fixed: Array  # (m, 3) acceleration, velocity, and one, which the filter changes a little, too
     force: Array  # (m,) N m | N
 
 
@@ -75,9 +75,9 @@ def prepared(captures: Sequence[Capture], file: StageFile) -> tuple[list[Data], 
             check_directions(motion.velocity)
         except IdentificationError as error:
             raise IdentificationError(f"{capture.name}: {error}") from error
-        columns = np.column_stack([motion.acceleration, motion.velocity, file.motor.force_constant * capture.current])
-        thin = thinned(columns, how)
-        data.append(Data(Path(motion.position, capture.dt), how, thin[:, :2], thin[:, 2]))
+        force, one = file.motor.force_constant * capture.current, np.ones(len(capture.position))
+        thin = thinned(np.column_stack([motion.acceleration, motion.velocity, one, force]), how)
+        data.append(Data(Path(motion.position, capture.dt), how, thin[:, :3], thin[:, 3]))
         counts.append(capture.encoder_step or _resolution(capture.position))
         speeds.append(float(np.abs(motion.velocity).max()))
     stroke = max(float(np.ptp(capture.position)) for capture in captures)
@@ -163,7 +163,7 @@ def sensitivity(one: Fit, data: Sequence[Data]) -> Array:
 def _columns(member: Member, one: Data, theta: Array) -> Array:
     """Columns (m, k) of a capture: acceleration, velocity, friction, one."""
     thin = thinned(member.columns(one.path, theta.tolist()), one.recipe)
-    return np.column_stack([one.fixed, thin, np.ones(len(thin))])
+    return np.column_stack([one.fixed[:, :2], thin, one.fixed[:, 2]])
 
 
 def _resolution(position: Array) -> float:

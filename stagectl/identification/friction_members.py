@@ -60,7 +60,7 @@ class Member(NamedTuple):
         return 3 + len(self.linear) + len(self.searched)
 
 
-_LENGTHS = Searched("range", LENGTH, 2.0, 0.03)  # counts of the encoder; of the stroke
+_LENGTHS = Searched("range", LENGTH, 2.0, 0.2)  # counts of the encoder; of the stroke
 _SPEEDS = Searched("stribeck_velocity", SPEED, 0.003, 0.5)  # of the largest speed
 _RISE = Searched("stribeck_rise", "", 1e-3, 1.0)
 NOTHING = friction.bundle([0.0], [1.0])

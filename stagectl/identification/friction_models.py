@@ -172,9 +172,8 @@ def _found(one: Fit, judge: _Judge) -> Found:
         parameters[name] = _searched(one, number - count, spread, si)
         if not spread < math.log(TOLD):
             low, high = one.bounds[number - count]
-            notes.append(
-                f"{one.name}: {name} is not told by these captures; it was searched for in [{low:.3g}, {high:.3g}] {si}"
-            )
+            span = f"[{low:.3g}, {high:.3g}] {si}".rstrip()
+            notes.append(f"{one.name}: {name} is not told by these captures; it was searched for in {span}")
     if "coulomb" not in parameters:
         parameters["coulomb"] = _total(one, covariance, parameters["offset"].unit)
     changes = {f"mechanics.{name}": parameters[name].value for name in ("inertia", "viscous")}
