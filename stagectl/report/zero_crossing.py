@@ -38,6 +38,7 @@ COLOURS = {
     "symmetric-free": "#ca8a04",
 }
 SHOWN = ("exponential", "displacement", "symmetric", "symmetric-free")
+NEAR = 0.13  # s either side of a crossing
 SLIDER = StageAxis("linear")
 
 
@@ -60,12 +61,16 @@ class Compensated(NamedTuple):
 
 def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
     """What an identification's page shows of this method."""
-    caption = (
-        "Friction at the first reversal, force minus M a and D v, and the fitted forms, over time and over velocity. "
-        "In the direction of the new motion it assists until the rolling elements have turned round; the conventional "
-        "curve jumps, or, with Cs free, dips where the friction is largest."
+    time = (
+        "Friction at the first reversal, force minus M a and D v, and the fitted forms. Behind the crossing it assists "
+        "the new motion until the rolling elements have turned round; the conventional curve jumps, or, with Cs free, "
+        "dips where the friction is largest."
     )
-    return [Picture(embedded(forces(found.details, file.axis)), caption)]
+    velocity = "The same over velocity: not symmetric about zero speed."
+    return [
+        Picture(embedded(forces(found.details, over, file.axis)), caption)
+        for over, caption in (("time", time), ("velocity", velocity))
+    ]
 
 
 def stroke_end(runs: Sequence[Run], span: tuple[float, float], words: str = "reversal") -> Figure:
@@ -105,27 +110,25 @@ def release(runs: Sequence[Run], span: tuple[float, float] = (-0.02, 0.25)) -> F
     return figure
 
 
-def forces(details: Mapping[str, Any], axis: StageAxis = SLIDER, shown: Sequence[str] = SHOWN) -> Figure:
-    """Friction seen at a reversal and the fitted forms, over time (the paper's Fig. 8) and velocity (Fig. 9)."""
+def forces(details: Mapping[str, Any], over: str, axis: StageAxis = SLIDER, shown: Sequence[str] = SHOWN) -> Figure:
+    """Friction seen at a reversal and the fitted forms over ``time`` (the paper's Fig. 8) or ``velocity`` (Fig. 9)."""
     curves = {name: np.asarray(values) for name, values in details["curves"].items()}
-    unit, travel = ("N" if axis.kind == LINEAR else "N m"), axis.travel_per_unit
+    near = np.abs(curves["time"]) <= NEAR
+    unit = "N" if axis.kind == LINEAR else "N m"
+    x = 1e3 * curves[over][near] * (axis.travel_per_unit if over == "velocity" else 1.0)
     with mpl.rc_context(STYLE):
-        figure, (left, right) = plt.subplots(1, 2, figsize=(10.4, 4.2), sharey=True, width_ratios=(3, 2))
-        near = np.abs(curves["time"]) <= 0.13
-        for part, x in ((left, 1e3 * curves["time"][near]), (right, 1e3 * travel * curves["velocity"][near])):
-            part.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="seen: F - M a - D v")
-            for name in shown:
-                line = "--" if name.endswith("-free") else "-"
-                label = f"{NAMES[name]}, rms {_rms(curves, name):.2g} {unit}"
-                part.plot(x, curves[name][near], line, color=COLOURS[name], linewidth=1.1, label=label)
-            part.axhline(0.0, color="#94a3b8", linewidth=0.6)
-            part.axvline(0.0, color="#94a3b8", linewidth=0.6)
-        left.set_xlabel("time from the zero crossing [ms]")
-        left.set_ylabel(f"friction [{unit}]")
-        right.set_xlabel(f"velocity [m{axis.travel_unit}/s]")
-        handles, labels = left.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="upper center", ncols=3, fontsize=8)
-        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.9))
+        figure, part = plt.subplots(figsize=(5.6, 4.4))
+        part.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="seen: F - M a - D v")
+        for name in shown:
+            line = "--" if name.endswith("-free") else "-"
+            label = f"{NAMES[name]}, rms {_rms(curves, name):.2g} {unit}"
+            part.plot(x, curves[name][near], line, color=COLOURS[name], linewidth=1.1, label=label)
+        part.axhline(0.0, color="#94a3b8", linewidth=0.6)
+        part.axvline(0.0, color="#94a3b8", linewidth=0.6)
+        part.set_xlabel({"time": "time from the zero crossing [ms]"}.get(over, f"velocity [m{axis.travel_unit}/s]"))
+        part.set_ylabel(f"friction [{unit}]")
+        part.legend(loc="lower center", bbox_to_anchor=(0.45, 1.0), ncols=2, fontsize=7.5, columnspacing=1.2)
+        figure.tight_layout()
     return figure
 
 
