@@ -36,6 +36,8 @@ Columns = Annotated[
 Doubtful = Annotated[bool, typer.Option("--doubtful", help="Go on where a capture's units or current look wrong.")]
 Delay = Annotated[str | None, typer.Option("--delay", metavar="TIME", help="A known delay, such as 0.2ms.")]
 Gravity = Annotated[bool, typer.Option("--gravity", help="The axis turns in gravity: sine and cosine of its angle.")]
+Directions = Annotated[bool, typer.Option("--directions", help="Friction of its own in each direction.")]
+Form = Annotated[str | None, typer.Option("--form", help="Of zero-crossing: the form whose parameters are wanted.")]
 Seed = Annotated[int | None, typer.Option("--seed", help="Of a method that searches at random.")]
 
 TOGETHER = 0.95  # correlation, either way
@@ -57,6 +59,8 @@ def identify(
     columns: Columns = None,
     delay: Delay = None,
     gravity: Gravity = False,
+    directions: Directions = False,
+    form: Form = None,
     seed: Seed = None,
     doubtful: Doubtful = False,
 ) -> None:
@@ -78,7 +82,8 @@ def identify(
     used = prepared(recordings, setup, current, doubtful)
     del recordings  # all their columns: the captures have copies of those that they need
     with bar(f"identify {method}", 1) as update:
-        found = methods.identify(method, used, setup.file, update, _options(delay, gravity, seed))
+        options = {"delay": _time(delay), "gravity": gravity, "directions": directions, "form": form, "seed": seed}
+        found = methods.identify(method, used, setup.file, update, options)
     strange = implausible({name: one.value for name, one in found.parameters.items()}, setup)
     found = found._replace(notes=(*strange, *found.notes))
     result = methods.result(method, setup, used, found, left)
@@ -89,16 +94,14 @@ def identify(
         _write(stage, write, found.changes, [] if doubtful else strange)
 
 
-def _options(delay: str | None, gravity: bool, seed: int | None) -> dict[str, Any]:
-    """Those that were given."""
+def _time(text: str | None) -> float | None:
+    """A time as a user writes it, in s."""
     from stagectl.units import UnitError, parse
 
     try:
-        known = None if delay is None else parse(delay, "s")
+        return None if text is None else parse(text, "s")
     except UnitError as error:
-        raise StageError(f"--delay {delay}: {error}; write a time such as 0.2ms") from error
-    given = {"delay": known, "gravity": gravity or None, "seed": seed}
-    return {name: value for name, value in given.items() if value is not None}
+        raise StageError(f"--delay {text}: {error}; write a time such as 0.2ms") from error
 
 
 def _show(result: dict[str, Any]) -> None:

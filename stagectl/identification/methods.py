@@ -47,19 +47,19 @@ METHODS = {
 def identify(
     name: str, captures: Sequence[Capture], file: StageFile, progress: Progress, options: Mapping[str, Any]
 ) -> Found:
-    """What a method finds; `options` are those that were given, by the names of its arguments.
+    """What a method finds; `options` by the names of its arguments, None and False where they were not given.
 
     Raises IdentificationError where the method knows no such option, or the captures do not tell its parameters.
     """
     solve = importlib.import_module(f"stagectl.identification.{METHODS[name].module}").identify
     known = inspect.signature(solve).parameters
-    for option in options:
-        if option not in known:
-            own = [one for one in ("delay", "gravity", "seed") if one in known]
-            raise IdentificationError(
-                f"--{option} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}"
-            )
-    found: Found = solve(list(captures), file, progress=progress, **options)
+    given = {option: value for option, value in options.items() if value is not None and value is not False}
+    if foreign := [option for option in given if option not in known]:
+        own = [f"--{option}" for option in options if option in known]
+        raise IdentificationError(
+            f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}"
+        )
+    found: Found = solve(list(captures), file, progress=progress, **given)
     return found
 
 
@@ -85,7 +85,7 @@ def result(name: str, setup: Setup, captures: Sequence[Capture], found: Found, l
         **{key: _plain(found.details[key]) for key in common if key in found.details},
         "captures": [_capture(one) for one in captures],
         "held_out": list(left),
-        "notes": list(found.notes),
+        "notes": [note for note in found.notes if not any(note in one.notes for one in captures)],
         "changes": _plain(found.changes),
         "details": _plain({key: one for key, one in found.details.items() if key != "identifiability"}),
     }

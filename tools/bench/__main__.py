@@ -19,6 +19,7 @@ from pathlib import Path
 
 import cycle
 import engines
+import identification
 import processes
 import simulator
 from measure import Row, Wanted, as_json, spread
@@ -34,7 +35,7 @@ console = Console(width=None if sys.stdout.isatty() else 132, highlight=False)
 def main() -> None:
     """Measure, show, write."""
     parser = argparse.ArgumentParser(prog="bench", description="Measure what the project promises.")
-    parser.add_argument("--quick", action="store_true", help="fewer rounds: under a minute")
+    parser.add_argument("--quick", action="store_true", help="fewer rounds, without the memory of long captures")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures there")
     chosen = parser.parse_args()
     if importlib.util.find_spec("mujoco") is None:
@@ -44,6 +45,8 @@ def main() -> None:
     table = simulator.tracking()
     factors = simulator.speed(4 * rounds)
     rows = [*simulator.rows(factors, table), *engines.rows(rounds), *_on_the_bus(2 if chosen.quick else 5)]
+    with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
+        rows += identification.rows(Path(folder), 1 if chosen.quick else 3, memory=not chosen.quick)
     machine = f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}, {platform.release()}"
     _show(rows)
     _show_tracking(table, factors)
@@ -112,6 +115,7 @@ def _show_methods(rows: list[Row]) -> None:
     for method, names in methods.items():
         console.print(f"- [bold]{', '.join(names)}[/]: {method}", soft_wrap=True)
     console.print(engines.__doc__, soft_wrap=True)
+    console.print(identification.__doc__, soft_wrap=True)
 
 
 if __name__ == "__main__":
