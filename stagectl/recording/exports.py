@@ -194,6 +194,9 @@ def _write_capture(recording: Recording, path: Path) -> list[str]:
             columns[header(name, found[ours])] = recording.column(ours)[rows]
         else:
             notes.append(f"there is no {name}")
+    added = [name for name in ("learned", "injection") if name in found and np.any(recording.column(name))]
+    if added:
+        notes.append(f"the {' and '.join(added)} current that was added to the command is left out: csv has the column")
     write_columns(path, columns)
     return notes
 

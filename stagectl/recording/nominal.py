@@ -229,6 +229,7 @@ def _controller(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
         "Ts": meta["dt"],
         **(_cascade(meta) if meta["law"]["cascaded"] else _pid(file, meta)),
         **_anticipation(file, meta),
+        **_observer(meta),
         "states_at_first_row": _START,
         "anti_windup": _ANTI_WINDUP,
         "command_limit_A": meta["law"]["current_limit"],
@@ -260,6 +261,20 @@ def _cascade(meta: dict[str, Any]) -> dict[str, Any]:
         "retained": p["retained"],
         "velocity_feedforward": p["share"],
         "span": p["span"],
+    }
+
+
+def _observer(meta: dict[str, Any]) -> dict[str, Any]:
+    """The disturbance observer, where there is one."""
+    p = meta["law"].get("observer", {"active": False})
+    if not p["active"]:
+        return {}
+    return {
+        "observer": "e = position - x1; d + k3 e is subtracted from the command; then x1 += a12 x2 + b1 u + k1 e, x2 = "
+        "a22 x2 + b2 u + k2 e, d += k3 e, with u = share c[k-delay] + (1 - share) c[k-delay-1] + d as it was; c = "
+        "limited command less friction compensation",
+        "observer_model": {name: p[name] for name in ("a12", "a22", "b1", "b2", "delay", "share")},
+        "observer_gains": [p["position"], p["velocity"], p["disturbance"]],
     }
 
 

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from stagectl.config.stage_file import Setup
 from stagectl.recording import learned
-from stagectl.session import blank, prepare, with_current
+from stagectl.recording.exports import export
+from stagectl.recording.hdf5 import open_recording
+from stagectl.session import blank, prepare, pretend, with_current
 from tests.conftest import CONFIG
 
 SINE = CONFIG / "trajectories" / "sine-3.2hz.yaml"
@@ -90,3 +93,17 @@ def test_files_that_are_none(ball_screw: Setup, tmp_path: Path) -> None:
     assert (tmp_path / "text.h5").read_text() == "not a current"
     made(ball_screw, tmp_path / "b.h5")
     made(ball_screw, tmp_path / "b.h5")  # one of ours may be written over
+
+
+def test_a_folder_says_what_it_lacks_and_holds_the_observer(ball_screw: Setup, tmp_path: Path) -> None:
+    """The added current is no column of a folder; the observer stands in nominal.yaml."""
+    control = ball_screw.file.control._replace(layers=("ptc", "observer"))
+    motion = prepare(
+        ball_screw._replace(file=ball_screw.file._replace(control=control)), SINE, NOTHING, tmp_path / "r.h5"
+    )
+    pretend(with_current(motion, np.full(len(motion.plan.setpoints), 0.1)))
+    found = export([open_recording(tmp_path / "r.h5")], "folder", tmp_path / "there")[0]
+    assert any("the learned current that was added to the command is left out" in note for note in found.notes)
+    controller = yaml.safe_load((tmp_path / "there" / "nominal.yaml").read_text())["controller"]
+    assert controller["observer_gains"][2] == motion.law.observer.disturbance
+    assert controller["observer_model"]["share"] == pytest.approx(1.0 - 0.159 / 0.5)
