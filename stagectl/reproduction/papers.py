@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from stagectl.recording.meta import versions
 from stagectl.report.page import Page, write
@@ -24,15 +23,23 @@ from stagectl.words import length
 PAPERS = ("ball-screw", "slider")
 
 
-def reproduce(paper: str, tell: Tell, say: Say) -> Outcome:
-    """All figures of `paper`; progress goes to `tell`, words to `say`.
+def check(paper: str) -> None:
+    """Say what is wrong with the name of a paper, before anything is done.
 
-    Raises StageError where the paper is unknown or the checkout's configuration is missing.
+    Raises StageError where it is unknown or the checkout's configuration is missing.
     """
     if paper not in PAPERS:
         raise StageError(f"paper {paper}; must be one of {', '.join(PAPERS)}")
     if not CONFIG.is_dir():
         raise StageError(f"reproducing needs the checkout's config folder, and there is none at {CONFIG}: run it there")
+
+
+def reproduce(paper: str, tell: Tell, say: Say) -> Outcome:
+    """All figures of `paper`; progress goes to `tell`, words to `say`.
+
+    Raises StageError as `check` does.
+    """
+    check(paper)
     if paper == "slider":
         return slider_outcome(slider.evidence(Course(slider.STEPS, tell, say)))
     return ball_screw_outcome(ball_screw.evidence(Course(ball_screw.STEPS, tell, say)))
@@ -110,8 +117,3 @@ _COMMANDS: dict[str, list[str]] = {
         ".venv/bin/stagectl identify zero-crossing config/linear-slider.yaml reversals.h5",
     ],
 }
-
-
-def numbers(outcome: Outcome) -> dict[str, Any]:
-    """What ``--json`` writes."""
-    return outcome.numbers()

@@ -55,6 +55,8 @@ def _stroke_end(e: Evidence) -> Part:
         "The paper: around the end of a stroke the output force differs with the speed before it, does not fall as the "
         "axis slows down, and changes its direction behind the reversal: friction goes on assisting the motion for a "
         "while. Velocity feedforward is 0. The paper gives no numbers here.",
+        "Where ours differ: the paper's forces at zero velocity differ from speed to speed. Ours are nearly the same, as "
+        "the virtual guide does not depend on time and all three are slowed down at 0.1 m/s²; what remains is the loop.",
         "Ours: on the way to the reversal the force stays high, as Stribeck's rise makes up for the viscous part, and "
         "goes over to the other sign within the presliding distance. Force at the reversal: "
         + ", ".join(f"{value:.2f} N at {speed} mm/s" for speed, value in force.items())
@@ -68,8 +70,8 @@ def _standstill(e: Evidence) -> Part:
     stops = [_shown(e, run, f"{speed} mm/s", _turn(run)) for speed, run in e.stops.items()]
     rows = [[f"{speed} mm/s", f"{published.HOLDING_FORCE} N", f"{one.value:.2f} N"] for speed, one in e.holding.items()]
     words = [
-        "The paper: the force falls while the axis slows down, and about 5.3 N keep it at zero velocity. Ours: the axis "
-        "stands for 0.2 s behind each stroke. That the force is 5.3 N at every speed is how the stage was built (4.5 N "
+        "The paper: the force falls while the axis slows down, and about 5.3 N keep it at zero velocity. Ours: it falls "
+        "by M a, 0.6 N, and the axis then stands for 0.2 s behind each stroke. That the force is 5.3 N at every speed is how the stage was built (4.5 N "
         "of rolling friction and Stribeck's rise), so it confirms the model, not the paper."
     ]
     image = Picture(
@@ -194,9 +196,10 @@ def _compensation(e: Evidence) -> Part:
         "same motion. Its positive error is below the paper's conventional one, but not gone: the price of the physical "
         "Cs. The conventional form gives more positive error than in the paper: it jumps from +Cs to -Cs at the "
         "crossing, and how far that is wrong depends on how stiff the guide is. Left free, its search prefers a dip to "
-        "nearly zero force at the crossing, which halves the positive error; the paper's values are likely of that kind.",
-        "The displacement form, not in the paper, leaves less than 0.8 µm either way, of which the jumps of the "
-        "reference's acceleration make most: they are in the run without compensation, too.",
+        "nearly zero force at the crossing, which brings its positive error nearer to the paper's.",
+        "The displacement form is not in the paper. Of what it leaves, the positive part is hardly more than the "
+        f"{_um(extremes(e.errors[fastest, NONE])[1])} of the run without compensation: that much is from the jumps of the "
+        "reference's acceleration.",
     ]
     image = Picture(
         embedded(figures.compensation(runs, _turn(e.compensated[fastest, NONE]))),
