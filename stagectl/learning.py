@@ -14,9 +14,10 @@ Butterworth low-pass run forwards and backwards: no phase, half the amplitude at
 
 On a plant P that is not the model the error of each frequency shrinks from trial to trial while
 
-    |Q (1 - gain S/S^)| < 1             S = 1/(C + 1/P), S^ of the model
+    |Q (1 - gain S/S^)| < 1             S = 1/(C + M + (1 + U)/P), S^ = 1/(C + 1/P) of the model
 
-`convergence` looks at that with the inertia off by a fifth and with the axis held by its rolling friction.
+with M and U of the disturbance observer, if there is one: on the model itself it sees nothing.  `convergence` looks
+at that with the inertia off by a fifth and with the axis held by its rolling friction.
 Source: D. A. Bristow, M. Tharayil, A. G. Alleyne, IEEE Control Systems Magazine 26(3), 2006; together with a friction
 model: T. Takemura, H. Fujimoto, IECON 2010.
 """
@@ -30,7 +31,7 @@ import numpy as np
 import scipy  # its parts load when they are used: reading a stage file needs none
 from numpy.typing import NDArray
 
-from stagectl.kernels import law, stage
+from stagectl.kernels import law, observer, stage
 from stagectl.units import Quantity
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ class Settings(NamedTuple):
 class Filters(NamedTuple):
     """What turns the error of a whole run into current, for one stage, law and number of periods n."""
 
-    law: law.Law  # without a limit
+    law: law.Law  # without limit and observer, which knows of the learned current and does not answer it
     sections: Any  # (m, 6), Q run once
     inverse: Any  # (bins,) complex, Q/P
     weight: Array  # (n,) share of the error that is learned from
@@ -96,7 +97,12 @@ def filters(p: stage.Stage, running: law.Law, settings: Settings, dt: float, cou
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(passed > 1e-12, passed / _plant(p, frequency, dt), 0.0)
     inverse[0] = 0.0  # 1/P of a position: no current is needed to stand
-    return Filters(running._replace(current_limit=math.inf), sections, inverse, _weight(count, dt))
+    return Filters(_feeding(running), sections, inverse, _weight(count, dt))
+
+
+def _feeding(running: law.Law) -> law.Law:
+    """The feedback of the law alone, without a limit."""
+    return running._replace(current_limit=math.inf, observer=observer.ABSENT)
 
 
 def _low_pass(settings: Settings, dt: float) -> Any:
@@ -204,10 +210,12 @@ class Shares(NamedTuple):
 def shares(p: stage.Stage, running: law.Law, dt: float) -> Shares:
     """Of the model itself, of one off by a fifth, and of the axis while its rolling friction holds it."""
     frequency = np.geomspace(0.5, 0.4999 / dt, 2000)
-    feedback = _feedback(running._replace(current_limit=math.inf), np.exp(2j * np.pi * frequency * dt))
+    z = np.exp(2j * np.pi * frequency * dt)
+    feedback = _feedback(_feeding(running), z)
+    measured, told = observer.transfer(running.observer, z)
     model = feedback + 1.0 / _plant(p, frequency, dt)
     plants = [
-        (name, model / (feedback + 1.0 / _plant(other, frequency, dt, stiffness)))
+        (name, model / (feedback + measured + (1.0 + told) / _plant(other, frequency, dt, stiffness)))
         for name, other, stiffness in _others(p)
     ]
     return Shares(dt, frequency, plants)
@@ -246,13 +254,10 @@ def _others(p: stage.Stage) -> list[tuple[str, stage.Stage, float]]:
 
 
 def _feedback(running: law.Law, z: NDArray[Any]) -> NDArray[Any]:
-    """The law's answer to an error at `z` (m,), from its impulse response.
-
-    Differenced twice, it dies out in spite of up to two integrators.
-    """
+    """The law's answer to an error at `z` (m,), from its impulse response; differenced, as it has an integrator."""
     impulse = np.zeros(_RESPONSE)
     impulse[1] = 1.0
-    response = np.diff(answer(running, impulse), n=2, prepend=[0.0, 0.0])[1:]
+    response = np.diff(answer(running, impulse), prepend=[0.0])[1:]
     last = int(np.flatnonzero(np.abs(response) > 1e-9 * np.max(np.abs(response)))[-1]) + 1
-    found: NDArray[Any] = np.polyval(response[:last][::-1], 1.0 / z) / (1.0 - 1.0 / z) ** 2
+    found: NDArray[Any] = np.polyval(response[:last][::-1], 1.0 / z) / (1.0 - 1.0 / z)
     return found

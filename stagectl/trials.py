@@ -113,10 +113,12 @@ def learn(machine: Machine, base: Motion, trials: int, shown: Shown, folder: Pat
         for number in range(1, trials + 1):
             try:
                 result, error = _trial(machine.noisy(_APART + number), state, number, folder, update)
-            except TrialError as fault:
+            except (StageError, KeyboardInterrupt) as fault:
                 if number == 1:
                     raise
-                stopped = f"trial {number}: {fault}; it is undone, and what was learned before is kept"
+                stopped = (
+                    f"trial {number}: {str(fault) or 'interrupted'}; it is undone, and what was learned before is kept"
+                )
                 shown.say(stopped)
                 break
             state = state._replace(course=learning.judged(state.filters, state.settings, state.course, error))

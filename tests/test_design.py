@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import feedback, friction, law, rollout, stage
+from stagectl.kernels import feedback, friction, law, observer, rollout, stage
 from tests.conftest import varied
 
 Polynomial = list[Fraction]
@@ -205,3 +206,51 @@ def test_of_several_crossovers_the_worst_counts() -> None:
     crossover, margin = design._phase_margin(frequency, level, phase)
     assert crossover == pytest.approx(3.0)
     assert math.degrees(margin) == pytest.approx(180.0 - 155.0)
+
+
+@pytest.mark.parametrize(("nd", "nm"), [(0, 0), (1, 0), (1, 2)])
+def test_the_loop_with_an_observer(ball_screw: Setup, nd: int, nm: int) -> None:
+    """(C + M)/(1 + U) as a rational function against `observer.transfer`, from 1 Hz to Nyquist."""
+    p = varied(ball_screw, nd=nd, nm=nm).stage
+    watching = observer.designed(p, 5e-4, 40.0)
+    controller = design.compensator(design.gains(p, controlled(ball_screw, 40.0, 5e-4)), 5e-4)
+    z = np.exp(2j * np.pi * np.array([1.0, 10.0, 40.0, 200.0, 999.0]) * 5e-4)
+    measured, told = observer.transfer(watching, z)
+    expected = (controller.at(z) + measured) / (1.0 + told)
+    np.testing.assert_allclose(design.observed(controller, watching).at(z), expected, rtol=1e-6)
+    assert design.observed(controller, observer.ABSENT) is controller
+
+
+def test_margins_with_an_observer_hold_in_the_running_loop(ball_screw: Setup) -> None:
+    """Stable up to the stated gain margin and not beyond it: poles of the loop, counted the other way round."""
+    p, control = ball_screw.stage, controlled(ball_screw, 40.0, 5e-4)
+    gains, watching = design.gains(p, control), observer.designed(p, control.period, 40.0)
+    reached = design.margins(p, gains, control.period, watching)
+    assert reached.stable
+    assert math.degrees(reached.phase) == pytest.approx(21.8, abs=0.1)
+    closed = design.observed(design.compensator(gains, control.period), watching)
+    plant = design.plant(p, control.period)
+    for share, stable in ((0.98, True), (1.02, False)):
+        poles = np.roots(
+            np.polyadd(
+                np.polymul(plant.denominator, closed.denominator),
+                share * reached.gain * np.polymul(plant.numerator, closed.numerator),
+            )
+        )
+        assert bool(np.max(np.abs(poles)) < 1.0) is stable
+
+
+def test_an_observer_that_leaves_too_little_margin_is_refused(ball_screw: Setup) -> None:
+    watched = design.Control(5e-4, 40.0, math.radians(20.0), ("ptc", "friction", "observer"))
+    assert design.design(ball_screw.stage, watched).law.observer.pole == pytest.approx(math.exp(-0.04 * math.pi))
+    words = r"^control.observer_bandwidth = 80 Hz leaves a phase margin of 17\.6 deg \(25\.8 deg without the observer\)"
+    with pytest.raises(design.DesignError, match=words) as refused:
+        design.design(ball_screw.stage, watched._replace(observer_bandwidth=80.0))
+    advised = float(re.findall(r"Take ([0-9.]+) Hz", str(refused.value))[0])
+    design.design(ball_screw.stage, watched._replace(observer_bandwidth=advised))
+    off = design.design(ball_screw.stage, watched._replace(observer_bandwidth=80.0), frozenset({"observer"}))
+    assert off.law.observer == observer.ABSENT
+    late = varied(ball_screw, nd=3, nm=4).stage
+    slow = watched._replace(bandwidth=10.0, margin=0.0)
+    with pytest.raises(design.DesignError, match=r"^control\.layers holds observer: 7 periods of delay"):
+        design.design(late, slow)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -119,6 +120,7 @@ def _engine(simulate: bool) -> None:
     """Compiled kernels where runs are simulated, else none in this process."""
     if not simulate:
         os.environ["STAGECTL_KERNELS"] = "interpreted"
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
         return
     from stagectl.kernels.jit import cold
 

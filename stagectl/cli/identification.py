@@ -46,7 +46,7 @@ def register(app: typer.Typer) -> None:
     app.command("identify")(identify)
 
 
-def identify(  # noqa: PLR0913 - the options of a command line
+def identify(
     method: MethodArgument,
     stage: StageArgument,
     captures: Captures,
@@ -74,12 +74,14 @@ def identify(  # noqa: PLR0913 - the options of a command line
     setup = load_stage(stage)
     words = split(columns) if columns else None
     recordings = opened(captures, setup, words)
+    left = [str(one.path) for one in recordings if held_out(one)]
     used = prepared(recordings, setup, current, doubtful)
+    del recordings  # all their columns: the captures have copies of those that they need
     with bar(f"identify {method}", 1) as update:
         found = methods.identify(method, used, setup.file, update, _options(delay, gravity, seed))
     strange = implausible({name: one.value for name, one in found.parameters.items()}, setup)
     found = found._replace(notes=(*strange, *found.notes))
-    result = methods.result(method, setup, used, found, [str(one.path) for one in recordings if held_out(one)])
+    result = methods.result(method, setup, used, found, left)
     _show(result)
     _page(result, (found, used, setup), report or _fresh(method))
     emit(result, json)

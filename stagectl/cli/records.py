@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
 

@@ -141,12 +141,12 @@ class Setup(NamedTuple):
         return self.file.control.period
 
 
-def load_stage(path: Path) -> Setup:
-    """Read a stage file.
+def load_stage(path: Path, judged: bool = True) -> Setup:
+    """Read a stage file; not `judged`, its loop may be one that must not run: who tunes it begins there.
 
     Raises ConfigError with every error, and DesignError where the loop it describes is refused.
     """
-    file: StageFile = load(path, _read)
+    file: StageFile = load(path, _read if judged else _read_unjudged)
     wire = file.drive.wire
     if isinstance(wire, Canopen):
         eds = str(_eds(wire.eds, path))
@@ -155,6 +155,13 @@ def load_stage(path: Path) -> Setup:
 
 
 def _read(reader: Reader, root: yaml.Node) -> StageFile | None:
+    file = _read_unjudged(reader, root)
+    if file is not None and not reader.errors:
+        _check_loop(reader, file, root)
+    return file
+
+
+def _read_unjudged(reader: Reader, root: yaml.Node) -> StageFile | None:
     first = Reader(reader.path, Lengths())
     lengths = _lengths(first, root)
     if lengths is None:
@@ -165,8 +172,6 @@ def _read(reader: Reader, root: yaml.Node) -> StageFile | None:
     if not reader.errors:
         for wrong in (*_check_parts(file), *_check_wire(file, reader.path)):
             reader.refuse(node_at(root, wrong.split(" ")[0]), wrong)
-    if not reader.errors:
-        _check_loop(reader, file, root)
     return file
 
 

@@ -13,7 +13,6 @@ from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.sampling import Part, parts
 from stagectl.identification.suspicion import remarks, suspicions
 from stagectl.recording.hdf5 import Recording, open_recording
-from stagectl.recording.imports import read
 
 CURRENTS = ("measured_current", "current", "command")  # the best that there is: in the motor, after, before the limit
 READ = ("time", "measured", "reference", "injection", *CURRENTS)  # ten minutes of all columns would be 200 MB
@@ -37,8 +36,11 @@ def load(
 
 def opened(paths: Sequence[Path], setup: Setup, columns: Mapping[str, str] | None = None) -> list[Recording]:
     """All recordings of `paths`, those that are held out too; `columns` names those of logs."""
-    found = []
+    found: list[Recording] = []
     for path in paths:
+        if path.suffix != ".h5":
+            from stagectl.recording.imports import read  # with pyarrow, 60 MB that our own recordings need not
+
         found += [open_recording(path, READ)] if path.suffix == ".h5" else read(path, setup, columns)
     return found
 
@@ -106,14 +108,11 @@ def _aligned(recording: Recording, current: str) -> tuple[dict[str, Array], list
     """Columns of one instant a row: a position that came nm periods late belongs nm rows before."""
     late = int(recording.meta.get("nm") or 0)
     names = recording.samples.dtype.names or ()
-    columns = {
-        "time": recording.column("time"),
-        "position": recording.column("measured"),
-        "current": recording.column(current),
-    }
+    taken = {"time": "time", "position": "measured", "current": current}
     for name, ours in (("reference", "reference"), ("excitation", "injection")):
-        if ours in names and np.all(np.isfinite(recording.samples[ours])):
-            columns[name] = recording.column(ours)
+        if ours in names and np.any(recording.samples[ours]) and np.all(np.isfinite(recording.samples[ours])):
+            taken[name] = ours
+    columns = {name: np.ascontiguousarray(recording.column(ours)) for name, ours in taken.items()}  # rows are strided
     if not late:
         return columns, []
     rows = len(columns["time"]) - late
@@ -122,7 +121,6 @@ def _aligned(recording: Recording, current: str) -> tuple[dict[str, Array], list
 
 
 def _capture(recording: Recording, part: Part, current: str, number: tuple[int, int], notes: Sequence[str]) -> Capture:
-    excitation = part.columns.get("excitation")
     meta = recording.meta
     length = len(part.columns["position"])
     name = str(recording.path)
@@ -133,7 +131,7 @@ def _capture(recording: Recording, part: Part, current: str, number: tuple[int, 
         current=part.columns["current"],
         dt=part.dt,
         current_column=current,
-        excitation=excitation if excitation is not None and bool(np.any(excitation)) else None,
+        excitation=part.columns.get("excitation"),
         reference=part.columns.get("reference"),
         encoder_step=float(meta["axis"].get("encoder_step") or 0.0),
         steady=_span(meta.get("steady"), part, length),

@@ -14,9 +14,9 @@ import numpy as np
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.delay_search import Fit, Problem
-from stagectl.identification.regressors import HALF, acceleration, knots, position_noise
+from stagectl.identification.regressors import acceleration, knots, position_noise
 from stagectl.identification.slips import Range
-from stagectl.identification.smoothing import window
+from stagectl.identification.smoothing import HALF, window
 from stagectl.words import length
 
 SHORTEST = 0.2  # s of record
@@ -74,7 +74,7 @@ def reversals(position: Array, travel: float) -> int:
     """Number of reversals with at least this `travel` before and after them."""
     count, heading, outermost = 0, 0, float(position[0])
     lowest = highest = outermost
-    for x in position[:: max(1, len(position) // 20000)].tolist():
+    for x in position[:: max(1, len(position) // 5000)].tolist():
         lowest, highest = min(lowest, x), max(highest, x)
         if heading == 0:
             heading = 1 if x - lowest >= travel else -1 if highest - x >= travel else 0

@@ -35,7 +35,7 @@ from stagectl.units import ROTARY
 BLOCK = 0.02  # s, over which a speed is taken
 EVEN = 0.03  # largest deviation of a block's speed from the middle of its span's, relative
 STEPS = 4.0  # encoder steps by which a block's length may err
-SLOPED = 0.02  # largest change of the speed from a span's start to its end, relative
+LEVEL = 0.01  # largest difference between the thirds of a span, relative
 SHORTEST = 0.1  # s, of a span
 SETTLING = 0.1  # s at the start of a span in which the force still settles; at most a quarter of it
 APART = 0.05  # relative difference of two speeds
@@ -100,8 +100,8 @@ def constant_spans(capture: Capture, file: StageFile) -> list[Span]:
     found: list[Span] = []
     for first, last in _runs(speed.tolist(), blur):
         rows = (last - first) * size
-        middle, change = float(np.mean(speed[first:last])), _change(speed[first:last])
-        if rows * capture.dt >= SHORTEST and abs(change) <= SLOPED * abs(middle) + blur:
+        if rows * capture.dt >= SHORTEST and _level(speed[first:last], blur):
+            change = _change(speed[first:last])
             settling = max(size, min(rows // 4, round(SETTLING / capture.dt)))
             span = (int(edges[first]) + settling, int(edges[last]) - size)  # a ramp may begin within the last block
             found.append(_span(capture, file, span, change / (rows * capture.dt)))
@@ -116,10 +116,16 @@ def _runs(speed: list[float], blur: float) -> list[tuple[int, int]]:
         low, high = min(low, v), max(high, v)
         if high - low <= EVEN * abs(high + low) + 2.0 * blur:
             continue
-        if k - first >= 3 and min(map(abs, speed[first:k])) > blur:
+        if k - first >= 5 and min(map(abs, speed[first:k])) > blur:
             runs.append((first, k))
         first, low, high = k, v, v
     return runs
+
+
+def _level(speed: Array, blur: float) -> bool:
+    """Whether the thirds of a run have the same mean, which those of a sine's peak have not; its ends left out."""
+    thirds = [float(np.mean(part)) for part in np.array_split(speed[1:-1], 3)]
+    return max(thirds) - min(thirds) <= LEVEL * abs(thirds[1]) + blur
 
 
 def _change(speed: Array) -> float:

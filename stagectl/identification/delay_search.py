@@ -36,16 +36,6 @@ class Problem(NamedTuple):
     force_constant: float
 
 
-class Fit(NamedTuple):
-    """Answer: parameters of all columns, 0 where a column was not used."""
-
-    theta: Array  # (FREE + j,)
-    delay: float  # s
-    noise: float  # variance of the noise in the acceleration column
-    sensed: float  # variance that the current's sensor leaves in the force
-    residual: Array  # (rows,) N m | N
-
-
 class Moments(NamedTuple):
     """``X'y`` and ``y'y`` as polynomials of the delay around `middle`; `half` is 0 where it is given."""
 
@@ -56,8 +46,19 @@ class Moments(NamedTuple):
     def at(self, delay: float, keep: list[int]) -> tuple[Array, float]:
         """Moments of the columns `keep`, and the square."""
         place = (delay - self.middle) / self.half if self.half > 0.0 else 0.0
-        values = chebyshev.chebval(place, self.coefficients)
+        values = np.asarray(chebyshev.chebval(place, self.coefficients), dtype=np.float64)
         return values[:-1][keep], float(values[-1])
+
+
+class Fit(NamedTuple):
+    """Answer: parameters of all columns, 0 where a column was not used."""
+
+    theta: Array  # (FREE + j,)
+    delay: float  # s
+    noise: float  # variance of the noise in the acceleration column
+    sensed: float  # variance that the current's sensor leaves in the force
+    residual: Array  # (rows,) N m | N
+    span: Moments  # around the delay
 
 
 def widest(parts: list[Part] | float) -> float:
@@ -71,22 +72,20 @@ def kept(p: Problem, ripple: bool, every: slice = slice(None)) -> list[int]:
     return [*range(FREE if ripple else ONE + 1), *range(FREE, FREE + len(p.slip))[every]]
 
 
-def fitted(p: Problem, keep: list[int], delay: float | None, near: float) -> Fit:
-    """Solve for the columns `keep`, and for the delay, `near` which it is looked for, where it is None.
+def fitted(p: Problem, keep: list[int], delay: float | None, near: Fit | float) -> Fit:
+    """Solve for the columns `keep`, and for the delay where it is None: `near` another fit of `p`, or a delay (s).
 
     Raises IdentificationError where the acceleration holds nothing but noise, or no delay fits.
     """
     part = selected(p, keep)
-    fit = at_delay(p, keep, near if delay is None else delay)
-    if delay is not None:
-        return _settled(p, keep, part, moments(p, delay), fit)
     limit = widest(p.parts)
-    step, centre = 2.0 * limit / (GRID - 1), near
+    step = 0.0 if delay is not None else 2.0 * limit / (GRID - 1)
+    span = near.span if isinstance(near, Fit) else moments(p, near if delay is None else delay, step)
     for _ in range(STEPS):
-        fit = _settled(p, keep, part, moments(p, centre, step), fit)
-        if abs(fit.delay - centre) < 0.95 * step:
+        fit = _settled(p, keep, part, at_delay(p, keep, span))
+        if abs(fit.delay - span.middle) <= 0.95 * step:
             return fit
-        centre = min(max(fit.delay, -limit), limit)
+        span = moments(p, min(max(fit.delay, -limit), limit), step)
     raise IdentificationError(
         f"delay = {1e3 * fit.delay:.3g} ms is still falling or rising; must lie within {1e3 * limit:.3g} ms either "
         "way: the motion does not tell it; give it with --delay, from a capture of a position sine"
@@ -98,18 +97,19 @@ def selected(p: Problem, keep: list[int]) -> errors.Equations:
     return errors.selected(p.equations, keep, sum(index < FREE for index in keep))
 
 
-def at_delay(p: Problem, keep: list[int], delay: float) -> Fit:
-    """Plain solution for a known delay (s), the acceleration taken as free of noise."""
+def at_delay(p: Problem, keep: list[int], span: Moments) -> Fit:
+    """Plain solution for the delay in the middle of `span`, the acceleration taken as free of noise."""
     sensed = p.force_constant * p.force_constant * current_noise(p.parts)
-    theta = errors.solved(selected(p, keep), *moments(p, delay).at(delay, keep)).theta
-    return _answer(p, keep, theta, (delay, 0.0, sensed))
+    theta = errors.solved(selected(p, keep), *span.at(span.middle, keep)).theta
+    return _answer(p, keep, theta, Fit(theta, span.middle, 0.0, sensed, theta, span))
 
 
-def _answer(p: Problem, keep: list[int], values: Array, known: tuple[float, float, float]) -> Fit:
+def _answer(p: Problem, keep: list[int], values: Array, fit: Fit) -> Fit:
+    """`fit` with these `values` of the columns `keep`, and what they leave."""
     theta = np.zeros(p.columns.shape[1])
     theta[keep] = values
-    delay, noise, sensed = known
-    return Fit(theta, delay, noise, sensed, p.force_constant * currents(p.parts, delay) - p.columns @ theta)
+    residual = p.force_constant * currents(p.parts, fit.delay) - p.columns @ theta
+    return fit._replace(theta=theta, residual=residual)
 
 
 def without_noise(part: errors.Equations, noise: float) -> errors.Equations:
@@ -135,14 +135,14 @@ def with_less(part: errors.Equations, noise: float) -> tuple[errors.Equations, f
     return part, 0.0
 
 
-def _settled(p: Problem, keep: list[int], part: errors.Equations, span: Moments, fit: Fit) -> Fit:
+def _settled(p: Problem, keep: list[int], part: errors.Equations, fit: Fit) -> Fit:
     """Repeat until the noise taken from the acceleration is that of the residual."""
     for _ in range(ROUNDS):
         noise = acceleration_noise(p, fit)
         cleared = without_noise(part, noise)
-        delay = best(cleared, keep, span)
-        values = errors.solved(cleared, *span.at(delay, keep)).theta
-        fit = _answer(p, keep, values, (delay, noise, fit.sensed))
+        delay = best(cleared, keep, fit.span)
+        values = errors.solved(cleared, *fit.span.at(delay, keep)).theta
+        fit = _answer(p, keep, values, fit._replace(delay=delay, noise=noise))
     return fit
 
 
@@ -171,14 +171,12 @@ def best(part: errors.Equations, keep: list[int], span: Moments) -> float:
     return float(found.x)
 
 
-def refitted(p: Problem, keep: list[int], fit: Fit, free_delay: bool) -> tuple[Array, float]:
+def refitted(p: Problem, keep: list[int], fit: Fit) -> tuple[Array, float]:
     """Parameters (FREE + j,) and delay with other columns, at the noise of `fit`: what the choice of slips changes."""
-    reach = widest(p.parts) / (GRID - 1) if free_delay else 0.0
-    span = moments(p, fit.delay, reach)
     cleared = without_noise(selected(p, keep), fit.noise)
-    delay = best(cleared, keep, span)
+    delay = best(cleared, keep, fit.span)
     theta = np.zeros(p.columns.shape[1])
-    theta[keep] = errors.solved(cleared, *span.at(delay, keep)).theta
+    theta[keep] = errors.solved(cleared, *fit.span.at(delay, keep)).theta
     return theta, delay
 
 
@@ -190,4 +188,5 @@ def moments(p: Problem, middle: float, half: float = 0.0, nodes: int = NODES) ->
     for row, place in zip(values, places, strict=True):
         force = p.force_constant * currents(p.parts, middle + half * float(place))
         row[:-1], row[-1] = force @ p.columns, force @ force
-    return Moments(middle, half, np.linalg.solve(chebyshev.chebvander(places, count - 1), values))
+    coefficients = np.linalg.solve(chebyshev.chebvander(places, count - 1), values)
+    return Moments(middle, half, np.asarray(coefficients, dtype=np.float64))

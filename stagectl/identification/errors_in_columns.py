@@ -26,7 +26,7 @@ from stagectl.identification.capture import Array
 
 RIDGE = 1e-12  # of a column's squared length: two elements that never differed share their weight
 APART = 4  # rows: the window's noise is uncorrelated over so many knot distances
-MEMORY = 20  # rows over which the residual may be correlated
+SURELY, MEMORY = 6, 20  # rows over which the residual is correlated by its window, and may be by the motion
 BLOCK = 16384  # rows at a time
 
 
@@ -97,11 +97,15 @@ def noise(residual: Array) -> Array:
 
 
 def long_run(scores: Array) -> Array:
-    """Covariance (p, p) of the sum of `scores` (n, p), correlated over up to MEMORY rows (Bartlett's weights)."""
+    """Covariance (p, p) of the sum of `scores` (n, p), correlated over up to MEMORY rows.
+
+    Lags that the window alone correlates count in full, longer ones less and less (flat-top weights: D. N. Politis,
+    J. P. Romano, J. Time Series Analysis 16(1), 1995).
+    """
     found: Array = scores.T @ scores
     for lag in range(1, min(MEMORY, len(scores))):
         crossed = scores[lag:].T @ scores[:-lag]
-        found += (1.0 - lag / MEMORY) * (crossed + crossed.T)
+        found += min(1.0, (MEMORY - lag) / (MEMORY - SURELY)) * (crossed + crossed.T)
     return found
 
 

@@ -1,11 +1,12 @@
 """Frequency response from current to velocity at several amplitudes, and the linear parameters in it.
 
 Friction shows in the response: the smaller the amplitude, the lower the gain and the further ahead the phase, so that a
-curve fit takes friction for damping.  Three ways out, tried in this order:
+curve fit takes friction for damping.  Two ways out, of which the one with the narrower interval of D is believed:
 
 * with the axis kept moving friction is constant and falls out;
-* sines at several amplitudes tell friction from damping: ``Re(Kt/H) = D + 4 Tc/(pi W)``;
-* else the largest amplitude is fitted as it is, and the answer says that its D is too high.
+* sines at several amplitudes tell friction from damping: ``Re(Kt/H) = D + 4 Tc/(pi W)``.
+
+Else the largest amplitude is fitted as it is, and the answer says that its D is too high.
 
 Source: Simultaneous Identification ..., section IV.A.1, Figs 2 and 4.
 """
@@ -27,6 +28,7 @@ from stagectl.identification.response_sampling import known_delay
 from stagectl.units import ROTARY
 
 LEAST_LINES = 3  # of a fit
+BEYOND = 15.0  # mean slips: displacement amplitude from which a line counts as out of presliding
 AMPLITUDES = 3  # at one frequency, for a straight line over 4/(pi W)
 
 
@@ -48,7 +50,7 @@ def identify(
     _check(merged)
     done = _fitted(merged, file)
     progress(len(captures) + 1, len(captures) + 1)
-    straight = _describing(merged, file.motor.force_constant)
+    straight = _describing(merged, file.motor.force_constant, _presliding(done))
     delay = known_delay(captures[0], file)
     parameters = _parameters(done, file, delay)
     details = {
@@ -105,13 +107,14 @@ def _fitted(merged: list[Curve], file: StageFile) -> Done:
         p = fits.lines([largest], constant)
         for fit in (fits.gain_curve(p), fits.linear(p), fits.linear(p, fits.PAPER_LAG), fits.with_delay(p, "delay")):
             done.append(("largest amplitude", fit, largest.amplitude))
+    free: Done = []
     sines = [one for one in merged if not one.moving and one.kind == "sine"]
     if sines and _tells_friction(p := fits.lines(sines, constant)):
-        fit = fits.with_friction(p, "friction-corrected")
-        done.append(("all sines", fit, sines[-1].amplitude))
+        free.append(("all sines", fits.with_friction(p, "friction-corrected"), sines[-1].amplitude))
     moving = [one for one in merged if one.moving]
     if moving and len((p := fits.lines(moving, constant)).frequency) >= LEAST_LINES:
-        done.append(("axis kept moving", fits.with_delay(p, "delay"), moving[-1].amplitude))
+        free.append(("axis kept moving", fits.with_delay(p, "delay"), moving[-1].amplitude))
+    done += sorted(free, key=lambda one: -one[1].covariance[1, 1])
     if not done:
         raise IdentificationError(
             f"no condition has {LEAST_LINES} sound lines: record more frequencies at one amplitude"
@@ -124,7 +127,15 @@ def _tells_friction(p: fits.Lines) -> bool:
     return len(p.frequency) >= 4 and float(np.ptp(p.frequency)) > 0.01 * float(np.max(p.frequency))
 
 
-def _describing(merged: list[Curve], constant: float) -> list[dict[str, Any]]:
+def _presliding(done: Done) -> float:
+    """Displacement amplitude below which the friction's slips show in Re(Kt/H); 0 where they are not known."""
+    for _, fit, _ in done:
+        if len(fit.slip) and fit.coulomb > 0.0:
+            return BEYOND * float(fit.values[2:] @ fit.slip) / fit.coulomb
+    return 0.0
+
+
+def _describing(merged: list[Curve], constant: float, presliding: float) -> list[dict[str, Any]]:
     """D and Tc from each frequency with enough amplitudes: a straight line of Re(Kt/H) over 4/(pi W)."""
     sines = [one for one in merged if not one.moving and one.kind == "sine" and np.any(one.sound)]
     if not sines:
@@ -142,6 +153,7 @@ def _describing(merged: list[Curve], constant: float) -> list[dict[str, Any]]:
         found.append(
             {
                 "frequency": f,
+                "presliding": bool(np.min(p.velocity[here]) < presliding * 2.0 * math.pi * f),
                 "viscous": float(viscous),
                 "coulomb": float(coulomb),
                 "relay_over_velocity": over.tolist(),
@@ -229,7 +241,7 @@ def _doubts(merged: list[Curve], done: Done, capture: Capture) -> list[str]:
                 f"({poor[0]:.3g} to {poor[-1]:.3g} Hz); they are shown, not fitted"
             )
         if one.periods < 2:
-            notes.append(f"{where}: nothing to average, so neither coherence nor variance is known; record more periods")
+            notes.append(f"{where}: nothing to average, so coherence and variance are not known; record more periods")
         if one.kind == "multisine" and not math.isnan(one.distortion):
             notes.append(
                 f"{where}: even lines, which an odd multisine does not excite, carry {100.0 * one.distortion:.2g} % of "

@@ -20,6 +20,7 @@ class Known(NamedTuple):
     covariance: Array  # (5, 5); row and column of the delay are 0 where it was given
     per_delay: Array  # (5,) change of each per second of delay
     ripple: float  # how clearly there is a ripple: Wald's statistic with two degrees of freedom, 0: not asked
+    ripple_bias: float | None = None  # what the inertia may change by with a ripple that is not seen; None: not asked
 
 
 def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
@@ -35,7 +36,7 @@ def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
     sums = _sums(use)[:, :last]
     found = sums @ covariance @ sums.T
     per_delay = -sums[:, : len(use)] @ (np.linalg.pinv(curvature[:-1, :-1]) @ curvature[:-1, -1] * size[-1] / size[:-1])
-    other = _grid_error(p, fit, ripple, free_delay)
+    other = _grid_error(p, fit, ripple)
     return Known(found + np.outer(other, other), per_delay, _wald(fit, covariance) if ripple else 0.0)
 
 
@@ -63,9 +64,9 @@ def _sums(use: list[int]) -> Array:
     return found
 
 
-def _grid_error(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Array:
+def _grid_error(p: Problem, fit: Fit, ripple: bool) -> Array:
     """(5,) half of what changes between every other slip and those between: the grid is not the friction's own."""
-    halves = [refitted(p, kept(p, ripple, slice(first, None, 2)), fit, free_delay) for first in (0, 1)]
+    halves = [refitted(p, kept(p, ripple, slice(first, None, 2)), fit) for first in (0, 1)]
     values = [np.array([*theta[:2], theta[FREE:].sum(), theta[2], delay]) for theta, delay in halves]
     return np.asarray(0.5 * (values[1] - values[0]), dtype=np.float64)
 

@@ -35,12 +35,12 @@ class Part(NamedTuple):
     capture: Capture
     q: int  # samples per knot distance
     start: int
-    count: int
+    rows: int
 
     @property
-    def rows(self) -> tuple[int, int, int]:
-        """For `smoothing`."""
-        return self.start, self.count, self.q
+    def places(self) -> tuple[int, int, int]:
+        """Start, count and step for `smoothing`."""
+        return self.start, self.rows, self.q
 
 
 def knots(capture: Capture) -> int:
@@ -82,11 +82,11 @@ def columns(p: Part, slip: Array) -> Array:
     """Regressor (rows, FREE + j) of one capture, for elements of these slips (j,)."""
     x = p.capture.position - p.capture.position[0]
     smooth = window(p.q, p.capture.dt)
-    found = np.ones((p.count, FREE + len(slip)))
-    found[:, ACCELERATION] = smoothed(x, window(p.q, p.capture.dt, 2), *p.rows)
-    found[:, VELOCITY] = smoothed(x, window(p.q, p.capture.dt, 1), *p.rows)
-    found[:, ONE + 1] = smoothed(np.sin(p.capture.position), smooth, *p.rows)
-    found[:, ONE + 2] = smoothed(np.cos(p.capture.position), smooth, *p.rows)
+    found = np.ones((p.rows, FREE + len(slip)))
+    found[:, ACCELERATION] = smoothed(x, window(p.q, p.capture.dt, 2), *p.places)
+    found[:, VELOCITY] = smoothed(x, window(p.q, p.capture.dt, 1), *p.places)
+    found[:, ONE + 1] = smoothed(np.sin(p.capture.position), smooth, *p.places)
+    found[:, ONE + 2] = smoothed(np.cos(p.capture.position), smooth, *p.places)
     for first, block in _operators(p, x, slip):
         found[first : first + block.shape[1], FREE:] = block.T
     return found
@@ -100,8 +100,8 @@ def _operators(p: Part, x: Array, slip: Array) -> Iterator[tuple[int, Array]]:
     _strained(track[: done + 3], rate, states)
     tail = _strained(track[done : done + 2 * half + 3], rate, states)
     done += 2 * half
-    for first in range(0, p.count, BLOCK):
-        count = min(BLOCK, p.count - first)
+    for first in range(0, p.rows, BLOCK):
+        count = min(BLOCK, p.rows - first)
         more = min(count * p.q, len(x) - done)
         tail = np.hstack([tail, _strained(track[done : done + more + 3], rate, states)])
         done += more
@@ -127,7 +127,7 @@ def _strained(track: Array, rate: Array, states: Array) -> Array:
 
 def currents(parts: list[Part], delay: float, order: int = 0) -> Array:
     """Current (rows,) of all captures as it was `delay` (s) before, or its derivative in time of this `order`."""
-    return np.concatenate([delayed(p.capture.current, delay, p.capture.dt, p.rows, order) for p in parts])
+    return np.concatenate([delayed(p.capture.current, delay, p.capture.dt, p.places, order) for p in parts])
 
 
 def current_noise(parts: list[Part]) -> float:
@@ -138,8 +138,8 @@ def current_noise(parts: list[Part]) -> float:
     total = 0.0
     for p in parts:
         weights, differences = window(p.q, p.capture.dt), np.diff(p.capture.current, 4)
-        total += p.count * float(weights @ weights) * float(np.mean(differences * differences)) / 70.0
-    return total / sum(p.count for p in parts)
+        total += p.rows * float(weights @ weights) * float(np.mean(differences * differences)) / 70.0
+    return total / sum(p.rows for p in parts)
 
 
 def encoder_noise(parts: list[Part]) -> float:
@@ -147,5 +147,5 @@ def encoder_noise(parts: list[Part]) -> float:
     total = 0.0
     for p in parts:
         weights = window(p.q, p.capture.dt, 2)
-        total += p.count * float(weights @ weights) * p.capture.encoder_step**2 / 12.0
-    return total / sum(p.count for p in parts)
+        total += p.rows * float(weights @ weights) * p.capture.encoder_step**2 / 12.0
+    return total / sum(p.rows for p in parts)

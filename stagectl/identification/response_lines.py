@@ -4,7 +4,7 @@ A periodic excitation over P whole periods gives a spectrum a period; with the i
 
     H = mean(W E*) / mean(I E*)            e_p = W_p - H I_p
     var H = sum |e_p|^2 / (P (P - 1) |mean(I E*)|^2 / mean|E|^2)
-    coherence = |mean(W E*)|^2 / (mean|W|^2 mean|E|^2)
+    coherence = |mean(W E*)|^2 / (mean|W|^2 mean|E|^2), or that of I with E where it is less
 
 which is the joint input-output estimate, right in closed loop, too: what the loop does with its noise does not
 repeat with E.  Without E the current takes its place.  While the axis follows a motion, the motion's velocity is taken
@@ -80,8 +80,7 @@ def threshold(averages: int) -> float:
 def curves(capture: Capture, file: StageFile) -> tuple[list[Curve], list[str]]:
     """All lines of one capture, a curve for each excited span, and what is doubtful about them."""
     check(capture)
-    spans: list[dict[str, Any]] = capture.meta.get("excitation") or []
-    if not spans:
+    if not (spans := capture.meta.get("excitation")):
         return _unknown(capture, file)
     notes: list[str] = []
     found: list[Curve] = []
@@ -185,8 +184,8 @@ def _sine(capture: Capture, edges: NDArray[np.int64], frequency: Array) -> _Spec
     lines = np.array(spectra)  # (segments, harmonics, columns)
     mean = np.mean(lines[:, :, 0], axis=0)
     third = float(abs(mean[2] / mean[0])) if count >= 3 and mean[0] != 0.0 else math.nan
-    independent = 1.0 if np.all(segments[0][2] == 1.0) else OVERLAP
-    return _Spectra(lines[:, :1, 0], lines[:, :1, 1], lines[:, :1, 2], third, _relay(mean), independent)
+    dependence = 1.0 if np.all(segments[0][2] == 1.0) else OVERLAP
+    return _Spectra(lines[:, :1, 0], lines[:, :1, 1], lines[:, :1, 2], third, _relay(mean), dependence)
 
 
 def _relay(harmonics: Complex) -> complex:
@@ -202,8 +201,7 @@ def _relay(harmonics: Complex) -> complex:
 
 def _multisine(capture: Capture, edges: NDArray[np.int64], frequency: Array) -> _Spectra:
     """All lines of a period by the discrete Fourier transform; even lines of an odd multisine are distortion."""
-    period = np.diff(edges)
-    base = _common(frequency)
+    period, base = np.diff(edges), _common(frequency)
     if np.ptp(period) > 0 or abs(1.0 / (base * capture.dt) - period[0]) > 1e-3:
         raise IdentificationError(
             f"{capture.name}: the multisine's period is {1.0 / (base * capture.dt):.6g} samples; must be a whole "
@@ -220,8 +218,8 @@ def _multisine(capture: Capture, edges: NDArray[np.int64], frequency: Array) -> 
         mean = np.abs(np.mean(transformed[:, :, 0], axis=0))
         distortion = float(np.sqrt(np.mean(mean[even * step] ** 2) / np.mean(mean[lines * step] ** 2)))
     chosen = transformed[:, lines * step]
-    independent = 1.0 if step == 1 else OVERLAP
-    return _Spectra(chosen[:, :, 0], chosen[:, :, 1], chosen[:, :, 2], distortion, 4.0 / math.pi, independent)
+    dependence = 1.0 if step == 1 else OVERLAP
+    return _Spectra(chosen[:, :, 0], chosen[:, :, 1], chosen[:, :, 2], distortion, 4.0 / math.pi, dependence)
 
 
 def _curve(capture: Capture, span: dict[str, Any], taken: tuple[Array, _Spectra, bool], file: StageFile) -> Curve:
@@ -240,7 +238,9 @@ def _curve(capture: Capture, span: dict[str, Any], taken: tuple[Array, _Spectra,
     if periods > 1:
         scatter = np.sum(np.abs(speed - response * current) ** 2, axis=0) * dependence / (periods * (periods - 1))
         deviation = np.sqrt(scatter * power) / np.abs(through)
-        coherence = np.abs(across) ** 2 / (np.mean(np.abs(speed) ** 2, axis=0) * power)
+        # Within a loop's bandwidth the velocity follows E while nearly no current is left to compare it with.
+        output, action = (np.mean(np.abs(column) ** 2, axis=0) * power for column in (speed, current))
+        coherence = np.minimum(np.abs(across) ** 2 / output, np.abs(through) ** 2 / action)
     factor = sampled(frequency, capture, file)
     x = 2.0 * np.pi * frequency * capture.dt
     return Curve(
@@ -272,8 +272,10 @@ def _unknown(capture: Capture, file: StageFile) -> tuple[list[Curve], list[str]]
     _, across = signal.csd(instrument, speed, rate, nperseg=length)
     _, through = signal.csd(instrument, current, rate, nperseg=length)
     _, output = signal.welch(speed, rate, nperseg=length)
+    _, action = signal.welch(current, rate, nperseg=length)
     with np.errstate(divide="ignore", invalid="ignore"):
-        response, coherence = across / through, np.abs(across) ** 2 / (power * output)
+        response = across / through
+        coherence = np.minimum(np.abs(across) ** 2 / (power * output), np.abs(through) ** 2 / (power * action))
     # A bin beside a line shows the line's response at a wrong frequency; of a flat spectrum nearly all bins stay.
     excited = power > 0.3 * ndimage.maximum_filter1d(power, 5)
     excited &= (power > 1e-4 * np.max(power)) & (frequency >= 4.0 * rate / length) & (frequency < 0.4 * rate)

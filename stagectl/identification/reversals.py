@@ -182,6 +182,12 @@ def _without(capture: Capture, motion: Motion, spans: list[Span], turned: int) -
             f"{capture.name}: in {wrong} of {len(spans)} spans of steady speed the force that is left does not oppose "
             "the motion; check motor.force_constant, the sign of the current, and mechanics.bias of the stage file"
         )
+    settled = sum(span.settled for span in spans)
+    if settled:
+        return (
+            f"{capture.name} has {turned} reversals, but none with constant friction on both sides: only {settled} of "
+            f"{len(motion.cut.way) - 1} legs keep a steady speed long enough to see it; {instead}"
+        )
     least = min(span.change for span in spans)
     return (
         f"{capture.name} has {turned} reversals, but none between two spans of constant friction: it still changes by "

@@ -56,7 +56,14 @@ def parts(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> tup
         raise IdentificationError(
             f"gaps leave no part of {LEAST_ROWS} rows; record without gaps{''.join(f'; {note}' for note in notes)}"
         )
-    return [_equally_spaced(time[rows], {n: c[rows] for n, c in columns.items()}, smooth) for rows in used], notes
+    cut = [_rows(rows) for rows in used]
+    return [_equally_spaced(time[rows], {n: c[rows] for n, c in columns.items()}, smooth) for rows in cut], notes
+
+
+def _rows(rows: NDArray[np.intp]) -> slice | NDArray[np.intp]:
+    """The same rows as a slice where none is left out: no copy is made of them."""
+    first, last = int(rows[0]), int(rows[-1])
+    return slice(first, last + 1) if last - first + 1 == len(rows) else rows
 
 
 def checked(time: Array) -> None:

@@ -76,7 +76,7 @@ def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float
     """Regressors of all captures that move far enough for the longest slip."""
     room = widest(max(capture.dt for capture in captures)) * 1.5 if delay is None else abs(delay)
     parts = [part(capture, knots(capture), float(slip[-1]), room) for capture in captures]
-    parts = [one for one in parts if one.count >= LEAST_ROWS]
+    parts = [one for one in parts if one.rows >= LEAST_ROWS]
     if not parts:
         raise IdentificationError(
             f"{captures[0].name}: fewer than {LEAST_ROWS} rows are left once the friction's state is known; record "
@@ -96,8 +96,19 @@ def _refined(captures: list[Capture], file: StageFile, ends: Range, delay: float
         if weight[-1] <= END * weight.sum():
             break
         high *= RATIO
-    rippled = _with_ripple(problem, fit, delay) if _may_ripple(captures, file) else None
-    return rippled or Solved(problem, fit, intervals.known(problem, fit, False, delay is None), False)
+    known = intervals.known(problem, fit, False, delay is None)
+    if not _may_ripple(captures, file):
+        return Solved(problem, fit, known, False)
+    rippled = _with_ripple(problem, fit, delay)
+    if rippled is not None and rippled.known.ripple > RIPPLE:
+        return rippled
+    bias = None if rippled is None else _sure(rippled.known, 0) + abs(float(rippled.fit.theta[0] - fit.theta[0]))
+    return Solved(problem, fit, known._replace(ripple_bias=bias), False)
+
+
+def _sure(known: intervals.Known, index: int) -> float:
+    """Half of a 95 % interval."""
+    return SURE * math.sqrt(known.covariance[index, index])
 
 
 def _may_ripple(captures: list[Capture], file: StageFile) -> bool:
@@ -106,13 +117,13 @@ def _may_ripple(captures: list[Capture], file: StageFile) -> bool:
 
 
 def _with_ripple(problem: Problem, fit: Fit, delay: float | None) -> Solved | None:
-    """The same with a torque ripple, where the motion shows one beyond doubt."""
+    """The same with a torque ripple; None where that leaves no inertia that could be told."""
     try:
-        other = fitted(problem, kept(problem, ripple=True), delay, fit.delay)
+        other = fitted(problem, kept(problem, ripple=True), delay, fit)
     except IdentificationError:  # with two more columns the acceleration cannot be told from its noise
         return None
     known = intervals.known(problem, other, True, delay is None)
-    return Solved(problem, other, known, True) if known.ripple > RIPPLE else None
+    return Solved(problem, other, known, True)
 
 
 def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str]) -> Found:
@@ -120,10 +131,11 @@ def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str
     weight = fit.theta[FREE:]
     carrying = weight > 1e-6 * weight.sum()
     values = [*fit.theta[:2], weight.sum(), fit.theta[ONE], fit.delay]
-    deviations = np.sqrt(np.diag(solved.known.covariance))
     parameters = {
-        name: Parameter(float(value), float(value - SURE * sd), float(value + SURE * sd), unit)
-        for name, value, sd, unit in zip(intervals.NAMES, values, deviations, units(file), strict=True)
+        name: Parameter(float(value), float(value) - half, float(value) + half, unit)
+        for name, value, half, unit in zip(
+            intervals.NAMES, values, (_sure(solved.known, index) for index in range(5)), units(file), strict=True
+        )
     }
     changes: dict[str, Any] = {
         "mechanics.inertia": parameters["inertia"].value,
@@ -135,8 +147,19 @@ def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str
         },
     }
     details = _details(solved, free_delay)
-    words = notes.written(solved.problem, fit, solved.known, parameters, file, details)
-    return Found(parameters, _table(weight[carrying], slip[carrying]), details, (*left_out, *words), changes)
+    told = notes.Result(
+        solved.problem,
+        fit,
+        solved.known,
+        parameters,
+        file,
+        free_delay,
+        solved.ripple,
+        details["force_residual_percent"],
+    )
+    return Found(
+        parameters, _table(weight[carrying], slip[carrying]), details, (*left_out, *notes.written(told)), changes
+    )
 
 
 def units(file: StageFile) -> tuple[str, ...]:
@@ -166,8 +189,8 @@ def _details(solved: Solved, free_delay: bool) -> dict[str, Any]:
         "captures": [one.capture.name for one in problem.parts],
         "current_column": sorted({one.capture.current_column for one in problem.parts}),
         "delay_fitted": free_delay,
-        "wald": solved.known.ripple,
         "ripple": math.hypot(*fit.theta[ONE + 1 : FREE]) if solved.ripple else None,
+        "correlation": correlation.tolist(),
         "identifiability": {
             "names": list(names),
             "correlation": correlation.tolist(),
@@ -181,8 +204,8 @@ def _curves(solved: Solved, force: Array) -> dict[str, list[float]]:
     """What the figures draw of the first capture: at most 4000 rows."""
     problem, fit = solved.problem, solved.fit
     one = problem.parts[0]
-    rows = slice(0, min(one.count, 4000))
-    index = one.start + one.q * np.arange(one.count)[rows]
+    rows = slice(0, min(one.rows, 4000))
+    index = one.start + one.q * np.arange(one.rows)[rows]
     found = {
         "time": one.capture.time[index],
         "position": one.capture.position[index],

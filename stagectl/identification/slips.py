@@ -52,7 +52,7 @@ def located(p: search.Problem, delay: float | None, ripple: bool) -> Range:
     span = search.moments(p, 0.0, limit, search.MANY) if delay is None else search.moments(p, delay)
     every = len(p.slip)
     keep = search.kept(p, ripple)
-    noise = search.acceleration_noise(p, search.at_delay(p, keep, span.middle))
+    noise = search.acceleration_noise(p, search.at_delay(p, keep, span))
     whole, noise = search.with_less(search.selected(p, keep), noise)
     for count in range(LEAST, every + 1):
         some = search.kept(p, ripple, slice(count))

@@ -23,6 +23,7 @@ BEYOND = 1.5  # of a limit: more than any overshoot
 FITS, DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
 BETTER = 0.4  # times what is left unexplained as recorded: a factor of 1000 is not found by chance
 SLOW = 0.02  # cycles a sample: what lies below is the motion, above is noise
+MOST_ROWS = 50_000  # looked at; longer captures are averaged in blocks
 LEAST_RUN = 5  # equal rows in a row at the largest current
 LEAST_SHARE = 0.005  # of the rows
 LEAST_RISE = 0.01  # of the largest current, in the last fifth
@@ -77,8 +78,9 @@ def suspicions(capture: Capture, setup: Setup) -> list[str]:
             f"{capture.current_column} is {capture.current[0]:g} A throughout, so it drove no motion; choose another "
             "column with --current, or record the current"
         ]
-    found = [*_beyond_limits(capture, setup), *_flat(capture, setup)]
-    mistake = likely_mistake(capture, setup)
+    motion = _motion(capture)
+    found = [*_beyond_limits(capture, motion, setup), *_flat(capture, setup)]
+    mistake = likely_mistake(motion, setup)
     if mistake is not None:
         advice = TURN if mistake.current < 0.0 else ADVICE
         found.append(f"the force fits the stage file's model if {mistake.words}, and does not as it is: {advice}")
@@ -120,11 +122,34 @@ def _moves(capture: Capture) -> bool:
     return float(np.ptp(capture.position)) > 2.5 * capture.encoder_step
 
 
-def _beyond_limits(capture: Capture, setup: Setup) -> list[str]:
+class _Motion(NamedTuple):
+    """Columns (n,) through one low-pass."""
+
+    velocity: Array
+    acceleration: Array
+    current: Array
+
+
+def _motion(capture: Capture) -> _Motion:
+    """Averaged in blocks to at most MOST_ROWS, then low-passed; the ends are left out."""
+    block = 1 + len(capture.position) // MOST_ROWS
+    rows = len(capture.position) // block
+    edge = min(round(1.0 / SLOW), rows // 8)
+    inside = slice(edge, rows - edge)
+    sos = signal.butter(2, 2.0 * SLOW, output="sos")
+    x, i = (
+        np.asarray(signal.sosfiltfilt(sos, column[: rows * block].reshape(rows, block).mean(axis=1)), dtype=np.float64)
+        for column in (capture.position, capture.current)
+    )
+    v = np.gradient(x, block * capture.dt)
+    return _Motion(v[inside], np.gradient(v, block * capture.dt)[inside], i[inside])
+
+
+def _beyond_limits(capture: Capture, motion: _Motion, setup: Setup) -> list[str]:
     limits, axis = setup.file.limits, setup.file.axis
     unit, scale = axis.travel_unit, axis.travel_per_unit
     width = limits.travel[1] - limits.travel[0]
-    fastest = float(np.abs(_motion(capture)[1]).max())
+    fastest = float(np.abs(motion.velocity).max())
     peak, largest = float(np.abs(capture.current).max()), setup.file.drive.current_limit
     checks = (
         (float(np.ptp(capture.position)), width, scale, unit, "its positions span", "limits.travel is"),
@@ -138,39 +163,26 @@ def _beyond_limits(capture: Capture, setup: Setup) -> list[str]:
     ]
 
 
-def likely_mistake(capture: Capture, setup: Setup) -> Mistake | None:
+def likely_mistake(motion: _Motion, setup: Setup) -> Mistake | None:
     """The mistake without which the force would fit the stage file's model; None where none is likely."""
-    as_recorded = _unexplained(capture, setup, Mistake(1.0, 1.0, 1.0, ""))
-    share, best = min(((_unexplained(capture, setup, one), one) for one in MISTAKES), key=lambda pair: pair[0])
+    as_recorded = _unexplained(motion, setup, Mistake(1.0, 1.0, 1.0, ""))
+    share, best = min(((_unexplained(motion, setup, one), one) for one in MISTAKES), key=lambda pair: pair[0])
     blind = as_recorded > DIFFERS and share < FITS
     return best if blind or share < min(0.5 * FITS, BETTER * as_recorded) else None
 
 
-def _unexplained(capture: Capture, setup: Setup, wrong: Mistake) -> float:
+def _unexplained(motion: _Motion, setup: Setup, wrong: Mistake) -> float:
     """Share of the captured force that the stage file's model does not give, after a correction."""
     p = setup.stage
-    _, velocity, acceleration, current = _motion(capture)
-    v, a = velocity * wrong.position / wrong.time, acceleration * wrong.position / wrong.time**2
+    v = motion.velocity * (wrong.position / wrong.time)
+    a = motion.acceleration * (wrong.position / wrong.time**2)
     coulomb = float(np.sum(p.friction.operators.weight))
     slow = 1e-3 * float(np.abs(v).max())
     model = p.mechanics.inertia * a + p.mechanics.viscous * v + coulomb * v / (np.abs(v) + slow)
-    force = p.motor.force_constant * wrong.current * current
+    force = p.motor.force_constant * wrong.current * motion.current
     difference = (force - force.mean()) - (model - model.mean())
     size = float(np.linalg.norm(force - force.mean()))
     return float(np.linalg.norm(difference)) / size if size > 0.0 else math.inf
-
-
-def _motion(capture: Capture) -> tuple[Array, Array, Array, Array]:
-    """Position, velocity, acceleration and current, all through one low-pass; the ends are left out."""
-    sos = signal.butter(2, 2.0 * SLOW, output="sos")
-    edge = min(round(1.0 / SLOW), len(capture.position) // 8)
-    x, i = (
-        np.asarray(signal.sosfiltfilt(sos, column), dtype=np.float64) for column in (capture.position, capture.current)
-    )
-    v = np.gradient(x, capture.dt)
-    a = np.gradient(v, capture.dt)
-    inside = slice(edge, len(x) - edge)
-    return x[inside], v[inside], a[inside], i[inside]
 
 
 def _flat(capture: Capture, setup: Setup) -> list[str]:
@@ -200,20 +212,25 @@ def clipped(current: Array) -> NDArray[np.intp]:
     rows = np.concatenate([np.arange(a, b) for a, b in runs]) if runs else np.zeros(0, dtype=np.intp)
     if len(rows) < LEAST_SHARE * len(current):
         return np.zeros(0, dtype=np.intp)
-    first = [a for j, (a, _) in enumerate(runs) if j == 0 or a - runs[j - 1][1] > 4 * LEAST_RUN]  # noise breaks runs
-    corners = [corner for a in first if not math.isnan(corner := _corner(current, a, largest))]
+    ends = [0, *(b for _, b in runs)]
+    apart = [
+        (end, a) for end, (a, _) in zip(ends, runs, strict=False) if end == 0 or a - end > 4 * LEAST_RUN
+    ]  # noise breaks runs
+    corners = [corner for end, a in apart if not math.isnan(corner := _corner(current[end:a], current[a]))]
     return rows if corners and float(np.median(corners)) >= CORNER else np.zeros(0, dtype=np.intp)
 
 
-def _corner(current: Array, top: int, largest: float) -> float:
-    """How straight the rise to `largest` ends at row `top`, see CORNER; NaN for a jump."""
-    signed = current[:top] * math.copysign(1.0, current[top])
+def _corner(before: Array, top: float) -> float:
+    """How straight the rise of `before` (n,) to the value `top` ends, see CORNER; NaN for a jump."""
+    signed, largest, count = before * math.copysign(1.0, top), abs(top), len(before)
     low = np.flatnonzero(signed < 0.5 * largest)
-    tenth = (top - int(low[-1])) // 10 if len(low) else 0
+    tenth = (count - int(low[-1])) // 10 if len(low) else 0
     if tenth < 2:
         return math.nan
     width = max(1, tenth // 2)
-    late, early = (float(np.mean(signed[max(top - n * tenth - width, 0) : top - n * tenth + width])) for n in (1, 2))
+    late, early = (
+        float(np.mean(signed[max(count - n * tenth - width, 0) : count - n * tenth + width])) for n in (1, 2)
+    )
     rise = largest - early
     return (largest - late) / rise if rise > LEAST_RISE * largest else 0.0  # it has long been there
 

@@ -112,15 +112,15 @@ def _found(fits: _Fits, notes: tuple[str, ...], file: StageFile) -> Found:
         "reversals": [_where(one) for one in fits.seen],
         "curves": curves(fits.data, drawn),
     }
-    parameters = _parameters(best, fits.data, file)
+    parameters = _parameters(best, file)
     return Found(parameters, None, details, (*notes, *_remarks(fits, file)), {"compensation": block})
 
 
-def _parameters(fit: Fit, data: Data, file: StageFile) -> dict[str, Parameter]:
+def _parameters(fit: Fit, file: StageFile) -> dict[str, Parameter]:
     """Each value with its interval."""
-    hints, constant = get_type_hints(type(fit.form), include_extras=True), data.constant
+    hints = get_type_hints(type(fit.form), include_extras=True)
     ends = list(zip(*fit.interval, strict=True))
-    for value, half in zip(fit.form[-2:], constant.spread, strict=True):
+    for value, half in zip(fit.form[-2:], fit.constant.tolist(), strict=True):
         ends.append((value - half, value + half))
     found = {}
     for (name, value), (low, high) in zip(fit.form._asdict().items(), ends, strict=True):
@@ -133,7 +133,7 @@ def _parameters(fit: Fit, data: Data, file: StageFile) -> dict[str, Parameter]:
 def _described(fit: Fit, data: Data, file: StageFile) -> dict[str, Any]:
     """A form's row of the comparison, as JSON values."""
     return {
-        "parameters": {name: one._asdict() for name, one in _parameters(fit, data, file).items()},
+        "parameters": {name: one._asdict() for name, one in _parameters(fit, file).items()},
         "fitted": len(fit.interval[0]),
         "residual_rms": _rms(fit.residual),
         "residual_percent": 100.0 * _rms(fit.residual) / _rms(data.friction),

@@ -31,7 +31,10 @@ DIP = 1e-3  # times the constant friction: how low the search without the physic
 FREE = 4.0  # times the largest force seen: how high
 FASTEST = 0.9  # of the largest speed: spans that tell the constant parts
 AT_BOUND = 1e-3
+STEP = 1e-4  # of a parameter, for derivatives
+SINGULAR = 1e-6  # of the largest singular value
 SURE = 0.975
+SIGMAS = float(stats.norm.ppf(SURE))
 
 
 class Constant(NamedTuple):
@@ -60,6 +63,7 @@ class Fit(NamedTuple):
     form: Form
     residual: Array  # (n,) N m | N
     interval: tuple[Array, Array]  # (k,) ends of the 95 % intervals of the k searched parameters, within the search
+    constant: Array  # (2,) halves of the 95 % intervals of C1 and C2
     at_bound: bool  # Cs, where it is held in physical bounds, lies at one of them
     evaluations: int
 
@@ -135,9 +139,11 @@ def fitted(name: str, data: Data, seed: int, generation: Callable[..., None], ph
     )
     x = np.exp(np.asarray(found.x, dtype=np.float64))
     at_bound = not low[-1] * (1.0 + AT_BOUND) < x[-1] < high[-1] * (1.0 - AT_BOUND)
-    spread = _spread(name, x, data)
+    covariance = _covariance(name, x, data)
+    spread = SIGMAS * np.sqrt(np.diag(covariance))
     interval = np.clip(x - spread, low, x), np.clip(x + spread, x, np.maximum(x, high))
-    return Fit(_form(name, x, data.constant), _residual(name, x, data), interval, at_bound, int(found.nfev))
+    constant = _constant_spread(name, x, data, covariance)
+    return Fit(_form(name, x, data.constant), _residual(name, x, data), interval, constant, at_bound, int(found.nfev))
 
 
 def _form(name: str, x: Array, constant: Constant) -> Form:
@@ -167,19 +173,28 @@ def _bounds(name: str, data: Data, physical: bool) -> tuple[Array, Array]:
     return np.array(low), np.array(high)
 
 
-def _spread(name: str, x: Array, data: Data) -> Array:
-    """Halves of the 95 % intervals: local Jacobian, residual taken for coloured noise.
+def _covariance(name: str, x: Array, data: Data) -> Array:
+    """Of the searched parameters (k, k): local Jacobian, residual taken for coloured noise.
 
     The residual is mostly what the form cannot follow, so it is correlated along the window; the variance grows by
     ``1 + 2 sum rho`` up to the first crossing of zero.
     """
-    step = 1e-4 * x
+    step = STEP * x
     columns = [(_residual(name, x - d, data) - _residual(name, x + d, data)) / 2.0 for d in np.diag(step)]
     jacobian = np.column_stack(columns) / step
     residual = _residual(name, x, data)
-    information = np.linalg.pinv(jacobian.T @ jacobian)
     variance = float(residual @ residual) / max(len(residual) - len(x), 1) * _colour(residual)
-    return np.asarray(stats.norm.ppf(SURE) * np.sqrt(variance * np.diag(information)), dtype=np.float64)
+    _, size, turn = np.linalg.svd(jacobian * x, full_matrices=False)
+    half = turn.T / np.maximum(size, SINGULAR * size[0])  # what the residual does not feel is left wide open, not nil
+    return np.asarray(variance * np.outer(x, x) * (half @ half.T), dtype=np.float64)
+
+
+def _constant_spread(name: str, x: Array, data: Data, covariance: Array) -> Array:
+    """Halves of the 95 % intervals of C1 and C2: what the spans leave open, and what the fit does."""
+    ends = [[_form(name, x + way * d, data.constant)[-2:] for way in (1.0, -1.0)] for d in np.diag(STEP * x)]
+    gradient = np.array([np.subtract(above, below) for above, below in ends]) / (2.0 * STEP * x[:, None])
+    of_the_fit = np.einsum("ia,ij,ja->a", gradient, covariance, gradient)
+    return np.asarray(np.hypot(data.constant.spread, SIGMAS * np.sqrt(of_the_fit)), dtype=np.float64)
 
 
 def _colour(residual: Array) -> float:

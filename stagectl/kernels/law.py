@@ -99,7 +99,7 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
     if current != command and driving * command > 0.0:  # anti-windup: do not integrate further into the limit
         pid = feedback.State(pid.error, x.feedback.integral, pid.derivative)
         outer = cascade.State(outer.error, x.cascade.integral, outer.filtered, outer.last, outer.before)
-    # What compensates disturbances beforehand is kept from the observer: it would find it again, of the other sign.
-    seen = observer.told(p.observer, x.observer, measured, current - r.friction - r.learned)
+    # The friction compensation is kept from the observer, which would find all the friction and compensate it again.
+    seen = observer.told(p.observer, x.observer, measured, current - r.friction)
     output = Output(error, terms.proportional, terms.integral, terms.derivative, against, command, current)
     return output, State(pid, outer, seen)

@@ -105,8 +105,8 @@ def estimate(p: Observer, x: State, measured: float) -> float:
 def told(p: Observer, x: State, measured: float, current: float) -> State:
     """The period's end: `measured` (rad | m) corrects the model, and the `current` (A) moves it on.
 
-    A current that compensates disturbances beforehand (friction, what was learned) is left out of `current`: it would
-    be found again as a disturbance of the other sign.
+    A current that stands against a disturbance by its model (friction) is left out of `current`, as the disturbance is
+    left out of the plant: what is observed then is what the model leaves over.
     """
     if not p.active:
         return x

@@ -1,11 +1,11 @@
-"""States of stop operators along a sampled motion: columns of a regression, compiled.
+r"""States of stop operators along a sampled motion: columns of a regression, compiled.
 
 Between two samples the motion may turn round; how far it went beyond the outermost sample is taken from the parabola
 through the three samples at the turn, so that the shortest element sees the whole travel::
 
         x      __             turn `beyond` the outermost sample
         |    o    o
-        |  /        \\
+        |  /        \
         +-------------> t
 """
 

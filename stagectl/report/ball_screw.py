@@ -55,7 +55,9 @@ def responses(curves: list[dict[str, Any]], force_constant: float, model: Model)
     ]
 
 
-def characteristics(spans: list[dict[str, Any]], model: tuple[float, float], loop: tuple[Array, Array]) -> list[Picture]:
+def characteristics(
+    spans: list[dict[str, Any]], model: tuple[float, float], loop: tuple[Array, Array]
+) -> list[Picture]:
     """Fig. 3: friction over velocity (`model` = viscous, coulomb), and the loop (position m, torque N m) of rolling."""
     viscous, coulomb = model
     speed = np.linspace(-40.0, 40.0, 401)
@@ -92,7 +94,9 @@ def curve_fit(curve: dict[str, Any], force_constant: float, fits: list[tuple[str
         gains.append(Line(fine, 20 * np.log10(np.abs(response)), name, colour))
         phases.append(Line(fine, np.degrees(np.angle(response)), name, colour))
     return [
-        picture(gains, Frame(_HERTZ, "gain [dB re 1 rad/(s A)]", "(a) gain", True), "A first-order curve fits the gain;"),
+        picture(
+            gains, Frame(_HERTZ, "gain [dB re 1 rad/(s A)]", "(a) gain", True), "A first-order curve fits the gain;"
+        ),
         picture(phases, Frame(_HERTZ, "phase [deg]", "(b) phase", True), "its phase shows what it leaves out."),
     ]
 
@@ -124,7 +128,9 @@ def reversal(
     for number, (name, style, table) in enumerate(tables):
         colour = TRUTH if style == "--" else colours[number % 2]
         lines.append(Line(1e6 * scale * dense, force_after(table, dense), name, colour, style, 1.5))
-    frame = Frame("displacement since the reversal [µm]", "torque [N m]", "(b) after a reversal", xlim=(0.0, 1e6 * most))
+    frame = Frame(
+        "displacement since the reversal [µm]", "torque [N m]", "(b) after a reversal", xlim=(0.0, 1e6 * most)
+    )
     return picture(lines, frame, "The torque of a full reversal, and the table that compensates it.")
 
 

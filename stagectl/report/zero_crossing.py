@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 
 from stagectl.compensation.legs import Array
 from stagectl.compensation.reversal_error import ReversalError
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT
+from stagectl.config.stage_file import Axis as StageAxis
+from stagectl.config.stage_file import StageFile
+from stagectl.identification.capture import Capture
+from stagectl.identification.found import Found
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.page import Picture
+from stagectl.units import LINEAR
 
 SERIES = ("#0f766e", "#d97706", "#7c3aed", "#be123c")
 NAMES = {
@@ -32,6 +38,7 @@ COLOURS = {
     "symmetric-free": "#ca8a04",
 }
 SHOWN = ("exponential", "displacement", "symmetric", "symmetric-free")
+SLIDER = StageAxis("linear")
 
 
 class Run(NamedTuple):
@@ -49,6 +56,16 @@ class Compensated(NamedTuple):
     form: str
     rows: NDArray[Any]
     errors: list[ReversalError]
+
+
+def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
+    """What an identification's page shows of this method."""
+    caption = (
+        "Friction at the first reversal, force minus M a and D v, and the fitted forms, over time and over velocity. "
+        "In the direction of the new motion it assists until the rolling elements have turned round; the conventional "
+        "curve jumps, or, with Cs free, dips where the friction is largest."
+    )
+    return [Picture(embedded(forces(found.details, file.axis)), caption)]
 
 
 def stroke_end(runs: Sequence[Run], span: tuple[float, float], words: str = "reversal") -> Figure:
@@ -88,23 +105,24 @@ def release(runs: Sequence[Run], span: tuple[float, float] = (-0.02, 0.25)) -> F
     return figure
 
 
-def forces(details: Mapping[str, Any], shown: Sequence[str] = SHOWN) -> Figure:
+def forces(details: Mapping[str, Any], axis: StageAxis = SLIDER, shown: Sequence[str] = SHOWN) -> Figure:
     """Friction seen at a reversal and the fitted forms, over time (the paper's Fig. 8) and velocity (Fig. 9)."""
     curves = {name: np.asarray(values) for name, values in details["curves"].items()}
+    unit, travel = ("N" if axis.kind == LINEAR else "N m"), axis.travel_per_unit
     with mpl.rc_context(STYLE):
         figure, (left, right) = plt.subplots(1, 2, figsize=(10.4, 4.2), sharey=True, width_ratios=(3, 2))
         near = np.abs(curves["time"]) <= 0.13
-        for axis, x in ((left, 1e3 * curves["time"][near]), (right, 1e3 * curves["velocity"][near])):
-            axis.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="seen: F - M a - D v")
+        for part, x in ((left, 1e3 * curves["time"][near]), (right, 1e3 * travel * curves["velocity"][near])):
+            part.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="seen: F - M a - D v")
             for name in shown:
                 line = "--" if name.endswith("-free") else "-"
-                label = f"{NAMES[name]}, rms {_rms(curves, name):.2f} N"
-                axis.plot(x, curves[name][near], line, color=COLOURS[name], linewidth=1.1, label=label)
-            axis.axhline(0.0, color="#94a3b8", linewidth=0.6)
-            axis.axvline(0.0, color="#94a3b8", linewidth=0.6)
+                label = f"{NAMES[name]}, rms {_rms(curves, name):.2g} {unit}"
+                part.plot(x, curves[name][near], line, color=COLOURS[name], linewidth=1.1, label=label)
+            part.axhline(0.0, color="#94a3b8", linewidth=0.6)
+            part.axvline(0.0, color="#94a3b8", linewidth=0.6)
         left.set_xlabel("time from the zero crossing [ms]")
-        left.set_ylabel("friction [N]")
-        right.set_xlabel("velocity [mm/s]")
+        left.set_ylabel(f"friction [{unit}]")
+        right.set_xlabel(f"velocity [m{axis.travel_unit}/s]")
         handles, labels = left.get_legend_handles_labels()
         figure.legend(handles, labels, loc="upper center", ncols=3, fontsize=8)
         figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.9))

@@ -32,7 +32,9 @@ def truth(e: Evidence) -> Characteristic:
     """The machine's own rolling friction: drawn and compared with, never told to a method."""
     own = e.bench.machine.stage.friction.operators
     nothing = np.zeros(0)
-    return Characteristic(nothing, nothing, np.array(own.weight, dtype=np.float64), np.array(own.slip, dtype=np.float64))
+    return Characteristic(
+        nothing, nothing, np.array(own.weight, dtype=np.float64), np.array(own.slip, dtype=np.float64)
+    )
 
 
 def _responses(e: Evidence) -> Part:
@@ -184,7 +186,12 @@ def _constant_speed(e: Evidence) -> Part:
     model = (p["viscous"].value, p["coulomb"].value, p["offset"].value)
     viscous = p["viscous"]
     rows = [
-        ["D [N m s/rad]", f"{published.VISCOUS:.2f}", f"{viscous.value:.5f}", f"{viscous.low:.5f} to {viscous.high:.5f}"],
+        [
+            "D [N m s/rad]",
+            f"{published.VISCOUS:.2f}",
+            f"{viscous.value:.5f}",
+            f"{viscous.low:.5f} to {viscous.high:.5f}",
+        ],
         ["Tc [N m]", "not given", f"{p['coulomb'].value:.4f}", f"{p['coulomb'].low:.4f} to {p['coulomb'].high:.4f}"],
     ]
     words = [
@@ -221,7 +228,9 @@ def _ultra_low_speed(e: Evidence) -> Part:
         "displacement and force is right for full reversals only.",
     ]
     section = Section("Fig. 6 - Rolling friction characteristic and its model (conventional)", words, pictures, [])
-    return Part("figure 6", section, {"settled": settled, "table_error": error, "coulomb": float(e.slow.table.weight.sum())})
+    return Part(
+        "figure 6", section, {"settled": settled, "table_error": error, "coulomb": float(e.slow.table.weight.sum())}
+    )
 
 
 def _share(table: Characteristic, displacement: float) -> float:

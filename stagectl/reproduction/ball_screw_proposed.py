@@ -74,9 +74,7 @@ def _flattening(e: Evidence) -> Part:
         "residual_percent": found.details.get("force_residual_percent"),
         "misprint": {"inertia": published.MISPRINT_INERTIA, "viscous": published.MISPRINT_VISCOUS},
     }
-    pictures = figures.flattening(
-        columns, inertia, viscous, (published.MISPRINT_INERTIA, published.MISPRINT_VISCOUS)
-    )
+    pictures = figures.flattening(columns, inertia, viscous, (published.MISPRINT_INERTIA, published.MISPRINT_VISCOUS))
     return Part("figure 9", Section("Fig. 9 - Shape of T_d by J and D (proposed)", words, pictures, []), numbers)
 
 
@@ -91,7 +89,13 @@ def _conditions(e: Evidence) -> Part:
         numbers[name] = {"inertia": inertia, "viscous": viscous, "table_error": error}
         j, d = (percent(value, one) for value, one in ((inertia, published.INERTIA), (viscous, published.VISCOUS)))
         rows.append(
-            [CONDITIONS[name], f"{inertia:.5f} ({j})", f"{viscous:.4f} ({d})", f"{error['rms']:.4f}", f"{error['max']:.4f}"]
+            [
+                CONDITIONS[name],
+                f"{inertia:.5f} ({j})",
+                f"{viscous:.4f} ({d})",
+                f"{error['rms']:.4f}",
+                f"{error['max']:.4f}",
+            ]
         )
         if name not in (MAIN, CALIBRATED):
             columns = figures.columns(found.details, e.runs[name].scale)

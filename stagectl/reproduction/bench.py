@@ -97,7 +97,9 @@ def captured(run: Run) -> list[Capture]:
 
 def believing(setup: Setup, inertia: float, viscous: float, table: Characteristic) -> Setup:
     """`setup` with these mechanics (SI) and this rolling friction in the place of its own."""
-    return _assembled(setup, inertia, viscous, Operators(tuple(map(float, table.weight)), tuple(map(float, table.slip))))
+    return _assembled(
+        setup, inertia, viscous, Operators(tuple(map(float, table.weight)), tuple(map(float, table.slip)))
+    )
 
 
 def _assembled(setup: Setup, inertia: float, viscous: float, rolling: Operators) -> Setup:

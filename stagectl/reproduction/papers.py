@@ -71,7 +71,9 @@ def ball_screw_outcome(e: ball_screw.Evidence) -> Outcome:
 def slider_outcome(e: slider.Evidence) -> Outcome:
     """The slider paper's parts, and what they amount to."""
     fastest = list(e.reversals)[-1]
-    lag, ours, best = (slider.extremes(e.errors[fastest, form]) for form in (slider.NONE, "exponential", "displacement"))
+    lag, ours, best = (
+        slider.extremes(e.errors[fastest, form]) for form in (slider.NONE, "exponential", "displacement")
+    )
     ringing = e.ringing[fastest]
     answer = (
         f"Let go, the slider springs back by {length(abs(ringing.offset), 'm')} and rings at "

@@ -63,7 +63,10 @@ def evidence(course: Course, extent: Extent = Extent(), seed: int = SEED) -> Evi
         for speed, s in ((speed, run.samples) for speed, run in stops.items())
     }
     step = machine.stage.encoder.step
-    ringing = {speed: released(run.samples["time"], run.samples["measured"], opened(run), step) for speed, run in releases.items()}
+    ringing = {
+        speed: released(run.samples["time"], run.samples["measured"], opened(run), step)
+        for speed, run in releases.items()
+    }
     fastest = extent.speeds[-1]
     bare = carried_out(ahead, _motion(ahead.believed, fastest), f"{fastest} mm/s", NO_FRICTION)
     tell = course.begin("fits")

@@ -62,7 +62,9 @@ def _stroke_end(e: Evidence) -> Part:
         + ", ".join(f"{value:.2f} N at {speed} mm/s" for speed, value in force.items())
         + ", M a included.",
     ]
-    image = Picture(embedded(figures.stroke_end(runs, (-0.15, 0.2))), "Velocity and output force (calculated, Kt i).", LEAST)
+    image = Picture(
+        embedded(figures.stroke_end(runs, (-0.15, 0.2))), "Velocity and output force (calculated, Kt i).", LEAST
+    )
     return Part("figure 3", Section("Fig. 3 - Stroke end", words, [image], []), {"force_at_reversal": force})
 
 
@@ -88,7 +90,9 @@ def _release(e: Evidence) -> Part:
     rows, numbers = [], {}
     for speed, one in e.ringing.items():
         f = one.frequency
-        rows.append([f"{speed} mm/s", f"{f.value:.2f} Hz", f"{1e6 * abs(one.offset):.1f} µm", f"{1e6 * one.travel:.1f} µm"])
+        rows.append(
+            [f"{speed} mm/s", f"{f.value:.2f} Hz", f"{1e6 * abs(one.offset):.1f} µm", f"{1e6 * one.travel:.1f} µm"]
+        )
         numbers[speed] = {"frequency": f.value, "offset": one.offset, "travel": one.travel}
     rows.append(["paper", f"{published.VIBRATION:g} Hz", f"{1e6 * low:.0f} to {1e6 * high:.0f} µm", ""])
     words = [

@@ -43,7 +43,7 @@ def capture(p: stage.Stage, command: NDArray[np.float64], dt: float, how: Sensor
     driven(p, stage.at_rest(p), (command, noises, how.ripple, rows), dt, max(round(dt / 5e-5), 5))
     current = rows[:, 1] if how.column == "measured_current" else command
     current = current + how.sensor * source.standard_normal(len(command))
-    time = np.arange(len(command)) * dt
+    time = np.arange(len(command), dtype=np.float64) * dt
     return Capture("driven", time, rows[:, 0].copy(), current, dt, how.column, encoder_step=p.encoder.step)
 
 

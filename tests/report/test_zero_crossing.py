@@ -48,6 +48,6 @@ def test_the_forms_are_drawn_over_time_and_velocity() -> None:
     left, right = forces({"curves": {name: values.tolist() for name, values in curves.items()}}).axes
     assert [line.get_label() for line in left.lines[:2]] == [
         "seen: F - M a - D v",
-        "proposed (exponential), rms 1.00 N",
+        "proposed (exponential), rms 1 N",
     ]
     assert np.asarray(right.lines[0].get_xdata())[0] == pytest.approx(10.0)  # mm/s

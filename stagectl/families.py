@@ -1,0 +1,134 @@
+"""All designs of one law for one stage: a bandwidth f chooses among them, the rest follows by a stated rule.
+
+**PID**: all four closed-loop poles at ``-2 pi f`` (`kernels.feedback`).
+
+**Cascade**: f is that of the position loop, and the loops are separated by ratios::
+
+    Kp = 2 pi f        velocity bandwidth fv = 4 f        Ti = 4 / (2 pi fv)        Tf = 1 / (5 * 2 pi fv)
+
+With fv = 4 f the position loop is critically damped on a velocity loop of first order.  Ti is the symmetric optimum's for
+a = 4, which takes ``atan(1/4)`` = 14 deg at the velocity loop's crossover; the filter's corner, five times above it,
+takes ``atan(1/5)`` = 11 deg.  A filter with its corner above Nyquist's frequency is left out.
+
+Source: C. Kessler, Regelungstechnik 6, 1958 (symmetric optimum).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from stagectl import design
+from stagectl.kernels import observer, stage
+from stagectl.robustness import Loop, Robustness, loops, robustness
+from stagectl.units import StageError
+
+LAWS: dict[str, type[design.Settings]] = {"pid": design.Control, "cascade": design.CascadeControl}
+
+
+class TuningError(StageError):
+    """No design of this law gives what is asked for."""
+
+
+class Ratios(NamedTuple):
+    """How a cascade follows from its position loop's bandwidth; 0 is without that part."""
+
+    separation: float = 4.0  # velocity bandwidth over that of the position loop
+    integral: float = 4.0  # integral time over 1/(2 pi fv)
+    filtering: float = 5.0  # corner of the force filter over fv
+
+
+class Family(NamedTuple):
+    """All designs of one law for one stage."""
+
+    stage: stage.Stage
+    control: design.Settings  # of that law; what the bandwidth does not choose stands here
+    ratios: Ratios = Ratios()
+
+
+def law_of(control: design.Settings) -> str:
+    """Name of the law."""
+    return "pid" if isinstance(control, design.Control) else "cascade"
+
+
+def family(p: stage.Stage, control: design.Settings, law: str, own: bool = False) -> Family:
+    """Designs of `law`, with what `control` says of layers and margin; `own`: with its ratios instead of the rule's.
+
+    Raises TuningError where the ratios of another law are asked for.
+    """
+    if own and (isinstance(control, design.Control) or law == "pid"):
+        raise TuningError(f"--start own; must be rule: a {law} control takes no ratios from a {law_of(control)} one")
+    ratios = ratios_of(control) if own and isinstance(control, design.CascadeControl) else Ratios()
+    return Family(p, as_law(control, law), ratios)
+
+
+def as_law(control: design.Settings, law: str) -> design.Settings:
+    """`control`, or one of the other law with the entries that both have; layers at their default change with it."""
+    kind = LAWS[law]
+    if isinstance(control, kind):
+        return control
+    known: dict[str, Any] = {name: getattr(control, name) for name in kind._fields if name in control._fields}
+    if control.layers == type(control)._field_defaults["layers"]:
+        del known["layers"]
+    start = {"bandwidth": 1.0} if kind is design.Control else {"position_gain": 1.0, "velocity_bandwidth": 1.0}
+    made: design.Settings = kind(**{**start, **known})
+    return made
+
+
+def ratios_of(control: design.CascadeControl) -> Ratios:
+    """The ratios that a cascade has."""
+    corner = 2.0 * math.pi * control.velocity_bandwidth
+    filtering = 1.0 / (control.force_filter * corner) if control.force_filter > 0.0 else 0.0
+    return Ratios(corner / control.position_gain, control.integral_time * corner, filtering)
+
+
+def chosen(family: Family, bandwidth: float) -> design.Settings:
+    """The control of this `bandwidth` (Hz); what follows from it has four digits, as it will be written."""
+    if isinstance(family.control, design.Control):
+        return family.control._replace(bandwidth=bandwidth)
+    ratios = family.ratios
+    corner = 2.0 * math.pi * ratios.separation * bandwidth
+    nyquist = math.pi / family.control.period
+    filtered = 0.0 < ratios.filtering * corner < nyquist
+    return family.control._replace(
+        position_gain=_digits(2.0 * math.pi * bandwidth),
+        velocity_bandwidth=_digits(ratios.separation * bandwidth),
+        integral_time=_digits(ratios.integral / corner),
+        force_filter=_digits(1.0 / (ratios.filtering * corner)) if filtered else 0.0,
+    )
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def reached(p: stage.Stage, control: design.Settings) -> dict[str, Robustness]:
+    """What each loop of this control stands, its disturbance observer with it.
+
+    Raises DesignError where its gains cannot be realised.
+    """
+    return {name: robustness(loop) for name, loop in cut(p, control).items()}
+
+
+def cut(p: stage.Stage, control: design.Settings) -> dict[str, Loop]:
+    """The loops that are looked at; beside an observer also the loop without it, as that layer may be switched off.
+
+    Raises DesignError where the gains cannot be realised.
+    """
+    designed, dt, watching = running(p, control)
+    found = loops(p, designed, dt, watching)
+    return found | {"without observer": next(iter(loops(p, designed, dt).values()))} if watching.active else found
+
+
+def running(p: stage.Stage, control: design.Settings) -> tuple[design.Feedback, float, observer.Observer]:
+    """Feedback, period (s) and observer of a control, whatever its margin.
+
+    Raises DesignError where they cannot be realised.
+    """
+    designed = design.designed_feedback(p, control)
+    if "observer" not in control.layers:
+        return designed, control.period, observer.ABSENT
+    try:
+        return designed, control.period, observer.designed(p, control.period, design.observer_bandwidth(control))
+    except observer.DelayError as error:
+        raise design.DesignError(f"control.layers holds observer: {error}") from error

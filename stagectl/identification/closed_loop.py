@@ -1,0 +1,130 @@
+"""A record's reference run again through the controller it was recorded with, on a stage model: the four errors.
+
+The servo of the EMPS benchmark, a position gain around a velocity gain, with the mean of two positions differentiated::
+
+    i[k] = kv (kp (r[k] - q[k]) - (f[k] - f[k-1])/Ts)        f[k] = (q[k] + q[k-1])/2        limited
+
+Each error is the norm of the difference over the norm of the record, in percent; velocity and acceleration of both
+sides by the same filter, a zero-phase Butterworth low-pass of fourth order at 100 Hz and central differences.
+
+Source: A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, Workshop on Nonlinear System
+Identification Benchmarks, 2019.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from stagectl.identification.capture import Array, Capture, IdentificationError
+from stagectl.identification.recipe import Motion, Recipe, moved
+from stagectl.kernels import friction, stage
+from stagectl.kernels.jit import kernel
+from stagectl.units import Quantity
+
+CUTOFF = 100.0  # Hz
+SUBSTEPS = 20  # of the integration in a sampling time; half the step changes no figure
+
+
+class Servo(NamedTuple):
+    """The controller of the record."""
+
+    position_gain: Annotated[float, Quantity("1/s", "(0, 1e6]", "kp")]
+    velocity_gain: Annotated[float, Quantity("A s/rad | A s/m", "(0, 1e9]", "kv")]
+    current_limit: Annotated[float, Quantity("A", "(0, inf]", "the command saturates here")] = math.inf
+
+
+class Errors(NamedTuple):
+    """Norm of the difference over norm of the record, in percent."""
+
+    position: float
+    velocity: float
+    acceleration: float
+    force: float
+
+
+PUBLISHED = Errors(0.013752, 0.22911, 8.6036, 5.848)  # EMPS, symmetric model, with the unit delay of its simulation
+
+
+class Simulated(NamedTuple):
+    """Columns (n,) of the run."""
+
+    position: Array  # rad | m, as the encoder reports it
+    current: Array  # A
+
+
+def simulated(p: stage.Stage, servo: Servo, capture: Capture, substeps: int = SUBSTEPS) -> Simulated:
+    """The reference of `capture` on the stage `p`, which begins as the record does: in motion, its friction slipping.
+
+    Raises IdentificationError where the capture has no reference, or the run leaves all bounds.
+    """
+    if capture.reference is None:
+        raise IdentificationError(
+            f"{capture.name} has no reference, so it cannot be run again in closed loop; record the reference with it"
+        )
+    motion = moved(capture.position, Recipe(_cutoff(capture), 1, capture.dt))
+    begin = float(motion.velocity[0])
+    rows = np.empty((len(capture.reference), 2))
+    before = float(capture.position[0]) - begin * capture.dt
+    memory = (before, before - 0.5 * begin * capture.dt)
+    x = _sliding(p, float(capture.position[0]), begin)
+    _run(p, servo, (x, *memory), capture.reference, rows, (capture.dt, substeps))
+    if not np.all(np.isfinite(rows)):
+        raise IdentificationError(
+            f"{capture.name}: the closed loop on this model is unstable; its parameters cannot be"
+        )
+    return Simulated(rows[:, 0], rows[:, 1])
+
+
+def errors(run: Simulated, capture: Capture) -> Errors:
+    """The four errors of a run against its record."""
+    recipe = Recipe(_cutoff(capture), 1, capture.dt)
+    ours, theirs = moved(run.position, recipe), moved(capture.position, recipe)
+    return Errors(
+        _percent(run.position, capture.position),
+        _percent(ours.velocity, theirs.velocity),
+        _percent(ours.acceleration, theirs.acceleration),
+        _percent(run.current, capture.current),
+    )
+
+
+def motion(position: Array, capture: Capture) -> Motion:
+    """Position (n,), velocity and acceleration by the errors' own filter."""
+    return moved(position, Recipe(_cutoff(capture), 1, capture.dt))
+
+
+def _cutoff(capture: Capture) -> float:
+    return min(CUTOFF, 0.4 / capture.dt)
+
+
+def _percent(ours: Array, theirs: Array) -> float:
+    return 100.0 * float(np.linalg.norm(ours - theirs) / np.linalg.norm(theirs))
+
+
+def _sliding(p: stage.Stage, position: float, velocity: float) -> stage.State:
+    """The plant at this position and velocity, all of its friction slipping."""
+    side = math.copysign(1.0, velocity) if velocity else 0.0
+    x, bristle = stage.at_rest(p, position), p.friction.bristle
+    for j in range(len(p.friction.operators.weight)):
+        x.stops[j] = side
+    bent = side * bristle.coulomb * friction.stribeck(bristle.stribeck, velocity) / bristle.stiffness
+    force = side * float(sum(p.friction.operators.weight)) * friction.stribeck(p.friction.stribeck, velocity)
+    return x._replace(velocity=velocity, bristle=bent, force=force + bristle.stiffness * bent)
+
+
+@kernel
+def _run(p: stage.Stage, servo: Servo, start: Any, reference: Any, rows: Any, steps: tuple[float, int]) -> None:
+    """Fill `rows` (n, 2): measured position and current; `start` is the plant and the servo's two memories."""
+    x, last, mean = start
+    dt, substeps = steps
+    silent = stage.Noise(0.0, 0.0)
+    for k in range(len(reference)):
+        measured = stage.measured(p.encoder, x, silent)
+        now = 0.5 * (measured + last)
+        current = servo.velocity_gain * (servo.position_gain * (reference[k] - measured) - (now - mean) / dt)
+        current = min(max(current, -servo.current_limit), servo.current_limit)
+        last, mean = measured, now
+        rows[k, 0], rows[k, 1] = measured, current
+        x = stage.period(p, x, current, silent, dt, substeps)

@@ -1,0 +1,243 @@
+"""The whole friction family fitted to the same captures by the same code, and compared.
+
+Each member is fitted as `friction_fit` says.  They are compared by
+
+    BIC = m ln(RSS/n) + p ln m          m: how many independent numbers the n rows are worth, p parameters
+
+by what they leave of rows they were not fitted to, and, where the capture says how its controller worked, by a
+simulation in closed loop (`closed_loop`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stagectl.config.stage_file import StageFile
+from stagectl.identification import closed_loop, standard_errors
+from stagectl.identification.capture import Array, Capture, IdentificationError
+from stagectl.identification.found import Found, Parameter
+from stagectl.identification.friction_fit import Data, Fit, Scale, columns_of, fitted, plant, prepared, sensitivity
+from stagectl.identification.friction_members import FAMILY
+from stagectl.units import Quantity
+
+FASTEST = 0.75  # of the largest speed: above are the rows held out by speed
+TOLD = 30.0  # a searched parameter that is known no better than to this factor is not told
+FIRST = (("inertia", "kg m^2 | kg"), ("viscous", "N m s/rad | N s/m"))
+LAST = (("offset", "N m | N"),)
+SHARP = 20.0  # counts of the encoder over which a model's jump of Coulomb friction happens in simulation
+REPEATS = 0.999  # correlation of a reference with itself a period later
+Progress = Callable[[int, int], object]
+
+
+class _Judge(NamedTuple):
+    """What all members are judged on."""
+
+    data: list[Data]
+    scale: Scale
+    captures: list[Capture]
+    file: StageFile
+
+    @property
+    def force(self) -> Array:
+        """Thinned forces (m,) of all captures."""
+        return np.concatenate([one.force for one in self.data])
+
+
+def identify(captures: list[Capture], file: StageFile, progress: Progress | None = None) -> Found:
+    """All members of the family; the parameters are those of the best by BIC of those that a stage file can have.
+
+    Raises IdentificationError where the captures do not tell inertia and friction.
+    """
+    data, scale = prepared(captures, file)
+    judge = _Judge(data, scale, captures, file)
+    fits: list[Fit] = []
+    rows: list[dict[str, Any]] = []
+    for number, name in enumerate(FAMILY):
+        fits.append(fitted(name, data, scale))
+        rows.append(
+            {**_row(fits[-1], judge.force), "held_out": _held_out(fits[-1], judge), **_run_again(fits[-1], judge)}
+        )
+        if progress is not None:
+            progress(number + 1, len(FAMILY))
+    worth = standard_errors.independent(min(fits, key=_square).residual)
+    for one, row in zip(fits, rows, strict=True):
+        row["bic"] = bic(one, worth)
+    best = int(np.argmin([row["bic"] if one.member.whole else math.inf for one, row in zip(fits, rows, strict=True)]))
+    found = _found(fits[best], judge)
+    details = {**found.details, "chosen": fits[best].name, "models": rows, "independent_rows": worth}
+    return found._replace(details=details, notes=(*_words(rows, best, captures), *found.notes))
+
+
+def fit(name: str, captures: list[Capture], file: StageFile) -> Found:
+    """One member of the family fitted to `captures`.
+
+    Raises IdentificationError where there is no such member, or the captures do not tell its parameters.
+    """
+    if name not in FAMILY:
+        raise IdentificationError(f"friction model {name}; must be one of {', '.join(FAMILY)}")
+    data, scale = prepared(captures, file)
+    judge = _Judge(data, scale, captures, file)
+    one = fitted(name, data, scale)
+    found, worth = _found(one, judge), standard_errors.independent(one.residual)
+    return found._replace(details={**found.details, **_row(one, judge.force), "bic": bic(one, worth)})
+
+
+def bic(one: Fit, worth: float) -> float:
+    """Bayesian information criterion, for a residual that is worth so many independent numbers."""
+    return worth * math.log(_square(one) / len(one.residual)) + one.member.size * math.log(worth)
+
+
+def _square(one: Fit) -> float:
+    return float(one.residual @ one.residual)
+
+
+def _row(one: Fit, force: Array) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "words": one.member.words,
+        "count": one.member.size,
+        "force_residual_percent": 100.0 * math.sqrt(_square(one)) / float(np.linalg.norm(force)),
+        "values": dict(
+            zip((name for name, _ in _names(one)), (*one.weights.tolist(), *one.theta.tolist()), strict=True)
+        ),
+    }
+
+
+def _names(one: Fit) -> list[tuple[str, str]]:
+    """Name and unit of every weight and searched parameter, in the order of the fit."""
+    return [*FIRST, *one.member.linear, *LAST, *((each.name, each.unit) for each in one.member.searched)]
+
+
+def _held_out(one: Fit, judge: _Judge) -> dict[str, float]:
+    """Residual in percent of the rows that a second fit did not see: the later half, and the fastest rows."""
+    force = judge.force
+    speed = np.abs(np.concatenate([each.fixed[:, 1] for each in judge.data]))
+    half = np.concatenate([np.arange(len(each.force)) < len(each.force) // 2 for each in judge.data])
+    found = {}
+    for name, seen in (("later_half", half), ("fastest", speed < FASTEST * judge.scale.fastest)):
+        again = fitted(one.name, judge.data, judge.scale, seen, one.theta)
+        whole = fitted_force(again, judge.data)
+        error = (force - whole)[~seen]
+        found[name] = 100.0 * float(np.linalg.norm(error) / np.linalg.norm(force[~seen])) if len(error) else math.nan
+    return found
+
+
+def fitted_force(one: Fit, data: Sequence[Data]) -> Array:
+    """Force (m,) of the model on all rows."""
+    return columns_of(one, data) @ one.weights
+
+
+def _run_again(one: Fit, judge: _Judge) -> dict[str, Any]:
+    """The errors in closed loop of the first capture whose controller is known; nothing where none is."""
+    for capture in judge.captures:
+        servo = controller(capture, judge.file)
+        if servo is None or capture.reference is None:
+            continue
+        model = plant(one, judge.file, SHARP * judge.scale.step)
+        return {"closed_loop": closed_loop.errors(closed_loop.simulated(model, servo, capture), capture)._asdict()}
+    return {}
+
+
+def controller(capture: Capture, file: StageFile) -> closed_loop.Servo | None:
+    """The servo that a capture says it was recorded with; None where it does not."""
+    known = capture.meta.get("nominal", {}).get("controller", {})
+    if known.get("kp") is None or known.get("kv") is None:
+        return None
+    return closed_loop.Servo(float(known["kp"]), float(known["kv"]), file.drive.current_limit)
+
+
+def _found(one: Fit, judge: _Judge) -> Found:
+    """Values with their intervals; what the captures do not tell has its bounds for an interval, and a note."""
+    moves = sensitivity(one, judge.data)
+    whole = np.column_stack([one.regressor, moves])
+    length = np.linalg.norm(whole, axis=0)
+    told = length > 1e-9 * float(np.linalg.norm(judge.force))
+    told[: len(one.weights)] = length[: len(one.weights)] > 0.0
+    covariance = np.full((len(length), len(length)), math.inf)
+    inner = standard_errors.covariance(whole[:, told] / length[told], one.residual)
+    covariance[np.ix_(told, told)] = inner / np.outer(length[told], length[told])
+    count, axis = len(one.weights), judge.file.axis.kind
+    parameters, notes = {}, []
+    for number, (name, unit) in enumerate(_names(one)):
+        si, spread = Quantity(unit, "", "").unit_for(axis), standard_errors.SURE * math.sqrt(covariance[number, number])
+        if number < count:
+            value = float(one.weights[number])
+            low = value - spread if name == "offset" else max(value - spread, 0.0)
+            parameters[name] = Parameter(value, low, value + spread, si)
+            continue
+        parameters[name] = _searched(one, number - count, spread, si)
+        if not spread < math.log(TOLD):
+            low, high = one.bounds[number - count]
+            notes.append(
+                f"{one.name}: {name} is not told by these captures; it was searched for in [{low:.3g}, {high:.3g}] {si}"
+            )
+    if "coulomb" not in parameters:
+        parameters["coulomb"] = _total(one, covariance, parameters["offset"].unit)
+    changes = {f"mechanics.{name}": parameters[name].value for name in ("inertia", "viscous")}
+    return Found(parameters, details={"model": one.name}, notes=tuple(notes), changes=changes)
+
+
+def _searched(one: Fit, number: int, spread: float, unit: str) -> Parameter:
+    """A searched parameter; its interval is one of its logarithm, within the bounds."""
+    value, (low, high) = float(one.theta[number]), one.bounds[number]
+    if not spread < math.log(TOLD):
+        return Parameter(value, low, high, unit)
+    return Parameter(value, max(value * math.exp(-spread), low), min(value * math.exp(spread), high), unit)
+
+
+def _total(one: Fit, covariance: Array, unit: str) -> Parameter:
+    """Coulomb friction of a bundle, the sum of its weights; of a table, half the rise from end to end."""
+    share = 0.5 if one.name == "table" else 1.0
+    inside = slice(2, 2 + len(one.member.linear))
+    value = share * float(np.sum(one.weights[inside]))
+    spread = share * standard_errors.SURE * math.sqrt(max(float(np.sum(covariance[inside, inside])), 0.0))
+    return Parameter(value, value - spread, value + spread, unit)
+
+
+def _words(rows: list[dict[str, Any]], best: int, captures: list[Capture]) -> list[str]:
+    chosen, first = rows[best], min(rows, key=lambda row: float(row["bic"]))
+    notes = [_praise(chosen, rows[0], "of those that a stage file can have whole")]
+    if first is not chosen:
+        notes.append(_praise(first, rows[0], f"of all {len(rows)}"))
+    period = next((found for one in captures if (found := repeats(one)) is not None), None)
+    if period is not None:
+        notes.append(
+            f"the reference repeats every {period:.4g} s: the later half holds the same motion as the earlier, so it "
+            "shows how far machine and noise repeat, not how a model does on another motion; the fastest rows, held "
+            "out, show how it reaches beyond the speeds that it saw"
+        )
+    if "closed_loop" in chosen:
+        notes.append(
+            "in closed loop, table and rheology model run as the stop operators with their curve, without the creep"
+        )
+    return notes
+
+
+def _praise(row: dict[str, Any], simplest: dict[str, Any], among: str) -> str:
+    return (
+        f"{row['words']} ({row['count']} parameters) has the lowest BIC {among}: it leaves "
+        f"{row['force_residual_percent']:.3g} % of the force, {simplest['words']} ({simplest['count']}) "
+        f"{simplest['force_residual_percent']:.3g} %"
+    )
+
+
+def repeats(capture: Capture) -> float | None:
+    """Period (s) of a reference that repeats at least twice; None where it does not, or there is none."""
+    if capture.reference is None:
+        return None
+    x = capture.reference - capture.reference.mean()
+    size = len(x)
+    spectrum = np.fft.rfft(x, 2 * size)
+    product = np.fft.irfft(spectrum * np.conj(spectrum))[: size // 2]
+    power = np.concatenate([[0.0], np.cumsum(x * x)])
+    lags = np.arange(size // 2)
+    likeness = product / np.sqrt(np.maximum(power[size - lags] * (power[size] - power[lags]), 1e-300))
+    turned = np.flatnonzero(likeness < 0.5)
+    if not len(turned):
+        return None
+    later = int(turned[0] + np.argmax(likeness[turned[0] :]))
+    return later * capture.dt if likeness[later] > REPEATS else None

@@ -1,0 +1,206 @@
+"""Figures of the conventional identification: Bode diagrams, force over speed, rolling-friction characteristic.
+
+Source of their form: Simultaneous Identification ..., Figs 2, 4, 5 and 6.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from stagectl.config.stage_file import StageFile
+from stagectl.identification.found import Characteristic, Found
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT
+from stagectl.units import ROTARY
+
+SHADES = ("#f59e0b", "#0ea5e9", "#8b5cf6", "#0f766e", "#be123c", "#334155")
+FAINT = "#94a3b8"
+
+
+def figures(found: Found, file: StageFile) -> dict[str, Figure]:
+    """All figures that this answer of a conventional method has, by caption."""
+    made: dict[str, Figure] = {}
+    if "curves" in found.details:
+        made["Frequency response from current to velocity"] = bode(found, file)
+        if found.details["describing"]:
+            made["Effort per velocity over 4/(π W): friction told from damping"] = describing(found, file)
+    if "spans" in found.details:
+        made["Constant-speed examination"] = force_over_speed(found, file)
+    if "strokes" in found.details and found.table is not None:
+        made["Rolling-friction characteristic"] = rolling(found, found.table, file)
+    return made
+
+
+def bode(found: Found, file: StageFile) -> Figure:
+    """Gain, phase and coherence of all conditions, and the fitted models (Figs 2 and 4)."""
+    with mpl.rc_context(STYLE):
+        figure, (gain, phase, coherence) = plt.subplots(
+            3, 1, figsize=(7.2, 7.4), sharex=True, height_ratios=[3.0, 2.2, 1.0]
+        )
+        for one, colour in zip(found.details["curves"], _colours(len(found.details["curves"])), strict=True):
+            _response(gain, phase, coherence, (one, colour))
+        _models(gain, phase, found, file)
+        velocity = "rad/(s A)" if file.axis.kind == ROTARY else "m/(s A)"
+        gain.set_ylabel(f"gain [dB re 1 {velocity}]")
+        phase.set_ylabel("phase [deg]")
+        coherence.set_ylabel("coherence")
+        coherence.set_xlabel("frequency [Hz]")
+        coherence.set_ylim(-0.05, 1.08)
+        gain.set_xscale("log")
+        gain.legend(loc="lower left", fontsize=8, ncols=2, columnspacing=1.2, handlelength=1.6)
+        figure.align_ylabels()
+        figure.tight_layout()
+    return figure
+
+
+def _colours(count: int) -> list[str]:
+    return [SHADES[k % len(SHADES)] for k in range(count)]
+
+
+def _response(gain: Axes, phase: Axes, coherence: Axes, what: tuple[dict[str, Any], str]) -> None:
+    """One condition: sound lines filled, poor ones hollow, bars of two standard deviations."""
+    one, colour = what
+    frequency, sound = np.array(one["frequency"]), np.array(one["sound"])
+    size = np.array(one["gain"])
+    spread = np.array([0.0 if x is None else x for x in one["deviation"]]) / size
+    decibel, degrees = 20.0 * np.log10(size), np.degrees(one["phase"])
+    bars = np.minimum(2.0 * spread / np.sqrt(2.0), 0.9)
+    dense = len(frequency) > 20
+    marks: dict[str, Any] = {
+        "linestyle": "none" if dense else "-",
+        "linewidth": 0.8,
+        "marker": "o",
+        "markersize": 2.5 if dense else 4,
+    }
+    label = f"{one['amplitude']:.3g} A {one['kind']}{', axis moving' if one['moving'] else ''}"
+    gain.errorbar(
+        frequency[sound], decibel[sound], 8.69 * bars[sound], color=colour, elinewidth=0.7, label=label, **marks
+    )
+    phase.errorbar(frequency[sound], degrees[sound], np.degrees(bars[sound]), color=colour, elinewidth=0.7, **marks)
+    hollow: dict[str, Any] = {
+        "color": colour,
+        "linestyle": "none",
+        "marker": "o",
+        "markerfacecolor": "none",
+        "markersize": 3,
+    }
+    gain.plot(frequency[~sound], decibel[~sound], **hollow)
+    phase.plot(frequency[~sound], degrees[~sound], **hollow)
+    known = [(f, c) for f, c in zip(one["frequency"], one["coherence"], strict=True) if c is not None]
+    if known:
+        coherence.plot(*np.array(known).T, color=colour, **marks)
+
+
+def _models(gain: Axes, phase: Axes, found: Found, file: StageFile) -> None:
+    """Kt/(J s + D) by the gain's curve fit, and as it is believed."""
+    lowest = min(min(one["frequency"]) for one in found.details["curves"])
+    highest = max(max(one["frequency"]) for one in found.details["curves"])
+    frequency = np.geomspace(lowest, highest, 300)
+    fits = {row["name"]: row for row in found.details["fits"]}
+    shown = [("identified", found.details["fits"][-1], TARGET, "-")]
+    if "gain curve" in fits:
+        amplitude = fits["gain curve"]["amplitude"]
+        shown.append((f"curve fit at {amplitude:.3g} A", fits["gain curve"], FAINT, "--"))
+    for name, row, colour, dashes in shown:
+        response = file.motor.force_constant / (2j * np.pi * frequency * row["inertia"] + row["viscous"])
+        style: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": 1.2, "zorder": 1}
+        label = f"{name}: J = {row['inertia']:.3g}, D = {row['viscous']:.3g}"
+        gain.plot(frequency, 20.0 * np.log10(np.abs(response)), label=label, **style)
+        phase.plot(frequency, np.degrees(np.angle(response)), **style)
+
+
+def describing(found: Found, file: StageFile) -> Figure:
+    """Re(Kt/H) over the fundamental of the velocity's sign by its amplitude: slope Tc, intercept D."""
+    with mpl.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(7.2, 4.2))
+        rows = found.details["describing"]
+        unit = "N m s/rad" if file.axis.kind == ROTARY else "N s/m"
+        for row, colour in zip(rows, _colours(len(rows)), strict=True):
+            over, effort = np.array(row["relay_over_velocity"]), np.array(row["effort"])
+            line = np.array([0.0, over.max() * 1.05])
+            if row["presliding"]:
+                axes.plot(over, effort, "o", color=FAINT, markerfacecolor="none", markersize=4)
+                continue
+            axes.plot(over, effort, "o", color=colour, markersize=4, label=f"{row['frequency']:g} Hz")
+            axes.plot(line, row["viscous"] + row["coulomb"] * line, color=colour, linewidth=0.8)
+        if any(row["presliding"] for row in rows):
+            axes.plot([], [], "o", color=FAINT, markerfacecolor="none", markersize=4, label="in presliding")
+        axes.set_xlabel(
+            f"4/(π W) [{'s/rad' if file.axis.kind == ROTARY else 's/m'}], W the velocity's amplitude, harmonics counted"
+        )
+        axes.set_ylabel(f"Re(Kt/H) [{unit}]")
+        straight = [row for row in rows if not row["presliding"]] or rows
+        axes.set_xlim(0.0, 1.5 * max(max(row["relay_over_velocity"]) for row in straight))
+        axes.set_ylim(0.0, 1.5 * max(max(row["effort"]) for row in straight))
+        axes.legend(fontsize=8, ncols=2, title="intercept D, slope Tc", title_fontsize=8)
+        figure.tight_layout()
+    return figure
+
+
+def force_over_speed(found: Found, file: StageFile) -> Figure:
+    """Mean force of each span over its speed with the line, and what is left (Fig. 5)."""
+    with mpl.rc_context(STYLE):
+        figure, (force, rest) = plt.subplots(2, 1, figsize=(7.2, 5.6), sharex=True, height_ratios=[2.6, 1.0])
+        spans, values = found.details["spans"], found.parameters
+        speed = np.array([one["speed"] for one in spans])
+        offset = values["offset"].value if "offset" in values else 0.0
+        unit = values["coulomb"].unit
+        for sign in sorted({float(np.sign(v)) for v in speed}):
+            line = np.array([0.0, sign * np.max(np.abs(speed))])
+            model = values["viscous"].value * line + sign * values["coulomb"].value + offset
+            force.plot(line, model, color=TARGET, linewidth=1.0)
+        force.plot(speed, [one["force"] for one in spans], "o", color=WITH, markersize=5)
+        force.set_ylabel(f"mean force [{unit}]")
+        force.set_title(
+            f"D = {values['viscous'].value:#.4g} {values['viscous'].unit}, "
+            f"intercepts +{found.details['coulomb_positive']:#.4g} and "
+            f"−{found.details['coulomb_negative']:#.4g} {unit}",
+            loc="left",
+            fontsize=9,
+            color=TARGET,
+        )
+        bars = [2.0 * one["deviation"] * 1e3 for one in spans]
+        residual = np.array(found.details["residual"]) * 1e3
+        rest.errorbar(speed, residual, bars, color=WITH, linestyle="none", marker="o", markersize=4, elinewidth=0.8)
+        rest.axhline(0.0, color=TARGET, linewidth=0.8)
+        rest.set_ylabel(f"residual [m{unit}]")
+        rest.set_xlabel(f"speed [{'rad/s' if file.axis.kind == ROTARY else 'm/s'}]")
+        figure.align_ylabels()
+        figure.tight_layout()
+    return figure
+
+
+def rolling(found: Found, table: Characteristic, file: StageFile) -> Figure:
+    """Force along the direction over the travel since a reversal: measured strokes and the model (Fig. 6)."""
+    with mpl.rc_context(STYLE):
+        figure, (whole, near) = plt.subplots(1, 2, figsize=(7.4, 3.8), sharey=True, width_ratios=[1.3, 1.0])
+        scale, unit = file.axis.travel_per_unit, file.axis.travel_unit
+        offset = found.parameters["offset"].value
+        for axes in (whole, near):
+            for one in found.details["strokes"]:
+                colour, name = (WITH, "upwards") if one["direction"] > 0.0 else (WITHOUT, "downwards, mirrored")
+                force = np.array(one["force"]) - one["direction"] * offset
+                axes.plot(_micro(one["displacement"], scale), force, ".", color=colour, markersize=2, label=name)
+            longest = max(max(one["displacement"]) for one in found.details["strokes"])
+            model = np.append(table.force, table.force[-1])
+            way = np.append(table.displacement, max(longest, table.displacement[-1]))
+            axes.plot(_micro(way, scale), model, color=TARGET, linewidth=1.3, label="stop operators")
+            axes.set_xlabel(f"travel since the reversal [µ{unit}]")
+        near.set_xlim(0.0, float(_micro([table.displacement[-1]], scale)[0]))
+        near.set_title("where it bends", loc="left", fontsize=9, color=TARGET)
+        whole.set_ylabel(f"force, offset taken off [{found.parameters['coulomb'].unit}]")
+        handles, labels = whole.get_legend_handles_labels()
+        once = dict(zip(labels, handles, strict=True))
+        whole.legend(once.values(), once.keys(), loc="lower right", fontsize=8, markerscale=3)
+        figure.tight_layout()
+    return figure
+
+
+def _micro(displacement: Any, scale: float) -> NDArray[np.float64]:
+    return np.asarray(displacement, dtype=np.float64) * scale * 1e6

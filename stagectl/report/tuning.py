@@ -1,0 +1,257 @@
+"""The page of a tuned controller: Bode, sensitivities, Nyquist, step, stiffness, and other bandwidths."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from stagectl.config.stage_file import Setup
+from stagectl.design import DesignError
+from stagectl.families import chosen, cut
+from stagectl.recording.meta import versions
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.page import Page, Picture, Table
+from stagectl.robustness import Loop, Robustness, robustness, stiffness
+from stagectl.tuned import Closed, closed, gains, headline, notes, rows, step
+from stagectl.tuning import Tuned
+
+Array = NDArray[Any]
+COLOURS = (TARGET, WITH, WITHOUT, "#7c3aed")  # of the loops, the one cut at the current first
+WIDTH, HEIGHT = 5.4, 4.0
+
+
+def page(setup: Setup, tuned: Tuned, command: str) -> Page:
+    """The page; `command` makes it again."""
+    found = closed(setup, tuned)
+    table = [
+        [f"{one.name} {one.symbol}", f"{one.value:.6g}", one.unit, f"{one.running:.6g}", one.running_unit]
+        for one in gains(setup, tuned.control)
+    ]
+    head = ["gain", "continuous", "unit", f"as it runs every {tuned.control.period * 1e3:g} ms", "unit"]
+    return Page(
+        f"stagectl tune: {setup.file.name}",
+        headline(setup, tuned),
+        [_loop(setup), *notes(tuned)],
+        _pictures(setup, tuned, found),
+        [
+            Table("Gains", head, table),
+            Table("Margins and closed loop", ["", *tuned.reached], rows(setup, tuned, found)),
+        ],
+        [command],
+        versions(),
+    )
+
+
+def _loop(setup: Setup) -> str:
+    p = setup.stage
+    return (
+        f"The loop as it runs: Ts {setup.dt * 1e3:g} ms, nd {p.drive.delay_samples} and nm {p.encoder.delay_samples} "
+        f"periods of delay, current lag {p.drive.current_lag * 1e3:.3g} ms, zero-order hold; "
+        f"inertia {p.mechanics.inertia:.4g}, viscous {p.mechanics.viscous:.4g}, force constant {p.motor.force_constant:.4g} (SI)."
+    )
+
+
+def _pictures(setup: Setup, tuned: Tuned, found: Closed) -> list[Picture]:
+    each = cut(setup.stage, tuned.control)
+    of_both = " One line a loop." if len(each) > 1 else ""
+    return [
+        Picture(embedded(bode(each, tuned)), f"Open loop L. Marked: phase margin PM, gain margins GM.{of_both}"),
+        Picture(embedded(sensitivities(each, tuned)), "Sensitivity S = 1/(1 + L), its peak Ms, and T = L/(1 + L)."),
+        Picture(embedded(nyquist(each, tuned)), "Nyquist plot near -1; the circle keeps the modulus margin 1/Ms."),
+        Picture(embedded(response(setup, tuned, found)), "Step of the target, sampled loop, without any feedforward."),
+        Picture(
+            embedded(stiff(setup, each, found)), "Dynamic stiffness against an effort on the axis, without friction."
+        ),
+        Picture(embedded(choice(tuned)), "What another bandwidth would give by the same rule."),
+    ]
+
+
+def _frequencies(loop: Loop, tuned: Tuned) -> Array:
+    return np.geomspace(min(0.02 * tuned.bandwidth, 0.01 / loop.dt), 0.5 / loop.dt, 1500)
+
+
+def bode(each: dict[str, Loop], tuned: Tuned) -> Figure:
+    """Gain and phase of the open loops; the margins of the one that is cut at the current are marked."""
+    with rc_context(STYLE):
+        figure, (size, phase) = plt.subplots(2, 1, figsize=(WIDTH, HEIGHT), sharex=True)
+        for (name, loop), colour in zip(each.items(), COLOURS, strict=False):
+            f = _frequencies(loop, tuned)
+            values = loop.at(f)
+            size.semilogx(f, _db(values), color=colour, linewidth=1.2, label=name)
+            phase.semilogx(f, _unwrapped(values), color=colour, linewidth=1.2)
+        _mark(size, phase, next(iter(tuned.reached.values())))
+        size.axhline(0.0, color="#94a3b8", linewidth=0.8)
+        size.set_ylim(-40.0, 60.0)
+        phase.axhline(-180.0, color="#94a3b8", linewidth=0.8)
+        phase.set_ylim(-360.0, -45.0)
+        phase.set_yticks([-360, -270, -180, -90])
+        size.set_ylabel("|L| [dB]")
+        phase.set_ylabel("phase of L [deg]")
+        _frequency_axis(phase)
+        if len(each) > 1:
+            size.legend(fontsize=8)
+        figure.align_ylabels([size, phase])
+        figure.tight_layout()
+    return figure
+
+
+def _mark(size: Axes, phase: Axes, one: Robustness) -> None:
+    degrees = math.degrees(one.phase)
+    phase.vlines(one.crossover, -180.0, degrees - 180.0, color=WITHOUT, linewidth=2.0)
+    _note(phase, f"PM {degrees:.1f}°", (one.crossover, degrees - 180.0), (4, 6))
+    for peak, factor in ((one.raised, one.raised.value), (one.lowered, one.lowered.value)):
+        if peak.frequency > 0.0:
+            level = -20.0 * math.log10(factor)
+            size.vlines(peak.frequency, min(level, 0.0), max(level, 0.0), color=WITHOUT, linewidth=2.0)
+            _note(size, f"GM {-level:+.1f} dB", (peak.frequency, max(level, 0.0)), (4, 4 if level < 0.0 else 0))
+
+
+def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
+    """|S| and |T| of the loop that is cut at the current."""
+    loop, one = next(iter(each.values())), next(iter(tuned.reached.values()))
+    with rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
+        f = _frequencies(loop, tuned)
+        values = loop.at(f)
+        axes.semilogx(f, _db(1.0 / (1.0 + values)), color=TARGET, linewidth=1.4, label="|S|")
+        axes.semilogx(f, _db(values / (1.0 + values)), color=WITH, linewidth=1.4, label="|T|")
+        for peak, name, colour in ((one.sensitivity, "Ms", TARGET), (one.complementary, "Mt", WITH)):
+            level = 20.0 * math.log10(peak.value)
+            axes.plot(peak.frequency, level, "o", color=colour, markersize=4)
+            _note(axes, f"{name} {peak.value:.2f}", (peak.frequency, level), (6 if name == "Ms" else -42, 3), colour)
+        if math.isfinite(tuned.demand.peak):
+            bound = 20.0 * math.log10(tuned.demand.peak)
+            axes.axhline(bound, color=WITHOUT, linewidth=1.0, linestyle="--", label=f"Ms = {tuned.demand.peak:g}")
+        axes.axhline(0.0, color="#94a3b8", linewidth=0.8)
+        axes.set_ylim(-40.0, max(12.0, 20.0 * math.log10(one.sensitivity.value) + 4.0))
+        axes.set_ylabel("gain [dB]")
+        _frequency_axis(axes)
+        axes.legend(fontsize=8, loc="lower center", ncols=3)
+        figure.tight_layout()
+    return figure
+
+
+def nyquist(each: dict[str, Loop], tuned: Tuned) -> Figure:
+    """The open loops near -1, with the circle that their distance from it keeps."""
+    one = next(iter(tuned.reached.values()))
+    with rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
+        for (name, loop), colour in zip(each.items(), COLOURS, strict=False):
+            values = loop.at(_frequencies(loop, tuned))
+            axes.plot(values.real, values.imag, color=colour, linewidth=1.3, label=name)
+        turn = np.linspace(0.0, 2.0 * np.pi, 200)
+        axes.plot(np.cos(turn), np.sin(turn), color="#cbd5e1", linewidth=0.8)
+        circle = -1.0 + one.modulus * np.exp(1j * turn)
+        axes.plot(circle.real, circle.imag, color=WITHOUT, linewidth=1.0, linestyle="--")
+        axes.plot(-1.0, 0.0, "+", color=WITHOUT, markersize=9, markeredgewidth=1.6)
+        _note(axes, f"1/Ms {one.modulus:.2f}", (-1.0, one.modulus), (-20, 4))
+        axes.set_xlim(-2.6, 1.2)
+        axes.set_ylim(-1.6, 1.2)
+        axes.set_aspect("equal", adjustable="box")
+        axes.set_xlabel("Re L")
+        axes.set_ylabel("Im L")
+        if len(each) > 1:
+            axes.legend(fontsize=8, loc="lower right")
+        figure.tight_layout()
+    return figure
+
+
+def response(setup: Setup, tuned: Tuned, found: Closed) -> Figure:
+    """Step of the target."""
+    values = step(setup, tuned, 4.0)
+    with rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
+        time = 1e3 * setup.dt * np.arange(len(values))
+        axes.axhspan(0.98, 1.02, color="#f1f5f9", zorder=-1)
+        axes.step(time, values, where="post", color=WITH, linewidth=1.3)
+        axes.axhline(1.0, color="#94a3b8", linewidth=0.8)
+        if found.settling <= time[-1] * 1e-3:
+            axes.axvline(1e3 * found.settling, color=WITHOUT, linewidth=1.0, linestyle="--")
+            _note(axes, f"within 2 % after {1e3 * found.settling:.3g} ms", (1e3 * found.settling, 0.1), (4, 0))
+        axes.set_xlabel("time [ms]")
+        axes.set_ylabel("position / step")
+        axes.set_ylim(min(-0.05, float(np.min(values)) - 0.05), max(1.2, float(np.max(values)) + 0.1))
+        figure.tight_layout()
+    return figure
+
+
+def stiff(setup: Setup, each: dict[str, Loop], found: Closed) -> Figure:
+    """Dynamic stiffness over frequency."""
+    loop, axis = next(iter(each.values())), setup.file.axis
+    scale, unit = (1e-6, "N/µm") if axis.travel_unit == "m" else (1.0, "N m/rad")
+    with rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
+        f = np.geomspace(min(1.0, 0.001 / loop.dt), 0.5 / loop.dt, 1500)
+        axes.loglog(f, scale * stiffness(setup.stage, loop, f) / axis.travel_per_unit**2, color=WITH, linewidth=1.4)
+        least = scale * found.softest.value
+        axes.plot(found.softest.frequency, least, "o", color=WITHOUT, markersize=4)
+        place = (found.softest.frequency, least)
+        _note(axes, f"{least:.3g} {unit} at {found.softest.frequency:.3g} Hz", place, (-40, -14))
+        axes.set_ylim(0.4 * least, None)
+        axes.set_ylabel(f"dynamic stiffness [{unit}]")
+        _frequency_axis(axes)
+        figure.tight_layout()
+    return figure
+
+
+def choice(tuned: Tuned) -> Figure:
+    """Phase margin and Ms over the bandwidth."""
+    f = tuned.bandwidth * np.geomspace(0.25, 2.0, 25)
+    found = [_first(tuned, float(one)) for one in f]
+    phase = [math.degrees(one.phase) if one else math.nan for one in found]
+    size = [one.sensitivity.value if one else math.nan for one in found]
+    with rc_context(STYLE):
+        figure, (above, below) = plt.subplots(2, 1, figsize=(WIDTH, HEIGHT), sharex=True)
+        above.plot(f, phase, color=TARGET, linewidth=1.4)
+        above.axhline(math.degrees(tuned.demand.margin), color=WITHOUT, linewidth=1.0, linestyle="--")
+        above.set_ylabel("phase margin [deg]")
+        above.set_ylim(0.0, None)
+        below.plot(f, size, color=TARGET, linewidth=1.4)
+        if math.isfinite(tuned.demand.peak):
+            below.axhline(tuned.demand.peak, color=WITHOUT, linewidth=1.0, linestyle="--")
+        below.set_ylabel("Ms")
+        below.set_ylim(1.0, 5.0)
+        below.set_xlabel("bandwidth [Hz]")
+        for axes in (above, below):
+            axes.axvline(tuned.bandwidth, color=WITH, linewidth=1.0)
+        figure.align_ylabels([above, below])
+        figure.tight_layout()
+    return figure
+
+
+def _first(tuned: Tuned, bandwidth: float) -> Robustness | None:
+    """What the loop cut at the current stands at another bandwidth; None where there is none or it is unstable."""
+    try:
+        each = cut(tuned.family.stage, chosen(tuned.family, bandwidth))
+        one = robustness(next(iter(each.values())))
+    except DesignError:
+        return None
+    return one if one.stable else None
+
+
+def _note(axes: Axes, words: str, place: tuple[float, float], offset: tuple[int, int], colour: str = WITHOUT) -> None:
+    axes.annotate(words, place, xytext=offset, textcoords="offset points", fontsize=8, color=colour)
+
+
+def _db(values: Array) -> Array:
+    found: Array = 20.0 * np.log10(np.abs(values))
+    return found
+
+
+def _unwrapped(values: Array) -> Array:
+    """Phase (deg), at low frequency between -360 and 0."""
+    phase = np.degrees(np.unwrap(np.angle(values)))
+    found: Array = phase - 360.0 * math.ceil(phase[0] / 360.0)
+    return found
+
+
+def _frequency_axis(axes: Axes) -> None:
+    axes.set_xlabel("frequency [Hz]")
+    axes.grid(True, which="minor", axis="x", color="#f1f5f9")

@@ -1,0 +1,239 @@
+"""How robust a sampled loop is: margins both ways, sensitivity, bandwidth, step and stiffness.
+
+A loop is cut where its controller's current enters the plant, or, in a cascade, at one of its two errors::
+
+    PID                 L = P C                        P: zero-order hold, current loop, inertia, nd + nm periods
+    cascade, whole      L = P (W + V)                  W = Kp PI F    from the position error to the current
+    its velocity loop   L = P V                        V = d PI F     from the measured velocity to the current
+    its position loop   L = P W / (1 + P V)            the velocity loop closed
+
+Sensitivity ``S = 1/(1 + L)``, complementary sensitivity ``T = L/(1 + L)``, peaks Ms and Mt; 1/Ms is the modulus margin,
+the smallest distance of the Nyquist plot from -1.  Both gain margins are given: a loop with two integrators and lag
+from the plant's damping is conditionally stable, so its gain may neither rise nor fall without end.
+
+Source: S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., 2005, section 2.4 (margins, peaks,
+bandwidths).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+from scipy.signal import lfilter
+
+from stagectl import design
+from stagectl.design import Rational
+from stagectl.kernels import cascade, feedback, observer, stage
+
+Array = NDArray[np.float64]
+LOWEST, POINTS = 1e-5, 3000  # of the frequencies looked at: share of the sampling frequency, how many
+FAINTEST = 1e-4  # a lower gain margin beyond -80 dB is none: rounding near z = 1 would be read as one
+NOTHING = Rational(np.zeros(1), np.ones(1))
+
+
+class Loop(NamedTuple):
+    """``L = P cut / (1 + P closed)``: `cut` is the way that is open, `closed` what stays closed meanwhile."""
+
+    plant: Rational
+    cut: Rational
+    closed: Rational
+    dt: float  # s
+
+    def at(self, frequency: Any) -> Any:
+        """L at `frequency` (Hz), a number or (n,)."""
+        z = np.exp(2j * np.pi * np.asarray(frequency) * self.dt)
+        moved = self.plant.at(z)
+        return moved * self.cut.at(z) / (1.0 + moved * self.closed.at(z))
+
+
+class Peak(NamedTuple):
+    """The largest value of a gain, and where."""
+
+    value: float
+    frequency: float  # Hz
+
+
+class Robustness(NamedTuple):
+    """What one loop stands."""
+
+    stable: bool
+    phase: float  # rad, phase margin; inf where the gain never passes 1
+    crossover: float  # Hz, where the phase margin is; 0 where there is none
+    delay: float  # s, further delay before it is unstable
+    raised: Peak  # the gain may rise by less than this factor: (inf, 0) where it may without end
+    lowered: Peak  # and fall by more than this one: (0, 0) where it may without end
+    sensitivity: Peak  # Ms
+    complementary: Peak  # Mt
+
+    @property
+    def modulus(self) -> float:
+        """Smallest distance of the Nyquist plot from -1."""
+        return 1.0 / self.sensitivity.value
+
+
+def loops(
+    p: stage.Stage, designed: design.Feedback, dt: float, watching: observer.Observer = observer.ABSENT
+) -> dict[str, Loop]:
+    """The loop cut at the current, by name first, and those of a cascade at its two errors; `watching` stays closed."""
+    moved, whole = design.plant(p, dt), design.observed(design.compensator(designed, dt), watching)
+    if isinstance(designed, feedback.Gains):
+        return {"loop": Loop(moved, whole, NOTHING, dt)}
+    inner, outer = _parts(designed, whole, watching)
+    return {
+        "whole loop": Loop(moved, whole, NOTHING, dt),
+        "velocity loop": Loop(*_differenced(moved, inner), NOTHING, dt),
+        "position loop": Loop(moved, outer, inner, dt),
+    }
+
+
+def following(
+    p: stage.Stage, designed: design.Feedback, dt: float, watching: observer.Observer = observer.ABSENT
+) -> Loop:
+    """From the target to the measured position in closed loop; a cascade's velocity feedforward is not in it."""
+    alone = design.compensator(designed, dt)
+    whole = design.observed(alone, watching)
+    if isinstance(designed, feedback.Gains):
+        seen = design.observed(Rational(np.zeros(1), alone.denominator), watching)
+        asked = Rational(np.polysub(whole.numerator, seen.numerator), whole.denominator)
+    else:
+        asked = _parts(designed, whole, watching)[1]
+    return Loop(design.plant(p, dt), asked, whole, dt)
+
+
+def _parts(designed: cascade.Cascade, whole: Rational, watching: observer.Observer) -> tuple[Rational, Rational]:
+    """Both ways of a cascade to the current: V from the measured velocity, W from the position error."""
+    inner = design.observed(design.compensator(designed._replace(position=0.0), designed.dt), watching)
+    return inner, Rational(np.polysub(whole.numerator, inner.numerator), whole.denominator)
+
+
+def _differenced(moved: Rational, inner: Rational) -> tuple[Rational, Rational]:
+    """Plant and way of the velocity loop: the difference cancels the integrator from velocity to position."""
+    integrator = np.array([1.0, -1.0])
+    velocity = Rational(moved.numerator, np.polydiv(moved.denominator, integrator)[0])
+    return velocity, Rational(np.polydiv(inner.numerator, integrator)[0], inner.denominator)
+
+
+def grid(dt: float, points: int = POINTS) -> Array:
+    """Frequencies (points,) Hz up to Nyquist's."""
+    return np.geomspace(LOWEST / dt, 0.5 / dt, points)
+
+
+def robustness(loop: Loop) -> Robustness:
+    """Margins and peaks of the loop, each refined between the frequencies of the grid."""
+    curve = Curve(loop, grid(loop.dt))
+    values = loop.at(curve.frequency)
+    unity = _roots(curve, lambda value: math.log(abs(value)), np.log(np.abs(values)))
+    crossings = [(f, float(np.angle(-loop.at(f)))) for f in unity]
+    crossover, phase = min(crossings, key=lambda pair: pair[1], default=(0.0, math.inf))
+    delay = min((angle % (2.0 * math.pi) / (2.0 * math.pi * f) for f, angle in crossings), default=math.inf)
+    raised, lowered = _gain_margins(curve, values)
+    sensitivity = _peak(curve, lambda value: 1.0 / np.abs(1.0 + value), values)
+    complementary = _peak(curve, lambda value: np.abs(value / (1.0 + value)), values)
+    return Robustness(stable(loop), phase, crossover, delay, raised, lowered, sensitivity, complementary)
+
+
+class Curve(NamedTuple):
+    """A loop, and the frequencies (n,) Hz between which its particular points are refined."""
+
+    loop: Loop
+    frequency: Array
+
+
+def _roots(curve: Curve, function: Callable[[Any], float], values: NDArray[Any]) -> list[float]:
+    """Frequencies (Hz) at which a `function` of L changes its sign; `values` (n,) are its own along the curve."""
+    at, f = curve.loop.at, curve.frequency
+    changes = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
+    return [float(brentq(lambda x: function(at(x)), f[k], f[k + 1], xtol=1e-14, rtol=1e-13)) for k in changes]
+
+
+def _gain_margins(curve: Curve, values: NDArray[Any]) -> tuple[Peak, Peak]:
+    """Factors on the gain at which a closed-loop pole meets the unit circle: where L is negative and real."""
+    last = float(curve.frequency[-1])  # Nyquist's frequency: L is real there, but for rounding
+    there = [*_roots(curve, lambda value: float(value.imag), values.imag[:-1]), last]
+    found = [(f, complex(curve.loop.at(f))) for f in there]
+    factors = [Peak(1.0 / abs(value), f) for f, value in found if value.real < 0.0]
+    raised = min((one for one in factors if one.value > 1.0), default=Peak(math.inf, 0.0))
+    lowered = max((one for one in factors if FAINTEST < one.value < 1.0), default=Peak(0.0, 0.0))
+    return raised, lowered
+
+
+def _peak(curve: Curve, gain: Callable[[Any], Any], values: NDArray[Any]) -> Peak:
+    """Largest `gain` of the complex `values` (n,) along the curve, refined beside the highest of them."""
+    sizes, f = gain(values), curve.frequency
+    k = int(np.argmax(sizes))
+    bounds = (math.log(f[max(k - 1, 0)]), math.log(f[min(k + 1, len(f) - 1)]))
+    found = minimize_scalar(lambda x: -float(gain(curve.loop.at(math.exp(x)))), bounds=bounds, options={"xatol": 1e-9})
+    if -found.fun < sizes[k]:
+        return Peak(float(sizes[k]), float(f[k]))
+    return Peak(float(-found.fun), math.exp(float(found.x)))
+
+
+def stable(loop: Loop) -> bool:
+    """Whether all poles of the closed loop lie inside the unit circle."""
+    return bool(np.max(np.abs(np.roots(_characteristic(loop)))) < 1.0)
+
+
+def _characteristic(loop: Loop) -> Array:
+    """``dP dcut dclosed + nP (ncut dclosed + nclosed dcut)``, without a denominator that both ways share."""
+    shared = np.array_equal(loop.cut.denominator, loop.closed.denominator)
+    one, other = (np.ones(1), np.ones(1)) if shared else (loop.closed.denominator, loop.cut.denominator)
+    ways = np.polyadd(np.polymul(loop.cut.numerator, one), np.polymul(loop.closed.numerator, other))
+    poles = np.polymul(loop.plant.denominator, np.polymul(loop.cut.denominator, one))
+    found: Array = np.polyadd(poles, np.polymul(loop.plant.numerator, ways))
+    return found
+
+
+def bandwidth(way: Loop) -> float:
+    """Where the closed way from target to position first falls below -3 dB (Hz); inf where it never does."""
+    return _passes(lambda f: math.sqrt(0.5) - np.abs(way.at(f)), grid(way.dt))
+
+
+def attenuated(loop: Loop) -> float:
+    """Up to where disturbances are attenuated by 3 dB or more: |S| first rises above -3 dB (Hz)."""
+    return _passes(lambda f: np.abs(1.0 / (1.0 + loop.at(f))) - math.sqrt(0.5), grid(loop.dt))
+
+
+def _passes(function: Callable[[Any], Any], frequency: Array) -> float:
+    """The first frequency (Hz) at which `function` becomes positive."""
+    above = np.flatnonzero(function(frequency) > 0.0)
+    if not above.size or above[0] == 0:
+        return math.inf if not above.size else float(frequency[0])
+    k = int(above[0])
+    return float(brentq(lambda f: float(function(f)), frequency[k - 1], frequency[k], rtol=1e-13))
+
+
+def stepped(way: Loop, length: int) -> Array:
+    """Measured position (length,) for a step of the target by 1 at the first sample."""
+    numerator = np.polymul(way.plant.numerator, way.cut.numerator)
+    # The target's way and the feedback share their denominator, so the closed loop's poles are those of the feedback.
+    poles = _characteristic(Loop(way.plant, way.closed, NOTHING, way.dt))
+    late = np.concatenate([np.zeros(len(poles) - len(numerator)), numerator])
+    found: Array = lfilter(late / poles[0], poles / poles[0], np.ones(length))
+    return found
+
+
+def stiffness(p: stage.Stage, loop: Loop, frequency: Any) -> Any:
+    """Dynamic stiffness ``|1 + L| / |Pm|`` (N m/rad | N/m) at `frequency` (Hz): effort on the axis per deflection.
+
+    Pm is the mechanics alone under an effort that is held over each period; friction is not in it.
+    """
+    bare = p._replace(
+        drive=p.drive._replace(current_lag=0.0, delay_samples=0), encoder=p.encoder._replace(delay_samples=0)
+    )
+    z = np.exp(2j * np.pi * np.asarray(frequency) * loop.dt)
+    pushed = design.plant(bare, loop.dt).at(z) / p.motor.force_constant
+    return np.abs(1.0 + loop.at(frequency)) / np.abs(pushed)
+
+
+def softest(p: stage.Stage, loop: Loop) -> Peak:
+    """The smallest dynamic stiffness (N m/rad | N/m), and where."""
+    curve = grid(loop.dt)
+    k = int(np.argmin(stiffness(p, loop, curve)))
+    bounds = (math.log(curve[max(k - 1, 0)]), math.log(curve[min(k + 1, len(curve) - 1)]))
+    found = minimize_scalar(lambda x: float(stiffness(p, loop, math.exp(x))), bounds=bounds, options={"xatol": 1e-9})
+    return Peak(float(found.fun), math.exp(float(found.x)))

@@ -1,0 +1,238 @@
+"""A tuned controller as a person and a program read it: gains, margins, closed loop, and what to know about them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl import design
+from stagectl.config.stage_file import Setup
+from stagectl.families import law_of, running
+from stagectl.kernels import cascade, feedback
+from stagectl.robustness import Peak, Robustness, attenuated, bandwidth, following, loops, softest, stepped
+from stagectl.tuning import PEAK, Tuned
+from stagectl.words import duration
+
+SETTLED = 0.02  # of the step
+NAMES = {"pid": "PID", "cascade": "P-PI cascade"}
+LONGEST = 200_000  # samples of a step response
+
+
+class Gain(NamedTuple):
+    """One figure of the controller: as it is tuned, and as it runs once a period."""
+
+    name: str
+    symbol: str
+    value: float
+    unit: str
+    running: float
+    running_unit: str
+
+
+class Closed(NamedTuple):
+    """The closed loop; a rotary axis with a lead is as stiff as its table."""
+
+    bandwidth: float  # Hz, target to position, -3 dB
+    attenuated: float  # Hz, |S| below -3 dB
+    overshoot: float  # of a step
+    settling: float  # s, within 2 % of a step
+    softest: Peak  # N m/rad | N/m of table travel: smallest dynamic stiffness
+
+
+def gains(setup: Setup, control: design.Settings) -> list[Gain]:
+    """The gains of `control` on the stage."""
+    position = "m" if setup.file.axis.kind == "linear" else "rad"
+    designed = design.designed_feedback(setup.stage, control)
+    if isinstance(designed, feedback.Gains):
+        return _of_pid(designed, feedback.discretised(designed, control.period), f"A/{position}", position)
+    assert isinstance(control, design.CascadeControl)
+    return _of_cascade(designed, control, f"A s/{position}")
+
+
+def _of_pid(g: feedback.Gains, p: feedback.Pid, unit: str, position: str) -> list[Gain]:
+    return [
+        Gain("proportional", "Kp", g.proportional, unit, p.proportional, unit),
+        Gain("integral", "Ki", g.integral, f"A/({position} s)", p.integral, unit),
+        Gain("derivative", "Kd", g.derivative, f"A s/{position}", p.derivative, unit),
+        Gain("derivative filter", "a", g.pole, "rad/s", p.decay, ""),
+    ]
+
+
+def _of_cascade(p: cascade.Cascade, control: design.CascadeControl, unit: str) -> list[Gain]:
+    return [
+        Gain("position", "Kp", p.position, "1/s", p.position, "1/s"),
+        Gain("velocity", "Kv", p.velocity, unit, p.velocity, unit),
+        Gain("integral time", "Ti", control.integral_time, "s", p.integral, unit),
+        Gain("force filter", "Tf", control.force_filter, "s", p.retained, ""),
+        Gain("velocity feedforward", "FF", p.share, "", p.share, ""),
+    ]
+
+
+def closed(setup: Setup, tuned: Tuned) -> Closed:
+    """What the closed loop does."""
+    control = tuned.control
+    parts = running(setup.stage, control)
+    way, cut = following(setup.stage, *parts), next(iter(loops(setup.stage, *parts).values()))
+    response = step(setup, tuned, 20.0)
+    outside = np.flatnonzero(np.abs(response - 1.0) > SETTLED)
+    last = len(response) if not outside.size else int(outside[-1]) + 1
+    least = softest(setup.stage, cut)
+    return Closed(
+        bandwidth(way),
+        attenuated(cut),
+        max(float(np.max(response)) - 1.0, 0.0),
+        last * control.period if last < len(response) else math.inf,
+        least._replace(value=least.value / setup.file.axis.travel_per_unit**2),
+    )
+
+
+def step(setup: Setup, tuned: Tuned, periods: float) -> NDArray[np.float64]:
+    """Measured position (n,) after a step of the target, over so many `periods` of the bandwidth."""
+    dt = tuned.control.period
+    length = min(math.ceil(periods / (tuned.bandwidth * dt)), LONGEST)
+    return stepped(following(setup.stage, *running(setup.stage, tuned.control)), length)
+
+
+def headline(setup: Setup, tuned: Tuned) -> str:
+    """What was designed and what it reaches, in a sentence or two."""
+    whole = next(iter(tuned.reached.values()))
+    law, meant = NAMES[law_of(tuned.control)], _meant(tuned.control)
+    words = (
+        f"{law} of {tuned.bandwidth:g} Hz ({meant}): phase margin {math.degrees(whole.phase):.1f} deg, gain margin "
+        f"{decibels(whole.raised.value)} up, Ms {whole.sensitivity.value:.2f}."
+    )
+    return f"{words}  {_binding(tuned)}" if tuned.binding else words
+
+
+def _meant(control: design.Settings) -> str:
+    return "four poles" if isinstance(control, design.Control) else "position loop, Kp = 2 pi f"
+
+
+def _binding(tuned: Tuned) -> str:
+    words = f"It is the fastest that keeps {math.degrees(tuned.demand.margin):g} deg"
+    words += f" and Ms <= {tuned.demand.peak:g}" if math.isfinite(tuned.demand.peak) else ""
+    words += f"; 1 % faster, {' and '.join(tuned.binding)}."
+    if tuned.without_peak is not None:
+        words += f"  The phase margin alone would allow {tuned.without_peak:g} Hz."
+    return words
+
+
+def notes(tuned: Tuned) -> list[str]:
+    """What is not seen in the figures at once."""
+    whole, control = next(iter(tuned.reached.values())), tuned.control
+    said = []
+    if whole.lowered.value > 0.0:
+        said.append(
+            f"Conditionally stable: the gain may fall by {decibels(1.0 / whole.lowered.value)} at most.  A current at "
+            "its limit, or friction that holds the axis, lowers it."
+        )
+    if whole.sensitivity.value > PEAK:
+        said.append(
+            f"Ms = {whole.sensitivity.value:.2f} is above {PEAK:g}, which would guarantee 6 dB and 29 deg: "
+            f"disturbances near {whole.sensitivity.frequency:.0f} Hz are amplified as much."
+        )
+    if isinstance(control, design.CascadeControl) and control.force_filter == 0.0:
+        said.append("No force filter: its corner would lie above Nyquist's frequency.")
+    said.append(
+        "Margins are those of the sliding axis; rolling friction, which adds stiffness near rest, is not in them."
+    )
+    return said
+
+
+def rows(setup: Setup, tuned: Tuned, found: Closed) -> list[list[str]]:
+    """The figures, one a row, one column a loop."""
+    each = list(tuned.reached.values())
+    axis = setup.file.axis
+    unit = "N/µm" if axis.travel_unit == "m" else "N m/rad"
+    value = found.softest.value * (1e-6 if axis.travel_unit == "m" else 1.0)
+    table = [
+        ["phase margin PM", *(_at(f"{math.degrees(one.phase):.1f} deg", one.crossover) for one in each)],
+        ["gain margin GM, upwards", *(_raised(one) for one in each)],
+        ["gain margin GM, downwards", *(_lowered(one) for one in each)],
+        ["delay margin", *(duration(one.delay) if math.isfinite(one.delay) else "any" for one in each)],
+        ["peak of sensitivity Ms", *(_at(f"{one.sensitivity.value:.2f}", one.sensitivity.frequency) for one in each)],
+        ["modulus margin 1/Ms", *(f"{one.modulus:.2f}" for one in each)],
+        ["peak of T, Mt", *(_at(f"{one.complementary.value:.2f}", one.complementary.frequency) for one in each)],
+    ]
+    alone = [
+        ["bandwidth, -3 dB", f"{found.bandwidth:.4g} Hz"],
+        ["disturbances attenuated to", f"{found.attenuated:.4g} Hz"],
+        ["overshoot of a step", f"{100 * found.overshoot:.1f} %"],
+        ["settled within 2 %", duration(found.settling) if math.isfinite(found.settling) else "not in 20/f"],
+        ["least dynamic stiffness", _at(f"{value:.3g} {unit}", found.softest.frequency)],
+    ]
+    return table + [[*row, *[""] * (len(each) - 1)] for row in alone]
+
+
+def decibels(factor: float) -> str:
+    """A gain in dB."""
+    return f"{20.0 * math.log10(factor):.1f} dB"
+
+
+def _at(words: str, frequency: float) -> str:
+    return f"{words} at {frequency:.3g} Hz"
+
+
+def _raised(one: Robustness) -> str:
+    return _at(decibels(one.raised.value), one.raised.frequency) if math.isfinite(one.raised.value) else "any"
+
+
+def _lowered(one: Robustness) -> str:
+    return _at(decibels(one.lowered.value), one.lowered.frequency) if one.lowered.value > 0.0 else "any"
+
+
+def result(setup: Setup, tuned: Tuned) -> dict[str, Any]:
+    """JSON values, SI; null is without end."""
+    control, drive = tuned.control, setup.stage.drive
+    found = closed(setup, tuned)
+    rotary = setup.file.axis.travel_unit == "rad"
+    return {
+        "stage": setup.file.name,
+        "law": law_of(control),
+        "bandwidth": _value(tuned.bandwidth, "Hz"),
+        "period": _value(control.period, "s"),
+        "nd": drive.delay_samples,
+        "nm": setup.stage.encoder.delay_samples,
+        "current_lag": _value(drive.current_lag, "s"),
+        "control": entries(control),
+        "gains": {one.name: one._asdict() for one in gains(setup, control)},
+        "loops": {name: _robust(one) for name, one in tuned.reached.items()},
+        "closed_loop": {
+            "bandwidth": _value(found.bandwidth, "Hz"),
+            "attenuated_to": _value(found.attenuated, "Hz"),
+            "overshoot": _value(found.overshoot, ""),
+            "settling_time": _value(found.settling, "s"),
+            "least_stiffness": {**_value(found.softest.value, "N m/rad" if rotary else "N/m"), "at": found.softest[1]},
+        },
+        "asked": {"margin": _value(tuned.demand.margin, "rad"), "sensitivity_peak": _value(tuned.demand.peak, "")},
+        "binding": list(tuned.binding),
+        "answer": headline(setup, tuned),
+        "notes": notes(tuned),
+    }
+
+
+def entries(control: design.Settings) -> dict[str, float]:
+    """What the design chose, by its name under `control` in the stage file (SI)."""
+    if isinstance(control, design.Control):
+        return {"bandwidth": control.bandwidth}
+    names = ("position_gain", "velocity_bandwidth", "integral_time", "force_filter")
+    return {name: getattr(control, name) for name in names}
+
+
+def _value(value: float, unit: str) -> dict[str, Any]:
+    return {"value": value if math.isfinite(value) else None, "unit": unit}
+
+
+def _robust(one: Robustness) -> dict[str, Any]:
+    return {
+        "phase_margin": {**_value(one.phase, "rad"), "at": one.crossover},
+        "gain_margin_up": {**_value(one.raised.value, ""), "at": one.raised.frequency},
+        "gain_margin_down": {**_value(one.lowered.value, ""), "at": one.lowered.frequency},
+        "delay_margin": _value(one.delay, "s"),
+        "sensitivity_peak": {**_value(one.sensitivity.value, ""), "at": one.sensitivity.frequency},
+        "modulus_margin": _value(one.modulus, ""),
+        "complementary_peak": {**_value(one.complementary.value, ""), "at": one.complementary.frequency},
+    }
