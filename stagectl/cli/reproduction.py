@@ -36,7 +36,7 @@ def reproduce(paper: Paper, output: Output = Path("reproduced"), json: Json = No
     if cold():
         console.print("compiling the kernels, once for this version: about ten seconds")
     with bar(f"reproduce {paper}", 1) as update:
-        outcome = papers.reproduce(paper, update, console.print)
+        outcome = papers.reproduce(paper, update)
         page = papers.page(paper, outcome, output / f"{paper}.html")
     found = outcome.numbers()
     (output / f"{paper}.json").write_text(jsonlib.dumps(found, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -15,7 +15,7 @@ from stagectl.reproduction import (
     slider_parts,
 )
 from stagectl.reproduction.bench import CONFIG
-from stagectl.reproduction.course import Course, Say, Tell
+from stagectl.reproduction.course import Course, Tell
 from stagectl.reproduction.part import Outcome
 from stagectl.units import StageError
 from stagectl.words import length
@@ -34,15 +34,15 @@ def check(paper: str) -> None:
         raise StageError(f"reproducing needs the checkout's config folder, and there is none at {CONFIG}: run it there")
 
 
-def reproduce(paper: str, tell: Tell, say: Say) -> Outcome:
-    """All figures of `paper`; progress goes to `tell`, words to `say`.
+def reproduce(paper: str, tell: Tell) -> Outcome:
+    """All figures of `paper`; progress goes to `tell` (done, total).
 
     Raises StageError as `check` does.
     """
     check(paper)
     if paper == "slider":
-        return slider_outcome(slider.evidence(Course(slider.STEPS, tell, say)))
-    return ball_screw_outcome(ball_screw.evidence(Course(ball_screw.STEPS, tell, say)))
+        return slider_outcome(slider.evidence(Course(slider.STEPS, tell)))
+    return ball_screw_outcome(ball_screw.evidence(Course(ball_screw.STEPS, tell)))
 
 
 def ball_screw_outcome(e: ball_screw.Evidence) -> Outcome:
@@ -82,9 +82,9 @@ def slider_outcome(e: slider.Evidence) -> Outcome:
         f"{length(abs(best[0]), 'm')} with the displacement form (paper: 4.7 and 2.4 µm)."
     )
     notes = [
-        "Simulated: the machine is a model (config/linear-slider.yaml) with its encoder's steps and the drive's, and no "
-        "noise. The paper gives its holding force, its frequency and its travel; mass, stiffness and loop were chosen "
-        "to agree with them, so these three confirm the model. The errors at the reversals were not.",
+        "Simulated: the machine is a model (config/linear-slider.yaml) with its encoder's steps and the drive's, and "
+        "no noise. The paper gives its holding force, its frequency and its travel; mass, stiffness and loop were "
+        "chosen to agree with them, so these three confirm the model. The errors at the reversals were not.",
         "Mass and viscous friction are known to the method, as the mass is to the paper; the rolling friction is not.",
         "Figs. 1 and 2 are a photograph and a block diagram (kernels/cascade.py is that diagram).",
     ]
