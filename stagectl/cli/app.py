@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from stagectl.cli import comparison, configuration, identification, motion, records, tuning
+from stagectl.cli import comparison, configuration, identification, motion, records, reproduction, tuning
 from stagectl.units import StageError
 
 app = typer.Typer(
@@ -24,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (motion, records, identification, comparison, tuning):
+for group in (motion, records, identification, comparison, tuning, reproduction):
     group.register(app)
 app.add_typer(configuration.app, name="config")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ class Columns(NamedTuple):
     friction: Array  # N m, of the rolling friction found
 
 
-def columns(details: dict[str, Any], scale: float) -> Columns:
+def columns(details: Mapping[str, Any], scale: float) -> Columns:
     """What the simultaneous identification keeps for figures."""
     c = {name: np.array(values, dtype=np.float64) for name, values in details["curves"].items()}
     return Columns(c["time"], scale * c["position"], c["velocity"], c["acceleration"], c["force"], c["friction"])

@@ -48,8 +48,9 @@ def panel(lines: Sequence[Line], frame: Frame) -> Figure:
     with mpl.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=SIZE)
         for line in lines:
-            marks = {"markersize": 3.5, "markeredgewidth": 0.8}
-            axes.plot(line.x, line.y, line.style, color=line.colour, label=line.label, linewidth=line.width, **marks)
+            (drawn,) = axes.plot(line.x, line.y, line.style, color=line.colour, linewidth=line.width, markersize=3.5)
+            if line.label:
+                drawn.set_label(line.label)
         _around(axes, frame)
         if any(line.label for line in lines):
             axes.legend(loc="best", fontsize=7.5, ncols=frame.columns, columnspacing=1.0, handlelength=1.5)

@@ -40,6 +40,9 @@ class Extent(NamedTuple):
     motions: tuple[str, ...] = MOTIONS
 
 
+WHOLE = Extent()
+
+
 class Evidence(NamedTuple):
     """Everything that the paper's figures are drawn from."""
 
@@ -53,7 +56,7 @@ class Evidence(NamedTuple):
     tracking: Tracking
 
 
-def evidence(course: Course, extent: Extent = Extent(), seed: int = SEED) -> Evidence:
+def evidence(course: Course, extent: Extent = WHOLE, seed: int = SEED) -> Evidence:
     """Carry out all experiments and identify from them."""
     machine = load_stage(CONFIG / STAGE)
     bench = Bench(machine, guessed(machine, *DATA_SHEET), seed).noisy(NOISE, 0)
@@ -83,7 +86,7 @@ def _experiments(course: Course, bench: Bench, extent: Extent) -> dict[str, Run]
     return runs
 
 
-def experiment(name: str, setup: Setup, extent: Extent = Extent()) -> Experiment:
+def experiment(name: str, setup: Setup, extent: Extent = WHOLE) -> Experiment:
     """The experiment or motion of that name, from the configuration."""
     folder = "trajectories" if name.startswith("sine-") else "experiments"
     found: Any = load_trajectory(CONFIG / folder / f"{name}.yaml", axis_of(setup))

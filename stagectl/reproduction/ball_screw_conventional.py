@@ -1,4 +1,4 @@
-"""Ball-screw paper, sections II to IV.A: frequency response, curve fit, constant speed, ultra-low speed (Figs. 2 to 6)."""
+"""Ball-screw paper, sections II to IV.A: response, curve fit, constant and ultra-low speed (Figs. 2 to 6)."""
 
 from __future__ import annotations
 

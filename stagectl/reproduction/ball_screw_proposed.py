@@ -62,9 +62,9 @@ def _flattening(e: Evidence) -> Part:
         "until the sides run parallel, then J until they lie parallel to the axis, then both finely. Ours is the same "
         "condition, solved: with stop operators for the rolling friction it is linear in J, D and the operators' "
         "weights, a convex problem with one answer, and gives intervals.",
-        "A misprint: the paper's steps 2 and 3 print D = 0.01 and J = 0.1, its result J = 0.010 and D = 0.14. With the "
-        "printed numbers the loop is far from flat (e); the result stands. Most likely the two have changed places: J = "
-        "0.01 and D = 0.1 would be first settings near the result.",
+        "A misprint: the paper's steps 2 and 3 print D = 0.01 and J = 0.1, its result J = 0.010 and D = 0.14. With "
+        "the printed numbers the loop is far from flat (e); the result stands. Most likely the two have changed "
+        "places: J = 0.01 and D = 0.1 would be first settings near the result.",
         f"Found: J {inertia:.5f} kg m² ({percent(inertia, published.INERTIA)}), D {viscous:.4f} N m s/rad "
         f"({percent(viscous, published.VISCOUS)}).",
     ]
@@ -109,8 +109,8 @@ def _conditions(e: Evidence) -> Part:
         "shows its spring within 20 µm of a reversal. Ours: the loops at the J and D of Fig. 9, not identified anew; "
         "the table says what each condition gives by itself, and how its friction table differs from the truth within "
         f"{1e6 * COMPARED:.0f} µm.",
-        "At 3 A less of the current is left for the motion; where a sine of current stops in between, the axis reverses "
-        "within presliding, which stop operators hold and a table of displacement does not.",
+        "At 3 A less of the current is left for the motion; where a sine of current stops in between, the axis "
+        "reverses within presliding, which stop operators hold and a table of displacement does not.",
     ]
     head = ["condition", "J [kg m²]", "D [N m s/rad]", "table rms [N m]", "table max [N m]"]
     section = Section("Fig. 10 - Other drive conditions", words, pictures, [Table("", head, rows)])

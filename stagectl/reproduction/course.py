@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-Tell = Callable[[int, int], object]  # done, total
-Say = Callable[[str], object]
+Tell = Callable[[int, int], None]  # done, total
 
 
 class Course:
     """Steps in the order in which they come, each with what it takes (s, on two slow cores)."""
 
-    def __init__(self, steps: Mapping[str, float], tell: Tell, say: Say) -> None:
-        self._steps, self._tell, self.say = dict(steps), tell, say
+    def __init__(self, steps: Mapping[str, float], tell: Tell) -> None:
+        self._steps, self._tell = dict(steps), tell
         self._done = 0.0
         self._step = 0.0
         self._report(0.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from stagectl.recording.meta import versions
 from stagectl.report.page import Page, write
@@ -16,7 +15,7 @@ from stagectl.reproduction import (
     slider_parts,
 )
 from stagectl.reproduction.bench import CONFIG
-from stagectl.reproduction.course import Course, Say, Tell
+from stagectl.reproduction.course import Course, Tell
 from stagectl.reproduction.part import Outcome
 from stagectl.units import StageError
 from stagectl.words import length
@@ -24,18 +23,26 @@ from stagectl.words import length
 PAPERS = ("ball-screw", "slider")
 
 
-def reproduce(paper: str, tell: Tell, say: Say) -> Outcome:
-    """All figures of `paper`; progress goes to `tell`, words to `say`.
+def check(paper: str) -> None:
+    """Say what is wrong with the name of a paper, before anything is done.
 
-    Raises StageError where the paper is unknown or the checkout's configuration is missing.
+    Raises StageError where it is unknown or the checkout's configuration is missing.
     """
     if paper not in PAPERS:
         raise StageError(f"paper {paper}; must be one of {', '.join(PAPERS)}")
     if not CONFIG.is_dir():
         raise StageError(f"reproducing needs the checkout's config folder, and there is none at {CONFIG}: run it there")
+
+
+def reproduce(paper: str, tell: Tell) -> Outcome:
+    """All figures of `paper`; progress goes to `tell` (done, total).
+
+    Raises StageError as `check` does.
+    """
+    check(paper)
     if paper == "slider":
-        return slider_outcome(slider.evidence(Course(slider.STEPS, tell, say)))
-    return ball_screw_outcome(ball_screw.evidence(Course(ball_screw.STEPS, tell, say)))
+        return slider_outcome(slider.evidence(Course(slider.STEPS, tell)))
+    return ball_screw_outcome(ball_screw.evidence(Course(ball_screw.STEPS, tell)))
 
 
 def ball_screw_outcome(e: ball_screw.Evidence) -> Outcome:
@@ -75,9 +82,9 @@ def slider_outcome(e: slider.Evidence) -> Outcome:
         f"{length(abs(best[0]), 'm')} with the displacement form (paper: 4.7 and 2.4 µm)."
     )
     notes = [
-        "Simulated: the machine is a model (config/linear-slider.yaml) with its encoder's steps and the drive's, and no "
-        "noise. The paper gives its holding force, its frequency and its travel; mass, stiffness and loop were chosen "
-        "to agree with them, so these three confirm the model. The errors at the reversals were not.",
+        "Simulated: the machine is a model (config/linear-slider.yaml) with its encoder's steps and the drive's, and "
+        "no noise. The paper gives its holding force, its frequency and its travel; mass, stiffness and loop were "
+        "chosen to agree with them, so these three confirm the model. The errors at the reversals were not.",
         "Mass and viscous friction are known to the method, as the mass is to the paper; the rolling friction is not.",
         "Figs. 1 and 2 are a photograph and a block diagram (kernels/cascade.py is that diagram).",
     ]
@@ -112,8 +119,3 @@ _COMMANDS: dict[str, list[str]] = {
         ".venv/bin/stagectl identify zero-crossing config/linear-slider.yaml reversals.h5",
     ],
 }
-
-
-def numbers(outcome: Outcome) -> dict[str, Any]:
-    """What ``--json`` writes."""
-    return outcome.numbers()

@@ -37,6 +37,9 @@ class Extent(NamedTuple):
     compensations: tuple[str, ...] = COMPENSATIONS
 
 
+WHOLE = Extent()
+
+
 class Evidence(NamedTuple):
     """Everything that the paper's figures are drawn from."""
 
@@ -51,7 +54,7 @@ class Evidence(NamedTuple):
     errors: dict[tuple[str, str], list[ReversalError]]
 
 
-def evidence(course: Course, extent: Extent = Extent(), seed: int = SEED) -> Evidence:
+def evidence(course: Course, extent: Extent = WHOLE, seed: int = SEED) -> Evidence:
     """Carry out all experiments, fit all forms, and compensate with them."""
     machine = load_stage(CONFIG / STAGE)
     ahead = Bench(machine, guessed(machine, *DATA_SHEET), seed)

@@ -30,7 +30,7 @@ class Tracking(NamedTuple):
 
 
 def tracked(
-    bench: Bench, tables: dict[str, Found], motions: tuple[str, ...], tell: Callable[[int, int], object]
+    bench: Bench, tables: dict[str, Found], motions: tuple[str, ...], tell: Callable[[int, int], None]
 ) -> Tracking:
     """All runs; `tables` holds what the conventional and the proposed method found."""
     mechanics = {name: tables["proposed"].parameters[name].value for name in ("inertia", "viscous")}
