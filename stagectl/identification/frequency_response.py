@@ -255,7 +255,7 @@ def _doubts(merged: list[Curve], done: Done, capture: Capture) -> list[str]:
             )
     if done[-1][0] == "largest amplitude":
         notes.append(
-            "friction is in this response: viscous is too high and inertia not right, by more than their intervals, and "
+            "friction is in this response: viscous is too high and inertia wrong, by more than their intervals, and "
             "nothing of them is written to a stage file. Record sines at three amplitudes, "
             "or keep the axis moving while the current is injected (type: excited)"
         )
