@@ -15,7 +15,7 @@ from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.regressors import acceleration, knots, position_noise
 from stagectl.identification.slips import Range
-from stagectl.identification.smoothing import HALF, window
+from stagectl.identification.smoothing import HALF, KNOTS, window
 from stagectl.words import length
 
 SHORTEST = 0.2  # s of record
@@ -23,6 +23,8 @@ STEPS = 100.0  # standard deviations of the position's noise that a motion must 
 TURN = 0.05  # of the stroke, travel on both sides of a reversal
 SLOW, WEAK = 0.02, 0.05  # of the largest: below it a velocity or an acceleration has no sign
 NOISE = 4.0  # standard deviations of an acceleration that is none
+BRAKED = -0.3  # correlation of current and velocity
+AVERAGED = 0.12  # s
 LOST = 0.1  # of the acceleration that may be noise
 SAME = 10  # rows with velocity and acceleration of one sign
 
@@ -52,8 +54,8 @@ def refusal(capture: Capture, file: StageFile) -> str:
     stroke, noise = float(np.ptp(capture.position)), position_noise(capture)
     if stroke <= STEPS * noise or stroke == 0.0:
         return (
-            f"{capture.name} is at rest: it moves by {_travel(stroke, file)}, {stroke / max(noise, 1e-300):.3g} times the "
-            f"noise of its position; must be more than {STEPS:g} times: record a motion with reversals"
+            f"{capture.name} is at rest: it moves by {_travel(stroke, file)}, {stroke / max(noise, 1e-300):.3g} times "
+            f"the noise of its position; must be more than {STEPS:g} times: record a motion with reversals"
         )
     turns = reversals(capture.position, TURN * stroke)
     if turns == 0:
@@ -67,14 +69,31 @@ def refusal(capture: Capture, file: StageFile) -> str:
             "error of the inertia and one of the viscous friction cancel otherwise (second condition of the paper): "
             "record the start of the motion, too, or a sine"
         )
-    share = _noise_share(capture)
-    if share > LOST:
+    share, span = _noise_share(capture), 2.0 * KNOTS * knots(capture) * capture.dt
+    if share > LOST or span > AVERAGED:
         return (
-            f"{capture.name} moves by {_travel(stroke, file)}, and {100.0 * share:.0f} % of its acceleration is the "
-            f"position's noise; must be at most {100.0 * LOST:.0f} %: the motion must go beyond presliding (first "
-            "condition of the paper), and fast enough to tell the inertia: record a larger or faster one"
+            f"{capture.name} moves by {_travel(stroke, file)}; averaged over {1e3 * span:.3g} ms, {100.0 * share:.2g} % "
+            f"of its acceleration is noise of the position; must be at most {100.0 * LOST:.0f} % over "
+            f"{1e3 * AVERAGED:.0f} ms: the motion must go beyond presliding (first condition of the paper), and fast "
+            "enough to tell the inertia: record a larger or faster one"
         )
-    return ""
+    return _power(capture)
+
+
+def _power(capture: Capture) -> str:
+    """Friction takes energy, so the current must on average push the way the axis moves."""
+    q = knots(capture)
+    velocity = acceleration(capture, q, 1)
+    current = capture.current[HALF * q :: q][: len(velocity)]
+    size = math.sqrt(float(np.mean(velocity * velocity)) * float(np.mean(current * current)))
+    share = float(np.mean(velocity * current)) / size if size > 0.0 else 0.0
+    if share >= BRAKED:
+        return ""
+    return (
+        f"{capture.name}: current and velocity have opposite signs (correlation {share:.2f}; must be at least "
+        f"{BRAKED:g}), which would make friction negative; positive current must move the axis towards positive "
+        "positions: turn the sign of one of the two columns"
+    )
 
 
 def _travel(value: float, file: StageFile) -> str:
