@@ -70,6 +70,8 @@ def identify(captures: list[Capture], file: StageFile, progress: Progress | None
         row["bic"] = bic(one, worth)
     best = int(np.argmin([row["bic"] if one.member.whole else math.inf for one, row in zip(fits, rows, strict=True)]))
     found = _found(fits[best], judge)
+    if all("closed_loop" in row for row in rows) and any(one.meta.get("name") == "EMPS" for one in captures):
+        found = found._replace(details={**found.details, "published": closed_loop.PUBLISHED._asdict()})
     details = {**found.details, "chosen": fits[best].name, "models": rows, "independent_rows": worth}
     return found._replace(details=details, notes=(*_words(rows, best, captures), *found.notes))
 

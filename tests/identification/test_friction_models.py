@@ -18,6 +18,7 @@ from stagectl.identification.closed_loop import PUBLISHED, Servo, errors, simula
 from stagectl.identification.found import Found
 from stagectl.identification.friction_members import FAMILY, bundled, data_table
 from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
+from stagectl.report import friction_models as report
 
 Array = NDArray[np.float64]
 EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
@@ -250,3 +251,14 @@ def test_a_run_needs_a_reference_and_a_model_that_is_stable(emps: Capture) -> No
     light = published()._replace(drive=stage.Drive(0.0, 0, np.inf, 0.0), mechanics=stage.Mechanics(0.01, 0.0, 0.0))
     with pytest.raises(IdentificationError, match="the closed loop on this model is unstable"):
         closed_loop.simulated(light, Servo(160.18, 243.45), emps)
+
+
+def test_its_figures_are_drawn(emps: Capture, family: Found) -> None:
+    """Three on the record, none where one model alone was fitted; the curves end at each model's sliding friction."""
+    with_published = family._replace(details={**family.details, "published": PUBLISHED._asdict()})
+    assert len(report.pictures(with_published, [emps], FILE)) == 3
+    assert report.pictures(friction_models.fit("dahl", [made("dahl", 3)], FILE), [], FILE) == []
+    rows = {row["name"]: row for row in family.details["models"]}
+    force = report.curve(rows["table"], np.linspace(0.0, 5e-4, 50))
+    sliding = 0.5 * sum(value for name, value in rows["table"]["values"].items() if name.startswith("rise_"))
+    assert (force[0], force[-1]) == (pytest.approx(-sliding), pytest.approx(sliding))
