@@ -19,8 +19,10 @@
               |   drives/canopen.py  sample()  -- SYNC -->  drive      the position at t_k is latched,
               |                                <- TPDO --              the last command begins to act
               |   kernels/law.py     step()    feedforward (PTC)  kernels/feedforward.py
-              |                                + feedback (PID)   kernels/feedback.py
-              |                                + friction         kernels/friction.py  -> limit -> current
+              |                                + feedback         kernels/feedback.py (PID), cascade.py (P-PI)
+              |                                - disturbance      kernels/observer.py
+              |                                + friction         kernels/friction.py, compensation/
+              |                                + learned current  learning.py          -> limit -> current
               |   daemon/safety.py   judge()   may it go on?
               |   drives/canopen.py  apply()   -- RPDO -->  drive      acts from t_k+1 on: nd = 1
               |   recording/ring.py  write()   ==> recorder process ==> recording.h5
@@ -29,10 +31,28 @@
 
               command -> drive -> motor -> mechanics <- friction,  encoder -> measured
 
-    recording.h5 -> recording/hdf5.py -> exports.py, replay.py, evaluation.py, identification/
+    recording.h5 -> recording/hdf5.py -> exports.py, replay.py, evaluation.py
 
     [7] kernels/rollout.py   law and stage in one compiled loop: `simulate`; the same rows, to the last bit
     [8] evaluation.py, report/   what it achieved, in words, figures and one page
+
+**The way of one capture**, from a record of any motion back into the stage file::
+
+    recording.h5, a CSV with units, a .mat, a folder of captures
+              |
+    [9] identification/captures.py   columns in axis units, split at gaps; suspicion.py: does it look sound?
+              |
+    [10] identification/methods.py   the method by its name: simultaneous, frf, constant-speed, low-speed,
+              |                      zero-crossing, least-squares, friction-models - one module each
+              v
+    [11] identification/found.py     parameters with 95 % intervals, reversal table, what cannot be told apart
+              |
+              +--> cli/identification.py  table and JSON      report/  a page with the method's figures
+              +--> config/patch.py   `--write`: the stage file's values change, its comments stay
+
+    tuning.py         gains for a bandwidth and a margin, from the identified model, into the stage file
+    comparison.py     layers against each other, repeats interleaved; trials.py runs them, and the learning
+    reproduction/     both papers from end to end, ours beside theirs
 
 **Signs.**  Positive current gives positive effort and moves towards positive positions.  The error is reference
 minus measured.  Friction is what opposes the velocity: positive at positive velocity::

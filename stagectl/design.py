@@ -151,7 +151,7 @@ def margins(p: stage.Stage, designed: Feedback, dt: float, watching: observer.Ob
 
 
 def _margins(p: stage.Stage, controller: Rational, dt: float) -> Margins:
-    frequency = np.geomspace(1e-3 / dt, 0.5 / dt, 20_000)
+    frequency = np.geomspace(1e-5 / dt, 0.5 / dt, 20_000)
     loop = _open_loop(p, controller, dt, np.exp(2j * np.pi * frequency * dt))
     phase = np.unwrap(np.angle(loop))
     phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
@@ -219,16 +219,19 @@ def _cascade(p: cascade.Cascade) -> Rational:
     last[0] = 1.0
     difference = (last - last[::-1]) / (p.span * p.dt)
     outer = p.position * last + difference
-    inner = np.array([p.velocity + p.integral, p.integral - p.velocity])
+    inner, integrator = np.array([p.velocity + p.integral, p.integral - p.velocity]), np.array([1.0, -1.0])
+    if p.integral == 0.0:  # no integrator: a pole and a zero at z = 1 would look like a pole that is not stable
+        inner, integrator = np.array([p.velocity]), np.ones(1)
     numerator = np.polymul(np.polymul(outer, inner), [1.0 - p.retained, 0.0])
-    return Rational(numerator, np.polymul(np.polymul(last, [1.0, -1.0]), [1.0, -p.retained]))
+    return Rational(numerator, np.polymul(np.polymul(last, integrator), [1.0, -p.retained]))
 
 
 def plant(p: stage.Stage, dt: float) -> Rational:
     """From the command to the measured position: zero-order hold, current loop, inertia, and nd + nm periods."""
     a, b = _held(p, dt)
     denominator = np.poly(a)
-    numerator = np.poly(a - np.outer(b, [1.0, 0.0, 0.0])) - denominator
+    pulse = [float(b[0]), float((a @ b)[0]), float((a @ a @ b)[0])]  # position after 1, 2 and 3 periods
+    numerator = np.convolve(pulse, denominator)[:3]
     delays = np.zeros(1 + p.drive.delay_samples + p.encoder.delay_samples)
     delays[0] = 1.0
     return Rational(numerator, np.polymul(denominator, delays))
@@ -261,8 +264,10 @@ def _phase_margin(frequency: NDArray[Any], level: NDArray[Any], phase: NDArray[A
 
 
 def _gain_margin(size: NDArray[Any], phase: NDArray[Any]) -> float:
-    falling = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
-    return float(1.0 / size[falling[0]]) if falling.size else math.inf
+    """The smallest factor above 1 at which the phase is -180 deg; those below 1 are the lower margin, not this one."""
+    factors = 1.0 / size[np.flatnonzero(np.diff(np.sign(phase + np.pi)))]
+    above = factors[factors > 1.0]
+    return float(np.min(above)) if above.size else float(np.max(factors, initial=0.0)) or math.inf
 
 
 def design(p: stage.Stage, control: Settings, without: frozenset[str] = frozenset()) -> Controller:

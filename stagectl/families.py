@@ -6,8 +6,8 @@
 
     Kp = 2 pi f        velocity bandwidth fv = 4 f        Ti = 4 / (2 pi fv)        Tf = 1 / (5 * 2 pi fv)
 
-With fv = 4 f the position loop is critically damped on a velocity loop of first order.  Ti is the symmetric optimum's for
-a = 4, which takes ``atan(1/4)`` = 14 deg at the velocity loop's crossover; the filter's corner, five times above it,
+With fv = 4 f the position loop is critically damped on a velocity loop of first order.  Ti is the symmetric optimum's
+for a = 4, which takes ``atan(1/4)`` = 14 deg at the velocity loop's crossover; the filter's corner, five times above,
 takes ``atan(1/5)`` = 11 deg.  A filter with its corner above Nyquist's frequency is left out.
 
 Source: C. Kessler, Regelungstechnik 6, 1958 (symmetric optimum).

@@ -242,14 +242,13 @@ def calmest(seen: Shares, settings: Settings) -> float:
 
 def _others(p: stage.Stage) -> list[tuple[str, stage.Stage, float]]:
     """Plants that the axis may be."""
-    operators, body = p.friction.operators, p.mechanics
-    stiffness = float(sum(a * r for a, r in zip(operators.weight, operators.rate, strict=True)))
+    body = p.mechanics
     light, heavy = (p._replace(mechanics=body._replace(inertia=share * body.inertia)) for share in (0.8, 1.2))
     return [
         ("the model", p, 0.0),
         ("inertia 20 % below it", light, 0.0),
         ("inertia 20 % above it", heavy, 0.0),
-        ("held by rolling friction", p, stiffness),
+        ("held by rolling friction", p, stage.stiffness(p.friction)),
     ]
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from stagectl.compensation.forms import Model
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import rollout, stage
+from stagectl.kernels import friction_path, rollout, stage
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
 from stagectl.kernels.law import Setpoint
@@ -63,6 +63,8 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward) -> Plan
     model = isinstance(setup.file.compensation, Model)
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
     setpoints(ahead, seen, relaxed(feedforward.friction), rows)
+    if ahead.with_friction and setup.stage.friction.bristle.coulomb > 0.0:
+        rows[:, _COLUMN["friction"]] += _bristle(setup, seen) / feedforward.force_constant
     if feedforward.with_friction and not model:
         rows[:, _COLUMN["friction"]] = _compensation(setup, parts.motion, len(rows)) / feedforward.force_constant
     _experiment(setup, parts, rows)
@@ -87,6 +89,15 @@ def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
     t: Array = setup.dt * np.arange(count, dtype=np.float64) + (command_delay(setup) + 0.5 * setup.dt)
     place, speed = _at(setup, motion, t).T
     force: Array = setup.file.compensation.force(place, speed, setup.dt)
+    return force
+
+
+def _bristle(setup: Setup, seen: Foreseen) -> Array:
+    """Friction (n,) N m | N of the stage's bristle along the reference, from rest."""
+    p, place = setup.stage.friction.bristle, np.concatenate([seen.reference[:1], seen.friction])
+    columns = np.empty((len(place), 2))
+    friction_path.bristle(p, place, setup.dt, columns)
+    force: Array = (columns[:, 0] + p.damping * columns[:, 1])[1:]
     return force
 
 

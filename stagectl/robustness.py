@@ -48,7 +48,8 @@ class Loop(NamedTuple):
         """L at `frequency` (Hz), a number or (n,)."""
         z = np.exp(2j * np.pi * np.asarray(frequency) * self.dt)
         moved = self.plant.at(z)
-        return moved * self.cut.at(z) / (1.0 + moved * self.closed.at(z))
+        way = moved * self.cut.at(z)
+        return way if self.closed is NOTHING else way / (1.0 + moved * self.closed.at(z))
 
 
 class Peak(NamedTuple):
@@ -175,13 +176,14 @@ def _peak(curve: Curve, gain: Callable[[Any], Any], values: NDArray[Any]) -> Pea
 
 def stable(loop: Loop) -> bool:
     """Whether all poles of the closed loop lie inside the unit circle."""
-    return bool(np.max(np.abs(np.roots(_characteristic(loop)))) < 1.0)
+    return bool(np.max(np.abs(np.roots(characteristic(loop)))) < 1.0)
 
 
-def _characteristic(loop: Loop) -> Array:
+def characteristic(loop: Loop) -> Array:
     """``dP dcut dclosed + nP (ncut dclosed + nclosed dcut)``, without a denominator that both ways share."""
     shared = np.array_equal(loop.cut.denominator, loop.closed.denominator)
-    one, other = (np.ones(1), np.ones(1)) if shared else (loop.closed.denominator, loop.cut.denominator)
+    one: NDArray[Any] = np.ones(1) if shared else loop.closed.denominator
+    other: NDArray[Any] = np.ones(1) if shared else loop.cut.denominator
     ways = np.polyadd(np.polymul(loop.cut.numerator, one), np.polymul(loop.closed.numerator, other))
     poles = np.polymul(loop.plant.denominator, np.polymul(loop.cut.denominator, one))
     found: Array = np.polyadd(poles, np.polymul(loop.plant.numerator, ways))
@@ -202,7 +204,7 @@ def _passes(function: Callable[[Any], Any], frequency: Array) -> float:
     """The first frequency (Hz) at which `function` becomes positive."""
     above = np.flatnonzero(function(frequency) > 0.0)
     if not above.size or above[0] == 0:
-        return math.inf if not above.size else float(frequency[0])
+        return float(frequency[0]) if above.size else math.inf
     k = int(above[0])
     return float(brentq(lambda f: float(function(f)), frequency[k - 1], frequency[k], rtol=1e-13))
 
@@ -211,7 +213,7 @@ def stepped(way: Loop, length: int) -> Array:
     """Measured position (length,) for a step of the target by 1 at the first sample."""
     numerator = np.polymul(way.plant.numerator, way.cut.numerator)
     # The target's way and the feedback share their denominator, so the closed loop's poles are those of the feedback.
-    poles = _characteristic(Loop(way.plant, way.closed, NOTHING, way.dt))
+    poles = characteristic(Loop(way.plant, way.closed, NOTHING, way.dt))
     late = np.concatenate([np.zeros(len(poles) - len(numerator)), numerator])
     found: Array = lfilter(late / poles[0], poles / poles[0], np.ones(length))
     return found
@@ -232,8 +234,8 @@ def stiffness(p: stage.Stage, loop: Loop, frequency: Any) -> Any:
 
 def softest(p: stage.Stage, loop: Loop) -> Peak:
     """The smallest dynamic stiffness (N m/rad | N/m), and where."""
-    curve = grid(loop.dt)
-    k = int(np.argmin(stiffness(p, loop, curve)))
-    bounds = (math.log(curve[max(k - 1, 0)]), math.log(curve[min(k + 1, len(curve) - 1)]))
+    f = grid(loop.dt)
+    k = int(np.argmin(stiffness(p, loop, f)))
+    bounds = (math.log(f[max(k - 1, 0)]), math.log(f[min(k + 1, len(f) - 1)]))
     found = minimize_scalar(lambda x: float(stiffness(p, loop, math.exp(x))), bounds=bounds, options={"xatol": 1e-9})
     return Peak(float(found.fun), math.exp(float(found.x)))

@@ -112,9 +112,9 @@ def _meant(control: design.Settings) -> str:
 
 
 def _binding(tuned: Tuned) -> str:
-    words = f"It is the fastest that keeps {math.degrees(tuned.demand.margin):g} deg"
+    words = f"It is the fastest that keeps a phase margin of {math.degrees(tuned.demand.margin):g} deg"
     words += f" and Ms <= {tuned.demand.peak:g}" if math.isfinite(tuned.demand.peak) else ""
-    words += f"; 1 % faster, {' and '.join(tuned.binding)}."
+    words += f".  What binds, at 1 % more: {' and '.join(tuned.binding)}."
     if tuned.without_peak is not None:
         words += f"  The phase margin alone would allow {tuned.without_peak:g} Hz."
     return words
@@ -142,29 +142,35 @@ def notes(tuned: Tuned) -> list[str]:
     return said
 
 
-def rows(setup: Setup, tuned: Tuned, found: Closed) -> list[list[str]]:
-    """The figures, one a row, one column a loop."""
+def margins(tuned: Tuned) -> list[list[str]]:
+    """Margins and peaks, one a row, one column a loop."""
     each = list(tuned.reached.values())
-    axis = setup.file.axis
-    unit = "N/µm" if axis.travel_unit == "m" else "N m/rad"
-    value = found.softest.value * (1e-6 if axis.travel_unit == "m" else 1.0)
-    table = [
-        ["phase margin PM", *(_at(f"{math.degrees(one.phase):.1f} deg", one.crossover) for one in each)],
-        ["gain margin GM, upwards", *(_raised(one) for one in each)],
-        ["gain margin GM, downwards", *(_lowered(one) for one in each)],
+    return [
+        ["PM", *(_at(f"{math.degrees(one.phase):.1f} deg", one.crossover) for one in each)],
+        ["GM up", *(_raised(one) for one in each)],
+        ["GM down", *(_lowered(one) for one in each)],
         ["delay margin", *(duration(one.delay) if math.isfinite(one.delay) else "any" for one in each)],
-        ["peak of sensitivity Ms", *(_at(f"{one.sensitivity.value:.2f}", one.sensitivity.frequency) for one in each)],
-        ["modulus margin 1/Ms", *(f"{one.modulus:.2f}" for one in each)],
-        ["peak of T, Mt", *(_at(f"{one.complementary.value:.2f}", one.complementary.frequency) for one in each)],
+        ["Ms", *(_at(f"{one.sensitivity.value:.2f}", one.sensitivity.frequency) for one in each)],
+        ["modulus 1/Ms", *(f"{one.modulus:.2f}" for one in each)],
+        ["Mt", *(_complementary(one) for one in each)],
     ]
-    alone = [
-        ["bandwidth, -3 dB", f"{found.bandwidth:.4g} Hz"],
-        ["disturbances attenuated to", f"{found.attenuated:.4g} Hz"],
-        ["overshoot of a step", f"{100 * found.overshoot:.1f} %"],
-        ["settled within 2 %", duration(found.settling) if math.isfinite(found.settling) else "not in 20/f"],
-        ["least dynamic stiffness", _at(f"{value:.3g} {unit}", found.softest.frequency)],
+
+
+def rows(setup: Setup, found: Closed) -> list[list[str]]:
+    """The closed loop, one figure a row."""
+    scale, unit = stiffness_unit(setup)
+    return [
+        ["bandwidth, target to position, -3 dB", f"{found.bandwidth:.4g} Hz"],
+        ["disturbances attenuated (|S| < -3 dB) up to", f"{found.attenuated:.4g} Hz"],
+        ["overshoot of a step without feedforward", f"{100 * found.overshoot:.1f} %"],
+        ["step settled within 2 %", duration(found.settling) if math.isfinite(found.settling) else "later than 20/f"],
+        ["least dynamic stiffness", _at(f"{scale * found.softest.value:.3g} {unit}", found.softest.frequency)],
     ]
-    return table + [[*row, *[""] * (len(each) - 1)] for row in alone]
+
+
+def stiffness_unit(setup: Setup) -> tuple[float, str]:
+    """Factor from SI and unit in which a stiffness is read."""
+    return (1e-6, "N/µm") if setup.file.axis.travel_unit == "m" else (1.0, "N m/rad")
 
 
 def decibels(factor: float) -> str:
@@ -173,7 +179,12 @@ def decibels(factor: float) -> str:
 
 
 def _at(words: str, frequency: float) -> str:
-    return f"{words} at {frequency:.3g} Hz"
+    return f"{words} ({frequency:.3g} Hz)"
+
+
+def _complementary(one: Robustness) -> str:
+    low = one.complementary.value <= 1.0
+    return "1, no peak" if low else _at(f"{one.complementary.value:.2f}", one.complementary.frequency)
 
 
 def _raised(one: Robustness) -> str:
@@ -198,8 +209,8 @@ def result(setup: Setup, tuned: Tuned) -> dict[str, Any]:
         "nm": setup.stage.encoder.delay_samples,
         "current_lag": _value(drive.current_lag, "s"),
         "control": entries(control),
-        "gains": {one.name: one._asdict() for one in gains(setup, control)},
-        "loops": {name: _robust(one) for name, one in tuned.reached.items()},
+        "gains": {one.name.replace(" ", "_"): one._asdict() for one in gains(setup, control)},
+        "loops": {name.replace(" ", "_"): _robust(one) for name, one in tuned.reached.items()},
         "closed_loop": {
             "bandwidth": _value(found.bandwidth, "Hz"),
             "attenuated_to": _value(found.attenuated, "Hz"),

@@ -21,7 +21,7 @@ COMMANDS = re.findall(r"(?m)^\.venv/bin/stagectl (.*)$", (ROOT / "README.md").re
 def stagectl(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "XDG_RUNTIME_DIR": str(folder)}  # a bus of its own
     command = [sys.executable, "-m", "stagectl", *words]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
 
 
 def test_every_command_runs_as_printed(tmp_path: Path) -> None:

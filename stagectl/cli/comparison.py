@@ -57,8 +57,9 @@ def learn(
     machine = _machine(stage, simulate, plant, channel)
     folder = many.fresh_folder(f"learn-{trajectory.stem}")
     base = prepare(machine.setup, trajectory, layers_without(without), folder / "trial-1.h5")
-    found = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
     path = output or folder / "learned.h5"
+    learned.claim(path)
+    found = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
     learned.save(path, found.pop("current"))
     for line in many.convergence_words(found):
         console.print(line)

@@ -40,8 +40,6 @@ Directions = Annotated[bool, typer.Option("--directions", help="Friction of its 
 Form = Annotated[str | None, typer.Option("--form", help="Of zero-crossing: the form whose parameters are wanted.")]
 Seed = Annotated[int | None, typer.Option("--seed", help="Of a method that searches at random.")]
 
-TOGETHER = 0.95  # correlation, either way
-
 
 def register(app: typer.Typer) -> None:
     """Add the verb to the command line."""
@@ -117,17 +115,8 @@ def _show(result: dict[str, Any]) -> None:
         console.print(f"force residual {result['force_residual_percent']:.3g} % of the force")
     for name in result["held_out"]:
         console.print(f"{name}: held out, not used")
-    if together := _together(result["identifiability"] or {}):
-        console.print(f"these move together, so one is known no better than the other: {', '.join(together)}")
     for note in result["notes"]:
         console.print(note)
-
-
-def _together(told: dict[str, Any]) -> list[str]:
-    """Pairs of parameters whose errors are nearly one, with their correlation."""
-    names, matrix = told.get("names", []), told.get("correlation", [])
-    pairs = [(names[j], names[k], matrix[j][k]) for j in range(len(matrix)) for k in range(j)]
-    return [f"{a} and {b} ({r:+.3f})" for a, b, r in pairs if r is not None and abs(r) > TOGETHER]
 
 
 def _digits(value: float | None) -> str:

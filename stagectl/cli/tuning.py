@@ -120,10 +120,14 @@ def _show(setup: Setup, found: Tuned, result: dict[str, Any]) -> None:
 
     console.print(f"{setup.file.name}: {result['answer']}")
     console.print(_gains(setup, found))
-    margins = Table("", *found.reached, title="Margins and closed loop")
-    for row in sheet.rows(setup, found, sheet.closed(setup, found)):
-        margins.add_row(*row)
-    console.print(margins)
+    for title, head, rows in (
+        ("Margins", ["", *found.reached], sheet.margins(found)),
+        ("Closed loop", ["", ""], sheet.rows(setup, sheet.closed(setup, found))),
+    ):
+        table = Table(*head, title=title, show_header=any(head))
+        for row in rows:
+            table.add_row(*row)
+        console.print(table)
     for note in result["notes"]:
         console.print(note)
 

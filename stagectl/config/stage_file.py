@@ -10,12 +10,13 @@ import yaml
 
 from stagectl import design, learning
 from stagectl.compensation.forms import FORMS, Model
+from stagectl.config.friction_laws import LAWS, Dahl, Lugre, Operators, Rolling, friction_of
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
 from stagectl.config.source import node_at
 from stagectl.drives import bus
 from stagectl.drives.drive import Canopen
 from stagectl.drives.simulated import Simulation
-from stagectl.kernels import friction, stage
+from stagectl.kernels import stage
 from stagectl.units import LINEAR, ROTARY, Quantity
 
 Positive = "(0, 1e6]"
@@ -39,35 +40,6 @@ class Axis(NamedTuple):
     def travel_unit(self) -> str:
         """Unit of what the user sees as travel."""
         return "m" if self.kind == LINEAR or self.lead else "rad"
-
-
-class Rolling(NamedTuple):
-    """Rolling friction by its picture: equal elements whose slips are spaced geometrically."""
-
-    coulomb: Annotated[float, Quantity("N m | N", "[0, 1e6]", "friction when all elements slip, T_c")]
-    shortest: Annotated[float, Quantity("rad | m", "(0, 1e3]", "slip of the stiffest element")]
-    longest: Annotated[float, Quantity("rad | m", "(0, 1e3]", "slip of the softest element")]
-    elements: Annotated[int, Quantity("", "[1, 64]", "number of stop operators")] = 12
-    stribeck: friction.Stribeck = friction.Stribeck()
-
-    def operators(self) -> friction.StopOperators:
-        """The elements, one by one."""
-        steps = max(self.elements - 1, 1)
-        ratio = self.longest / self.shortest
-        slips = [self.shortest * ratio ** (j / steps) for j in range(self.elements)]
-        return friction.bundle([self.coulomb / self.elements] * self.elements, slips)
-
-
-class Operators(NamedTuple):
-    """Rolling friction element by element, as an identification writes it."""
-
-    weight: Annotated[tuple[float, ...], Quantity("N m | N", "[0, 1e6]", "force at which each element slips")]
-    slip: Annotated[tuple[float, ...], Quantity("rad | m", "(0, 1e3]", "displacement at which each slips")]
-    stribeck: friction.Stribeck = friction.Stribeck()
-
-    def operators(self) -> friction.StopOperators:
-        """The elements, as given."""
-        return friction.bundle(self.weight, self.slip)
 
 
 class Encoder(NamedTuple):
@@ -115,7 +87,7 @@ class StageFile(NamedTuple):
     axis: Axis
     motor: stage.Motor
     mechanics: stage.Mechanics
-    friction: Annotated[Rolling | Operators, Tagged("law", {"rolling": Rolling, "stop-operators": Operators})]
+    friction: Annotated[Rolling | Operators | Dahl | Lugre, Tagged("law", LAWS)]
     encoder: Encoder
     drive: Drive
     control: Annotated[
@@ -276,9 +248,9 @@ def _assembled(file: StageFile) -> stage.Stage:
         ),
         file.motor,
         file.mechanics,
-        stage.Friction(file.friction.operators(), file.friction.stribeck),
+        friction_of(file.friction),
         stage.Encoder(step, file.encoder.delay_samples),
     )
 
 
-__all__ = ["Axis", "ConfigError", "Limits", "Setup", "StageFile", "load_stage"]
+__all__ = ["Axis", "ConfigError", "Limits", "Operators", "Rolling", "Setup", "StageFile", "load_stage"]

@@ -128,7 +128,8 @@ def with_entry(text: str, parent: yaml.MappingNode, words: Sequence[str], new: s
     first = column(text, parent.value[0][0].start_mark.index)
     lines = [f"{' ' * (first + 2 * depth)}{word}:" for depth, word in enumerate(words)]
     at = _line_end(text, end_of(text, parent))
-    return text[:at] + own_breaks("\n" + "\n".join(lines) + f" {new}", text) + text[at:]
+    spaced = "\n" if first == 0 and len(words) > 1 and re.search(r"\n\r?\n", text) else ""  # as between the others
+    return text[:at] + own_breaks(f"\n{spaced}" + "\n".join(lines) + f" {new}", text) + text[at:]
 
 
 def without_entry(text: str, root: yaml.Node, name: str) -> str:

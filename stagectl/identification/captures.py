@@ -12,6 +12,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.sampling import Part, parts
 from stagectl.identification.suspicion import remarks, suspicions
+from stagectl.recording.columns import WITHOUT
 from stagectl.recording.hdf5 import Recording, open_recording
 
 CURRENTS = ("measured_current", "current", "command")  # the best that there is: in the motor, after, before the limit
@@ -80,7 +81,8 @@ def _captures(recording: Recording, setup: Setup, current: str | None, doubtful:
     columns, notes = _aligned(recording, chosen)
     time = columns.pop("time")
     pieces, said = parts(time, columns, _SMOOTH)
-    notes += [*recording.meta.get("notes", []), *said]
+    absent = tuple(WITHOUT.values())  # what is missing of what an identification needs is said otherwise
+    notes += [*(note for note in recording.meta.get("notes", []) if note not in absent), *said]
     if chosen in _STANDS_IN and current is None:
         notes.append(_STANDS_IN[chosen])
     return [

@@ -13,10 +13,9 @@ import numpy as np
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.delay_search import Fit, Problem
 from stagectl.identification.regressors import acceleration, knots, position_noise
 from stagectl.identification.slips import Range
-from stagectl.identification.smoothing import HALF, window
+from stagectl.identification.smoothing import HALF, KNOTS, window
 from stagectl.words import length
 
 SHORTEST = 0.2  # s of record
@@ -24,24 +23,27 @@ STEPS = 100.0  # standard deviations of the position's noise that a motion must 
 TURN = 0.05  # of the stroke, travel on both sides of a reversal
 SLOW, WEAK = 0.02, 0.05  # of the largest: below it a velocity or an acceleration has no sign
 NOISE = 4.0  # standard deviations of an acceleration that is none
+BRAKED = -0.3  # correlation of current and velocity
+AVERAGED = 0.12  # s
+LOST = 0.1  # of the acceleration that may be noise
 SAME = 10  # rows with velocity and acceleration of one sign
 
 
-def usable(captures: list[Capture]) -> tuple[list[Capture], list[str]]:
+def usable(captures: list[Capture], file: StageFile) -> tuple[list[Capture], list[str]]:
     """Captures that meet the conditions, and why the others are left out.
 
     Raises IdentificationError where none does.
     """
     if not captures:
         raise IdentificationError("no capture to identify from; give at least one")
-    wrong = {index: reason for index, one in enumerate(captures) if (reason := refusal(one))}
+    wrong = {index: reason for index, one in enumerate(captures) if (reason := refusal(one, file))}
     if len(wrong) == len(captures):
         raise IdentificationError("; ".join(wrong.values()))
     used = [one for index, one in enumerate(captures) if index not in wrong]
     return used, [f"left out: {reason}" for reason in wrong.values()]
 
 
-def refusal(capture: Capture) -> str:
+def refusal(capture: Capture, file: StageFile) -> str:
     """Why a capture cannot be used; empty where it can."""
     duration = len(capture.position) * capture.dt
     if duration < SHORTEST or len(capture.position) < 4 * HALF + 2:
@@ -52,8 +54,8 @@ def refusal(capture: Capture) -> str:
     stroke, noise = float(np.ptp(capture.position)), position_noise(capture)
     if stroke <= STEPS * noise or stroke == 0.0:
         return (
-            f"{capture.name} is at rest: it moves by {stroke:.3g} rad | m, {stroke / max(noise, 1e-300):.3g} times the "
-            f"noise of its position; must be more than {STEPS:g} times: record a motion with reversals"
+            f"{capture.name} is at rest: it moves by {_travel(stroke, file)}, {stroke / max(noise, 1e-300):.3g} times "
+            f"the noise of its position; must be more than {STEPS:g} times: record a motion with reversals"
         )
     turns = reversals(capture.position, TURN * stroke)
     if turns == 0:
@@ -67,7 +69,43 @@ def refusal(capture: Capture) -> str:
             "error of the inertia and one of the viscous friction cancel otherwise (second condition of the paper): "
             "record the start of the motion, too, or a sine"
         )
-    return ""
+    share, span = _noise_share(capture), 2.0 * KNOTS * knots(capture) * capture.dt
+    if share > LOST or span > AVERAGED:
+        return (
+            f"{capture.name} moves by {_travel(stroke, file)}; averaged over {1e3 * span:.3g} ms, {100.0 * share:.2g} % "
+            f"of its acceleration is noise of the position; must be at most {100.0 * LOST:.0f} % over "
+            f"{1e3 * AVERAGED:.0f} ms: the motion must go beyond presliding (first condition of the paper), and fast "
+            "enough to tell the inertia: record a larger or faster one"
+        )
+    return _power(capture)
+
+
+def _power(capture: Capture) -> str:
+    """Friction takes energy, so the current must on average push the way the axis moves."""
+    q = knots(capture)
+    velocity = acceleration(capture, q, 1)
+    current = capture.current[HALF * q :: q][: len(velocity)]
+    size = math.sqrt(float(np.mean(velocity * velocity)) * float(np.mean(current * current)))
+    share = float(np.mean(velocity * current)) / size if size > 0.0 else 0.0
+    if share >= BRAKED:
+        return ""
+    return (
+        f"{capture.name}: current and velocity have opposite signs (correlation {share:.2f}; must be at least "
+        f"{BRAKED:g}), which would make friction negative; positive current must move the axis towards positive "
+        "positions: turn the sign of one of the two columns"
+    )
+
+
+def _travel(value: float, file: StageFile) -> str:
+    return length(value * file.axis.travel_per_unit, file.axis.travel_unit)
+
+
+def _noise_share(capture: Capture) -> float:
+    """Noise of the position in the acceleration over all of it, rms, with the window that is taken."""
+    q = knots(capture)
+    weights = window(q, capture.dt, 2)
+    rms = float(np.sqrt(np.mean(acceleration(capture, q) ** 2)))
+    return position_noise(capture) * math.sqrt(float(weights @ weights)) / max(rms, 1e-300)
 
 
 def reversals(position: Array, travel: float) -> int:
@@ -100,21 +138,20 @@ def check_settles(captures: list[Capture], ends: Range, file: StageFile) -> None
     """Raise where the friction still rises at the end of the stroke: the motion stays in presliding."""
     if ends.settles:
         return
-    scale, unit = file.axis.travel_per_unit, file.axis.travel_unit
     largest = max(captures, key=lambda one: float(np.ptp(one.position)))
-    stroke = float(np.ptp(largest.position))
+    stroke, reached = _travel(float(np.ptp(largest.position)), file), _travel(ends.high, file)
     raise IdentificationError(
-        f"{largest.name} moves by {length(stroke * scale, unit)}, and the friction still rises after "
-        f"{length(ends.high * scale, unit)} from a reversal; it must have settled after half of the motion, as the "
-        "reversal must go beyond presliding (first condition of the paper): record a larger motion"
+        f"{largest.name} moves by {stroke}, and the friction still rises after {reached} from "
+        "a reversal; it must have settled after half of the motion, as the reversal must go beyond presliding "
+        "(first condition of the paper): record a larger motion"
     )
 
 
-def check_result(fit: Fit, problem: Problem) -> None:
+def check_sign(inertia: float, captures: list[Capture]) -> None:
     """Raise where the answer is no mechanics."""
-    inertia = float(fit.theta[0])
     if inertia <= 0.0:
         raise IdentificationError(
-            f"inertia = {inertia:.3g}; must be positive: position and current of {problem.parts[0].capture.name} do "
-            "not belong to each other, or have opposite signs; positive current moves towards positive positions"
+            f"inertia = {inertia:.3g}; must be positive: position and current of {captures[0].name} do not belong to "
+            "each other, or have opposite signs (positive current moves towards positive positions), or the motion "
+            "stays in presliding, where friction is a spring: check the columns, or record a larger motion"
         )

@@ -73,7 +73,7 @@ def identify(
         check(capture)
         found = constant_spans(capture, file)
         spans += [one for one in found if one.clipped <= CLIPPED]
-        notes += [*capture.notes, *(_clipped(one, file) for one in found if one.clipped > CLIPPED)]
+        notes += [_clipped(one, file) for one in found if one.clipped > CLIPPED]
         progress(k + 1, len(captures))
     both = _check(spans)
     values, covariance, scatter = straight_line(spans, both)

@@ -44,7 +44,7 @@ def identify(
     for k, capture in enumerate(captures):
         found, doubts = curves(capture, file)
         taken += found
-        notes += [*capture.notes, *doubts]
+        notes += doubts
         progress(k + 1, len(captures) + 1)
     merged = _merged(taken)
     _check(merged)
@@ -60,7 +60,8 @@ def identify(
         "known_delay": delay,
         "friction_effect": [_effect(one, done[-1][1], file.motor.force_constant) for one in merged],
     }
-    changes = {f"mechanics.{name}": parameters[name].value for name in ("inertia", "viscous")}
+    told = done[-1][0] != "largest amplitude"  # a damping that holds friction belongs in no stage file
+    changes = {f"mechanics.{name}": parameters[name].value for name in ("inertia", "viscous") if told}
     return Found(parameters, None, details, tuple(notes + _doubts(merged, done, captures[0])), changes)
 
 
@@ -254,7 +255,8 @@ def _doubts(merged: list[Curve], done: Done, capture: Capture) -> list[str]:
             )
     if done[-1][0] == "largest amplitude":
         notes.append(
-            "friction is in this response: viscous is too high and inertia too low. Record sines at three amplitudes, "
+            "friction is in this response: viscous is too high and inertia wrong, by more than their intervals, and "
+            "nothing of them is written to a stage file. Record sines at three amplitudes, "
             "or keep the axis moving while the current is injected (type: excited)"
         )
     return notes

@@ -22,6 +22,7 @@ from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.found import Found, Parameter
 from stagectl.identification.friction_fit import Data, Fit, Scale, columns_of, fitted, plant, prepared, sensitivity
 from stagectl.identification.friction_members import FAMILY
+from stagectl.kernels import stage
 from stagectl.units import Quantity
 
 FASTEST = 0.75  # of the largest speed: above are the rows held out by speed
@@ -29,6 +30,7 @@ TOLD = 30.0  # a searched parameter that is known no better than to this factor 
 FIRST = (("inertia", "kg m^2 | kg"), ("viscous", "N m s/rad | N s/m"))
 LAST = (("offset", "N m | N"),)
 SHARP = 20.0  # counts of the encoder over which a model's jump of Coulomb friction happens in simulation
+LAW = {"dahl": "dahl", "lugre": "lugre"}  # in a stage file; all others become stop operators
 REPEATS = 0.999  # correlation of a reference with itself a period later
 Progress = Callable[[int, int], object]
 
@@ -68,6 +70,8 @@ def identify(captures: list[Capture], file: StageFile, progress: Progress | None
         row["bic"] = bic(one, worth)
     best = int(np.argmin([row["bic"] if one.member.whole else math.inf for one, row in zip(fits, rows, strict=True)]))
     found = _found(fits[best], judge)
+    if all("closed_loop" in row for row in rows) and any(one.meta.get("name") == "EMPS" for one in captures):
+        found = found._replace(details={**found.details, "published": closed_loop.PUBLISHED._asdict()})
     details = {**found.details, "chosen": fits[best].name, "models": rows, "independent_rows": worth}
     return found._replace(details=details, notes=(*_words(rows, best, captures), *found.notes))
 
@@ -176,8 +180,29 @@ def _found(one: Fit, judge: _Judge) -> Found:
             notes.append(f"{one.name}: {name} is not told by these captures; it was searched for in {span}")
     if "coulomb" not in parameters:
         parameters["coulomb"] = _total(one, covariance, parameters["offset"].unit)
-    changes = {f"mechanics.{name}": parameters[name].value for name in ("inertia", "viscous")}
-    return Found(parameters, details={"model": one.name}, notes=tuple(notes), changes=changes)
+    return Found(parameters, details={"model": one.name}, notes=tuple(notes), changes=_changes(one, judge))
+
+
+def _changes(one: Fit, judge: _Judge) -> dict[str, Any]:
+    """What a stage file gets: the mechanics, and the friction that the plant simulates this model with."""
+    found = plant(one, judge.file, SHARP * judge.scale.step)
+    mechanics = {f"mechanics.{name}": value for name, value in found.mechanics._asdict().items()}
+    return {**mechanics, "friction": friction_block(found.friction, LAW.get(one.name, "stop-operators"))}
+
+
+def friction_block(p: stage.Friction, law: str) -> dict[str, Any]:
+    """The plant's friction as the block of a stage file, SI."""
+    bristle = p.bristle
+    if law == "stop-operators":
+        pairs = zip(p.operators.weight, p.operators.slip, strict=True)
+        carrying = [(float(weight), float(slip)) for weight, slip in pairs if weight > 0.0]
+        weight, slip = zip(*carrying, strict=True) if carrying else ((0.0,), (1.0,))
+        block: dict[str, Any] = {"law": law, "weight": list(weight), "slip": list(slip)}
+        return {**block, "stribeck": p.stribeck._asdict()} if p.stribeck.rise > 0.0 else block
+    block = {"law": law, "coulomb": bristle.coulomb, "range": bristle.coulomb / bristle.stiffness}
+    if law == "dahl":
+        return {**block, "exponent": bristle.exponent}
+    return {**block, "damping": bristle.damping, "stribeck": bristle.stribeck._asdict()}
 
 
 def _searched(one: Fit, number: int, spread: float, unit: str) -> Parameter:

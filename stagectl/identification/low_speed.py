@@ -74,16 +74,14 @@ def identify(
     Raises IdentificationError where there are none both ways, or they are too fast or too short to show it.
     """
     strokes: list[Stroke] = []
-    notes: list[str] = []
     for k, capture in enumerate(captures):
         check(capture)
         strokes += full_strokes(capture, file.motor.force_constant)
-        notes += capture.notes
         progress(k + 1, len(captures) + 1)
     _check(strokes, captures)
     fit = fitted(strokes, max(one.encoder_step for one in captures))
     progress(len(captures) + 1, len(captures) + 1)
-    notes += _judged(strokes, fit, file)
+    notes = _judged(strokes, fit, file)
     table = characteristic(fit)
     parameters = _parameters(strokes, fit, file)
     changes = {"friction": {"law": "stop-operators", "weight": fit.weight.tolist(), "slip": fit.slip.tolist()}}

@@ -16,6 +16,7 @@ from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.found import Characteristic, Found
 from stagectl.units import LINEAR
 
+TIED = 0.95  # correlation, either way
 Progress = Callable[[int, int], object]
 
 
@@ -85,7 +86,7 @@ def result(name: str, setup: Setup, captures: Sequence[Capture], found: Found, l
         **{key: _plain(found.details[key]) for key in common if key in found.details},
         "captures": [_capture(one) for one in captures],
         "held_out": list(left),
-        "notes": [note for note in found.notes if not any(note in one.notes for one in captures)],
+        "notes": [note for note in (*found.notes, *_together(found)) if not any(note in one.notes for one in captures)],
         "changes": _plain(found.changes),
         "details": _plain({key: one for key, one in found.details.items() if key != "identifiability"}),
     }
@@ -97,6 +98,20 @@ def _identifiability(found: Found) -> Any:
     if told is not None or matrix is None or len(matrix) > len(found.parameters):
         return told
     return {"names": list(found.parameters)[: len(matrix)], "correlation": matrix}
+
+
+def _together(found: Found) -> list[str]:
+    """Pairs of parameters whose errors are nearly one, where the method does not say so itself."""
+    if "identifiability" in found.details:
+        return []
+    told = _identifiability(found) or {"names": [], "correlation": []}
+    names, matrix = told["names"], told["correlation"]
+    pairs = [(names[j], names[k], matrix[j][k]) for j in range(len(names)) for k in range(j)]
+    return [
+        f"{a} and {b}: tied to each other in this motion (correlation {r:+.2f}), each known no better than the other"
+        for a, b, r in pairs
+        if abs(r) > TIED
+    ]
 
 
 def _capture(capture: Capture) -> dict[str, Any]:

@@ -261,13 +261,13 @@ def _curve(capture: Capture, span: dict[str, Any], taken: tuple[Array, _Spectra,
 
 def _unknown(capture: Capture, file: StageFile) -> tuple[list[Curve], list[str]]:
     """Welch's method, with the injected current as the instrument where there is one."""
-    length = 2 * (len(capture.time) // (SEGMENTS + 1))
-    rate = 1.0 / capture.dt
-    edges = np.array([0, len(capture.time)])
-    columns, current = _columns(capture, edges), capture.current
-    speed = columns[:, 0]
+    rate, length = 1.0 / capture.dt, 2 * (len(capture.time) // (SEGMENTS + 1))
     injected = capture.excitation is not None and bool(np.ptp(capture.excitation) > LEAST_CURRENT)
-    instrument = capture.excitation if injected and capture.excitation is not None else current
+    follows = capture.reference is not None and bool(np.ptp(capture.reference) > 0.0)
+    if not injected:  # then the motion is all that excites, and stays in the velocity
+        capture = capture._replace(excitation=None, reference=None)
+    edges = np.array([0, len(capture.time)])
+    speed, current, instrument = _columns(capture, edges).T
     frequency, power = signal.welch(instrument, rate, nperseg=length)
     _, across = signal.csd(instrument, speed, rate, nperseg=length)
     _, through = signal.csd(instrument, current, rate, nperseg=length)
@@ -292,7 +292,7 @@ def _unknown(capture: Capture, file: StageFile) -> tuple[list[Curve], list[str]]
         f"{rate / length:.3g} Hz apart; the amplitude is sqrt(2) times the rms. Leakage between them biases the lowest "
         "ones and is in no interval; excitations of this program are recorded with their lines, and need no window"
     ]
-    if not injected and capture.reference is not None and bool(np.ptp(capture.reference) > 0.0):
+    if follows and not injected:
         notes.append(
             f"{capture.name} was taken in closed loop without an injected current: noise that the loop feeds back "
             "biases the response towards the inverse of the controller; inject a current (type: excited)"

@@ -58,7 +58,8 @@ def sampled(frequency: Array, capture: Capture, file: StageFile) -> Complex:
         kept = math.exp(-1.0 / lag) if lag > 0.0 else 0.0
         wave *= (np.exp(1j * x) - kept) / (1.0 - kept)
     else:
-        wave *= np.exp(-1j * x * capture.meta.get("nd", file.drive.delay_samples))
+        told = capture.meta.get("nd")  # a record that is not ours does not say
+        wave *= np.exp(-1j * x * (file.drive.delay_samples if told is None else told))
     all_x = x[:, None] + 2.0 * np.pi * np.arange(-IMAGES, IMAGES + 1)
     folded = np.sum((x[:, None] / all_x) ** 3 * (1.0 + 1j * lag * x[:, None]) / (1.0 + 1j * lag * all_x), axis=1)
     return np.asarray(x / np.sin(x) / (wave * folded), dtype=np.complex128)

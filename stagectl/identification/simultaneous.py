@@ -59,14 +59,15 @@ def identify(
     the friction does not settle within the motion.
     """
     tell = progress or (lambda done, total: None)
-    used, left_out = conditions.usable(captures)
+    used, left_out = conditions.usable(captures, file)
     tell(1, 5)
     ends = located(_problem(used, file, grid(used), delay), delay, _may_ripple(used, file))
+    conditions.check_sign(ends.inertia, used)
     conditions.check_settles(used, ends, file)
     tell(2, 5)
     solved = _refined(used, file, ends, delay)
     tell(4, 5)
-    conditions.check_result(solved.fit, solved.problem)
+    conditions.check_sign(float(solved.fit.theta[0]), used)
     answer = _found(solved, file, delay is None, left_out)
     tell(5, 5)
     return answer

@@ -31,6 +31,7 @@ class Range(NamedTuple):
     low: float  # rad | m
     high: float  # rad | m
     delay: float  # s
+    inertia: float  # kg m^2 | kg
     settles: bool  # whether the friction has settled well within the stroke
 
 
@@ -67,4 +68,4 @@ def located(p: search.Problem, delay: float | None, ripple: bool) -> Range:
     weight = solution.theta[len(some) - count :]
     below = np.cumsum(weight) / max(float(weight.sum()), 1e-300)
     low = max(float(p.slip[int(np.argmax(below > HEAD))]) / RATIO, float(p.slip[0]))
-    return Range(low, float(p.slip[count - 1]) * RATIO, place, count < every - 1)
+    return Range(low, float(p.slip[count - 1]) * RATIO, place, float(full.theta[0]), count < every - 1)

@@ -17,6 +17,7 @@ from scipy import signal
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Array, Capture
+from stagectl.kernels import stage
 from stagectl.units import LINEAR
 
 BEYOND = 1.5  # of a limit: more than any overshoot
@@ -105,7 +106,7 @@ def implausible(values: Mapping[str, float], setup: Setup) -> list[str]:
     nominal = {
         "inertia": setup.stage.mechanics.inertia,
         "viscous": setup.stage.mechanics.viscous,
-        "coulomb": float(np.sum(setup.stage.friction.operators.weight)),
+        "coulomb": stage.sliding(setup.stage.friction),
     }
     ratios = {name: values[name] / size for name, size in nominal.items() if size > 0.0 and name in values}
     far = {name: ratio for name, ratio in ratios.items() if ratio <= 0.0 or not 1.0 / FAR < ratio < FAR}
@@ -176,7 +177,7 @@ def _unexplained(motion: _Motion, setup: Setup, wrong: Mistake) -> float:
     p = setup.stage
     v = motion.velocity * (wrong.position / wrong.time)
     a = motion.acceleration * (wrong.position / wrong.time**2)
-    coulomb = float(np.sum(p.friction.operators.weight))
+    coulomb = stage.sliding(p.friction)
     slow = 1e-3 * float(np.abs(v).max())
     model = p.mechanics.inertia * a + p.mechanics.viscous * v + coulomb * v / (np.abs(v) + slow)
     force = p.motor.force_constant * wrong.current * motion.current

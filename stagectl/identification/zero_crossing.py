@@ -16,7 +16,7 @@ from stagectl.identification.reversals import Reversals, reversals
 from stagectl.identification.zero_crossing_fit import GENERATIONS, Data, Fit, fitted, gathered
 from stagectl.units import quantity_of
 
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int], object]
 
 UNBOUNDED = ("exponential", "symmetric")  # forms whose fit leaves the physical range of Cs if it may
 

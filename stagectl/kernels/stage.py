@@ -123,6 +123,17 @@ def at_rest(p: Stage, position: float = 0.0) -> State:
     return State(NO_COMMANDS, here, 0.0, place, 0.0, force, stops, held)
 
 
+def sliding(p: Friction) -> float:
+    """Friction at speed (N m | N), without its viscous part."""
+    return float(sum(p.operators.weight)) + p.bristle.coulomb
+
+
+def stiffness(p: Friction) -> float:
+    """Stiffness at rest (N m/rad | N/m), before anything slips."""
+    pairs = zip(p.operators.weight, p.operators.rate, strict=True)
+    return float(sum(a * r for a, r in pairs)) + (p.bristle.stiffness if p.bristle.coulomb > 0.0 else 0.0)
+
+
 @kernel
 def pushed(line: Line, value: float) -> Line:
     """`line` with `value` in front; the oldest one falls out."""

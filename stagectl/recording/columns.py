@@ -29,6 +29,12 @@ CHOICES = ("time", "position", "current", "command", "reference", *(["injection"
 _HEADER = re.compile(rf"({'|'.join(QUANTITIES)})(?:_([A-Za-z]+))?")
 _CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
 EXAMPLE = "--columns time=1,position=2:mm,current=14"
+# What the notes of a recording say of columns that its log does not have.
+WITHOUT = {
+    "reference": "no reference: neither a tracking error nor a trajectory can be told from it",
+    "command": "no command: what the controller asked for is not known",
+    "measured_current": "no measured current: where a current is needed, the command stands in",
+}
 
 
 class Log(NamedTuple):

@@ -15,16 +15,10 @@ import numpy as np
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout
 from stagectl.recording import csv_logs, mat_logs
-from stagectl.recording.columns import Array, Log
+from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
 from stagectl.recording.meta import versions
 from stagectl.recording.nominal import read_values
-
-_WITHOUT = {
-    "reference": "no reference: neither a tracking error nor a trajectory can be told from it",
-    "command": "no command: what the controller asked for is not known",
-    "measured_current": "no measured current: where a current is needed, the command stands in",
-}
 
 
 def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | None = None) -> list[Recording]:
@@ -73,7 +67,7 @@ def _recording(log: Log) -> Recording:
     for name in names:
         samples[name] = log.columns[name]
     samples["time"] = time - time[0]
-    missing = [words for name, words in _WITHOUT.items() if name not in names]
+    missing = [words for name, words in WITHOUT.items() if name not in names]
     duration, scales = float(time[-1] - time[0]), log.scales
     meta = {
         "name": log.path.stem,

@@ -60,15 +60,29 @@ def nothing(setup: Setup, running: law.Law, setpoints: NDArray[np.float64], what
     return Learned(np.zeros(len(setpoints)), column["reference"].copy(), known, meta)
 
 
+def claim(path: Path) -> None:
+    """Make sure, before there is anything to lose, that a learned current can be kept in `path`.
+
+    Raises LearnedError where it cannot, or another kind of file is there.
+    """
+    if path.exists() and not _ours(path):
+        raise LearnedError(f"{path} is no learned current and is left as it is: choose another file with -o")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.open("ab").close()
+    except OSError as error:
+        raise LearnedError(f"{path} cannot be written: {error.strerror}; choose another file with -o") from error
+    if not path.stat().st_size:
+        path.unlink()
+
+
 def save(path: Path, learned: Learned) -> None:
     """Write `learned`; a file that is no learned current is left as it is.
 
     Raises LearnedError where it cannot be written.
     """
-    if path.exists() and not _ours(path):
-        raise LearnedError(f"{path} is no learned current and is left as it is: choose another file with -o")
+    claim(path)
     meta = {**learned.meta, "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "versions": versions()}
-    path.parent.mkdir(parents=True, exist_ok=True)
     try:
         with h5py.File(path, "w") as file:
             file.attrs.update({"format": FORMAT, "meta": json.dumps(meta)})

@@ -12,10 +12,12 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from stagectl.config.friction_laws import Dahl, Lugre
 from stagectl.config.loader import Lengths, Reader
 from stagectl.config.source import compose
 from stagectl.config.stage_file import Setup, StageFile
 from stagectl.design import Control
+from stagectl.kernels import friction_bristle
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.units import LINEAR, ROTARY, UnitError, factor
 
@@ -202,6 +204,9 @@ def _stage(file: StageFile, axis: dict[str, Any]) -> dict[str, Any]:
 
 
 def _friction(file: StageFile) -> dict[str, Any]:
+    if isinstance(file.friction, Dahl | Lugre):
+        name = "dahl" if isinstance(file.friction, Dahl) else "lugre"
+        return {"law": name, **_plain(file.friction.bristle())}
     operators = file.friction.operators()
     weight = [float(value) for value in operators.weight]
     return {
@@ -211,6 +216,10 @@ def _friction(file: StageFile) -> dict[str, Any]:
         "coulomb": math.fsum(weight),
         **({"stribeck": file.friction.stribeck._asdict()} if file.friction.stribeck.rise else {}),
     }
+
+
+def _plain(bristle: friction_bristle.Bristle) -> dict[str, Any]:
+    return {**bristle._asdict(), "stribeck": bristle.stribeck._asdict()}
 
 
 def _drive(file: StageFile) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from stagectl.identification.methods import METHODS
 from stagectl.recording.meta import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
-from stagectl.words import duration
+from stagectl.words import duration, length
 
 MOST_POINTS = 4000  # of a line; more is not seen
 MOST_CAPTURES = 3  # drawn
@@ -34,8 +34,10 @@ def page(result: dict[str, Any], what: tuple[Found, Sequence[Capture], Setup], c
     for one in captures[:MOST_CAPTURES]:
         pictures.append(Picture(embedded(motion(one, setup)), f"What was identified from: {_name(one)}."))
     title, notes = f"stagectl identify {result['method']}: {result['stage']}", [*result["notes"], *_notes(captures)]
-    tables = [parameters(result), *_correlations(result), _captures(captures)]
-    return Page(title, answer(result), notes, pictures, tables, [command], versions())
+    own = _module(result["method"])
+    tables = [parameters(result), *(own.tables(found) if hasattr(own, "tables") else [])]
+    tables += [*_correlations(result), _captures(captures)]
+    return Page(title, answer(result), notes, pictures, tables, [command], versions(), broad=True)
 
 
 def answer(result: dict[str, Any]) -> str:
@@ -49,7 +51,9 @@ def answer(result: dict[str, Any]) -> str:
 
 
 def _worded(one: dict[str, Any]) -> str:
-    return duration(one["value"]) if one["unit"] == "s" else f"{one['value']:.4g} {one['unit']}".strip()
+    if one["unit"] in ("s", "m"):
+        return duration(one["value"]) if one["unit"] == "s" else length(one["value"], "m")
+    return f"{one['value']:.4g} {one['unit']}".strip()
 
 
 def parameters(result: dict[str, Any]) -> Table:
@@ -101,13 +105,16 @@ def _name(capture: Capture) -> str:
     return capture.name.rsplit("/", 1)[-1]
 
 
+def _module(name: str) -> Any:
+    """A method's own report module: ``pictures(found, captures, file)``, and ``tables(found)`` if it has any."""
+    module = f"stagectl.report.{METHODS[name].module}"
+    return importlib.import_module(module) if importlib.util.find_spec(module) else None
+
+
 def _of_the_method(name: str, found: Found, captures: Sequence[Capture], setup: Setup) -> list[Picture]:
     """The figures that a method's own report module draws."""
-    module = f"stagectl.report.{METHODS[name].module}"
-    if importlib.util.find_spec(module) is None:
-        return []
-    pictures: list[Picture] = importlib.import_module(module).pictures(found, list(captures), setup.file)
-    return pictures
+    own = _module(name)
+    return [] if own is None else list(own.pictures(found, list(captures), setup.file))
 
 
 def motion(capture: Capture, setup: Setup) -> Figure:

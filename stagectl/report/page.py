@@ -43,6 +43,7 @@ class Page(NamedTuple):
     tables: list[Table]
     commands: list[str]
     versions: dict[str, str]
+    broad: bool = False  # figures of several panels: at most two side by side
     sections: tuple[Section, ...] = ()  # after the page's own figures and tables
 
 

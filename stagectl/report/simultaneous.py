@@ -129,7 +129,7 @@ def reversals(p: _Curves, end: float) -> list[tuple[NDArray[np.float64], NDArray
     position = p.columns["position"]
     friction = p.columns["force"] - p.inertia * p.columns["acceleration"] - p.viscous * p.columns["velocity"]
     turns = np.flatnonzero(np.diff(np.sign(np.diff(position))) != 0.0) + 1
-    found = []
+    found: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
     for turn, until in zip(turns, [*turns[1:], len(position)], strict=True):
         moved = position[turn:until] - position[turn]
         heading = float(np.sign(moved[-1]))

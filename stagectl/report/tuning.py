@@ -19,11 +19,11 @@ from stagectl.recording.meta import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
 from stagectl.robustness import Loop, Robustness, robustness, stiffness
-from stagectl.tuned import Closed, closed, gains, headline, notes, rows, step
+from stagectl.tuned import Closed, closed, gains, headline, margins, notes, rows, step, stiffness_unit, stiffness_unit
 from stagectl.tuning import Tuned
 
 Array = NDArray[Any]
-COLOURS = (TARGET, WITH, WITHOUT, "#7c3aed")  # of the loops, the one cut at the current first
+COLOURS = (TARGET, WITH, "#7c3aed", "#94a3b8")  # of the loops, the one cut at the current first
 WIDTH, HEIGHT = 5.4, 4.0
 
 
@@ -42,7 +42,8 @@ def page(setup: Setup, tuned: Tuned, command: str) -> Page:
         _pictures(setup, tuned, found),
         [
             Table("Gains", head, table),
-            Table("Margins and closed loop", ["", *tuned.reached], rows(setup, tuned, found)),
+            Table("Margins", ["", *tuned.reached], margins(tuned)),
+            Table("Closed loop", ["", ""], rows(setup, found)),
         ],
         [command],
         versions(),
@@ -54,7 +55,8 @@ def _loop(setup: Setup) -> str:
     return (
         f"The loop as it runs: Ts {setup.dt * 1e3:g} ms, nd {p.drive.delay_samples} and nm {p.encoder.delay_samples} "
         f"periods of delay, current lag {p.drive.current_lag * 1e3:.3g} ms, zero-order hold; "
-        f"inertia {p.mechanics.inertia:.4g}, viscous {p.mechanics.viscous:.4g}, force constant {p.motor.force_constant:.4g} (SI)."
+        f"inertia {p.mechanics.inertia:.4g}, viscous {p.mechanics.viscous:.4g}, force constant "
+        f"{p.motor.force_constant:.4g} (SI)."
     )
 
 
@@ -125,7 +127,9 @@ def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
         for peak, name, colour in ((one.sensitivity, "Ms", TARGET), (one.complementary, "Mt", WITH)):
             level = 20.0 * math.log10(peak.value)
             axes.plot(peak.frequency, level, "o", color=colour, markersize=4)
-            _note(axes, f"{name} {peak.value:.2f}", (peak.frequency, level), (6 if name == "Ms" else -42, 3), colour)
+            _note(
+                axes, f"{name} {peak.value:.2f}", (peak.frequency, level), (6, 4) if name == "Ms" else (-44, 6), colour
+            )
         if math.isfinite(tuned.demand.peak):
             bound = 20.0 * math.log10(tuned.demand.peak)
             axes.axhline(bound, color=WITHOUT, linewidth=1.0, linestyle="--", label=f"Ms = {tuned.demand.peak:g}")
@@ -185,16 +189,16 @@ def response(setup: Setup, tuned: Tuned, found: Closed) -> Figure:
 def stiff(setup: Setup, each: dict[str, Loop], found: Closed) -> Figure:
     """Dynamic stiffness over frequency."""
     loop, axis = next(iter(each.values())), setup.file.axis
-    scale, unit = (1e-6, "N/µm") if axis.travel_unit == "m" else (1.0, "N m/rad")
+    scale, unit = stiffness_unit(setup)
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
-        f = np.geomspace(min(1.0, 0.001 / loop.dt), 0.5 / loop.dt, 1500)
+        f = np.geomspace(min(1.0, 0.001 / loop.dt), 0.2 / loop.dt, 1500)  # above, the hold rounds it off
         axes.loglog(f, scale * stiffness(setup.stage, loop, f) / axis.travel_per_unit**2, color=WITH, linewidth=1.4)
         least = scale * found.softest.value
         axes.plot(found.softest.frequency, least, "o", color=WITHOUT, markersize=4)
         place = (found.softest.frequency, least)
-        _note(axes, f"{least:.3g} {unit} at {found.softest.frequency:.3g} Hz", place, (-40, -14))
-        axes.set_ylim(0.4 * least, None)
+        _note(axes, f"{least:.3g} {unit} at {found.softest.frequency:.3g} Hz", place, (-40, -15))
+        axes.set_ylim(0.15 * least, None)
         axes.set_ylabel(f"dynamic stiffness [{unit}]")
         _frequency_axis(axes)
         figure.tight_layout()

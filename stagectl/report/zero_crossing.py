@@ -68,7 +68,7 @@ def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Pic
     )
     velocity = "The same over velocity: not symmetric about zero speed."
     return [
-        Picture(embedded(forces(found.details, over, file.axis)), caption)
+        Picture(embedded(forces_over(over, found.details, file.axis)), caption)
         for over, caption in (("time", time), ("velocity", velocity))
     ]
 
@@ -110,26 +110,43 @@ def release(runs: Sequence[Run], span: tuple[float, float] = (-0.02, 0.25)) -> F
     return figure
 
 
-def forces(details: Mapping[str, Any], over: str, axis: StageAxis = SLIDER, shown: Sequence[str] = SHOWN) -> Figure:
-    """Friction seen at a reversal and the fitted forms over ``time`` (the paper's Fig. 8) or ``velocity`` (Fig. 9)."""
+def forces(details: Mapping[str, Any], axis: StageAxis = SLIDER, shown: Sequence[str] = SHOWN) -> Figure:
+    """Friction seen at a reversal and the fitted forms, over time (the paper's Fig. 8) and velocity (Fig. 9)."""
+    with mpl.rc_context(STYLE):
+        figure, (left, right) = plt.subplots(1, 2, figsize=(10.4, 4.4), sharey=True, width_ratios=(3, 2))
+        _forces(left, details, "time", axis, shown)
+        _forces(right, details, "velocity", axis, shown)
+        right.set_ylabel("")
+        handles, labels = left.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="upper center", ncols=3, fontsize=8)
+        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.9))
+    return figure
+
+
+def forces_over(over: str, details: Mapping[str, Any], axis: StageAxis = SLIDER) -> Figure:
+    """One half of `forces`, over ``time`` or ``velocity``: the width that a page gives to a figure."""
+    with mpl.rc_context(STYLE):
+        figure, part = plt.subplots(figsize=(5.6, 4.4))
+        _forces(part, details, over, axis, SHOWN)
+        part.legend(loc="lower center", bbox_to_anchor=(0.45, 1.0), ncols=2, fontsize=7.5, columnspacing=1.2)
+        figure.tight_layout()
+    return figure
+
+
+def _forces(part: Axes, details: Mapping[str, Any], over: str, axis: StageAxis, shown: Sequence[str]) -> None:
     curves = {name: np.asarray(values) for name, values in details["curves"].items()}
     near = np.abs(curves["time"]) <= NEAR
     unit = "N" if axis.kind == LINEAR else "N m"
     x = 1e3 * curves[over][near] * (axis.travel_per_unit if over == "velocity" else 1.0)
-    with mpl.rc_context(STYLE):
-        figure, part = plt.subplots(figsize=(5.6, 4.4))
-        part.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="seen: F - M a - D v")
-        for name in shown:
-            line = "--" if name.endswith("-free") else "-"
-            label = f"{NAMES[name]}, rms {_rms(curves, name):.2g} {unit}"
-            part.plot(x, curves[name][near], line, color=COLOURS[name], linewidth=1.1, label=label)
-        part.axhline(0.0, color="#94a3b8", linewidth=0.6)
-        part.axvline(0.0, color="#94a3b8", linewidth=0.6)
-        part.set_xlabel({"time": "time from the zero crossing [ms]"}.get(over, f"velocity [m{axis.travel_unit}/s]"))
-        part.set_ylabel(f"friction [{unit}]")
-        part.legend(loc="lower center", bbox_to_anchor=(0.45, 1.0), ncols=2, fontsize=7.5, columnspacing=1.2)
-        figure.tight_layout()
-    return figure
+    part.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="seen: F - M a - D v")
+    for name in shown:
+        line = "--" if name.endswith("-free") else "-"
+        label = f"{NAMES[name]}, rms {_rms(curves, name):.2g} {unit}"
+        part.plot(x, curves[name][near], line, color=COLOURS[name], linewidth=1.1, label=label)
+    part.axhline(0.0, color="#94a3b8", linewidth=0.6)
+    part.axvline(0.0, color="#94a3b8", linewidth=0.6)
+    part.set_xlabel({"time": "time from the zero crossing [ms]"}.get(over, f"velocity [m{axis.travel_unit}/s]"))
+    part.set_ylabel(f"friction [{unit}]")
 
 
 def _rms(curves: Mapping[str, Array], name: str) -> float:

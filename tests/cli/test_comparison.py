@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stagectl import session, trials
 from stagectl.recording.hdf5 import open_recording
+from stagectl.recording.learned import load
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
 
@@ -143,3 +145,53 @@ def test_an_open_loop_teaches_nothing(command: Command) -> None:
     code, _, err = command("compare", STAGE, "current.yaml", "off", "ptc", "--simulate")
     assert code == 2
     assert "has no tracking error to compare: its loop is open" in err
+
+
+def test_a_learning_that_is_stopped_keeps_what_it_has(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fault in the third trial: the second one's current is kept, the fault is said, exit 1."""
+    real, calls = session.pretend, list[Any]()
+
+    def stopping(motion: Any, plant: Any) -> dict[str, Any]:
+        calls.append(motion)
+        return real(motion, plant) | ({"fault": "following error at 0.2 s"} if len(calls) == 3 else {})
+
+    monkeypatch.setattr(trials, "pretend", stopping)
+    options = ("--simulate", "--without", "friction", "-o", "l.h5", "--json", "-")
+    code, out, err = command("learn", STAGE, "sine.yaml", *options)
+    assert code == 1
+    found = result(out)
+    assert (len(found["trials"]), found["kept"]) == (2, 2)
+    assert found["stopped"].startswith("trial 3: the run was stopped: following error at 0.2 s; ")
+    assert "it is undone, and what was learned before is kept" in err
+    assert np.array_equal(load(Path("l.h5")).current, calls[1].plan.setpoints[:, 5])
+    calls.extend([None] * 10)
+    monkeypatch.setattr(trials, "pretend", lambda *_: real(*_) | {"fault": "late"})
+    code, out, err = command("learn", STAGE, "sine.yaml", *options)
+    assert (code, out) == (2, "")
+    assert "error: the run was stopped: late; " in err
+
+
+def test_a_file_that_cannot_be_kept_is_refused_before_anything_moves(
+    command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trials, "pretend", lambda *_: pytest.fail("something moved"))
+    Path("text.h5").write_text("not a current")
+    for target, words in (("text.h5", "text.h5 is no learned current"), ("text.h5/l.h5", "cannot be written")):
+        code, out, err = command("learn", STAGE, "sine.yaml", "--simulate", "-o", target)
+        assert (code, out) == (2, "")
+        assert words in err
+    assert not Path("recordings").exists()
+
+
+def test_what_a_wrong_friction_model_leaves_is_learned(command: Command) -> None:
+    """The machine has a tenth more friction than its model: the combination takes what the model leaves over."""
+    Path("model.yaml").write_text(STAGE.read_text().replace("coulomb: 1.0 N m", "coulomb: 0.9 N m"))
+    code, out, err = command(
+        *("compare", "model.yaml", "sine.yaml", "ptc", "ptc+friction", "ptc+friction+ilc", "--plant", STAGE),
+        *("--simulate", "--repeats", 1, "--trials", 6, "-o", "there", "--json", "-"),
+    )
+    assert code == 0, err
+    means = {one["name"]: one["peak"]["mean"] for one in result(out)["variants"]}
+    assert 0.08 < means["ptc+friction"] / means["ptc"] < 0.14
+    assert means["ptc+friction+ilc"] < 0.06 * means["ptc+friction"]
+    assert "One repeat tells nothing about chance: take --repeats 5 for intervals." in err

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from stagectl.config.loader import Lengths
 from stagectl.config.patch import patched, write
 from stagectl.config.source import ConfigError
-from stagectl.config.stage_file import StageFile, load_stage
+from stagectl.config.stage_file import Operators, Rolling, StageFile, load_stage
 from stagectl.units import ROTARY
 from tests.conftest import CONFIG
 
@@ -77,6 +77,7 @@ def check_values(file: StageFile, wanted: dict[str, Any]) -> None:
     assert file.mechanics.inertia == pytest.approx(wanted["mechanics.inertia"], rel=1e-6)
     assert file.mechanics.viscous == pytest.approx(wanted["mechanics.viscous"], rel=1e-6)
     assert file.mechanics.bias == pytest.approx(wanted["mechanics.bias"], rel=1e-6)
+    assert isinstance(file.friction, Rolling | Operators)
     found = file.friction.operators()
     np.testing.assert_allclose(found.weight, wanted["friction"]["weight"], rtol=1e-6)
     np.testing.assert_allclose(found.slip, wanted["friction"]["slip"], rtol=1e-6)

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.io import loadmat
 
+from stagectl.config.patch import write
 from stagectl.config.stage_file import StageFile, load_stage
 from stagectl.identification import closed_loop, friction_models
 from stagectl.identification.capture import Capture, IdentificationError
@@ -17,10 +18,12 @@ from stagectl.identification.closed_loop import PUBLISHED, Servo, errors, simula
 from stagectl.identification.found import Found
 from stagectl.identification.friction_members import FAMILY, bundled, data_table
 from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
+from stagectl.report import friction_models as report
 
 Array = NDArray[np.float64]
 EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
-FILE: StageFile = load_stage(Path(__file__).parents[2] / "config" / "emps.yaml").file
+CONFIG = Path(__file__).parents[2] / "config"
+FILE: StageFile = load_stage(CONFIG / "emps.yaml").file
 GAIN = FILE.motor.force_constant
 DT, COULOMB, RANGE = 1e-3, 20.0, 4e-5  # s, N, m
 
@@ -106,7 +109,7 @@ def test_the_law_that_made_the_force_is_chosen(law: str) -> None:
     assert steps == [(k, 7) for k in range(1, 8)]
     assert [row["name"] for row in found.details["models"]] == list(FAMILY)
     assert "lowest BIC" in found.notes[0]
-    assert found.changes == {f"mechanics.{name}": found.parameters[name].value for name in ("inertia", "viscous")}
+    assert found.changes["mechanics.bias"] == -found.parameters["offset"].value
     simplest = found.details["models"][0]
     best = next(row for row in found.details["models"] if row["name"] == law)
     assert best["force_residual_percent"] < 0.9 * simplest["force_residual_percent"]
@@ -121,6 +124,22 @@ def test_intervals_hold_the_truth() -> None:
         found = friction_models.fit("dahl", [made("dahl", seed, 1.0)], FILE).parameters
         held += sum(found[name].low <= value <= found[name].high for name, value in truth.items())
     assert 85 <= held <= 95
+
+
+@pytest.mark.parametrize("law", ["coulomb-viscous", "stribeck", "dahl", "lugre", "gms"])
+def test_what_was_found_goes_into_a_stage_file_and_comes_back(law: str, tmp_path: Path) -> None:
+    found = friction_models.fit(law, [made(law, 3)], FILE)
+    written = tmp_path / "stage.yaml"
+    write(CONFIG / "emps.yaml", written, found.changes)
+    p = load_stage(written).stage
+    assert p.mechanics.inertia == pytest.approx(found.parameters["inertia"].value, rel=1e-6)
+    assert p.mechanics.bias == pytest.approx(-found.parameters["offset"].value, rel=1e-6)
+    assert stage.sliding(p.friction) == pytest.approx(found.parameters["coulomb"].value, rel=1e-6)
+    if law == "lugre":
+        assert p.friction.bristle.damping == pytest.approx(found.parameters["bristle_damping"].value, rel=1e-6)
+        assert p.friction.bristle.stribeck.rise == pytest.approx(found.parameters["stribeck_rise"].value, rel=1e-6)
+    if law == "stribeck":
+        assert p.friction.stribeck.velocity == pytest.approx(found.parameters["stribeck_velocity"].value, rel=1e-6)
 
 
 def test_what_is_not_told_is_said() -> None:
@@ -232,3 +251,14 @@ def test_a_run_needs_a_reference_and_a_model_that_is_stable(emps: Capture) -> No
     light = published()._replace(drive=stage.Drive(0.0, 0, np.inf, 0.0), mechanics=stage.Mechanics(0.01, 0.0, 0.0))
     with pytest.raises(IdentificationError, match="the closed loop on this model is unstable"):
         closed_loop.simulated(light, Servo(160.18, 243.45), emps)
+
+
+def test_its_figures_are_drawn(emps: Capture, family: Found) -> None:
+    """Three on the record, none where one model alone was fitted; the curves end at each model's sliding friction."""
+    with_published = family._replace(details={**family.details, "published": PUBLISHED._asdict()})
+    assert len(report.pictures(with_published, [emps], FILE)) == 3
+    assert report.pictures(friction_models.fit("dahl", [made("dahl", 3)], FILE), [], FILE) == []
+    rows = {row["name"]: row for row in family.details["models"]}
+    force = report.curve(rows["table"], np.linspace(0.0, 5e-4, 50))
+    sliding = 0.5 * sum(value for name, value in rows["table"]["values"].items() if name.startswith("rise_"))
+    assert (force[0], force[-1]) == (pytest.approx(-sliding), pytest.approx(sliding))

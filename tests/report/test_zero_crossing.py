@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import Axis
-from stagectl.report.zero_crossing import Compensated, Run, compensation, forces, release, stroke_end
+from stagectl.report.zero_crossing import Compensated, Run, compensation, forces, forces_over, release, stroke_end
 from tests.identification.slider import errors, recorded, slider, trapezoid
 
 
@@ -47,7 +47,7 @@ def test_the_forms_are_drawn_over_time_and_velocity() -> None:
     names = ("friction", "exponential", "displacement", "symmetric", "symmetric-free")
     curves = {"time": t, "velocity": -0.1 * t, **{name: np.full(50, float(k)) for k, name in enumerate(names)}}
     details = {"curves": {name: values.tolist() for name, values in curves.items()}}
-    (left,), (right,) = forces(details, "time").axes, forces(details, "velocity").axes
+    left, right = forces(details).axes
     assert [line.get_label() for line in left.lines[:2]] == [
         "seen: F - M a - D v",
         "proposed (exponential), rms 1 N",
@@ -55,6 +55,6 @@ def test_the_forms_are_drawn_over_time_and_velocity() -> None:
     assert np.asarray(left.lines[0].get_xdata())[0] == pytest.approx(-100.0)  # ms
     assert np.asarray(right.lines[0].get_xdata())[0] == pytest.approx(10.0)  # mm/s
     assert right.get_xlabel() == "velocity [mm/s]"
-    screw = forces(details, "velocity", Axis("rotary", 12e-3)).axes[0]
+    screw = forces_over("velocity", details, Axis("rotary", 12e-3)).axes[0]
     assert np.asarray(screw.lines[0].get_xdata())[0] == pytest.approx(10.0 * 12.0e-3 / (2.0 * np.pi))
     assert screw.get_ylabel() == "friction [N m]"

@@ -1,0 +1,72 @@
+"""The friction of a stage file: which law, and the plant's parameters that follow from it."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from stagectl.kernels import friction, friction_bristle, stage
+from stagectl.units import Quantity
+
+
+class Rolling(NamedTuple):
+    """Rolling friction by its picture: equal elements whose slips are spaced geometrically."""
+
+    coulomb: Annotated[float, Quantity("N m | N", "[0, 1e6]", "friction when all elements slip, T_c")]
+    shortest: Annotated[float, Quantity("rad | m", "(0, 1e3]", "slip of the stiffest element")]
+    longest: Annotated[float, Quantity("rad | m", "(0, 1e3]", "slip of the softest element")]
+    elements: Annotated[int, Quantity("", "[1, 64]", "number of stop operators")] = 12
+    stribeck: friction.Stribeck = friction.Stribeck()
+
+    def operators(self) -> friction.StopOperators:
+        """The elements, one by one."""
+        steps = max(self.elements - 1, 1)
+        ratio = self.longest / self.shortest
+        slips = [self.shortest * ratio ** (j / steps) for j in range(self.elements)]
+        return friction.bundle([self.coulomb / self.elements] * self.elements, slips)
+
+
+class Operators(NamedTuple):
+    """Rolling friction element by element, as an identification writes it."""
+
+    weight: Annotated[tuple[float, ...], Quantity("N m | N", "[0, 1e6]", "force at which each element slips")]
+    slip: Annotated[tuple[float, ...], Quantity("rad | m", "(0, 1e3]", "displacement at which each slips")]
+    stribeck: friction.Stribeck = friction.Stribeck()
+
+    def operators(self) -> friction.StopOperators:
+        """The elements, as given."""
+        return friction.bundle(self.weight, self.slip)
+
+
+class Dahl(NamedTuple):
+    """Dahl's friction: one bristle that bends further and further the way the axis moves."""
+
+    coulomb: Annotated[float, Quantity("N m | N", "(0, 1e6]", "friction at speed, T_c")]
+    range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "T_c over the stiffness at rest, sigma_0")]
+    exponent: Annotated[float, Quantity("", "[0.2, 4]", "n, the shape of the approach; 1 is exponential")] = 1.0
+
+    def bristle(self) -> friction_bristle.Bristle:
+        """The law, ready to run."""
+        return friction_bristle.Bristle(self.coulomb, self.coulomb / self.range, self.exponent)
+
+
+class Lugre(NamedTuple):
+    """LuGre friction: a bristle whose limit follows Stribeck's curve, with damping of its own."""
+
+    coulomb: Annotated[float, Quantity("N m | N", "(0, 1e6]", "friction at speed, T_c")]
+    range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "T_c over the stiffness at rest, sigma_0")]
+    damping: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e9]", "of the bristle, sigma_1")] = 0.0
+    stribeck: friction.Stribeck = friction.Stribeck()
+
+    def bristle(self) -> friction_bristle.Bristle:
+        """The law, ready to run."""
+        return friction_bristle.Bristle(self.coulomb, self.coulomb / self.range, 1.0, self.damping, self.stribeck)
+
+
+LAWS = {"rolling": Rolling, "stop-operators": Operators, "dahl": Dahl, "lugre": Lugre}
+
+
+def friction_of(law: Rolling | Operators | Dahl | Lugre) -> stage.Friction:
+    """The plant's friction: a bundle of stop operators, or a bristle beside one that carries nothing."""
+    if isinstance(law, Rolling | Operators):
+        return stage.Friction(law.operators(), law.stribeck)
+    return stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), law.bristle())

@@ -1,0 +1,116 @@
+"""Figures of the friction family: what each model leaves, how it runs in closed loop, its curve after a reversal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stagectl.config.stage_file import StageFile
+from stagectl.identification.capture import Array, Capture
+from stagectl.identification.found import Found
+from stagectl.identification.friction_members import FAMILY, Path
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.page import Picture
+
+BARS = (
+    ("force_residual_percent", "all rows", TARGET),
+    ("later_half", "later half, fitted to the earlier", WITH),
+    ("fastest", "fastest rows, fitted to the slower", WITHOUT),
+)
+COLOURS = ("#334155", "#94a3b8", "#2563eb", "#7c3aed", "#0f766e", "#d97706", "#be123c")
+POINTS = 400
+SETTLED = 1.1  # the curves are drawn until the slowest of them has come this far beyond its range
+
+
+def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
+    """Of `friction_models.identify`; nothing where one model alone was fitted."""
+    rows = found.details.get("models")
+    if not rows:
+        return []
+    made = [Picture(embedded(residuals(rows)), "What each model leaves of the force, of rows it saw and did not see.")]
+    if all("closed_loop" in row for row in rows):
+        words = "The record's reference run again in closed loop on each model."
+        made.append(Picture(embedded(closed_loop(rows, found.details.get("published"))), words))
+    return [
+        *made,
+        Picture(
+            embedded(reversal(rows, file)),
+            "Each model's friction after a full, slow reversal; in brackets above, the number of its parameters.",
+        ),
+    ]
+
+
+def residuals(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Residual (%) of the force: of all rows, and of those held out."""
+    values = [{"force_residual_percent": row["force_residual_percent"], **row["held_out"]} for row in rows]
+    with mpl.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(5.6, 4.0))
+        for number, (name, label, colour) in enumerate(BARS):
+            places = np.arange(len(rows)) + 0.26 * (number - 1)
+            axes.barh(places, [value[name] for value in values], 0.24, color=colour, label=label)
+        _models(axes, rows)
+        axes.set_xlabel("residual of the force [%]")
+        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.86))
+        figure.legend(*axes.get_legend_handles_labels(), loc="upper left", fontsize=7.5)
+    return figure
+
+
+def closed_loop(rows: Sequence[Mapping[str, Any]], published: Mapping[str, float] | None) -> Figure:
+    """The four errors (%), each beside the published one where there is one."""
+    with mpl.rc_context(STYLE):
+        figure, grid = plt.subplots(2, 2, figsize=(5.6, 5.0), sharey=True)
+        for axes, name in zip(grid.flat, ("position", "velocity", "acceleration", "force"), strict=True):
+            axes.barh(np.arange(len(rows)), [row["closed_loop"][name] for row in rows], 0.6, color=WITH)
+            axes.set_xlabel(f"{name} error [%]")
+            axes.locator_params(axis="x", nbins=4)
+            if published:
+                axes.axvline(published[name], color=WITHOUT, linestyle="--", linewidth=1.2, label="published")
+            axes.set_axisbelow(True)
+            axes.grid(axis="y", visible=False)
+        _models(grid[0, 0], rows)
+        grid[1, 0].tick_params(axis="y", labelsize=8)
+        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.95 if published else 1.0))
+        if published:
+            figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="upper left", fontsize=7.5)
+    return figure
+
+
+def reversal(rows: Sequence[Mapping[str, Any]], file: StageFile) -> Figure:
+    """Friction over the displacement since a full reversal."""
+    linear = file.axis.kind == "linear"
+    scale, unit = (1e6 * file.axis.travel_per_unit, "µm") if file.axis.travel_unit == "m" else (1e3, "mrad")
+    longest = max([row["values"].get("range", 0.0) for row in rows if row["name"] in ("gms", "table")])
+    s = SETTLED * 2.0 * longest * np.linspace(0.0, 1.0, POINTS)
+    with mpl.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(5.6, 4.0))
+        for row, colour in zip(rows, COLOURS, strict=True):
+            axes.plot(scale * s, curve(row, s), color=colour, linewidth=1.3, label=row["words"])
+        axes.set_xlabel(f"displacement since the reversal [{unit}]")
+        axes.set_ylabel(f"friction [{'N' if linear else 'N m'}]")
+        axes.legend(loc="lower right", fontsize=7.5)
+        figure.tight_layout()
+    return figure
+
+
+def curve(row: Mapping[str, Any], displacement: Array) -> Array:
+    """Force (n,) of a model at these displacements since a full reversal, at a speed that takes 10 s for them all."""
+    member, values = FAMILY[row["name"]], list(row["values"].values())
+    count, dt = len(member.linear), 10.0 / len(displacement)
+    weights, theta = np.array(values[2 : 2 + count]), values[3 + count :]
+    there = -np.linspace(0.0, 20.0 * float(displacement[-1]), 20 * len(displacement))
+    path = Path(np.concatenate([there, there[-1] + displacement[1:]]), dt)
+    force = member.columns(path, theta) @ weights
+    return np.asarray(force[len(there) - 1 :])
+
+
+def _models(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
+    axes.set_yticks(np.arange(len(rows)), [f"{row['words']} ({row['count']})" for row in rows], fontsize=8)
+    axes.invert_yaxis()
+    axes.set_axisbelow(True)
+    axes.grid(axis="y", visible=False)

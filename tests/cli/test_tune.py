@@ -1,0 +1,113 @@
+"""``stagectl tune``: what it prints, writes and refuses, and that a refused stage can be tuned."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from stagectl.config.stage_file import load_stage
+from stagectl.design import CascadeControl, Control
+from tests.cli.conftest import Command
+from tests.conftest import CONFIG
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Stage files of one's own."""
+    monkeypatch.chdir(tmp_path)
+    for path in CONFIG.glob("*.yaml"):
+        shutil.copy(path, tmp_path)
+    shutil.copytree(CONFIG / "drives", tmp_path / "drives")
+    return tmp_path
+
+
+def test_a_design_is_shown_and_written_and_its_comments_stay(command: Command, folder: Path) -> None:
+    before = (folder / "ball-screw.yaml").read_text()
+    words = ("--bandwidth", "30Hz", "--margin", "30deg", "--write", "ball-screw.yaml", "--json", "-")
+    code, out, err = command("tune", "ball-screw.yaml", *words)
+    assert code == 0
+    result = json.loads(out)
+    assert result["bandwidth"] == {"value": 30.0, "unit": "Hz"}
+    for word in ("PM", "GM up", "GM down", "delay margin", "Ms", "Mt", "Conditionally stable", "N/µm"):
+        assert word in err
+    assert "control.bandwidth: 40 Hz -> 30 Hz" in err
+    after = (folder / "ball-screw.yaml").read_text()
+    assert re.findall("#.*", after) == re.findall("#.*", before)
+    control = load_stage(folder / "ball-screw.yaml").file.control
+    assert isinstance(control, Control)
+    assert (control.bandwidth, control.margin) == (30.0, pytest.approx(math.radians(30.0)))
+    page = next((folder / "recordings").glob("*-tune-ball-screw.html")).read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 6
+    assert not re.search(r"(src|href)=\"(?!data:)", page)
+
+
+def test_the_other_law_replaces_the_block(command: Command, folder: Path) -> None:
+    code, _, err = command(
+        "tune",
+        "ball-screw.yaml",
+        "--law",
+        "cascade",
+        "--write",
+        "new.yaml",
+        "--report",
+        "out/p.html",
+        "--json",
+        "r.json",
+    )
+    assert code == 0, err
+    assert "a copy of ball-screw.yaml" in err
+    assert (folder / "out" / "p.html").is_file()
+    result = json.loads((folder / "r.json").read_text())
+    assert list(result["loops"]) == ["whole_loop", "velocity_loop", "position_loop"]
+    control = load_stage(folder / "new.yaml").file.control
+    assert isinstance(control, CascadeControl)
+    for name, value in result["control"].items():
+        assert getattr(control, name) == pytest.approx(value)
+    assert control.margin == load_stage(folder / "ball-screw.yaml").file.control.margin
+
+
+def test_a_stage_whose_loop_is_refused_can_be_tuned(command: Command, folder: Path) -> None:
+    text = (folder / "ball-screw.yaml").read_text()
+    (folder / "refused.yaml").write_text(text.replace("bandwidth: 40 Hz", "bandwidth: 90 Hz"))
+    assert command("config", "check", "refused.yaml")[0] == 1
+    code, out, _ = command("tune", "refused.yaml", "--report", "p.html", "--json", "-")
+    assert code == 0
+    assert 27.0 < json.loads(out)["bandwidth"]["value"] < 29.0
+
+
+REFUSED = [
+    (("--bandwidth", "60Hz", "--margin", "30deg"), "Nearest: --bandwidth 31.5Hz"),
+    (("--bandwidth", "fast"), "--bandwidth fast: not a number"),
+    (("--bandwidth", "40"), "the unit is missing"),
+    (("--bandwidth", "40 mm"), "does not measure Hz"),
+    (("--margin", "120deg"), "must lie in [0, 1.5] rad"),
+    (("--ms", "0.9"), "must lie in (1, 100]"),
+    (("--start", "own"), "--start own"),
+    (("--bandwidth", "3000Hz"), "must lie in (0, 2000] Hz"),
+]
+
+
+@pytest.mark.parametrize(("words", "expected"), REFUSED)
+def test_refusals_write_nothing(command: Command, folder: Path, words: tuple[str, ...], expected: str) -> None:
+    before = (folder / "ball-screw.yaml").read_bytes()
+    code, out, err = command("tune", "ball-screw.yaml", *words, "--write", "ball-screw.yaml")
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert expected in " ".join(err.split())
+    assert (folder / "ball-screw.yaml").read_bytes() == before
+    assert not (folder / "recordings").exists()
+
+
+def test_a_smaller_peak_of_the_sensitivity_is_a_slower_loop(command: Command) -> None:
+    found = {}
+    for peak in ("1.6", "2.4"):
+        _, out, _ = command("tune", "ball-screw.yaml", "--ms", peak, "--report", "p.html", "--json", "-")
+        result = json.loads(out)
+        found[peak] = result["bandwidth"]["value"]
+        assert 0.98 * float(peak) < result["loops"]["loop"]["sensitivity_peak"]["value"] <= float(peak)
+    assert found["1.6"] < 0.6 * found["2.4"]
