@@ -26,7 +26,8 @@ from stagectl.identification import conditions, errors_in_columns, even_weights,
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.delay_search import Fit, Problem, fitted, kept, widest
 from stagectl.identification.found import Characteristic, Found, Parameter
-from stagectl.identification.regressors import ACCELERATION, FREE, ONE, VELOCITY, columns, knots, part
+from stagectl.identification.instruments import follow, instruments, projected
+from stagectl.identification.regressors import ACCELERATION, FREE, ONE, VELOCITY, columns, knots, part, shortest_knots
 from stagectl.identification.slips import RATIO, Range, grid, located
 from stagectl.units import LINEAR, ROTARY
 
@@ -76,7 +77,9 @@ def identify(
 def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float | None) -> Problem:
     """Regressors of all captures that move far enough for the longest slip."""
     room = widest(max(capture.dt for capture in captures)) * 1.5 if delay is None else abs(delay)
-    parts = [part(capture, knots(capture), float(slip[-1]), room) for capture in captures]
+    told = all(follow(capture) for capture in captures)
+    knot = shortest_knots if told else knots
+    parts = [part(capture, knot(capture), float(slip[-1]), room) for capture in captures]
     parts = [one for one in parts if one.rows >= LEAST_ROWS]
     if not parts:
         raise IdentificationError(
@@ -84,7 +87,10 @@ def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float
             "longer: a second of a motion there and back is enough"
         )
     stacked = np.vstack([columns(one, slip) for one in parts])
-    return Problem(parts, stacked, errors_in_columns.equations(stacked, FREE), slip, file.motor.force_constant)
+    source = instruments(parts, slip) if told else None
+    seen = stacked if source is None else projected(source, stacked)
+    equations = errors_in_columns.equations(seen, FREE)
+    return Problem(parts, stacked, seen, source, equations, slip, file.motor.force_constant)
 
 
 def _refined(captures: list[Capture], file: StageFile, ends: Range, delay: float | None) -> Solved:
