@@ -57,7 +57,7 @@ def flattening(c: Columns, inertia: float, viscous: float, misprint: tuple[float
     `misprint` is the inertia and viscous friction that the paper prints on the way.
     """
     x = 1e3 * c.position
-    first = [Line(x, disturbance(c, 0.0, 0.0), "J = D = 0", SHADES[0], "-", 0.8)]
+    first = [Line(x, disturbance(c, 0.0, 0.0), "", SHADES[0], "-", 0.8)]
     by_viscous, by_inertia = [], []
     for number, share in enumerate((0.0, 0.5, 1.0, 1.5)):
         d, j = share * viscous, share * inertia
@@ -67,13 +67,13 @@ def flattening(c: Columns, inertia: float, viscous: float, misprint: tuple[float
         Line(x, disturbance(c, inertia, viscous), "$T_d$ at the J and D found", WITHOUT, "-", 0.8),
         Line(x, c.friction, "rolling friction found", WITH, "-", 1.2),
     ]
-    printed = [Line(x, disturbance(c, *misprint), f"J = {misprint[0]:g}, D = {misprint[1]:g}", SHADES[-1], "-", 0.8)]
+    printed = [Line(x, disturbance(c, *misprint), "", SHADES[-1], "-", 0.8)]
     frames = (
         "(a) as recorded, J = D = 0",
         "(b) D varied, J = 0",
         f"(c) J varied, D = {viscous:.2g}",
         "(d) the end",
-        "(e) the misprint",
+        f"(e) J = {misprint[0]:g}, D = {misprint[1]:g}, as printed",
     )
     captions = (
         "The loop begins as an open ellipse.",
@@ -83,9 +83,17 @@ def flattening(c: Columns, inertia: float, viscous: float, misprint: tuple[float
         "The numbers that the paper prints in its steps 2 and 3.",
     )
     return [
-        picture(lines, Frame(_PLACE, _TORQUE, title, columns=2 if len(lines) == 4 else 1), caption)
+        picture(lines, _roomy(lines, title), caption)
         for lines, title, caption in zip((first, by_viscous, by_inertia, last, printed), frames, captions, strict=True)
     ]
+
+
+def _roomy(lines: list[Line], title: str) -> Frame:
+    """Room above the loops for a legend of several."""
+    if len(lines) != 4:
+        return Frame(_PLACE, _TORQUE, title, legend="center")
+    top = float(np.max([np.max(np.abs(line.y)) for line in lines]))
+    return Frame(_PLACE, _TORQUE, title, ylim=(-1.1 * top, 1.4 * top), columns=4, legend="upper center")
 
 
 def condition(c: Columns, model: tuple[float, float], title: str, caption: str) -> Picture:
@@ -94,7 +102,7 @@ def condition(c: Columns, model: tuple[float, float], title: str, caption: str) 
         Line(1e3 * c.position, disturbance(c, *model), "$T_d$", WITHOUT, "-", 0.7),
         Line(1e3 * c.position, c.friction, "rolling friction found", WITH, "-", 1.0),
     ]
-    return picture(lines, Frame(_PLACE, _TORQUE, title, ylim=(-1.9, 1.9), columns=2), caption)
+    return picture(lines, Frame(_PLACE, _TORQUE, title, ylim=(-1.9, 1.9), columns=2, legend="upper center"), caption)
 
 
 class Course(NamedTuple):
@@ -125,9 +133,27 @@ def errors(title: str, runs: list[Course], ideal: list[Course], steady: tuple[fl
     room = 1.35e6 * float(np.max(np.abs(ideal[0].error)))
     unit = "tracking error"
     return [
-        picture(whole, Frame(_SECONDS, f"{unit} [µm]", title, ylim=(-room, room), columns=3, shaded=(steady,)), ""),
-        picture(near, Frame(_SECONDS, f"{unit} [nm]", "compensated, no noise", ylim=(-top, top), columns=2), ""),
-        picture(noisy, Frame(_SECONDS, f"{unit} [nm]", "compensated, with noise", ylim=(-top, top), columns=2), ""),
+        picture(
+            whole,
+            Frame(
+                _SECONDS, f"{unit} [µm]", title, ylim=(-room, room), columns=3, legend="upper center", shaded=(steady,)
+            ),
+            "",
+        ),
+        picture(
+            near,
+            Frame(
+                _SECONDS, f"{unit} [nm]", "compensated, no noise", ylim=(-top, top), columns=2, legend="upper center"
+            ),
+            "",
+        ),
+        picture(
+            noisy,
+            Frame(
+                _SECONDS, f"{unit} [nm]", "compensated, with noise", ylim=(-top, top), columns=2, legend="upper center"
+            ),
+            "",
+        ),
     ]
 
 
@@ -136,7 +162,7 @@ def inputs(courses: list[tuple[str, list[Course]]]) -> list[Picture]:
     return [
         picture(
             [Line(c.time, c.current, c.label, c.colour, "-", 0.9) for c in runs],
-            Frame(_SECONDS, "current [A]", title, columns=3),
+            Frame(_SECONDS, "current [A]", title, columns=3, legend="upper center"),
             "",
         )
         for title, runs in courses

@@ -16,6 +16,8 @@ from stagectl.report.page import Picture
 CONVENTIONAL, TRUTH = "#2563eb", "#94a3b8"  # beside WITHOUT (no compensation) and WITH (ours)
 SHADES = ("#fbbf24", "#f08c00", "#c2570c", "#7c2d12")  # of one quantity, from small to large
 SIZE = (4.5, 3.2)  # inch
+MARGINS = {"left": 0.145, "right": 0.98, "bottom": 0.145, "top": 0.92}  # fixed: a layout engine draws all of it twice
+DPI = 150
 
 
 class Line(NamedTuple):
@@ -39,6 +41,7 @@ class Frame(NamedTuple):
     ylim: tuple[float, float] | None = None
     xlim: tuple[float, float] | None = None
     columns: int = 1  # of the legend
+    legend: str = "best"  # its place; looking for the best takes its time with many points
     level: tuple[float, ...] = ()  # dotted horizontals
     shaded: tuple[tuple[float, float], ...] = ()  # spans of x
 
@@ -46,15 +49,14 @@ class Frame(NamedTuple):
 def panel(lines: Sequence[Line], frame: Frame) -> Figure:
     """One pair of axes with these curves."""
     with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=SIZE)
+        figure, axes = plt.subplots(figsize=SIZE, gridspec_kw=MARGINS)
         for line in lines:
             (drawn,) = axes.plot(line.x, line.y, line.style, color=line.colour, linewidth=line.width, markersize=3.5)
             if line.label:
                 drawn.set_label(line.label)
         _around(axes, frame)
         if any(line.label for line in lines):
-            axes.legend(loc="best", fontsize=7.5, ncols=frame.columns, columnspacing=1.0, handlelength=1.5)
-        figure.tight_layout()
+            axes.legend(loc=frame.legend, fontsize=7.5, ncols=frame.columns, columnspacing=1.0, handlelength=1.5)
     return figure
 
 
@@ -76,4 +78,4 @@ def _around(axes: Axes, frame: Frame) -> None:
 
 def picture(lines: Sequence[Line], frame: Frame, caption: str) -> Picture:
     """The panel as it stands in a page."""
-    return Picture(embedded(panel(lines, frame)), caption)
+    return Picture(embedded(panel(lines, frame), DPI), caption)

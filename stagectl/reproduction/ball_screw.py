@@ -27,7 +27,7 @@ MAIN = "current-sine-1.6hz-5a"
 OTHERS = ("current-sine-0.8hz-5a", "current-sine-1.6hz-3a", "sine-0.8hz")
 CALIBRATED = "delay known"
 DATA_SHEET = (1.2, 0.7, 0.8)  # inertia, viscous and rolling friction over the true ones
-STEPS = {"experiments": 14.0, "frequency responses": 6.0, "conventional": 1.0, "simultaneous": 16.0, "tracking": 8.0}
+STEPS = {"experiments": 12.0, "frequency responses": 2.0, "conventional": 0.5, "simultaneous": 3.0, "tracking": 2.0}
 SEED = 20
 
 
@@ -71,7 +71,6 @@ def evidence(course: Course, extent: Extent = WHOLE, seed: int = SEED) -> Eviden
     slow = low_speed.identify(captures[SLOW], file)
     proposed = _proposed(course, captures, bench, extent)
     found = tracked(bench, {"conventional": slow, "proposed": proposed[MAIN]}, extent.motions, course.begin("tracking"))
-    course.finish()
     return Evidence(bench, runs, captures, response, speed, slow, proposed, found)
 
 

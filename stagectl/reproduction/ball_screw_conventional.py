@@ -39,6 +39,7 @@ def truth(e: Evidence) -> Characteristic:
 
 def _responses(e: Evidence) -> Part:
     found, kt = e.response, e.bench.machine.stage.motor.force_constant
+    moving = found.parameters["viscous"]
     model = _best(e)
     rows: list[list[str]] = []
     numbers: dict[str, Any] = {}
@@ -62,9 +63,10 @@ def _responses(e: Evidence) -> Part:
         "The paper: the response from current to velocity loses gain and gains phase at low frequencies as the "
         "amplitude R of the current gets smaller. Ours does so, too: a stepped sine in open loop at each amplitude. "
         "The paper gives no numbers for this figure, so the table holds ours alone.",
-        "With the axis kept moving (a multisine injected while the loop follows a slow move) friction is constant and "
-        "falls out: those points lie on the linear model. Above about 50 Hz at small R the axis does not leave "
-        "presliding, and is a spring.",
+        "With the axis kept moving (a multisine injected while the loop follows a slow move) friction is constant "
+        "and falls out: those points lie on the linear model. At low frequencies the loop works against the injected "
+        f"current, and they scatter: D comes out as {moving.value:.3f}, known to {moving.low:.3f} to "
+        f"{moving.high:.3f}. Above about 50 Hz at small R the axis does not leave presliding, and is a spring.",
         "Friction can be told from damping by its describing function, Re(Kt/H) = D + 4 Tc/(pi W), W the velocity "
         "amplitude: a straight line over the amplitudes at one frequency. The truth is D 0.14, Tc 1.0.",
     ]

@@ -18,6 +18,7 @@ from stagectl.reproduction.bench import CONFIG, NO_FRICTION, NOISE, Bench, Run, 
 
 MOTIONS = ("sine-3.2hz", "sine-1.6hz", "sine-0.8hz")
 CONTROLLERS = ("none", "conventional", "proposed")
+NOISES = ("without noise", "with noise")
 _ALL = frozenset[str]()
 
 
@@ -64,7 +65,7 @@ def errors(run: Run) -> dict[str, float]:
 def numbers(tracking: Tracking) -> dict[str, Any]:
     """Errors of all runs (m), and how many times each compensation lowers the peak."""
     found: dict[str, Any] = {}
-    for noise, runs in (("without noise", tracking.quiet), ("with noise", tracking.noisy)):
+    for noise, runs in zip(NOISES, (tracking.quiet, tracking.noisy), strict=True):
         for motion in tracking.motions:
             row = {controller: errors(runs[motion, controller]) for controller in CONTROLLERS}
             for controller in CONTROLLERS[1:]:
