@@ -137,7 +137,7 @@ def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
         axes.set_ylim(-40.0, max(12.0, 20.0 * math.log10(one.sensitivity.value) + 4.0))
         axes.set_ylabel("gain [dB]")
         _frequency_axis(axes)
-        axes.legend(fontsize=8, loc="lower center", ncols=3)
+        axes.legend(fontsize=8, loc="lower left")
         figure.tight_layout()
     return figure
 
