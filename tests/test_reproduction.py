@@ -185,7 +185,7 @@ def test_the_slider_page_holds_every_figure(slider_outcome: Outcome, tmp_path: P
     page = papers.page("slider", slider_outcome, tmp_path / "page.html").read_text(encoding="utf-8")
     for heading in ("Fig. 3", "Fig. 4", "Fig. 5", "Figs. 6 and 7", "Figs. 8 and 9", "Fig. 10"):
         assert f"<h2>{heading} - " in page
-    assert page.count("data:image/png;base64,") == 7
+    assert page.count("data:image/png;base64,") == 8
     assert "Simulated:" in page and "reconstruction" in page
     json.dumps(slider_outcome.numbers(), allow_nan=False)
 

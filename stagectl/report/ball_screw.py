@@ -101,19 +101,6 @@ def curve_fit(curve: dict[str, Any], force_constant: float, fits: list[tuple[str
     ]
 
 
-def constant_speed(spans: list[dict[str, Any]], model: tuple[float, float, float]) -> list[Picture]:
-    """Fig. 5: mean torque over speed, and the lines through it; `model` = viscous, coulomb, offset."""
-    viscous, coulomb, offset = model
-    top = 1.1 * max(abs(one["speed"]) for one in spans)
-    lines = []
-    for sign in (1.0, -1.0):
-        v = np.linspace(0.0, sign * top, 2)
-        lines.append(Line(v, viscous * v + sign * coulomb + offset, "first-order approximation" * (sign > 0), WITH))
-    lines.append(Line([one["speed"] for one in spans], [one["force"] for one in spans], "mean of a span", WITHOUT, "o"))
-    frame = Frame("speed [rad/s]", "mean torque [N m]", f"slope D = {viscous:.4f} N m s/rad")
-    return [picture(lines, frame, "Each point is a mean over whole revolutions.")]
-
-
 def reversal(
     strokes: list[dict[str, Any]], tables: list[tuple[str, str, Characteristic]], scale: float, most: float
 ) -> Picture:

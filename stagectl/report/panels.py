@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -18,6 +18,9 @@ SHADES = ("#fbbf24", "#f08c00", "#c2570c", "#7c2d12")  # of one quantity, from s
 SIZE = (4.5, 3.2)  # inch
 MARGINS = {"left": 0.145, "right": 0.98, "bottom": 0.145, "top": 0.92}  # fixed: a layout engine draws all of it twice
 DPI = 150
+
+
+Place = Literal["best", "center", "upper center"]
 
 
 class Line(NamedTuple):
@@ -41,7 +44,7 @@ class Frame(NamedTuple):
     ylim: tuple[float, float] | None = None
     xlim: tuple[float, float] | None = None
     columns: int = 1  # of the legend
-    legend: str = "best"  # its place; looking for the best takes its time with many points
+    legend: Place = "best"  # its place; looking for the best takes its time with many points
     level: tuple[float, ...] = ()  # dotted horizontals
     shaded: tuple[tuple[float, float], ...] = ()  # spans of x
 

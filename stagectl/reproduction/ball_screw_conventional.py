@@ -11,9 +11,10 @@ from stagectl.identification.found import Characteristic
 from stagectl.identification.frequency_response import joined_curve
 from stagectl.identification.response_lines import Curve, curves
 from stagectl.report import ball_screw as figures
-from stagectl.report.figures import WITH, WITHOUT
-from stagectl.report.page import Section, Table
-from stagectl.report.panels import CONVENTIONAL
+from stagectl.report import conventional as shared
+from stagectl.report.figures import WITH, WITHOUT, embedded
+from stagectl.report.page import Picture, Section, Table
+from stagectl.report.panels import CONVENTIONAL, DPI
 from stagectl.reproduction import published
 from stagectl.reproduction.ball_screw import SLOW, Evidence
 from stagectl.reproduction.part import Part, percent
@@ -75,6 +76,8 @@ def _responses(e: Evidence) -> Part:
         Table("Describing function", ["frequency", "D [N m s/rad]", "Tc [N m]"], straight),
     ]
     pictures = figures.responses(found.details["curves"], kt, model)
+    straight_lines = embedded(shared.describing(found, e.bench.believed.file), DPI)
+    pictures.append(Picture(straight_lines, "(d) Friction told from damping by its describing function.", 560))
     numbers["describing"] = [{k: one[k] for k in ("frequency", "viscous", "coulomb")} for one in describing]
     return Part("figure 2", Section("Fig. 2 - Frequency response", words, pictures, tables), numbers)
 
@@ -185,7 +188,6 @@ def _lags(curve: Curve, kt: float) -> tuple[list[list[str]], dict[str, Any]]:
 
 def _constant_speed(e: Evidence) -> Part:
     p = e.speed.parameters
-    model = (p["viscous"].value, p["coulomb"].value, p["offset"].value)
     viscous = p["viscous"]
     rows = [
         [
@@ -205,7 +207,7 @@ def _constant_speed(e: Evidence) -> Part:
     section = Section(
         "Fig. 5 - Constant velocity examination",
         words,
-        figures.constant_speed(e.speed.details["spans"], model),
+        [Picture(embedded(shared.force_over_speed(e.speed, e.bench.believed.file), DPI), "Each point: one span.", 560)],
         [Table("", ["", "paper", "ours", "95 % interval"], rows)],
     )
     return Part("figure 5", section, {name: one._asdict() for name, one in p.items()})

@@ -114,7 +114,7 @@ def page(paper: str, outcome: Outcome, path: Path) -> Path:
             [],
             [f".venv/bin/stagectl reproduce {paper}", *_COMMANDS[paper]],
             versions(),
-            tuple(part.section for part in outcome.parts),
+            sections=tuple(part.section for part in outcome.parts),
         ),
         path,
     )

@@ -163,10 +163,11 @@ def _forces(e: Evidence) -> Part:
         "accelerations.",
     ]
     head = ["form", "Cs", "shapes", "Cs [N]", "residual rms [N]", "of the friction"]
-    image = Picture(
-        embedded(figures.forces(details)), "Left over time (Fig. 8), right over velocity (Fig. 9).", LEAST + 200
-    )
-    section = Section("Figs. 8 and 9 - Real and estimated force at 10 mm/s", words, [image], [Table("", head, rows)])
+    images = [
+        Picture(embedded(figures.forces_over(over, details)), f"Over {over}, Fig. {number}.")
+        for over, number in (("time", 8), ("velocity", 9))
+    ]
+    section = Section("Figs. 8 and 9 - Real and estimated force at 10 mm/s", words, images, [Table("", head, rows)])
     return Part("figures 8 and 9", section, numbers)
 
 
