@@ -11,7 +11,7 @@ simulation in closed loop (`closed_loop`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from stagectl.config.stage_file import StageFile
 from stagectl.identification import closed_loop, standard_errors
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.found import Found, Parameter
+from stagectl.identification.found import Found, Parameter, Progress
 from stagectl.identification.friction_fit import Data, Fit, Scale, columns_of, fitted, plant, prepared, sensitivity
 from stagectl.identification.friction_members import FAMILY
 from stagectl.kernels import stage
@@ -32,7 +32,6 @@ LAST = (("offset", "N m | N"),)
 SHARP = 20.0  # counts of the encoder over which a model's jump of Coulomb friction happens in simulation
 LAW = {"dahl": "dahl", "lugre": "lugre"}  # in a stage file; all others become stop operators
 REPEATS = 0.999  # correlation of a reference with itself a period later
-Progress = Callable[[int, int], object]
 
 
 class _Judge(NamedTuple):

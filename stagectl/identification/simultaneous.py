@@ -16,7 +16,6 @@ section IV.B; the operators as in `kernels.friction`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from stagectl.config.stage_file import StageFile
 from stagectl.identification import conditions, errors_in_columns, even_weights, intervals, notes
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.delay_search import Fit, Problem, fitted, kept, widest
-from stagectl.identification.found import Characteristic, Found, Parameter
+from stagectl.identification.found import Characteristic, Found, Parameter, Progress
 from stagectl.identification.instruments import follow, instruments, projected
 from stagectl.identification.regressors import ACCELERATION, FREE, ONE, VELOCITY, columns, knots, part, shortest_knots
 from stagectl.identification.slips import RATIO, Range, grid, located
@@ -38,7 +37,6 @@ SURE = 1.959964  # standard deviations either way hold 95 %
 RIPPLE = 12.0  # Wald's statistic above which a ripple is believed; by chance once in four hundred
 RIPPLE_TRAVEL = 1.5  # rad, least travel that tells a ripple from the rest
 LEAST_ROWS = 60  # at least two for each unknown
-Progress = Callable[[int, int], None]
 
 
 class Solved(NamedTuple):
