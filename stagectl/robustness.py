@@ -31,7 +31,7 @@ from stagectl.design import Rational
 from stagectl.kernels import cascade, feedback, observer, stage
 
 Array = NDArray[np.float64]
-LOWEST, POINTS = 1e-5, 3000  # of the frequencies looked at: share of the sampling frequency, how many
+LOWEST, POINTS = 1e-5, 1500  # of the frequencies looked at: share of the sampling frequency, how many
 FAINTEST = 1e-4  # a lower gain margin beyond -80 dB is none: rounding near z = 1 would be read as one
 NOTHING = Rational(np.zeros(1), np.ones(1))
 
@@ -128,14 +128,21 @@ def robustness(loop: Loop) -> Robustness:
     """Margins and peaks of the loop, each refined between the frequencies of the grid."""
     curve = Curve(loop, grid(loop.dt))
     values = loop.at(curve.frequency)
-    unity = _roots(curve, lambda value: math.log(abs(value)), np.log(np.abs(values)))
-    crossings = [(f, float(np.angle(-loop.at(f)))) for f in unity]
-    crossover, phase = min(crossings, key=lambda pair: pair[1], default=(0.0, math.inf))
+    crossings = _crossings(curve, values)
+    crossover, phase = _worst(crossings)
     delay = min((angle % (2.0 * math.pi) / (2.0 * math.pi * f) for f, angle in crossings), default=math.inf)
     raised, lowered = _gain_margins(curve, values)
-    sensitivity = _peak(curve, lambda value: 1.0 / np.abs(1.0 + value), values)
     complementary = _peak(curve, lambda value: np.abs(value / (1.0 + value)), values)
-    return Robustness(stable(loop), phase, crossover, delay, raised, lowered, sensitivity, complementary)
+    return Robustness(
+        stable(loop), phase, crossover, delay, raised, lowered, _sensitivity(curve, values), complementary
+    )
+
+
+def essence(loop: Loop) -> tuple[float, float]:
+    """Phase margin (rad) and Ms alone, for a search."""
+    curve = Curve(loop, grid(loop.dt))
+    values = loop.at(curve.frequency)
+    return _worst(_crossings(curve, values))[1], _sensitivity(curve, values).value
 
 
 class Curve(NamedTuple):
@@ -150,6 +157,20 @@ def _roots(curve: Curve, function: Callable[[Any], float], values: NDArray[Any])
     at, f = curve.loop.at, curve.frequency
     changes = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     return [float(brentq(lambda x: function(at(x)), f[k], f[k + 1], xtol=1e-14, rtol=1e-13)) for k in changes]
+
+
+def _crossings(curve: Curve, values: NDArray[Any]) -> list[tuple[float, float]]:
+    """Where |L| passes 1: (Hz, phase above -180 deg in rad)."""
+    unity = _roots(curve, lambda value: math.log(abs(value)), np.log(np.abs(values)))
+    return [(f, float(np.angle(-curve.loop.at(f)))) for f in unity]
+
+
+def _worst(crossings: list[tuple[float, float]]) -> tuple[float, float]:
+    return min(crossings, key=lambda pair: pair[1], default=(0.0, math.inf))
+
+
+def _sensitivity(curve: Curve, values: NDArray[Any]) -> Peak:
+    return _peak(curve, lambda value: 1.0 / np.abs(1.0 + value), values)
 
 
 def _gain_margins(curve: Curve, values: NDArray[Any]) -> tuple[Peak, Peak]:
@@ -179,14 +200,14 @@ def stable(loop: Loop) -> bool:
     return bool(np.max(np.abs(np.roots(characteristic(loop)))) < 1.0)
 
 
-def characteristic(loop: Loop) -> Array:
+def characteristic(loop: Loop) -> NDArray[Any]:
     """``dP dcut dclosed + nP (ncut dclosed + nclosed dcut)``, without a denominator that both ways share."""
     shared = np.array_equal(loop.cut.denominator, loop.closed.denominator)
     one: NDArray[Any] = np.ones(1) if shared else loop.closed.denominator
     other: NDArray[Any] = np.ones(1) if shared else loop.cut.denominator
     ways = np.polyadd(np.polymul(loop.cut.numerator, one), np.polymul(loop.closed.numerator, other))
-    poles = np.polymul(loop.plant.denominator, np.polymul(loop.cut.denominator, one))
-    found: Array = np.polyadd(poles, np.polymul(loop.plant.numerator, ways))
+    poles: NDArray[Any] = np.polymul(loop.plant.denominator, np.polymul(loop.cut.denominator, one))
+    found: NDArray[Any] = np.polyadd(poles, np.polymul(loop.plant.numerator, ways))
     return found
 
 

@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stagectl import design
-from stagectl.config.stage_file import Setup
+from stagectl.config.stage_file import Setup, load_stage
 from stagectl.kernels import feedback, friction, law, observer, rollout, stage
-from tests.conftest import varied
+from tests.conftest import CONFIG, varied
 
 Polynomial = list[Fraction]
 
@@ -254,3 +254,33 @@ def test_an_observer_that_leaves_too_little_margin_is_refused(ball_screw: Setup)
     slow = watched._replace(bandwidth=10.0, margin=0.0)
     with pytest.raises(design.DesignError, match=r"^control\.layers holds observer: 7 periods of delay"):
         design.design(late, slow)
+
+
+@pytest.mark.parametrize("hertz", [20.0, 40.0, 60.0, 80.0])
+def test_a_cascade_without_integrator_is_judged_by_its_own_poles(hertz: float) -> None:
+    setup = load_stage(CONFIG / "linear-slider.yaml")
+    without = design.CascadeControl(setup.dt, hertz, hertz)
+    faint = without._replace(integral_time=1e3)
+    p = setup.stage
+    found, near = (design.margins(p, design.cascaded(p, one), setup.dt) for one in (without, faint))
+    assert found.stable
+    assert found.phase == pytest.approx(near.phase, abs=1e-4)
+    assert found.gain == pytest.approx(near.gain, rel=1e-4)
+
+
+@pytest.mark.parametrize(("period", "hertz"), [(1e-5, 20.0), (1e-5, 40.0), (5e-5, 10.0), (5e-4, 2.0)])
+def test_a_loop_that_is_slow_for_its_period_has_its_margin_all_the_same(
+    ball_screw: Setup, period: float, hertz: float
+) -> None:
+    """The four-pole loop without lag: the continuous one's margin, less the phase of 1.5 periods."""
+    base = ball_screw.stage
+    p = base._replace(drive=base.drive._replace(current_lag=0.0))
+    reached = design.margins(p, design.gains(p, design.Control(period, hertz)), period)
+    g = feedback.place_poles(p.mechanics, p.motor.force_constant, hertz)
+    s = 2j * math.pi * reached.crossover
+    acting = g.proportional + g.integral / s + g.derivative * s * g.pole / (s + g.pole)
+    loop = p.motor.force_constant * acting / (p.mechanics.inertia * s * s + p.mechanics.viscous * s)
+    assert abs(loop) == pytest.approx(1.0, rel=1e-3)
+    late = 1.5 * period * 2.0 * math.pi * reached.crossover
+    assert reached.phase == pytest.approx(float(np.angle(-loop)) - late, abs=2e-3)
+    assert math.radians(35.0) < reached.phase < math.radians(60.0)

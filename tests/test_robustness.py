@@ -298,33 +298,3 @@ def test_an_observer_is_in_the_loop() -> None:
     np.testing.assert_allclose(loop.at(frequency), open_loop, rtol=1e-6)
     np.testing.assert_allclose(way.at(frequency), moved * acting / (1.0 + current) / (1.0 + open_loop), rtol=1e-6)
     assert robustness(loop).phase < robustness(loops(p, designed, dt)["loop"]).phase
-
-
-@pytest.mark.parametrize("hertz", [20.0, 40.0, 60.0, 80.0])
-def test_a_cascade_without_integrator_is_judged_by_its_own_poles(hertz: float) -> None:
-    setup = load_stage(CONFIG / "linear-slider.yaml")
-    without = design.CascadeControl(setup.dt, hertz, hertz)
-    faint = without._replace(integral_time=1e3)
-    p = setup.stage
-    found, near = (design.margins(p, design.cascaded(p, one), setup.dt) for one in (without, faint))
-    assert found.stable
-    assert found.phase == pytest.approx(near.phase, abs=1e-4)
-    assert found.gain == pytest.approx(near.gain, rel=1e-4)
-    each = loops(p, design.cascaded(p, without), setup.dt)
-    assert all(stable(loop) for loop in each.values())
-
-
-@pytest.mark.parametrize(("period", "hertz"), [(1e-5, 20.0), (1e-5, 40.0), (5e-5, 10.0), (5e-4, 2.0)])
-def test_a_loop_that_is_slow_for_its_period_has_its_margin_all_the_same(period: float, hertz: float) -> None:
-    """The four-pole loop without lag: the continuous one's margin, less the phase of 1.5 periods."""
-    base = load_stage(CONFIG / "ball-screw.yaml").stage
-    p = base._replace(drive=base.drive._replace(current_lag=0.0))
-    reached = design.margins(p, design.gains(p, design.Control(period, hertz)), period)
-    g = feedback.place_poles(p.mechanics, p.motor.force_constant, hertz)
-    s = 2j * math.pi * reached.crossover
-    acting = g.proportional + g.integral / s + g.derivative * s * g.pole / (s + g.pole)
-    loop = p.motor.force_constant * acting / (p.mechanics.inertia * s * s + p.mechanics.viscous * s)
-    assert abs(loop) == pytest.approx(1.0, rel=1e-3)
-    late = 1.5 * period * 2.0 * math.pi * reached.crossover
-    assert reached.phase == pytest.approx(float(np.angle(-loop)) - late, abs=2e-3)
-    assert math.radians(35.0) < reached.phase < math.radians(60.0)

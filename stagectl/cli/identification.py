@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import shlex
 import sys
 import time
@@ -66,6 +67,7 @@ def identify(
 
     Example: stagectl identify least-squares config/emps.yaml recordings/emps.h5 --json -
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # tall and narrow matrices: a second thread only costs
     from stagectl.config.stage_file import load_stage
     from stagectl.identification import methods
     from stagectl.identification.captures import held_out, opened, prepared

@@ -72,8 +72,8 @@ def refusal(capture: Capture, file: StageFile) -> str:
     share, span = _noise_share(capture), 2.0 * KNOTS * knots(capture) * capture.dt
     if share > LOST or span > AVERAGED:
         return (
-            f"{capture.name} moves by {_travel(stroke, file)}; averaged over {1e3 * span:.3g} ms, {100.0 * share:.2g} % "
-            f"of its acceleration is noise of the position; must be at most {100.0 * LOST:.0f} % over "
+            f"{capture.name} moves by {_travel(stroke, file)}; averaged over {1e3 * span:.3g} ms, {100.0 * share:.2g} "
+            f"% of its acceleration is noise of the position; must be at most {100.0 * LOST:.0f} % over "
             f"{1e3 * AVERAGED:.0f} ms: the motion must go beyond presliding (first condition of the paper), and fast "
             "enough to tell the inertia: record a larger or faster one"
         )

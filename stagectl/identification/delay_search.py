@@ -16,6 +16,7 @@ from scipy import optimize
 
 from stagectl.identification import errors_in_columns as errors
 from stagectl.identification.capture import Array, IdentificationError
+from stagectl.identification.instruments import Instruments, seen
 from stagectl.identification.regressors import FREE, ONE, Part, current_noise, currents, encoder_noise
 
 PERIODS, SPARE = 8.0, 1e-3  # delays are searched within 8 sampling times and 1 ms, either way
@@ -31,6 +32,8 @@ class Problem(NamedTuple):
 
     parts: list[Part]
     columns: Array  # (rows, FREE + j)
+    seen: Array  # the same as the instruments see them; without instruments, `columns`
+    instruments: Instruments | None
     equations: errors.Equations  # of all columns
     slip: Array  # (j,) rad | m
     force_constant: float
@@ -151,6 +154,8 @@ def acceleration_noise(p: Problem, fit: Fit) -> float:
 
     What of the residual is noise, and is no noise of the current's sensor, as an acceleration; at least the encoder's.
     """
+    if p.instruments is not None:  # what they see is free of it
+        return 0.0
     inertia = float(fit.theta[0])
     least = encoder_noise(p.parts)
     if inertia == 0.0:
@@ -187,6 +192,7 @@ def moments(p: Problem, middle: float, half: float = 0.0, nodes: int = NODES) ->
     values = np.empty((count, p.columns.shape[1] + 1))
     for row, place in zip(values, places, strict=True):
         force = p.force_constant * currents(p.parts, middle + half * float(place))
-        row[:-1], row[-1] = force @ p.columns, force @ force
+        inside = force if p.instruments is None else seen(p.instruments, force)
+        row[:-1], row[-1] = force @ p.seen, inside @ inside
     coefficients = np.linalg.solve(chebyshev.chebvander(places, count - 1), values)
     return Moments(middle, half, np.asarray(coefficients, dtype=np.float64))

@@ -28,7 +28,7 @@ HALVINGS = 24
 def evened(p: Problem, fit: Fit) -> Array:
     """Weights (j,) as even as the data allow, with the sum of the fit's."""
     sharp = fit.theta[FREE:]
-    columns = p.columns[:, FREE:]
+    columns = p.seen[:, FREE:]
     gram = columns.T @ columns
     size = math.sqrt(float(np.trace(gram)) / len(gram))
     gram = gram / (size * size)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+Progress = Callable[[int, int], object]  # (steps done, steps in all)
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 

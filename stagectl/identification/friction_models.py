@@ -11,7 +11,7 @@ simulation in closed loop (`closed_loop`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from stagectl.config.stage_file import StageFile
 from stagectl.identification import closed_loop, standard_errors
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.found import Found, Parameter
+from stagectl.identification.found import Found, Parameter, Progress
 from stagectl.identification.friction_fit import Data, Fit, Scale, columns_of, fitted, plant, prepared, sensitivity
 from stagectl.identification.friction_members import FAMILY
 from stagectl.kernels import stage
@@ -32,7 +32,6 @@ LAST = (("offset", "N m | N"),)
 SHARP = 20.0  # counts of the encoder over which a model's jump of Coulomb friction happens in simulation
 LAW = {"dahl": "dahl", "lugre": "lugre"}  # in a stage file; all others become stop operators
 REPEATS = 0.999  # correlation of a reference with itself a period later
-Progress = Callable[[int, int], object]
 
 
 class _Judge(NamedTuple):
@@ -70,10 +69,12 @@ def identify(captures: list[Capture], file: StageFile, progress: Progress | None
         row["bic"] = bic(one, worth)
     best = int(np.argmin([row["bic"] if one.member.whole else math.inf for one, row in zip(fits, rows, strict=True)]))
     found = _found(fits[best], judge)
-    if all("closed_loop" in row for row in rows) and any(one.meta.get("name") == "EMPS" for one in captures):
-        found = found._replace(details={**found.details, "published": closed_loop.PUBLISHED._asdict()})
     details = {**found.details, "chosen": fits[best].name, "models": rows, "independent_rows": worth}
-    return found._replace(details=details, notes=(*_words(rows, best, captures), *found.notes))
+    notes = _words(rows, best, captures)
+    if "closed_loop" in rows[best] and any(one.meta.get("name") == "EMPS" for one in captures):
+        details["published"] = closed_loop.PUBLISHED._asdict()
+        notes.append(f"published for this record, four parameters and a delay: {_four(details['published'])}")
+    return found._replace(details=details, notes=(*notes, *found.notes))
 
 
 def fit(name: str, captures: list[Capture], file: StageFile) -> Found:
@@ -174,10 +175,12 @@ def _found(one: Fit, judge: _Judge) -> Found:
             parameters[name] = Parameter(value, low, value + spread, si)
             continue
         parameters[name] = _searched(one, number - count, spread, si)
+        low, high = one.bounds[number - count]
+        span = f"[{low:.3g}, {high:.3g}] {si}".rstrip()
         if not spread < math.log(TOLD):
-            low, high = one.bounds[number - count]
-            span = f"[{low:.3g}, {high:.3g}] {si}".rstrip()
             notes.append(f"{one.name}: {name} is not told by these captures; it was searched for in {span}")
+        elif not 1.01 * low < parameters[name].value < high / 1.01:
+            notes.append(f"{one.name}: {name} lies at an end of {span}, where it was searched for; it may be beyond")
     if "coulomb" not in parameters:
         parameters["coulomb"] = _total(one, covariance, parameters["offset"].unit)
     return Found(parameters, details={"model": one.name}, notes=tuple(notes), changes=_changes(one, judge))
@@ -222,6 +225,19 @@ def _total(one: Fit, covariance: Array, unit: str) -> Parameter:
     return Parameter(value, value - spread, value + spread, unit)
 
 
+def _line(row: dict[str, Any], lowest: float) -> str:
+    """One model of the comparison, in words."""
+    said = (
+        f"{row['words']}, {row['count']} parameters: leaves {row['force_residual_percent']:.3g} % of the force, "
+        f"{row['held_out']['fastest']:.3g} % of the fastest rows held out, BIC {row['bic'] - lowest:+.1f}"
+    )
+    return said + (f"; closed loop {_four(row['closed_loop'])}" if "closed_loop" in row else "")
+
+
+def _four(errors: Mapping[str, float]) -> str:
+    return " / ".join(f"{value:.4g}" for value in errors.values()) + " %"
+
+
 def _words(rows: list[dict[str, Any]], best: int, captures: list[Capture]) -> list[str]:
     chosen, first = rows[best], min(rows, key=lambda row: float(row["bic"]))
     notes = [_praise(chosen, rows[0], "of those that a stage file can have whole")]
@@ -234,9 +250,11 @@ def _words(rows: list[dict[str, Any]], best: int, captures: list[Capture]) -> li
             "shows how far machine and noise repeat, not how a model does on another motion; the fastest rows, held "
             "out, show how it reaches beyond the speeds that it saw"
         )
+    notes += [_line(row, float(first["bic"])) for row in rows]
     if "closed_loop" in chosen:
         notes.append(
-            "in closed loop, table and rheology model run as the stop operators with their curve, without the creep"
+            "closed loop: errors of position / velocity / acceleration / force; table and rheology model run as the "
+            "stop operators with their curve, without the creep"
         )
     return notes
 

@@ -9,6 +9,7 @@ import numpy as np
 from stagectl.identification import errors_in_columns as errors
 from stagectl.identification.capture import Array
 from stagectl.identification.delay_search import Fit, Problem, kept, refitted
+from stagectl.identification.instruments import projected
 from stagectl.identification.regressors import FREE, currents
 
 NAMES = ("inertia", "viscous", "coulomb", "offset", "delay")
@@ -26,7 +27,7 @@ class Known(NamedTuple):
 def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
     """Covariance from the residual as it is, and from what another grid of slips would have found."""
     use = _in_play(p, fit, ripple)
-    late = p.force_constant * currents(p.parts, fit.delay, 1)
+    late = _seen(p, p.force_constant * currents(p.parts, fit.delay, 1))
     curvature, scores = _curvature(p, fit, use, late)
     size = np.sqrt(np.diag(curvature)[:-1])
     size = np.append(size, np.linalg.norm(late))
@@ -45,6 +46,10 @@ def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
     return Known(found + np.outer(other, other), per_delay, _wald(fit, covariance) if ripple else 0.0)
 
 
+def _seen(p: Problem, signal: Array) -> Array:
+    return signal if p.instruments is None else projected(p.instruments, signal)
+
+
 def _in_play(p: Problem, fit: Fit, ripple: bool) -> list[int]:
     """Columns whose parameters the data could have moved: an element that carries may as well lie at its neighbour."""
     carrying = fit.theta[FREE:] > 0.0
@@ -58,10 +63,10 @@ def _curvature(p: Problem, fit: Fit, use: list[int], late: Array) -> tuple[Array
     """Second derivatives (m, m) of half the cost, and its gradient row by row (rows, m); the delay comes last."""
     rows = len(fit.residual)
     scores = np.empty((rows, len(use) + 1))
-    scores[:, :-1] = p.columns[:, use]
+    scores[:, :-1] = p.seen[:, use]
     scores[:, -1] = late
     curvature = np.asarray(scores.T @ scores, dtype=np.float64)
-    bent = p.force_constant * currents(p.parts, fit.delay, 2)
+    bent = _seen(p, p.force_constant * currents(p.parts, fit.delay, 2))
     curvature[-1, -1] += float(fit.residual @ bent)
     curvature[0, 0] -= rows * fit.noise
     scores *= fit.residual[:, None]

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from stagectl.config.stage_file import Setup, StageFile
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.found import Characteristic, Found
+from stagectl.identification.found import Characteristic, Found, Progress
 from stagectl.units import LINEAR
 
 TIED = 0.95  # correlation, either way
-Progress = Callable[[int, int], object]
 
 
 class Method(NamedTuple):
@@ -27,7 +25,7 @@ class Method(NamedTuple):
     words: str
 
 
-_ALL = {
+METHODS = {
     "simultaneous": Method(
         "simultaneous", "inertia, viscous and rolling friction and delay from any motion with reversals"
     ),
@@ -37,11 +35,6 @@ _ALL = {
     "zero-crossing": Method("zero_crossing", "friction around the reversals of a slider"),
     "least-squares": Method("several", "inertia, viscous and Coulomb friction and offset"),
     "friction-models": Method("friction_models", "every friction model of the family, fitted and compared"),
-}
-METHODS = {
-    name: method
-    for name, method in _ALL.items()
-    if importlib.util.find_spec(f"stagectl.identification.{method.module}")
 }
 
 

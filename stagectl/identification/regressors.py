@@ -43,9 +43,14 @@ class Part(NamedTuple):
         return self.start, self.rows, self.q
 
 
+def shortest_knots(capture: Capture) -> int:
+    """Samples per knot distance where noise does not matter."""
+    return max(1, round(SHORTEST_KNOTS / capture.dt))
+
+
 def knots(capture: Capture) -> int:
     """Samples per knot distance: short, to see a reversal, unless the encoder's noise would fill the acceleration."""
-    q = max(1, round(SHORTEST_KNOTS / capture.dt))
+    q = shortest_knots(capture)
     while (q + 1) * capture.dt <= LONGEST_KNOTS and 2 * HALF * (q + 1) < len(capture.position) // 4:
         weights = window(q, capture.dt, 2)
         rms = acceleration(capture, q).std()
@@ -78,23 +83,23 @@ def part(capture: Capture, q: int, longest: float, delay: float) -> Part:
     return Part(capture, q, start, max(0, (len(capture.position) - room - start - 1) // q + 1))
 
 
-def columns(p: Part, slip: Array) -> Array:
-    """Regressor (rows, FREE + j) of one capture, for elements of these slips (j,)."""
+def columns(p: Part, slip: Array, order: int = 0) -> Array:
+    """Regressor (rows, FREE + j) of one capture for elements of these slips (j,), or its derivative of this `order`."""
     x = p.capture.position - p.capture.position[0]
-    smooth = window(p.q, p.capture.dt)
-    found = np.ones((p.rows, FREE + len(slip)))
-    found[:, ACCELERATION] = smoothed(x, window(p.q, p.capture.dt, 2), *p.places)
-    found[:, VELOCITY] = smoothed(x, window(p.q, p.capture.dt, 1), *p.places)
+    smooth = window(p.q, p.capture.dt, order)
+    found = np.full((p.rows, FREE + len(slip)), 1.0 if order == 0 else 0.0)
+    found[:, ACCELERATION] = smoothed(x, window(p.q, p.capture.dt, order + 2), *p.places)
+    found[:, VELOCITY] = smoothed(x, window(p.q, p.capture.dt, order + 1), *p.places)
     found[:, ONE + 1] = smoothed(np.sin(p.capture.position), smooth, *p.places)
     found[:, ONE + 2] = smoothed(np.cos(p.capture.position), smooth, *p.places)
-    for first, block in _operators(p, x, slip):
+    for first, block in _operators(p, x, slip, smooth):
         found[first : first + block.shape[1], FREE:] = block.T
     return found
 
 
-def _operators(p: Part, x: Array, slip: Array) -> Iterator[tuple[int, Array]]:
+def _operators(p: Part, x: Array, slip: Array, smooth: Array) -> Iterator[tuple[int, Array]]:
     """First row and smoothed states (j, rows) of the operators, block by block along the motion `x` (n,)."""
-    smooth, half = window(p.q, p.capture.dt), HALF * p.q
+    half = HALF * p.q
     track, rate, states = _track(x), 1.0 / slip, np.zeros(len(slip))
     done = p.start - half
     _strained(track[: done + 3], rate, states)

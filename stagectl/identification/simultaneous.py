@@ -16,7 +16,6 @@ section IV.B; the operators as in `kernels.friction`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,8 +24,9 @@ from stagectl.config.stage_file import StageFile
 from stagectl.identification import conditions, errors_in_columns, even_weights, intervals, notes
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.delay_search import Fit, Problem, fitted, kept, widest
-from stagectl.identification.found import Characteristic, Found, Parameter
-from stagectl.identification.regressors import ACCELERATION, FREE, ONE, VELOCITY, columns, knots, part
+from stagectl.identification.found import Characteristic, Found, Parameter, Progress
+from stagectl.identification.instruments import follow, instruments, projected
+from stagectl.identification.regressors import ACCELERATION, FREE, ONE, VELOCITY, columns, knots, part, shortest_knots
 from stagectl.identification.slips import RATIO, Range, grid, located
 from stagectl.units import LINEAR, ROTARY
 
@@ -37,7 +37,6 @@ SURE = 1.959964  # standard deviations either way hold 95 %
 RIPPLE = 12.0  # Wald's statistic above which a ripple is believed; by chance once in four hundred
 RIPPLE_TRAVEL = 1.5  # rad, least travel that tells a ripple from the rest
 LEAST_ROWS = 60  # at least two for each unknown
-Progress = Callable[[int, int], None]
 
 
 class Solved(NamedTuple):
@@ -76,7 +75,9 @@ def identify(
 def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float | None) -> Problem:
     """Regressors of all captures that move far enough for the longest slip."""
     room = widest(max(capture.dt for capture in captures)) * 1.5 if delay is None else abs(delay)
-    parts = [part(capture, knots(capture), float(slip[-1]), room) for capture in captures]
+    told = all(follow(capture) for capture in captures)
+    knot = shortest_knots if told else knots
+    parts = [part(capture, knot(capture), float(slip[-1]), room) for capture in captures]
     parts = [one for one in parts if one.rows >= LEAST_ROWS]
     if not parts:
         raise IdentificationError(
@@ -84,7 +85,10 @@ def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float
             "longer: a second of a motion there and back is enough"
         )
     stacked = np.vstack([columns(one, slip) for one in parts])
-    return Problem(parts, stacked, errors_in_columns.equations(stacked, FREE), slip, file.motor.force_constant)
+    source = instruments(parts, slip) if told else None
+    seen = stacked if source is None else projected(source, stacked)
+    equations = errors_in_columns.equations(seen, FREE)
+    return Problem(parts, stacked, seen, source, equations, slip, file.motor.force_constant)
 
 
 def _refined(captures: list[Capture], file: StageFile, ends: Range, delay: float | None) -> Solved:

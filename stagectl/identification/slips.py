@@ -15,7 +15,7 @@ import numpy as np
 from stagectl.identification import delay_search as search
 from stagectl.identification import errors_in_columns as errors
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.regressors import acceleration, knots
+from stagectl.identification.regressors import acceleration, currents, knots
 
 COUNTS = 8.0  # encoder steps below which no slip is looked for
 STROKE = 0.25  # of a motion: the longest slip that is looked for
@@ -61,11 +61,19 @@ def located(p: search.Problem, delay: float | None, ripple: bool) -> Range:
         place = search.best(part, some, span)
         solution = errors.solved(part, *span.at(place, some))
         full = errors.solved(whole, *span.at(place, keep))
-        # The cost is what is left above the noise: it may be about zero, so the noise is put back for comparison.
-        square = full.cost + len(p.columns) * noise * float(full.theta[0]) ** 2
+        square = _left(p, keep, full, (place, noise))
         if solution.cost - full.cost <= (WORSE + CHANCE / len(p.columns)) * square:
             break
     weight = solution.theta[len(some) - count :]
     below = np.cumsum(weight) / max(float(weight.sum()), 1e-300)
     low = max(float(p.slip[int(np.argmax(below > HEAD))]) / RATIO, float(p.slip[0]))
     return Range(low, float(p.slip[count - 1]) * RATIO, place, float(full.theta[0]), count < every - 1)
+
+
+def _left(p: search.Problem, keep: list[int], full: errors.Solution, known: tuple[float, float]) -> float:
+    """Squares of the residual with its noise, of which the cost holds only what is above it: it may be about zero."""
+    place, noise = known
+    if p.instruments is None:
+        return full.cost + len(p.columns) * noise * float(full.theta[0]) ** 2
+    residual = p.force_constant * currents(p.parts, place) - p.columns[:, keep] @ full.theta
+    return float(residual @ residual)

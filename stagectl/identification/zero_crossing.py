@@ -11,12 +11,10 @@ import numpy as np
 from stagectl.compensation.zero_crossing import FORMS, Form
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.found import Found, Parameter
+from stagectl.identification.found import Found, Parameter, Progress
 from stagectl.identification.reversals import Reversals, reversals
 from stagectl.identification.zero_crossing_fit import GENERATIONS, Data, Fit, fitted, gathered
 from stagectl.units import quantity_of
-
-Progress = Callable[[int, int], object]
 
 UNBOUNDED = ("exponential", "symmetric")  # forms whose fit leaves the physical range of Cs if it may
 

@@ -19,7 +19,7 @@ from stagectl.recording.meta import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
 from stagectl.robustness import Loop, Robustness, robustness, stiffness
-from stagectl.tuned import Closed, closed, gains, headline, margins, notes, rows, step, stiffness_unit, stiffness_unit
+from stagectl.tuned import Closed, closed, gains, headline, margins, notes, rows, step, stiffness_unit
 from stagectl.tuning import Tuned
 
 Array = NDArray[Any]
@@ -137,7 +137,7 @@ def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
         axes.set_ylim(-40.0, max(12.0, 20.0 * math.log10(one.sensitivity.value) + 4.0))
         axes.set_ylabel("gain [dB]")
         _frequency_axis(axes)
-        axes.legend(fontsize=8, loc="lower center", ncols=3)
+        axes.legend(fontsize=8, loc="lower left")
         figure.tight_layout()
     return figure
 

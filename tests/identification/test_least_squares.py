@@ -11,7 +11,9 @@ import pytest
 from scipy.io import loadmat
 from scipy.signal import lfilter
 
-from stagectl.identification.capture import IdentificationError
+from stagectl.config.stage_file import load_stage
+from stagectl.identification import several
+from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.least_squares import Model, Result, least_squares
 from stagectl.trajectories import Multisine
 
@@ -250,3 +252,19 @@ def test_one_speed_there_and_back_is_refused() -> None:
 def test_a_recipe_that_cannot_be_is_refused(recipe: dict[str, Any], message: str) -> None:
     with pytest.raises(IdentificationError, match=message):
         least_squares(*made(), **recipe)
+
+
+def test_a_capture_with_gravity_is_found_with_units() -> None:
+    """Options of the method as a user calls it: six parameters on this axis, the lever's in its unit of force."""
+    time = np.asarray(np.arange(20000) * 1e-3, dtype=np.float64)
+    q, v, a = Multisine(1.5, 0.2, 2.0, base=5.0, periods=3.5).at(time)
+    force = np.asarray(2.0 * a + 5.0 * v + 3.0 * np.sign(v) + 7.0 * np.sin(q) - 2.0 * np.cos(q), dtype=np.float64)
+    file = load_stage(Path(__file__).parents[2] / "config" / "emps.yaml").file
+    capture = Capture("joint", time, np.asarray(q, dtype=np.float64), force / file.motor.force_constant, 1e-3)
+    found = several.identify([capture], file, gravity=True).parameters
+    assert {name: one.unit for name, one in found.items()} == {
+        **{"inertia": "kg", "viscous": "N s/m", "coulomb": "N", "offset": "N"},
+        **{"gravity_sine": "N", "gravity_cosine": "N"},
+    }
+    assert found["gravity_sine"].value == pytest.approx(7.0, rel=5e-3)
+    assert found["gravity_sine"].low < found["gravity_sine"].value < found["gravity_sine"].high
