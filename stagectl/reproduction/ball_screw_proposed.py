@@ -86,7 +86,8 @@ def _conditions(e: Evidence) -> Part:
         inertia, viscous = _model(found)
         assert found.table is not None
         error = table_error(found.table, own, COMPARED / scale)
-        numbers[name] = {"inertia": inertia, "viscous": viscous, "table_error": error}
+        delay = found.parameters["delay"].value
+        numbers[name] = {"inertia": inertia, "viscous": viscous, "delay": delay, "table_error": error}
         j, d = (percent(value, one) for value, one in ((inertia, published.INERTIA), (viscous, published.VISCOUS)))
         rows.append(
             [
