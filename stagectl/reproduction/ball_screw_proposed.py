@@ -111,8 +111,7 @@ def _conditions(e: Evidence) -> Part:
         "the table says what each condition gives by itself, and how its friction table differs from the truth within "
         f"{1e6 * COMPARED:.0f} µm.",
         "At 3 A less of the current is left for the motion; where a sine of current stops in between, the axis "
-        "reverses within presliding, which stop operators hold and a table of displacement does not. "
-        "The table of the position sine is the coarsest: its two periods hold the fewest reversals.",
+        "reverses within presliding, which stop operators hold and a table of displacement does not.",
     ]
     head = ["condition", "J [kg m²]", "D [N m s/rad]", "table rms [N m]", "table max [N m]"]
     section = Section("Fig. 10 - Other drive conditions", words, pictures, [Table("", head, rows)])
