@@ -19,7 +19,7 @@ from stagectl.recording.meta import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
 from stagectl.robustness import Loop, Robustness, robustness, stiffness
-from stagectl.tuned import Closed, closed, gains, headline, margins, notes, rows, step, stiffness_unit, stiffness_unit
+from stagectl.tuned import Closed, closed, gains, headline, margins, notes, rows, step, stiffness_unit
 from stagectl.tuning import Tuned
 
 Array = NDArray[Any]
