@@ -115,9 +115,7 @@ def reversal(
     for number, (name, style, table) in enumerate(tables):
         colour = TRUTH if style == "--" else colours[number % 2]
         lines.append(Line(1e6 * scale * dense, force_after(table, dense), name, colour, style, 1.5))
-    frame = Frame(
-        "displacement since the reversal [µm]", "torque [N m]", "(b) after a reversal", xlim=(0.0, 1e6 * most)
-    )
+    frame = Frame("displacement since the reversal [µm]", "torque [N m]", "after a reversal", xlim=(0.0, 1e6 * most))
     return picture(lines, frame, "The torque of a full reversal, and the table that compensates it.")
 
 
@@ -130,7 +128,7 @@ def slow_loop(strokes: list[dict[str, Any]], table: Characteristic, scale: float
         label = number == 0
         measured.append(Line(place, way * np.array(one["force"]), "measured" * label, WITHOUT, ".", 0.5))
         modelled.append(Line(place, way * force_after(table, s), "model" * label, CONVENTIONAL, "-", 1.4))
-    frame = Frame("table position [µm]", "torque [N m]", "(a) over position", ylim=(-1.6, 1.6), columns=2)
+    frame = Frame("table position [µm]", "torque [N m]", "over position", ylim=(-1.6, 1.6), columns=2)
     return picture([*measured, *modelled], frame, "The loop of the ultra-slow sine; block means of the torque.")
 
 

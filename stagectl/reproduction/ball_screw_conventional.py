@@ -66,8 +66,8 @@ def _responses(e: Evidence) -> Part:
         "The paper gives no numbers for this figure, so the table holds ours alone.",
         "With the axis kept moving (a multisine injected while the loop follows a slow move) friction is constant "
         "and falls out: those points lie on the linear model. At low frequencies the loop works against the injected "
-        f"current, and they scatter: D comes out as {moving.value:.3f}, known to {moving.low:.3f} to "
-        f"{moving.high:.3f}. Above about 50 Hz at small R the axis does not leave presliding, and is a spring.",
+        f"current, and they scatter: D comes out as {moving:.3f} ({percent(moving, published.VISCOUS)}), J is sharp. Above "
+        "about 50 Hz at small R the axis does not leave presliding, and is a spring.",
         "Friction can be told from damping by its describing function, Re(Kt/H) = D + 4 Tc/(pi W), W the velocity "
         "amplitude: a straight line over the amplitudes at one frequency. The truth is D 0.14, Tc 1.0.",
     ]

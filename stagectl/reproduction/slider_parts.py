@@ -131,7 +131,7 @@ def _models(e: Evidence) -> Part:
                 Line(t, curves["symmetric"][near], "Cs kept physical", WITHOUT),
             ],
             frame._replace(title="Fig. 7: conventional"),
-            "Symmetric about zero speed; it jumps.",
+            "Symmetric about zero speed; with a physical Cs it jumps.",
         ),
     ]
     words = [
@@ -159,7 +159,7 @@ def _forces(e: Evidence) -> Part:
         "The proposed form is far better than the conventional one here, too, but not the same as the force: "
         "friction in presliding is a spring, whose force leaves the crossing flatly, while an exponential leaves it "
         "steeply. Free to do so, the fit makes up for that by a force at zero velocity that no one saw (8 N); it is "
-        "kept below the largest force seen. As a function of the displacement the same idea fits, and holds at other "
+        "kept near the largest force seen. As a function of the displacement the same idea fits, and holds at other "
         "accelerations.",
     ]
     head = ["form", "Cs", "shapes", "Cs [N]", "residual rms [N]", "of the friction"]
