@@ -186,5 +186,5 @@ def _changes(found: Tuned, before: str, with_margin: bool) -> dict[str, Any]:
         return changes | ({"control.margin": control.margin} if with_margin else {})
     kept = {name: getattr(control, name) for name in control._fields if name not in chosen}
     defaults = control._field_defaults
-    stated = {name: value for name, value in kept.items() if name not in defaults or value != defaults[name]}
+    stated = {name: value for name, value in kept.items() if name == "margin" or value != defaults.get(name)}
     return {"control": {"law": law, **chosen, **stated}}

@@ -98,16 +98,21 @@ def noise(residual: Array) -> Array:
 
 
 def long_run(scores: Array) -> Array:
-    """Covariance (p, p) of the sum of `scores` (n, p), correlated over up to MEMORY rows (Bartlett's weights)."""
-    found: Array = scores.T @ scores
-    for lag in range(1, min(MEMORY, len(scores))):
-        crossed = scores[lag:].T @ scores[:-lag]
-        found += (1.0 - lag / MEMORY) * (crossed + crossed.T)
-    return found
+    """Covariance (p, p) of the sum of `scores` (n, p), correlated over up to MEMORY rows (Bartlett's weights).
+
+    ``sum_l (1 - |l|/L) g_k g_k+l'`` is the mean product of the sums over all stretches of L rows, also those that
+    reach over an end: no estimate of a variance can come out negative.
+    """
+    rows = len(scores)
+    sums = np.vstack([np.zeros((1, scores.shape[1])), np.cumsum(scores, axis=0)])
+    ends = np.arange(1, rows + MEMORY)
+    stretches = sums[np.minimum(ends, rows)] - sums[np.maximum(ends - MEMORY, 0)]
+    return np.asarray(stretches.T @ stretches / MEMORY, dtype=np.float64)
 
 
 def spread(curvature: Array, scores: Array) -> Array:
     """Covariance (p, p) of the solution of ``sum of scores = 0`` with this `curvature` (p, p)."""
     inverse = np.linalg.pinv(curvature, rcond=SAME, hermitian=True)
     rows, width = scores.shape
-    return np.asarray(inverse @ long_run(scores) @ inverse * (rows / (rows - width)), dtype=np.float64)
+    left = max(rows - width - 2 * MEMORY, rows // 4)  # the parameters and the weights of the lags take their share
+    return np.asarray(inverse @ long_run(scores) @ inverse * (rows / left), dtype=np.float64)

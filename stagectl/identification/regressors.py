@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.smoothing import HALF, delayed, margin, smoothed, window
+from stagectl.identification.smoothing import HALF, Rows, delayed, margin, smoothed, window
 from stagectl.kernels import presliding
 
 SHORTEST_KNOTS = 1.5e-3  # s, knot distance: the window passes 125 Hz
@@ -30,17 +30,20 @@ FREE = 5  # columns before the operators: the two of the ripple come after `ONE`
 
 
 class Part(NamedTuple):
-    """One capture, and the rows that are taken of it: samples start, start + q, ..."""
+    """One capture, and the rows that are taken of it."""
 
     capture: Capture
-    q: int  # samples per knot distance
-    start: int
-    rows: int
+    places: Rows
 
     @property
-    def places(self) -> tuple[int, int, int]:
-        """Start, count and step for `smoothing`."""
-        return self.start, self.rows, self.q
+    def q(self) -> int:
+        """Samples per knot distance."""
+        return self.places.q
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return self.places.number
 
 
 def shortest_knots(capture: Capture) -> int:
@@ -64,7 +67,7 @@ def acceleration(capture: Capture, q: int, order: int = 2) -> Array:
     """Acceleration of the whole capture (order 2), or its velocity (order 1), once per knot distance."""
     count = (len(capture.position) - 2 * HALF * q - 1) // q + 1
     x = capture.position - capture.position[0]
-    return smoothed(x, window(q, capture.dt, order), HALF * q, count, q)
+    return smoothed(x, window(q, capture.dt, order), Rows(HALF * q, count, q))
 
 
 def position_noise(capture: Capture) -> float:
@@ -80,7 +83,14 @@ def part(capture: Capture, q: int, longest: float, delay: float) -> Part:
     moved = np.maximum.accumulate(capture.position) - np.minimum.accumulate(capture.position)
     known = int(np.searchsorted(moved, 2.0 * longest))
     start = max(room, known + HALF * q)
-    return Part(capture, q, start, max(0, (len(capture.position) - room - start - 1) // q + 1))
+    return Part(capture, Rows(start, max(0, (len(capture.position) - room - start - 1) // q + 1), q))
+
+
+def thinned(parts: list[Part], most: int) -> list[Part]:
+    """Every second, fourth or eighth row where there are more than `most` of all parts together."""
+    total = sum(p.rows for p in parts)
+    stride = next((one for one in (1, 2, 4) if total <= one * most), 8)
+    return [p._replace(places=p.places._replace(number=(p.rows + stride - 1) // stride, stride=stride)) for p in parts]
 
 
 def columns(p: Part, slip: Array, order: int = 0) -> Array:
@@ -88,10 +98,10 @@ def columns(p: Part, slip: Array, order: int = 0) -> Array:
     x = p.capture.position - p.capture.position[0]
     smooth = window(p.q, p.capture.dt, order)
     found = np.full((p.rows, FREE + len(slip)), 1.0 if order == 0 else 0.0)
-    found[:, ACCELERATION] = smoothed(x, window(p.q, p.capture.dt, order + 2), *p.places)
-    found[:, VELOCITY] = smoothed(x, window(p.q, p.capture.dt, order + 1), *p.places)
-    found[:, ONE + 1] = smoothed(np.sin(p.capture.position), smooth, *p.places)
-    found[:, ONE + 2] = smoothed(np.cos(p.capture.position), smooth, *p.places)
+    found[:, ACCELERATION] = smoothed(x, window(p.q, p.capture.dt, order + 2), p.places)
+    found[:, VELOCITY] = smoothed(x, window(p.q, p.capture.dt, order + 1), p.places)
+    found[:, ONE + 1] = smoothed(np.sin(p.capture.position), smooth, p.places)
+    found[:, ONE + 2] = smoothed(np.cos(p.capture.position), smooth, p.places)
     for first, block in _operators(p, x, slip, smooth):
         found[first : first + block.shape[1], FREE:] = block.T
     return found
@@ -101,17 +111,17 @@ def _operators(p: Part, x: Array, slip: Array, smooth: Array) -> Iterator[tuple[
     """First row and smoothed states (j, rows) of the operators, block by block along the motion `x` (n,)."""
     half = HALF * p.q
     track, rate, states = _track(x), 1.0 / slip, np.zeros(len(slip))
-    done = p.start - half
+    done = p.places.start - half
     _strained(track[: done + 3], rate, states)
     tail = _strained(track[done : done + 2 * half + 3], rate, states)
     done += 2 * half
     for first in range(0, p.rows, BLOCK):
         count = min(BLOCK, p.rows - first)
-        more = min(count * p.q, len(x) - done)
+        more = min(count * p.places.step, len(x) - done)
         tail = np.hstack([tail, _strained(track[done : done + more + 3], rate, states)])
         done += more
-        yield first, smoothed(tail, smooth, half, count, p.q)
-        tail = tail[:, count * p.q :]
+        yield first, smoothed(tail, smooth, p.places._replace(start=half, number=count))
+        tail = tail[:, count * p.places.step :]
 
 
 def _track(x: Array) -> Array:

@@ -26,7 +26,17 @@ from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.delay_search import Fit, Problem, fitted, kept, widest
 from stagectl.identification.found import Characteristic, Found, Parameter, Progress
 from stagectl.identification.instruments import follow, instruments, projected
-from stagectl.identification.regressors import ACCELERATION, FREE, ONE, VELOCITY, columns, knots, part, shortest_knots
+from stagectl.identification.regressors import (
+    ACCELERATION,
+    FREE,
+    ONE,
+    VELOCITY,
+    columns,
+    knots,
+    part,
+    shortest_knots,
+    thinned,
+)
 from stagectl.identification.slips import RATIO, Range, grid, located
 from stagectl.units import LINEAR, ROTARY
 
@@ -35,7 +45,9 @@ END = 0.05  # of the friction that the longest slip may carry; with more, the gr
 WIDENED = 3
 SURE = 1.959964  # standard deviations either way hold 95 %
 RIPPLE = 12.0  # Wald's statistic above which a ripple is believed; by chance once in four hundred
+RIPPLE_ROWS = 1000  # below, the statistic is not worth its name
 RIPPLE_TRAVEL = 1.5  # rad, least travel that tells a ripple from the rest
+COARSE_ROWS, MOST_ROWS = 20000, 120000  # of long captures, for a first look and for the answer
 LEAST_ROWS = 60  # at least two for each unknown
 
 
@@ -60,7 +72,7 @@ def identify(
     tell = progress or (lambda done, total: None)
     used, left_out = conditions.usable(captures, file)
     tell(1, 5)
-    ends = located(_problem(used, file, grid(used), delay), delay, _may_ripple(used, file))
+    ends = located(_problem(used, file, grid(used), delay, COARSE_ROWS), delay, _may_ripple(used, file))
     conditions.check_sign(ends.inertia, used)
     conditions.check_settles(used, ends, file)
     tell(2, 5)
@@ -72,13 +84,13 @@ def identify(
     return answer
 
 
-def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float | None) -> Problem:
+def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float | None, most: int) -> Problem:
     """Regressors of all captures that move far enough for the longest slip."""
     room = widest(max(capture.dt for capture in captures)) * 1.5 if delay is None else abs(delay)
     told = all(follow(capture) for capture in captures)
     knot = shortest_knots if told else knots
     parts = [part(capture, knot(capture), float(slip[-1]), room) for capture in captures]
-    parts = [one for one in parts if one.rows >= LEAST_ROWS]
+    parts = thinned([one for one in parts if one.rows >= LEAST_ROWS], most)
     if not parts:
         raise IdentificationError(
             f"{captures[0].name}: fewer than {LEAST_ROWS} rows are left once the friction's state is known; record "
@@ -95,14 +107,14 @@ def _refined(captures: list[Capture], file: StageFile, ends: Range, delay: float
     """Fit on a fine grid between `ends`; widened while its longest slip carries weight."""
     high = ends.high
     for _ in range(WIDENED + 1):
-        problem = _problem(captures, file, np.geomspace(ends.low, high, FINE), delay)
+        problem = _problem(captures, file, np.geomspace(ends.low, high, FINE), delay, MOST_ROWS)
         fit = fitted(problem, kept(problem, ripple=False), delay, ends.delay)
         weight = fit.theta[FREE:]
         if weight[-1] <= END * weight.sum():
             break
         high *= RATIO
     known = intervals.known(problem, fit, False, delay is None)
-    if not _may_ripple(captures, file):
+    if not _may_ripple(captures, file) or len(fit.residual) < RIPPLE_ROWS:
         return Solved(problem, fit, known, False)
     rippled = _with_ripple(problem, fit, delay)
     if rippled is not None and rippled.known.ripple > RIPPLE:
@@ -210,7 +222,7 @@ def _curves(solved: Solved, force: Array) -> dict[str, list[float]]:
     problem, fit = solved.problem, solved.fit
     one = problem.parts[0]
     rows = slice(0, min(one.rows, 4000))
-    index = one.start + one.q * np.arange(one.rows)[rows]
+    index = one.places.start + one.places.step * np.arange(one.rows)[rows]
     found = {
         "time": one.capture.time[index],
         "position": one.capture.position[index],

@@ -17,6 +17,7 @@ Identification ..., section IV.B).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy import interpolate, signal
@@ -42,15 +43,30 @@ def margin(q: int, dt: float, delay: float) -> int:
     return HALF * q + math.ceil(delay / dt)
 
 
-def smoothed(x: Array, weights: Array, start: int, count: int, q: int) -> Array:
-    """`x` (..., n) filtered with `weights` at the samples start, start + q, ...: (..., count)."""
-    part = x[..., start - HALF * q : start + (count - 1) * q + HALF * q + 1]
-    full = signal.upfirdn(weights, part, up=1, down=q, axis=-1)
-    return np.asarray(full[..., 2 * HALF : 2 * HALF + count], dtype=np.float64)
+class Rows(NamedTuple):
+    """Samples at which a filtered signal is kept: start, start + stride q, ..."""
+
+    start: int
+    number: int
+    q: int  # samples per knot distance
+    stride: int = 1  # knot distances per row: 1, 2, 4 or 8
+
+    @property
+    def step(self) -> int:
+        """Samples per row."""
+        return self.q * self.stride
 
 
-def delayed(x: Array, delay: float, dt: float, rows: tuple[int, int, int], order: int = 0) -> Array:
-    """``x(t - delay)`` filtered, or its derivative of this `order`; `rows` are start, count and q."""
-    start, count, q = rows
+def smoothed(x: Array, weights: Array, rows: Rows) -> Array:
+    """`x` (..., n) filtered with `weights` at the samples `rows`: (..., count)."""
+    half = HALF * rows.q
+    part = x[..., rows.start - half : rows.start + (rows.number - 1) * rows.step + half + 1]
+    full = signal.upfirdn(weights, part, up=1, down=rows.step, axis=-1)
+    first = 2 * half // rows.step
+    return np.asarray(full[..., first : first + rows.number], dtype=np.float64)
+
+
+def delayed(x: Array, delay: float, dt: float, rows: Rows, order: int = 0) -> Array:
+    """``x(t - delay)`` filtered, or its derivative of this `order`, at `rows`."""
     whole = round(delay / dt)
-    return smoothed(x, window(q, dt, order, delay - whole * dt), start - whole, count, q)
+    return smoothed(x, window(rows.q, dt, order, delay - whole * dt), rows._replace(start=rows.start - whole))

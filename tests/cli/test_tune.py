@@ -66,6 +66,7 @@ def test_the_other_law_replaces_the_block(command: Command, folder: Path) -> Non
     )
     assert code == 0, err
     assert "a copy of ball-screw.yaml" in err
+    assert "margin: 20 deg" in (folder / "new.yaml").read_text()
     result = json.loads((folder / "r.json").read_text())
     assert list(result["loops"]) == ["whole_loop", "velocity_loop", "position_loop"]
     control = load_stage(folder / "new.yaml").file.control

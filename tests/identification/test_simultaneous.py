@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
+from stagectl.identification import errors_in_columns
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.found import Found
 from stagectl.identification.simultaneous import identify
@@ -311,3 +312,13 @@ def test_the_loop_flattens(ball_screw: Setup) -> None:
     assert top.mean() == pytest.approx(1.0, abs=0.01) and top.std() < 0.02
     drawn = report.pictures(found, [record], ball_screw.file)
     assert len(drawn) == 3 and all(one.image.startswith("data:image/png") for one in drawn)
+
+
+def test_long_run_covariance_is_bartletts() -> None:
+    """The stretches' sums give Bartlett's weights term by term."""
+    scores, length = np.random.default_rng(5).standard_normal((80, 2)), errors_in_columns.MEMORY
+    expected = np.zeros((2, 2))
+    for j in range(80):
+        for k in range(80):
+            expected += max(0.0, 1.0 - abs(j - k) / length) * np.outer(scores[j], scores[k])
+    assert errors_in_columns.long_run(scores) == pytest.approx(expected, rel=1e-10)
