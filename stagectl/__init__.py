@@ -8,7 +8,7 @@
               |                         |
     [1] config/stage_file.py    [2] config/trajectory_file.py       YAML, with units, strictly read
               |                         |  trajectories/            position, velocity, acceleration
-    [3] design.py                       |                           gains, margins, refusal
+    [3] design/                         |                           gains, margins, refusal
               |                         |
     [4] plan.py <-----------------------+                           limits checked, one row a period
               |
@@ -42,15 +42,15 @@
               |
     [9] identification/captures.py   columns in axis units, split at gaps; suspicion.py: does it look sound?
               |
-    [10] identification/methods.py   the method by its name: simultaneous, frf, constant-speed, low-speed,
-              |                      zero-crossing, least-squares, friction-models - one module each
+    [10] identification/methods.py   the method by its name: simultaneous/, response/, constant_speed, low_speed,
+              |                      reversal/, friction/, least_squares; each has an `identify`
               v
     [11] identification/found.py     parameters with 95 % intervals, reversal table, what cannot be told apart
               |
               +--> cli/identification.py  table and JSON      report/  a page with the method's figures
               +--> config/patch.py   `--write`: the stage file's values change, its comments stay
 
-    tuning.py         gains for a bandwidth and a margin, from the identified model, into the stage file
+    tuning/           gains for a bandwidth and a margin, from the identified model, into the stage file
     comparison.py     layers against each other, repeats interleaved; trials.py runs them, and the learning
     reproduction/     both papers from end to end, ours beside theirs
 

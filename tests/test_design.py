@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
+from stagectl.design.margins import _phase_margin
 from stagectl.kernels import feedback, friction, law, observer, rollout, stage
 from tests.conftest import CONFIG, varied
 
@@ -203,7 +204,7 @@ def test_of_several_crossovers_the_worst_counts() -> None:
     frequency = np.arange(0.5, 6.0)
     level = np.array([1.0, -1.0, -1.0, 1.0, 1.0, -1.0])
     phase = np.radians([-100.0, -110.0, -150.0, -160.0, -120.0, -130.0])
-    crossover, margin = design._phase_margin(frequency, level, phase)
+    crossover, margin = _phase_margin(frequency, level, phase)
     assert crossover == pytest.approx(3.0)
     assert math.degrees(margin) == pytest.approx(180.0 - 155.0)
 

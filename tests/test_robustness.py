@@ -16,7 +16,7 @@ import pytest
 from stagectl import design
 from stagectl.config.stage_file import load_stage
 from stagectl.kernels import feedback, friction, law, observer, rollout, stage
-from stagectl.robustness import (
+from stagectl.tuning.robustness import (
     Loop,
     attenuated,
     bandwidth,

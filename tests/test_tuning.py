@@ -7,9 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from stagectl import design, families, tuned, tuning
+from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.kernels import stage
+from stagectl.tuning import families
+from stagectl.tuning import search as tuning
+from stagectl.tuning import sheet as tuned
 from tests.conftest import CONFIG, varied
 
 

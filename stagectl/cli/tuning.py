@@ -20,7 +20,7 @@ from stagectl.units import Quantity, StageError, UnitError, parse
 
 if TYPE_CHECKING:
     from stagectl.config.stage_file import Setup
-    from stagectl.tuning import Tuned
+    from stagectl.tuning.search import Tuned
 
 
 class Law(enum.StrEnum):
@@ -80,9 +80,9 @@ def tune(
 
     Example: stagectl tune config/ball-screw.yaml --bandwidth 30Hz --margin 30deg
     """
-    from stagectl import families, tuning
-    from stagectl import tuned as sheet
     from stagectl.config.stage_file import load_stage
+    from stagectl.tuning import families, sheet
+    from stagectl.tuning import search as tuning
 
     setup = load_stage(stage, judged=False)
     hertz = None if bandwidth is None else _read("--bandwidth", bandwidth, "Hz")
@@ -116,7 +116,7 @@ def _within(option: str, text: str, quantity: Quantity) -> float:
 
 
 def _show(setup: Setup, found: Tuned, result: dict[str, Any]) -> None:
-    from stagectl import tuned as sheet
+    from stagectl.tuning import sheet
 
     console.print(f"{setup.file.name}: {result['answer']}")
     console.print(_gains(setup, found))
@@ -133,7 +133,7 @@ def _show(setup: Setup, found: Tuned, result: dict[str, Any]) -> None:
 
 
 def _gains(setup: Setup, found: Tuned) -> Table:
-    from stagectl import tuned as sheet
+    from stagectl.tuning import sheet
 
     dt, control = found.control.period, found.control
     table = Table("gain", "continuous", "unit", f"as it runs every {dt * 1e3:g} ms", "unit", title="Gains")
@@ -161,7 +161,7 @@ def _write(stage: Path, target: Path, found: Tuned, with_margin: bool) -> None:
     """Patch `target` and say what has changed."""
     from stagectl.config.patch import write
     from stagectl.config.stage_file import load_stage
-    from stagectl.families import law_of
+    from stagectl.tuning.families import law_of
 
     fresh = not target.exists()
     before = load_stage(stage if fresh else target, judged=False).file.control
@@ -176,8 +176,8 @@ def _write(stage: Path, target: Path, found: Tuned, with_margin: bool) -> None:
 
 def _changes(found: Tuned, before: str, with_margin: bool) -> dict[str, Any]:
     """What the stage file must say, by dotted name (SI); another law replaces its whole block."""
-    from stagectl.families import law_of
-    from stagectl.tuned import entries
+    from stagectl.tuning.families import law_of
+    from stagectl.tuning.sheet import entries
 
     control, law = found.control, law_of(found.control)
     chosen: dict[str, Any] = entries(control)

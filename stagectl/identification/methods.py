@@ -27,14 +27,14 @@ class Method(NamedTuple):
 
 METHODS = {
     "simultaneous": Method(
-        "simultaneous", "inertia, viscous and rolling friction and delay from any motion with reversals"
+        "simultaneous.method", "inertia, viscous and rolling friction and delay from any motion with reversals"
     ),
-    "frf": Method("frequency_response", "response from current to velocity, at several amplitudes"),
+    "frf": Method("response.method", "response from current to velocity, at several amplitudes"),
     "constant-speed": Method("constant_speed", "viscous and Coulomb friction from spans of constant speed"),
     "low-speed": Method("low_speed", "rolling friction from an ultra-slow motion there and back"),
-    "zero-crossing": Method("zero_crossing", "friction around the reversals of a slider"),
+    "zero-crossing": Method("reversal.method", "friction around the reversals of a slider"),
     "least-squares": Method("several", "inertia, viscous and Coulomb friction and offset"),
-    "friction-models": Method("friction_models", "every friction model of the family, fitted and compared"),
+    "friction-models": Method("friction.method", "every friction model of the family, fitted and compared"),
 }
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,7 +14,6 @@ from matplotlib.figure import Figure
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture
 from stagectl.identification.found import Characteristic, Found
-from stagectl.identification.methods import METHODS
 from stagectl.recording.meta import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
@@ -23,6 +21,14 @@ from stagectl.words import duration, length
 
 MOST_POINTS = 4000  # of a line; more is not seen
 MOST_CAPTURES = 3  # drawn
+_FIGURES = {  # the module of `report.methods` that draws a method's figures; least squares has none of its own
+    "simultaneous": "simultaneous",
+    "frf": "conventional",
+    "constant-speed": "conventional",
+    "low-speed": "conventional",
+    "zero-crossing": "zero_crossing",
+    "friction-models": "friction_models",
+}
 
 
 def page(result: dict[str, Any], what: tuple[Found, Sequence[Capture], Setup], command: str) -> Page:
@@ -107,8 +113,8 @@ def _name(capture: Capture) -> str:
 
 def _module(name: str) -> Any:
     """A method's own report module: ``pictures(found, captures, file)``, and ``tables(found)`` if it has any."""
-    module = f"stagectl.report.{METHODS[name].module}"
-    return importlib.import_module(module) if importlib.util.find_spec(module) else None
+    module = _FIGURES.get(name)
+    return importlib.import_module(f"stagectl.report.methods.{module}") if module else None
 
 
 def _of_the_method(name: str, found: Found, captures: Sequence[Capture], setup: Setup) -> list[Picture]:

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
-from stagectl.families import chosen, cut
 from stagectl.recording.meta import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
-from stagectl.robustness import Loop, Robustness, robustness, stiffness
-from stagectl.tuned import Closed, closed, gains, headline, margins, notes, rows, step, stiffness_unit
-from stagectl.tuning import Tuned
+from stagectl.tuning.families import chosen, cut
+from stagectl.tuning.robustness import Loop, Robustness, robustness, stiffness
+from stagectl.tuning.search import Tuned
+from stagectl.tuning.sheet import Closed, closed, gains, headline, margins, notes, rows, step, stiffness_unit
 
 Array = NDArray[Any]
 COLOURS = (TARGET, WITH, "#7c3aed", "#94a3b8")  # of the loops, the one cut at the current first

@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.identification import constant_speed, frequency_response, low_speed, simultaneous
+from stagectl.identification import constant_speed, low_speed
 from stagectl.identification.capture import Capture
 from stagectl.identification.found import Found
-from stagectl.identification.response_sampling import known_delay
+from stagectl.identification.response import method as frequency_response
+from stagectl.identification.response.sampling import known_delay
+from stagectl.identification.simultaneous import method as simultaneous
 from stagectl.reproduction.bench import CONFIG, NOISE, Bench, Run, captured, carried_out, guessed
 from stagectl.reproduction.course import Course
 from stagectl.reproduction.tracking import MOTIONS, Tracking, tracked

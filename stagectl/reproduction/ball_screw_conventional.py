@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from stagectl.identification import response_fits as fits
 from stagectl.identification.found import Characteristic
-from stagectl.identification.frequency_response import joined_curve
-from stagectl.identification.response_lines import Curve, curves
+from stagectl.identification.response import fits
+from stagectl.identification.response.lines import Curve, curves
+from stagectl.identification.response.method import joined_curve
 from stagectl.report import ball_screw as figures
-from stagectl.report import conventional as shared
 from stagectl.report.figures import WITH, WITHOUT, embedded
+from stagectl.report.methods import conventional as shared
 from stagectl.report.page import Picture, Section, Table
 from stagectl.report.panels import CONVENTIONAL, DPI
 from stagectl.reproduction import published

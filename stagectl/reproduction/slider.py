@@ -12,9 +12,9 @@ from stagectl.compensation.reversal_error import ReversalError, reversal_errors
 from stagectl.compensation.zero_crossing import FORMS, Form
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.identification import zero_crossing
 from stagectl.identification.found import Found, Parameter
-from stagectl.identification.release import Release, holding, released
+from stagectl.identification.reversal import method as zero_crossing
+from stagectl.identification.reversal.release import Release, holding, released
 from stagectl.reproduction.bench import CONFIG, NO_FRICTION, Bench, Run, captured, carried_out, guessed
 from stagectl.reproduction.course import Course
 

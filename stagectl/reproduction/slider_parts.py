@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from stagectl.report import zero_crossing as figures
 from stagectl.report.figures import WITH, WITHOUT, embedded
+from stagectl.report.methods import zero_crossing as figures
 from stagectl.report.page import Picture, Section, Table
 from stagectl.report.panels import Frame, Line, picture
 from stagectl.reproduction import published

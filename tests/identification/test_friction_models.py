@@ -12,13 +12,14 @@ from scipy.io import loadmat
 
 from stagectl.config.patch import write
 from stagectl.config.stage_file import StageFile, load_stage
-from stagectl.identification import closed_loop, friction_models
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.closed_loop import PUBLISHED, Servo, errors, simulated
 from stagectl.identification.found import Found
-from stagectl.identification.friction_members import FAMILY, bundled, data_table
+from stagectl.identification.friction import closed_loop
+from stagectl.identification.friction import method as friction_models
+from stagectl.identification.friction.closed_loop import PUBLISHED, Servo, errors, simulated
+from stagectl.identification.friction.members import FAMILY, bundled, data_table
 from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
-from stagectl.report import friction_models as report
+from stagectl.report.methods import friction_models as report
 
 Array = NDArray[np.float64]
 EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"

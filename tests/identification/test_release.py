@@ -9,7 +9,7 @@ import pytest
 
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.identification.capture import IdentificationError
-from stagectl.identification.release import holding, released
+from stagectl.identification.reversal.release import holding, released
 from tests.identification.slider import recorded, slider, trapezoid
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
-from stagectl.identification import errors_in_columns
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.found import Found
-from stagectl.identification.simultaneous import identify
+from stagectl.identification.simultaneous import errors_in_columns
+from stagectl.identification.simultaneous.method import identify
 from stagectl.kernels import friction, stage
-from stagectl.report import simultaneous as report
+from stagectl.report.methods import simultaneous as report
 from stagectl.trajectories import Sine
 from tests.conftest import Tracked
 from tests.identification.driven import Sensor, capture, sine

@@ -15,9 +15,9 @@ from stagectl.compensation.zero_crossing import FORMS, Displacement, Exponential
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.found import Found
-from stagectl.identification.reversals import reversals
-from stagectl.identification.zero_crossing import identify
-from stagectl.identification.zero_crossing_fit import fitted, gathered
+from stagectl.identification.reversal.fit import fitted, gathered
+from stagectl.identification.reversal.method import identify
+from stagectl.identification.reversal.reversals import reversals
 from stagectl.trajectories import Trajectory
 from stagectl.trajectories.periodic import Sine
 from stagectl.trajectories.profiles import Dwell, Trapezoid

@@ -10,8 +10,9 @@ import pytest
 from matplotlib.lines import Line2D
 
 from stagectl.config.stage_file import load_stage
-from stagectl.identification import constant_speed, frequency_response, low_speed
-from stagectl.report.conventional import figures
+from stagectl.identification import constant_speed, low_speed
+from stagectl.identification.response import method as frequency_response
+from stagectl.report.methods.conventional import figures
 from stagectl.trajectories import Sequence, Trapezoid
 from tests.identification.test_constant_speed import followed
 from tests.identification.test_frequency_response import sine

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import Axis
-from stagectl.report.zero_crossing import Compensated, Run, compensation, forces, forces_over, release, stroke_end
+from stagectl.report.methods.zero_crossing import (
+    Compensated,
+    Run,
+    compensation,
+    forces,
+    forces_over,
+    release,
+    stroke_end,
+)
 from tests.identification.slider import errors, recorded, slider, trapezoid
 
 

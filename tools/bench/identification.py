@@ -27,7 +27,7 @@ from scipy.optimize import least_squares
 from stagectl.config.stage_file import Rolling, Setup, load_stage
 from stagectl.identification.capture import Capture
 from stagectl.identification.captures import load
-from stagectl.identification.simultaneous import identify
+from stagectl.identification.simultaneous.method import identify
 from stagectl.kernels import stage
 from stagectl.kernels.jit import kernel
 

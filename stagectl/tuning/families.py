@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from stagectl import design
 from stagectl.kernels import observer, stage
-from stagectl.robustness import Loop, Robustness, loops, robustness
+from stagectl.tuning.robustness import Loop, Robustness, loops, robustness
 from stagectl.units import StageError
 
 LAWS: dict[str, type[design.Settings]] = {"pid": design.Control, "cascade": design.CascadeControl}

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.smoothing import HALF, Rows, delayed, margin, smoothed, window
+from stagectl.identification.simultaneous.smoothing import HALF, Rows, delayed, margin, smoothed, window
 from stagectl.kernels import presliding
 
 SHORTEST_KNOTS = 1.5e-3  # s, knot distance: the window passes 125 Hz

@@ -28,8 +28,8 @@ from scipy import optimize, stats
 
 from stagectl.identification.capture import Array
 from stagectl.identification.found import Parameter
-from stagectl.identification.response_lines import Curve
-from stagectl.identification.response_sampling import Complex
+from stagectl.identification.response.lines import Curve
+from stagectl.identification.response.sampling import Complex
 
 ELEMENTS = 24
 FLOOR = 0.005  # relative deviation that no line is taken to be better than

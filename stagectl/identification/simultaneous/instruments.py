@@ -19,7 +19,7 @@ import numpy as np
 from scipy import linalg
 
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.regressors import FREE, Part, columns
+from stagectl.identification.simultaneous.regressors import FREE, Part, columns
 
 APART = 0.05  # of the stroke, rms, between position and reference
 EVERY = 3  # slip whose rate of change is an instrument, too: it tells the delay

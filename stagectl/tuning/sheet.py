@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.families import law_of, running
 from stagectl.kernels import cascade, feedback
-from stagectl.robustness import Peak, Robustness, attenuated, bandwidth, following, loops, softest, stepped
-from stagectl.tuning import PEAK, Tuned
+from stagectl.tuning.families import law_of, running
+from stagectl.tuning.robustness import Peak, Robustness, attenuated, bandwidth, following, loops, softest, stepped
+from stagectl.tuning.search import PEAK, Tuned
 from stagectl.words import duration
 
 SETTLED = 0.02  # of the step

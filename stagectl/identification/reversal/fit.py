@@ -22,7 +22,7 @@ from scipy import optimize, stats
 from stagectl.compensation.legs import Array, Legs
 from stagectl.compensation.zero_crossing import FORMS, Displacement, Form
 from stagectl.identification.capture import IdentificationError
-from stagectl.identification.reversals import Reversals
+from stagectl.identification.reversal.reversals import Reversals
 
 MOST_REVERSALS, MOST_ROWS = 12, 2000  # of all captures together: more would not change the answer
 GENERATIONS, POPULATION, TOLERANCE = 150, 10, 1e-6

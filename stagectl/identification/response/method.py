@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from stagectl.config.stage_file import StageFile
-from stagectl.identification import response_fits as fits
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.found import Found, Parameter
-from stagectl.identification.response_lines import Curve, curves, threshold
-from stagectl.identification.response_sampling import known_delay
+from stagectl.identification.response import fits
+from stagectl.identification.response.lines import Curve, curves, threshold
+from stagectl.identification.response.sampling import known_delay
 from stagectl.units import ROTARY
 
 LEAST_LINES = 3  # of a fit

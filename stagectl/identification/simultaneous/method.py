@@ -21,12 +21,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stagectl.config.stage_file import StageFile
-from stagectl.identification import conditions, errors_in_columns, even_weights, intervals, notes
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.delay_search import Fit, Problem, fitted, kept, widest
 from stagectl.identification.found import Characteristic, Found, Parameter, Progress
-from stagectl.identification.instruments import follow, instruments, projected
-from stagectl.identification.regressors import (
+from stagectl.identification.simultaneous import conditions, errors_in_columns, even_weights, intervals, notes
+from stagectl.identification.simultaneous.delay_search import Fit, Problem, fitted, kept, widest
+from stagectl.identification.simultaneous.instruments import follow, instruments, projected
+from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,
     ONE,
@@ -37,7 +37,7 @@ from stagectl.identification.regressors import (
     shortest_knots,
     thinned,
 )
-from stagectl.identification.slips import RATIO, Range, grid, located
+from stagectl.identification.simultaneous.slips import RATIO, Range, grid, located
 from stagectl.units import LINEAR, ROTARY
 
 FINE = 24  # slips of the second one

@@ -17,7 +17,7 @@ from scipy import optimize
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.friction_members import FAMILY, LENGTH, SPEED, Member, Path, Searched
+from stagectl.identification.friction.members import FAMILY, LENGTH, SPEED, Member, Path, Searched
 from stagectl.identification.least_squares import check_directions
 from stagectl.identification.recipe import Recipe, moved, recipe, thinned
 from stagectl.kernels import stage

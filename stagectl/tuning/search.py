@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl import design
-from stagectl.families import Family, TuningError, chosen, cut, reached
-from stagectl.robustness import Robustness, essence, stable
+from stagectl.tuning.families import Family, TuningError, chosen, cut, reached
+from stagectl.tuning.robustness import Robustness, essence, stable
 from stagectl.units import Quantity
 
 PEAK = 2.0  # of the sensitivity, where no bandwidth is asked for

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy import optimize
 
-from stagectl.identification import errors_in_columns as errors
 from stagectl.identification.capture import Array, IdentificationError
-from stagectl.identification.instruments import Instruments, seen
-from stagectl.identification.regressors import FREE, ONE, Part, current_noise, currents, encoder_noise
+from stagectl.identification.simultaneous import errors_in_columns as errors
+from stagectl.identification.simultaneous.instruments import Instruments, seen
+from stagectl.identification.simultaneous.regressors import FREE, ONE, Part, current_noise, currents, encoder_noise
 
 PERIODS, SPARE = 8.0, 1e-3  # delays are searched within 8 sampling times and 1 ms, either way
 NODES, MANY = 9, 25  # of the interpolation: within a millisecond or two, over the whole range

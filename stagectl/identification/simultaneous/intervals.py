@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.identification import errors_in_columns as errors
 from stagectl.identification.capture import Array
-from stagectl.identification.delay_search import Fit, Problem, kept, refitted
-from stagectl.identification.instruments import projected
-from stagectl.identification.regressors import FREE, currents
+from stagectl.identification.simultaneous import errors_in_columns as errors
+from stagectl.identification.simultaneous.delay_search import Fit, Problem, kept, refitted
+from stagectl.identification.simultaneous.instruments import projected
+from stagectl.identification.simultaneous.regressors import FREE, currents
 
 NAMES = ("inertia", "viscous", "coulomb", "offset", "delay")
 

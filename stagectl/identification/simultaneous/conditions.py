@@ -13,9 +13,9 @@ import numpy as np
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.regressors import acceleration, knots, position_noise
-from stagectl.identification.slips import Range
-from stagectl.identification.smoothing import HALF, KNOTS, window
+from stagectl.identification.simultaneous.regressors import acceleration, knots, position_noise
+from stagectl.identification.simultaneous.slips import Range
+from stagectl.identification.simultaneous.smoothing import HALF, KNOTS, window
 from stagectl.words import length
 
 SHORTEST = 0.2  # s of record

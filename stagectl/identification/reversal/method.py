@@ -12,8 +12,8 @@ from stagectl.compensation.zero_crossing import FORMS, Form
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.found import Found, Parameter, Progress
-from stagectl.identification.reversals import Reversals, reversals
-from stagectl.identification.zero_crossing_fit import GENERATIONS, Data, Fit, fitted, gathered
+from stagectl.identification.reversal.fit import GENERATIONS, Data, Fit, fitted, gathered
+from stagectl.identification.reversal.reversals import Reversals, reversals
 from stagectl.units import quantity_of
 
 UNBOUNDED = ("exponential", "symmetric")  # forms whose fit leaves the physical range of Cs if it may

@@ -16,8 +16,8 @@ import numpy as np
 from scipy import optimize
 
 from stagectl.identification.capture import Array
-from stagectl.identification.delay_search import Fit, Problem
-from stagectl.identification.regressors import FREE
+from stagectl.identification.simultaneous.delay_search import Fit, Problem
+from stagectl.identification.simultaneous.regressors import FREE
 
 TIED = 1e3  # weight of the sum's condition beside the data
 PERMITTED = 10.0  # rise of the cost, in variances of a row

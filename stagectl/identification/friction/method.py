@@ -17,11 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stagectl.config.stage_file import StageFile
-from stagectl.identification import closed_loop, standard_errors
+from stagectl.identification import standard_errors
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.found import Found, Parameter, Progress
-from stagectl.identification.friction_fit import Data, Fit, Scale, columns_of, fitted, plant, prepared, sensitivity
-from stagectl.identification.friction_members import FAMILY
+from stagectl.identification.friction import closed_loop
+from stagectl.identification.friction.fit import Data, Fit, Scale, columns_of, fitted, plant, prepared, sensitivity
+from stagectl.identification.friction.members import FAMILY
 from stagectl.kernels import stage
 from stagectl.units import Quantity
 

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.config.stage_file import StageFile
-from stagectl.identification import errors_in_columns as errors
 from stagectl.identification.capture import Array
-from stagectl.identification.delay_search import Fit, Problem
 from stagectl.identification.found import Parameter
-from stagectl.identification.intervals import NAMES, Known
-from stagectl.identification.regressors import FREE, ONE
+from stagectl.identification.simultaneous import errors_in_columns as errors
+from stagectl.identification.simultaneous.delay_search import Fit, Problem
+from stagectl.identification.simultaneous.intervals import NAMES, Known
+from stagectl.identification.simultaneous.regressors import FREE, ONE
 from stagectl.units import LINEAR
 from stagectl.words import duration, length
 

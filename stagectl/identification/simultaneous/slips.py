@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.identification import delay_search as search
-from stagectl.identification import errors_in_columns as errors
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.regressors import acceleration, currents, knots
+from stagectl.identification.simultaneous import delay_search as search
+from stagectl.identification.simultaneous import errors_in_columns as errors
+from stagectl.identification.simultaneous.regressors import acceleration, currents, knots
 
 COUNTS = 8.0  # encoder steps below which no slip is looked for
 STROKE = 0.25  # of a motion: the longest slip that is looked for

@@ -28,7 +28,7 @@ from scipy import ndimage, signal
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.response_sampling import LEAST_CURRENT, Complex, check, sampled, velocity
+from stagectl.identification.response.sampling import LEAST_CURRENT, Complex, check, sampled, velocity
 
 COHERENT = 0.9  # least coherence of a line that is used
 SEGMENTS = 12  # of Welch's method, at least, half overlapping

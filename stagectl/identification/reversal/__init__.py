@@ -1,0 +1,1 @@
+"""Friction around the reversals of a slider; `method` is where it begins."""

@@ -1,0 +1,1 @@
+"""Everything from one motion with reversals: the paper's method, made convex; `method` is where it begins."""

@@ -1,0 +1,1 @@
+"""Gains for a stated bandwidth and margin: families of designs, their robustness, the search, the sheet."""
