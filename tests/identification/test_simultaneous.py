@@ -221,6 +221,9 @@ def test_what_cannot_be_separated_is_said(ball_screw: Setup) -> None:
     assert np.diag(correlation) == pytest.approx(1.0)
     assert -1.0 < correlation[0, 4] < -0.95
     assert any(note.startswith("inertia and delay: tied") for note in fitted.notes)
+    assert any("reference: missing" in note for note in fitted.notes)
+    still = identify([record._replace(reference=np.zeros(len(record.time)))], ball_screw.file)  # an open loop's
+    assert not any("reference: missing" in note for note in still.notes)
     assert not any("and delay: tied" in note for note in given.notes)
     assert len(given.details["identifiability"]["names"]) == 4
     assert all("force constant: not identified" in found.notes[0] for found in (fitted, given))

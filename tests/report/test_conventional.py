@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,7 +11,7 @@ from matplotlib.lines import Line2D
 from stagectl.config.stage_file import load_stage
 from stagectl.identification import constant_speed, low_speed
 from stagectl.identification.response import method as frequency_response
-from stagectl.report.methods.conventional import figures
+from stagectl.report.methods.conventional import figures, pictures
 from stagectl.trajectories import Sequence, Trapezoid
 from tests.identification.test_constant_speed import followed
 from tests.identification.test_frequency_response import sine
@@ -60,7 +59,7 @@ def test_force_over_speed() -> None:
 
 def test_rolling_friction_in_travel() -> None:
     found = low_speed.identify([slow(Machine(SETUP), seconds=35.0)], SETUP.file)
-    (picture,) = importlib.import_module("stagectl.report.low_speed").pictures(found, [], SETUP.file)
+    (picture,) = pictures(found, [], SETUP.file)
     assert picture.image.startswith("data:image/png;base64,") and picture.caption == "Rolling-friction characteristic."
     (figure,) = figures(found, SETUP.file).values()
     whole, near = figure.axes

@@ -96,6 +96,11 @@ def _delay(p: Result) -> Iterator[str]:
         f"delay: {1e3 * value:.3g} ± {1e3 * half:.2g} ms, from {what} to the position; it holds for that column only"
         + (", and is negative where the column itself is late" if value < 0.0 else "")
     )
+    if any(one.capture.reference is None for one in p.problem.parts):
+        yield (
+            "reference: missing in at least one capture; if a controller moved the axis there, its answer to the "
+            "position's noise shifts delay and inertia together: record the reference, or give --delay"
+        )
     if len(columns) > 1:
         yield "delay: the captures hold different current columns, which have different delays; identify them apart"
 
