@@ -19,14 +19,17 @@ from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Array, Capture
 from stagectl.kernels import stage
 from stagectl.units import LINEAR
+from stagectl.words import duration, length
 
 BEYOND = 1.5  # of a limit: more than any overshoot
 FITS, DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
-BETTER = 0.4  # times what is left unexplained as recorded: a factor of 1000 is not found by chance
+BETTER = 0.45  # times what is left unexplained as recorded: a factor of 1000 is not found by chance
 SLOW = 0.02  # cycles a sample: what lies below is the motion, above is noise
 MOST_ROWS = 50_000  # looked at; longer captures are averaged in blocks
+ONE_SIDE = 0.5  # of the largest current: a limit on the other side may be lower
 LEAST_RUN = 5  # equal rows in a row at the largest current
 LEAST_SHARE = 0.005  # of the rows
+JUMP = 10.0  # times what 99 % of the rows move by
 LEAST_RISE = 0.01  # of the largest current, in the last fifth
 CORNER = 0.38  # rise in the last tenth over that in the last fifth: a flank has 0.5, a rounded top 0.25
 
@@ -87,7 +90,7 @@ def suspicions(capture: Capture, setup: Setup) -> list[str]:
         found.append(f"the force fits the stage file's model if {mistake.words}, and does not as it is: {advice}")
     elif found and "flat" not in found[-1]:
         found[-1] += f": {ADVICE}"
-    return found
+    return found or _jumps(capture, setup)
 
 
 def remarks(capture: Capture) -> list[str]:
@@ -146,6 +149,20 @@ def _motion(capture: Capture) -> _Motion:
     return _Motion(v[inside], np.gradient(v, block * capture.dt)[inside], i[inside])
 
 
+def _jumps(capture: Capture, setup: Setup) -> list[str]:
+    """A step between two rows that no motion makes: a row misread, or rows lost that the times do not show."""
+    steps = np.abs(np.diff(capture.position))
+    row, usual = int(np.argmax(steps)), float(np.quantile(steps, 0.99))
+    if steps[row] <= max(JUMP * usual, BEYOND * setup.file.limits.speed * capture.dt):
+        return []
+    axis = setup.file.axis
+    size = length(axis.travel_per_unit * float(steps[row]), axis.travel_unit)
+    return [
+        f"its position jumps by {size} within {duration(capture.dt)} at "
+        f"{capture.time[row]:.6g} s: a value misread, or rows lost that the times do not show; cut the log there"
+    ]
+
+
 def _beyond_limits(capture: Capture, motion: _Motion, setup: Setup) -> list[str]:
     limits, axis = setup.file.limits, setup.file.axis
     unit, scale = axis.travel_unit, axis.travel_per_unit
@@ -169,7 +186,7 @@ def likely_mistake(motion: _Motion, setup: Setup) -> Mistake | None:
     as_recorded = _unexplained(motion, setup, Mistake(1.0, 1.0, 1.0, ""))
     share, best = min(((_unexplained(motion, setup, one), one) for one in MISTAKES), key=lambda pair: pair[0])
     blind = as_recorded > DIFFERS and share < FITS
-    return best if blind or share < min(0.5 * FITS, BETTER * as_recorded) else None
+    return best if blind or share < min(FITS, BETTER * as_recorded) else None
 
 
 def _unexplained(motion: _Motion, setup: Setup, wrong: Mistake) -> float:
@@ -194,20 +211,22 @@ def _flat(capture: Capture, setup: Setup) -> list[str]:
     known = "law" in capture.meta and capture.current_column != "command"
     if known and largest >= 0.999 * setup.file.drive.current_limit:
         return []  # the drive's own limit, in a current that it measured or commanded behind it
+    level = abs(float(capture.current[rows[0]]))
     return [
-        f"the current is clipped: flat at {largest:.4g} A in {len(rows)} of {len(capture.current)} rows, the first at "
+        f"the current is clipped: flat at {level:.4g} A in {len(rows)} of {len(capture.current)} rows, the first at "
         f"{capture.time[rows[0]]:.6g} s; what drove the motion there is not known: record with a smaller amplitude, or "
         "go on with --doubtful if the current was really flat"
     ]
 
 
 def clipped(current: Array) -> NDArray[np.intp]:
-    """Rows in which `current` (n,) is cut off at its largest value: repeated there, and reached with a corner.
+    """Rows in which `current` (n,) is cut off at its largest or smallest value: repeated there, reached with a corner.
 
     The flat top of a rounded sine, or of friction that saturates, is reached without one.
     """
     largest = float(np.abs(current).max())
-    top = np.abs(current) >= largest * (1.0 - 1e-6)
+    sides = [end for end in (float(current.max()), float(current.min())) if abs(end) >= ONE_SIDE * largest]
+    top = np.any([np.abs(current - end) <= 1e-6 * largest for end in sides], axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(np.int8)))
     runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= LEAST_RUN]
     rows = np.concatenate([np.arange(a, b) for a, b in runs]) if runs else np.zeros(0, dtype=np.intp)

@@ -123,6 +123,10 @@ def interlaced(columns: dict[str, Array]) -> None:
         (lambda c: c["measured_current"].__setitem__(slice(None), 2.0), "measured_current is 2 A throughout"),
         (lambda c: c["measured_current"].clip(-4.0, 4.0, out=c["measured_current"]),
          r"the current is clipped: flat at 4 A in \d+ of 20000 rows, the first at 0\.\d+ s; .* smaller amplitude"),
+        (lambda c: c["measured_current"].clip(None, 4.0, out=c["measured_current"]),
+         r"the current is clipped: flat at 4 A in \d+ of 20000 rows"),
+        (lambda c: c["measured"].__setitem__(5000, c["measured"][5000] + 3.0),
+         r"position jumps by 5\.\d+ mm within 0\.5 ms at 2\.4995 s: a value misread, or rows lost"),
         (lambda c: c["time"].__imul__(1e3),
          r"times are in ms .*name the unit in the column's header or in --columns"),
         (lambda c: c["time"].__imul__(1e-3),
@@ -174,6 +178,18 @@ def test_nominal_values_may_be_wrong(columns: dict[str, Array], ball_screw: Setu
     other = p._replace(inertia=factor * p.inertia, viscous=factor * p.viscous)
     setup = ball_screw._replace(stage=ball_screw.stage._replace(mechanics=other))
     assert prepared([recording(columns)], setup)[0].notes == ()
+
+
+@pytest.mark.parametrize(("column", "factor"), [("measured", 1e-3), ("time", 1e3)])
+def test_wrong_units_are_seen_by_a_model_that_is_a_third_off(
+    columns: dict[str, Array], ball_screw: Setup, column: str, factor: float
+) -> None:
+    """Slow or small motions leave the model its Coulomb friction alone, which explains a third of a force."""
+    p = ball_screw.stage.mechanics
+    other = p._replace(inertia=1.3 * p.inertia, viscous=1.3 * p.viscous)
+    setup = ball_screw._replace(stage=ball_screw.stage._replace(mechanics=other))
+    with pytest.raises(IdentificationError, match="the force fits the stage file's model if the"):
+        prepared([spoilt(columns, lambda c: c[column].__imul__(factor))], setup)
 
 
 def test_a_flat_top_is_no_clipping_by_itself() -> None:
