@@ -248,6 +248,17 @@ def test_the_rheology_spring_starts_at_zero_and_arrives_level(exponent: float) -
         assert forces[24] == pytest.approx(COULOMB * 0.25 * (1.0 - math.log(0.25)), rel=1e-6)
 
 
+def test_a_branch_of_the_rheology_spring_begins_where_the_last_one_ended() -> None:
+    """A partial reversal from half the range: ``F = F_0 - 2 T_c g(s / range)``, with g = xi (1 - ln xi), n = 2."""
+    p, x = Rheology(COULOMB, 2e-5, 2.0), friction_memory.CREEP
+    start, x = friction_memory.rheology(p, x, 1e-3, 5e-6, DT)
+    assert start == pytest.approx(COULOMB * 0.5 * (1.0 - math.log(0.5)))
+    for s in (1e-6, 2e-6, 3e-6):
+        force, x = friction_memory.rheology(p, x, -1e-3, -1e-6, DT)
+        xi = s / 2e-5
+        assert force == pytest.approx(start - 2.0 * COULOMB * xi * (1.0 - math.log(xi)))
+
+
 def test_the_creeping_spring_relaxes_with_its_time_constant() -> None:
     """After a move of T it is k v tau (1 - exp(-T / tau)), and then decays: a spring and a dashpot in series."""
     moved, x = RHEOLOGY, friction_memory.CREEP
