@@ -55,6 +55,13 @@ def test_holms_rule_by_hand() -> None:
     assert [one.adjusted for one in found] == pytest.approx(expected, rel=1e-12)
 
 
+def test_repeats_agree_whose_difference_has_the_sign_of_the_mean() -> None:
+    """Lower in three of five repeats, the same in one and higher in one."""
+    off = Figures("off", np.full(5, 5e-6), np.full(5, 1e-6))
+    other = Figures("ptc", off.peak - np.array([1.0, 2.0, 0.0, -0.5, 1.5]) * 1e-6, off.rms)
+    assert [(one.agree, one.repeats) for one in differences([off, other], off)] == [(3, 5)]
+
+
 def test_pairing_sees_what_the_shared_noise_hides() -> None:
     """A tenth of the shared noise is found, and the sentence has the figures in it."""
     figures = drawn([5.31e-6, 0.02e-6], 1e-9)

@@ -62,6 +62,13 @@ def test_no_method_is_told_the_truth(evidence: ball_screw.Evidence) -> None:
         assert np.max(np.abs(counts - np.round(counts))) < 1e-6  # the encoder's position, not the model's
 
 
+def test_the_slider_is_not_told_its_mass_either(slid: slider.Evidence) -> None:
+    """The zero-crossing fit takes M a and D v of the believed stage off the force."""
+    machine, believed = slid.bench.machine.stage, slid.bench.believed.stage
+    assert believed.mechanics.inertia == pytest.approx(1.1 * machine.mechanics.inertia)
+    assert believed.mechanics.viscous == pytest.approx(0.9 * machine.mechanics.viscous)
+
+
 def test_the_bench_draws_its_noise_by_its_seed() -> None:
     machine = load_stage(CONFIG / "ball-screw.yaml")
     sine = CurrentSine(5.0, 8.0, 2.0)

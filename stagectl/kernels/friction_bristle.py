@@ -9,8 +9,9 @@ With ``g(v) = T_c stribeck(v)``, the deflection z of the mean bristle and ``w = 
 The viscous part sigma_2 v is the mechanics' own.  A step is exact in z, however stiff: over a move dx with v held,
 w obeys ``dw/d|dx| = -(sigma_0 / g) |w|^n sgn(w)``, whose solution is an exponential (n = 1) or a power.
 
-LuGre with a constant sigma_1 gives out energy where ``sigma_1 |v| > 4 g(v)`` (N. Barahanov, R. Ortega, IEEE Trans.
-Automatic Control 45(4), 2000); `passive_below` tells the speed up to which it is passive.
+With ``u = sigma_0 |z| / g`` the step takes ``|v| (g u^2 + sigma_1 |v| (1 - u))`` beside what the bristle stores: never
+less than nothing while u <= 1, so without a Stribeck rise.  With one u comes to 1 + rise, and fast after slow motion
+gives out energy; `passive_below` tells the speed up to which it cannot.
 
 Source: P. R. Dahl, A solid friction model, Aerospace Corporation TOR-158, 1968; C. Canudas de Wit, H. Olsson,
 K. J. Åström, P. Lischinsky, A new model for control of systems with friction, IEEE Trans. Automatic Control 40(3),
@@ -87,5 +88,11 @@ def settled(p: Bristle, load: float) -> float:
 
 
 def passive_below(p: Bristle) -> float:
-    """Speed up to which it never gives out energy, ``4 T_c / sigma_1`` (rad/s | m/s); inf without damping."""
-    return 4.0 * p.coulomb / p.damping if p.damping > 0.0 else math.inf
+    """Speed up to which it never gives out energy, ``T_c u^2 / ((u - 1) sigma_1)`` (rad/s | m/s); else inf.
+
+    The least over u up to 1 + rise: with the rise itself, or with 1 where that is larger.
+    """
+    rise = min(p.stribeck.rise, 1.0)
+    if p.damping == 0.0 or rise == 0.0:
+        return math.inf
+    return p.coulomb * (1.0 + rise) * (1.0 + rise) / (rise * p.damping)

@@ -97,7 +97,8 @@ def slider_outcome(e: slider.Evidence, course: Course) -> Outcome:
         "Simulated: the machine is a model (config/linear-slider.yaml) with its encoder's steps and the drive's, and "
         "no noise. The paper gives its holding force, its frequency and its travel; mass, stiffness and loop were "
         "chosen to agree with them, so these three confirm the model. The errors at the reversals were not.",
-        "Mass and viscous friction are known to the method, as the mass is to the paper; the rolling friction is not.",
+        "The mass and the viscous friction that the method takes off the force are wrong by a tenth, as a data sheet's "
+        "are; it is told nothing of the rolling friction.",
         "Figs. 1 and 2 are a photograph and a block diagram (kernels/cascade.py is that diagram).",
     ]
     return Outcome(answer, notes, slider_parts.parts(e))

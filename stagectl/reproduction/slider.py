@@ -21,7 +21,7 @@ from stagectl.reproduction.course import Course
 STAGE = "linear-slider.yaml"
 SPEEDS = ("2.5", "5", "10")  # mm/s
 FASTEST = "10"
-DATA_SHEET = (1.0, 1.0, 0.8)  # inertia, viscous and rolling friction over the true ones
+DATA_SHEET = (1.1, 0.9, 0.8)  # inertia, viscous and rolling friction over the true ones
 STEPS = {"reversals": 1.0, "standstill and release": 1.0, "fits": 8.0, "compensation": 2.0}
 SEED = 20
 NONE = "none"

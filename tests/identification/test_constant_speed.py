@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.constant_speed import Span, identify, straight_line
+from stagectl.identification.constant_speed import Span, _quantile, identify, straight_line
 from stagectl.trajectories import Sequence, Sine, Trapezoid
 from tests.identification.virtual import STAGE_A, Machine, held
 
@@ -45,6 +45,7 @@ def test_damping_within_a_tenth_of_a_per_cent(ripple: float, seed: int) -> None:
     assert found.changes == {"mechanics.viscous": found.parameters["viscous"].value}
     assert len(found.details["spans"]) == 2 * len(SPEEDS)
     assert all(one["revolutions"] >= 3 for one in found.details["spans"])
+    assert max(map(abs, found.details["residual"])) < 0.01  # N m, of forces of up to 8 N m
     json.dumps(found.details, allow_nan=False)
 
 
@@ -87,6 +88,12 @@ def test_covariance_is_the_spread_over_repetitions() -> None:
     spread = np.std([values for values, _, _ in runs], axis=0)
     claimed = np.sqrt(np.mean([np.diag(covariance) for _, covariance, _ in runs], axis=0))
     assert spread == pytest.approx(claimed, rel=0.15)
+
+
+def test_a_line_that_scatters_more_than_its_noise_is_known_by_its_few_spans_alone() -> None:
+    """Student's quantile of their own freedom; where the batches' noise explains the scatter, of all batches."""
+    assert _quantile(2, 5, 10.0) == pytest.approx(4.3027, abs=1e-4)
+    assert _quantile(2, 5, 1.0) == pytest.approx(2.0117, abs=1e-4)  # 47 degrees of freedom
 
 
 def test_intervals_hold_the_truth() -> None:

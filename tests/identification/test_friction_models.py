@@ -15,6 +15,7 @@ from stagectl.config.stage_file import StageFile, load_stage
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.found import Found
 from stagectl.identification.friction import closed_loop
+from stagectl.identification.friction import fit as friction_fit
 from stagectl.identification.friction import method as friction_models
 from stagectl.identification.friction.closed_loop import PUBLISHED, Servo, errors, simulated
 from stagectl.identification.friction.members import FAMILY, bundled, data_table
@@ -115,6 +116,14 @@ def test_the_law_that_made_the_force_is_chosen(law: str) -> None:
     best = next(row for row in found.details["models"] if row["name"] == law)
     assert best["force_residual_percent"] < 0.9 * simplest["force_residual_percent"]
     assert best["held_out"]["later_half"] < simplest["held_out"]["later_half"]
+
+
+def test_each_parameter_costs_the_logarithm_of_the_rows_worth() -> None:
+    """G. Schwarz, Annals of Statistics 6(2), 1978: at the same residual two models differ by their count alone."""
+    one = friction_fit.Fit("stribeck", np.zeros(5), np.zeros(1), np.ones(100), np.zeros((100, 5)), [(0.0, 1.0)])
+    simple = one._replace(name="coulomb-viscous")
+    assert friction_models.bic(simple, 50.0) == pytest.approx(4.0 * np.log(50.0))
+    assert friction_models.bic(one, 50.0) - friction_models.bic(simple, 50.0) == pytest.approx(2.0 * np.log(50.0))
 
 
 def test_intervals_hold_the_truth() -> None:

@@ -12,7 +12,7 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.found import Found
-from stagectl.identification.low_speed import Fit, Stroke, fitted, full_strokes, identify, table_force
+from stagectl.identification.low_speed import Fit, Stroke, _quick, fitted, full_strokes, identify, table_force
 from stagectl.kernels import friction
 from tests.identification.virtual import MICRON, STAGE_A, Array, Machine, held
 
@@ -128,6 +128,22 @@ def test_only_full_strokes_count() -> None:
     assert [one.duration for one in strokes] == pytest.approx([10.0] * 5, abs=0.3)
     for one in strokes:
         assert 94.0 * MICRON < one.displacement[-1] <= 95.5 * MICRON
+
+
+def test_a_stroke_whose_approach_was_short_is_left_out() -> None:
+    """From rest the friction is not at its end yet: half a stroke of approach will do, a third will not."""
+    t = np.linspace(0.0, 60.0, 120001)
+    for before, count in ((0.5, 3), (0.3, 2)):
+        x = np.interp(t, [0.0, 10.0, 20.0, 40.0, 59.0, 60.0], [0.0, before, before - 1.0, before, before - 1.0, 0.1])
+        capture = Capture("made", t, x * 100.0 * MICRON, np.sign(np.gradient(x)), 5e-4, encoder_step=6e-6)
+        assert len(full_strokes(capture, 0.72)) == count
+
+
+def test_viscous_and_inertial_force_add_up() -> None:
+    """Of a sine of 0.5 rad at 4 rad/s: D X w + J X w^2."""
+    mechanics = FILE.mechanics._replace(inertia=3.0, viscous=2.0)
+    stroke = Stroke(1.0, np.array([0.0, 1.0]), np.zeros(2), 0.25 * math.pi)
+    assert _quick([stroke], FILE._replace(mechanics=mechanics)) == pytest.approx(0.5 * (2.0 * 4.0 + 3.0 * 16.0))
 
 
 def refused(**changes: Any) -> Capture:

@@ -170,12 +170,29 @@ def periodic_work(name: str, there: Array) -> float:
 
 
 def test_lugre_is_passive_where_the_condition_says_so() -> None:
-    """Barahanov and Ortega, 2000: with ``sigma_1 |v| <= 4 g`` it never gives back more than the bristle had stored."""
-    p = LUGRE._replace(stribeck=friction.Stribeck())
-    assert friction_bristle.passive_below(p) == 4.0 * COULOMB / 50.0
-    assert friction_bristle.passive_below(DAHL) == math.inf
-    path = wandering(5, 6000, 4e-6)
-    assert np.abs(np.diff(path)).max() / DT < friction_bristle.passive_below(p)
+    """Below its speed it never gives back more than the bristle had stored; without a rise at no speed."""
+    assert friction_bristle.passive_below(DAHL._replace(stribeck=STRIBECK)) == math.inf
+    assert friction_bristle.passive_below(LUGRE) == pytest.approx(COULOMB * 1.4**2 / (0.4 * 50.0))
+    assert friction_bristle.passive_below(LUGRE._replace(stribeck=friction.Stribeck(3.0))) == 4.0 * COULOMB / 50.0
+    bare = LUGRE._replace(stribeck=friction.Stribeck())
+    assert friction_bristle.passive_below(bare) == math.inf
+    assert np.abs(np.diff(wandering(5, 6000, 4e-6))).max() / DT < friction_bristle.passive_below(LUGRE)
+    for p, scale in ((LUGRE, 4e-6), (bare, 4e-6), (bare, 4e-3)):
+        _never_gives(p, wandering(5, 6000, scale))
+
+
+@pytest.mark.parametrize(("share", "gives"), [(0.9, False), (1.2, True)])
+def test_lugre_gives_out_energy_just_above_that_speed(share: float, gives: bool) -> None:
+    """The first instant of fast motion after slow motion: the bristle still carries the static friction."""
+    v = share * friction_bristle.passive_below(LUGRE)
+    z = 1.4 * COULOMB / STIFFNESS
+    h = 1e-9
+    force, after = friction_bristle.bent(LUGRE, z, v, v * h, h)
+    assert (force * v * h < 0.5 * STIFFNESS * (after * after - z * z)) is gives
+
+
+def _never_gives(p: Bristle, path: Array) -> None:
+    """The work taken, less what the bristle stores, never falls."""
     out = np.empty((len(path), 2))
     friction_path.bristle(p, path, DT, out)
     force, stored = out[:, 0] + p.damping * out[:, 1], 0.5 * out[:, 0] ** 2 / STIFFNESS
@@ -229,6 +246,17 @@ def test_the_rheology_spring_starts_at_zero_and_arrives_level(exponent: float) -
     assert forces[99] - forces[97] < 0.001 * COULOMB
     if abs(exponent - 2.0) < 1e-3:
         assert forces[24] == pytest.approx(COULOMB * 0.25 * (1.0 - math.log(0.25)), rel=1e-6)
+
+
+def test_a_branch_of_the_rheology_spring_begins_where_the_last_one_ended() -> None:
+    """A partial reversal from half the range: ``F = F_0 - 2 T_c g(s / range)``, with g = xi (1 - ln xi), n = 2."""
+    p, x = Rheology(COULOMB, 2e-5, 2.0), friction_memory.CREEP
+    start, x = friction_memory.rheology(p, x, 1e-3, 5e-6, DT)
+    assert start == pytest.approx(COULOMB * 0.5 * (1.0 - math.log(0.5)))
+    for s in (1e-6, 2e-6, 3e-6):
+        force, x = friction_memory.rheology(p, x, -1e-3, -1e-6, DT)
+        xi = s / 2e-5
+        assert force == pytest.approx(start - 2.0 * COULOMB * xi * (1.0 - math.log(xi)))
 
 
 def test_the_creeping_spring_relaxes_with_its_time_constant() -> None:
