@@ -269,7 +269,9 @@ def test_a_cascade_without_integrator_is_judged_by_its_own_poles(hertz: float) -
 
 
 @pytest.mark.parametrize(("period", "hertz"), [(1e-5, 20.0), (1e-5, 40.0), (5e-5, 10.0), (5e-4, 2.0)])
-def test_a_loop_that_is_slow_for_its_period_has_its_margin_all_the_same(ball_screw: Setup, period: float, hertz: float) -> None:
+def test_a_loop_that_is_slow_for_its_period_has_its_margin_all_the_same(
+    ball_screw: Setup, period: float, hertz: float
+) -> None:
     """The four-pole loop without lag: the continuous one's margin, less the phase of 1.5 periods."""
     base = ball_screw.stage
     p = base._replace(drive=base.drive._replace(current_lag=0.0))
