@@ -150,12 +150,16 @@ def _sentence(one: Difference, figures: list[Figures], unit: str) -> str:
             f"{one.name}: no difference from {one.other} is shown; the peak error goes {change} ({interval}; {agree})."
         )
     verb = "cuts" if one.mean > 0.0 else "raises"
+    if one.mean < 0.0:
+        interval = f"95 %: {length(-one.high, unit)} to {length(-one.low, unit)} more"
     return f"{one.name} {verb} the peak error {change}{_share(before, after)}; {agree} ({interval})."
 
 
 def _share(before: float, after: float) -> str:
     if before == 0.0:
         return ""
+    if after > 2.0 * before:
+        return f" ({after / before:.3g} times as much)"
     return f" ({100.0 * abs(before - after) / before:.1f} % {'less' if after < before else 'more'})"
 
 

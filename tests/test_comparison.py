@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 
 import numpy as np
@@ -75,6 +76,9 @@ def test_worse_and_undecided_are_said() -> None:
     worse = verdict(drawn([1.0e-6, 2.0e-6], 1e-8), "m")
     assert len(worse) == 1
     assert worse[0].startswith("ptc raises the peak error from ")
+    low, high = re.findall(r"95 %: (\S+) nm to (\S+) µm more", worse[0])[0]
+    assert 950.0 < float(low) < 1000.0 * float(high) < 1050.0  # 1 µm more, and no "-1 µm less"
+    assert "(100 times as much)" in verdict(drawn([1e-8, 1e-6], 0.0), "m")[-1]
     same = verdict(drawn([1.0e-6, 1.0e-6], 1e-8), "m")
     assert same[0].startswith("ptc: no difference from off is shown; ")
 

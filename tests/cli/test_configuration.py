@@ -26,6 +26,16 @@ def test_everything_that_is_shipped_is_good(command: Command) -> None:
     assert "sine-0.8hz.yaml: trajectory of 5 s" in err  # 2 periods and 2 ramps at 0.8 Hz
 
 
+def test_the_margin_is_that_of_the_loop_with_its_observer(command: Command, tmp_path: Path) -> None:
+    text = (CONFIG / "ball-screw.yaml").read_text().replace("eds: drives/", f"eds: {CONFIG}/drives/")
+    watched = tmp_path / "watched.yaml"
+    watched.write_text(text.replace("  margin: 20 deg\n", "  margin: 20 deg\n  layers: [ptc, friction, observer]\n"))
+    code, _, err = command("config", "check", watched)
+    assert code == 0
+    assert "phase margin 21.8 deg, gain margin 7.7 dB" in err  # 25.8 deg and 8.4 dB without; as `tune` shows both
+    assert "with the observer" in err
+
+
 def test_exit_codes_and_the_worst_of_many(command: Command, tmp_path: Path) -> None:
     bad = tmp_path / "bad.yaml"
     bad.write_text("type: dwell\nduration: 1\n")
