@@ -39,7 +39,7 @@ class Stribeck(NamedTuple):
 
 
 class Gms(NamedTuple):
-    """The generalised Maxwell-slip law: stop operators whose strength follows Stribeck's curve."""
+    """The generalised Maxwell-slip law: stop operators that slip at a force on Stribeck's curve."""
 
     operators: StopOperators
     stribeck: Stribeck = Stribeck()
@@ -56,32 +56,34 @@ def relaxed(p: StopOperators) -> Any:
     return states(len(p.weight))
 
 
-def settled(p: StopOperators, s: Any, load: float) -> float:
+def settled(p: StopOperators, s: Any, load: float, limit: float = 1.0) -> float:
     """Let relaxed operators `s` give way until they carry `load` (N m | N); the force they then give.
 
     A load beyond their sum lets all of them slip: the axis will not stand.
     """
-    low, high = 0.0, 2.0 * max(p.slip)
+    low, high = 0.0, 2.0 * limit * max(p.slip)
     for _ in range(100):
         middle = 0.5 * (low + high)
-        carried = sum(min(a, a * middle * r) for a, r in zip(p.weight, p.rate, strict=True))
+        carried = sum(a * min(limit, middle * r) for a, r in zip(p.weight, p.rate, strict=True))
         low, high = (middle, high) if carried < abs(load) else (low, middle)
-    return stops(p, s, math.copysign(high, load)) if load else 0.0
+    return stops(p, s, math.copysign(high, load), limit) if load else 0.0
 
 
 @kernel
-def stops(p: StopOperators, s: Any, dx: float) -> float:
-    """Force of the operators after a move of `dx`; the states `s` (n,) change **in place**.
+def stops(p: StopOperators, s: Any, dx: float, limit: float = 1.0) -> float:
+    """Force of the operators after a move of `dx`; the states `s` (n,) change **in place**, within +-`limit`.
+
+    The limit holds what slips, not what sticks: a stuck element is a spring, at whatever speed it is stretched.
 
     The one exception to purity in the kernels: an array costs a third of a tuple here, with the same bits.
     """
     force = 0.0
     for j in range(len(p.weight)):
         stretched = s[j] + dx * p.rate[j]
-        if stretched > 1.0:
-            stretched = 1.0
-        elif stretched < -1.0:
-            stretched = -1.0
+        if stretched > limit:
+            stretched = limit
+        elif stretched < -limit:
+            stretched = -limit
         s[j] = stretched
         force += p.weight[j] * stretched
     return force
@@ -103,4 +105,4 @@ def gms(p: Gms, s: Any, v: float, dx: float, dt: float) -> tuple[float, Any]:
     towards the curve, is taken as infinite (F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control
     50(11), 2005).  It acts in the milliseconds after break-away, where no capture of ours resolves it.
     """
-    return stops(p.operators, s, dx) * stribeck(p.stribeck, v), s
+    return stops(p.operators, s, dx, stribeck(p.stribeck, v)), s

@@ -37,18 +37,15 @@ def bristle(p: friction_bristle.Bristle, position: Any, dt: float, out: Any) -> 
 
 @kernel
 def operators(p: friction.Gms, position: Any, dt: float, out: Any) -> None:
-    """Columns (n, j) of a bundle: each element between -1 and 1, times the Stribeck factor; the weights stay out."""
+    """Columns (n, j) of a bundle: each element within +- the Stribeck factor; the weights stay out."""
     count = len(p.operators.rate)
     for j in range(count):
-        s = 0.0
         out[0, j] = 0.0
-        for k in range(1, len(position)):
-            s = min(max(s + (position[k] - position[k - 1]) * p.operators.rate[j], -1.0), 1.0)
-            out[k, j] = s
     for k in range(1, len(position)):
-        factor = friction.stribeck(p.stribeck, (position[k] - position[k - 1]) / dt)
+        dx = position[k] - position[k - 1]
+        limit = friction.stribeck(p.stribeck, dx / dt)
         for j in range(count):
-            out[k, j] *= factor
+            out[k, j] = min(max(out[k - 1, j] + dx * p.operators.rate[j], -limit), limit)
 
 
 @kernel

@@ -118,7 +118,7 @@ def at_rest(p: Stage, position: float = 0.0) -> State:
     factor = friction.stribeck(p.friction.stribeck, 0.0)
     held = friction_bristle.settled(p.friction.bristle, p.mechanics.bias)
     load = p.mechanics.bias - p.friction.bristle.stiffness * held
-    force = factor * friction.settled(p.friction.operators, stops, load / factor)
+    force = friction.settled(p.friction.operators, stops, load, factor)
     force += p.friction.bristle.stiffness * held
     return State(NO_COMMANDS, here, 0.0, place, 0.0, force, stops, held)
 
@@ -180,7 +180,7 @@ def _substep(p: Stage, c: _Coefficients, x: State, target: float, extra: float, 
     effort = p.motor.force_constant * (target + error * c.lag_mean + extra) + p.mechanics.bias
     half_way = c.damping * x.velocity + c.gain * (effort - x.force)
     dx = c.h * half_way
-    force = friction.stops(p.friction.operators, x.stops, dx) * friction.stribeck(p.friction.stribeck, half_way)
+    force = friction.stops(p.friction.operators, x.stops, dx, friction.stribeck(p.friction.stribeck, half_way))
     bristle = x.bristle
     if bristled:
         carried, bristle = friction_bristle.bent(p.friction.bristle, bristle, half_way, dx, c.h)

@@ -169,6 +169,17 @@ def periodic_work(name: str, there: Array) -> float:
     return float(work[-1] - work[len(loop) - 1])
 
 
+@pytest.mark.parametrize("reach", [0.5, 8.0])
+def test_gms_gives_no_energy_to_a_lap_that_is_fast_out_and_slow_back(reach: float) -> None:
+    """A stuck element is a spring: a lap within its slip costs nothing at any speeds, one beyond it costs energy."""
+    way = reach * GMS.operators.slip[0]
+    out, back = np.linspace(0.0, way, 50), np.linspace(way, 0.0, 2500)[1:]
+    x = np.concatenate([out, back, out[1:], back])
+    work = np.cumsum(0.5 * (gms(x)[1:] + gms(x)[:-1]) * np.diff(x))
+    lap = float(work[-1] - work[len(out) + len(back) - 2])
+    assert lap == pytest.approx(0.0, abs=1e-16) if reach < 1.0 else lap > 1e-7
+
+
 def test_lugre_is_passive_where_the_condition_says_so() -> None:
     """Below its speed it never gives back more than the bristle had stored; without a rise at no speed."""
     assert friction_bristle.passive_below(DAHL._replace(stribeck=STRIBECK)) == math.inf

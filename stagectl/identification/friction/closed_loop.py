@@ -108,10 +108,11 @@ def _sliding(p: stage.Stage, position: float, velocity: float) -> stage.State:
     """The plant at this position and velocity, all of its friction slipping."""
     side = math.copysign(1.0, velocity) if velocity else 0.0
     x, bristle = stage.at_rest(p, position), p.friction.bristle
+    factor = friction.stribeck(p.friction.stribeck, velocity)
     for j in range(len(p.friction.operators.weight)):
-        x.stops[j] = side
+        x.stops[j] = side * factor
     bent = side * bristle.coulomb * friction.stribeck(bristle.stribeck, velocity) / bristle.stiffness
-    force = side * float(sum(p.friction.operators.weight)) * friction.stribeck(p.friction.stribeck, velocity)
+    force = side * float(sum(p.friction.operators.weight)) * factor
     return x._replace(velocity=velocity, bristle=bent, force=force + bristle.stiffness * bent)
 
 
