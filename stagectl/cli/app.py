@@ -17,6 +17,8 @@ from rich.text import Text
 from stagectl.cli import comparison, configuration, identification, motion, records, reproduction, tuning
 from stagectl.units import StageError
 
+_INTERRUPTED = 130  # typer's exit code for Ctrl-C
+
 app = typer.Typer(
     name="stagectl",
     help="Real-time control of a precision stage, its simulator, and the gap between the two.",
@@ -39,6 +41,10 @@ def main() -> None:
         _fail(f"{error.filename or 'the system'}: {error.strerror or error}")
     except KeyboardInterrupt:
         _fail("interrupted")
+    except SystemExit as ended:
+        if ended.code == _INTERRUPTED:  # typer has taken the interrupt
+            _fail("interrupted: what was not written yet is not kept, and nothing else was changed")
+        raise
 
 
 def _fail(words: str) -> NoReturn:

@@ -141,8 +141,10 @@ class Reader:
             return ()
         kinds = get_args(plain)
         fixed = len(kinds) if kinds[-1] is not Ellipsis else 0
-        if (fixed and len(node.value) != fixed) or not 1 <= len(node.value) <= LONGEST_LIST:
-            self.refuse(node, f"{name} has {len(node.value)} entries; must have {fixed or f'1 to {LONGEST_LIST}'}")
+        least = 0 if get_origin(kinds[0]) is Literal else 1  # a choice of words may choose none of them
+        if (fixed and len(node.value) != fixed) or not least <= len(node.value) <= LONGEST_LIST:
+            wanted = fixed or f"{least} to {LONGEST_LIST}"
+            self.refuse(node, f"{name} has {len(node.value)} entries; must have {wanted}")
             return ()
         kind = Annotated[kinds[0], quantity] if quantity else kinds[0]
         return tuple(self.value(kind, item, f"{name}[{j}]") for j, item in enumerate(node.value))

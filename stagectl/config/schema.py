@@ -66,7 +66,11 @@ def _plain(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
 def _list(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
     kinds = get_args(plain)
     kind = Annotated[kinds[0], quantity] if quantity else kinds[0]
-    bounds = {"minItems": 1} if kinds[-1] is Ellipsis else {"minItems": len(kinds), "maxItems": len(kinds)}
+    bounds = (
+        {"minItems": int(get_origin(kinds[0]) is not Literal)}
+        if kinds[-1] is Ellipsis
+        else {"minItems": len(kinds), "maxItems": len(kinds)}
+    )
     described = {"description": quantity.meaning} if quantity else {}
     return {"type": "array", "items": _of(kind), **bounds, **described}
 

@@ -110,7 +110,7 @@ def setpoints(p: Feedforward, foreseen: Foreseen, stops: Any, rows: Any) -> None
     if p.with_friction:
         place = foreseen.reference[0]
         for k in range(len(rows)):
-            force = friction.stops(p.friction, stops, foreseen.friction[k] - place)
+            force = friction.stops(p.friction, stops, foreseen.friction[k] - place, 1.0)
             rows[k, 3] = force / p.force_constant
             place = foreseen.friction[k]
 

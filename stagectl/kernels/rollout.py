@@ -59,3 +59,13 @@ def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: i
         rows[k, _OBSERVED + 2] = plant.current
         plant = stage.period(p.stage, plant, output.current, noise, dt, substeps)
     return plant
+
+
+@kernel
+def carried(p: stage.Stage, x: stage.State, currents: Any, dt: float) -> tuple[float, float, float]:
+    """Lowest and highest position (rad | m) and largest speed while `currents` (n,) A drive the stage in open loop."""
+    low, high, speed = x.position, x.position, abs(x.velocity)
+    for k in range(len(currents)):
+        x = stage.period(p, x, currents[k], stage.SILENT, dt, 1)
+        low, high, speed = min(low, x.position), max(high, x.position), max(speed, abs(x.velocity))
+    return low, high, speed

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from stagectl.identification import errors_in_columns
+from stagectl.identification.simultaneous import errors_in_columns
 from stagectl.identification.standard_errors import bandwidth, covariance, independent, white
 
 ROWS = 20000
