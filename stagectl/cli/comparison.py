@@ -110,7 +110,7 @@ def compare(
     ready, courses = many.variants(machine, asked, shown, folder)
     found = many.compare(machine, ready, (repeats, seed), shown, folder)
     found |= {"simulated": simulate, "seed": seed, "learned": courses, "notes": many.course_words(courses)}
-    for line in found["verdict"]:
+    for line in (*found["notes"], *found["verdict"]):
         console.print(line)
     written = write(page(found, [shlex.join(["stagectl", *sys.argv[1:]])]), folder / "report.html")
     console.print(f"report: {written}")
