@@ -162,12 +162,12 @@ def compensation(runs: Sequence[Compensated], instant: float, span: tuple[float,
             inside, t = _around(run, span)
             at = min(one.errors, key=lambda found: abs(found.time - instant))
             rows = one.rows[inside]
-            colour = COLOURS.get(one.form, "#be123c")
-            speed.plot(t, 1e3 * _velocity(one.rows)[inside], color=colour, linewidth=0.9)
+            colour, line = COLOURS.get(one.form, "#be123c"), "--" if one.form.endswith("-free") else "-"
+            speed.plot(t, 1e3 * _velocity(one.rows)[inside], color=colour, linewidth=0.9, linestyle=line)
             lead = 1e6 * at.way * (rows["measured"] - rows["reference"])
             label = f"{NAMES.get(one.form, 'no compensation')}: {1e6 * at.negative:+.1f} / {1e6 * at.positive:+.1f} µm"
-            error.plot(t, lead, color=colour, linewidth=1.1, label=label)
-        speed.plot(t, 1e3 * rows["velocity"], color=TARGET, linewidth=0.9, linestyle="--", label="reference")
+            error.plot(t, lead, color=colour, linewidth=1.1, linestyle=line, label=label)
+        speed.plot(t, 1e3 * rows["velocity"], color=TARGET, linewidth=0.9, linestyle=":", label="reference")
         speed.set_ylabel("velocity [mm/s]")
         speed.legend(loc="upper right", fontsize=8)
         error.set_ylabel("error, way (measured - reference) [µm]")
