@@ -26,6 +26,7 @@ from stagectl.identification.found import Characteristic, Found, Parameter, Prog
 from stagectl.identification.simultaneous import conditions, errors_in_columns, even_weights, intervals, notes
 from stagectl.identification.simultaneous.delay_search import Fit, Problem, fitted, kept, widest
 from stagectl.identification.simultaneous.instruments import follow, instruments, projected
+from stagectl.identification.simultaneous.preference import SURE, preferred
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,
@@ -43,7 +44,6 @@ from stagectl.units import LINEAR, ROTARY
 FINE = 24  # slips of the second one
 END = 0.05  # of the friction that the longest slip may carry; with more, the grid is widened
 WIDENED = 3
-SURE = 1.959964  # standard deviations either way hold 95 %
 RIPPLE = 12.0  # Wald's statistic above which a ripple is believed; by chance once in four hundred
 RIPPLE_ROWS = 1000  # below, the statistic is not worth its name
 RIPPLE_TRAVEL = 1.5  # rad, least travel that tells a ripple from the rest
@@ -72,22 +72,46 @@ def identify(
     tell = progress or (lambda done, total: None)
     used, left_out = conditions.usable(captures, file)
     tell(1, 5)
-    ends = located(_problem(used, file, grid(used), delay, COARSE_ROWS), delay, _may_ripple(used, file))
-    conditions.check_sign(ends.inertia, used)
-    conditions.check_settles(used, ends, file)
-    tell(2, 5)
-    solved = _refined(used, file, ends, delay)
+    solved, said = _preferred(used, file, delay)
     tell(4, 5)
-    conditions.check_sign(float(solved.fit.theta[0]), used)
-    answer = _found(solved, file, delay is None, left_out)
+    answer = _found(solved, file, delay is None, [*left_out, *said])
     tell(5, 5)
     return answer
 
 
-def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float | None, most: int) -> Problem:
-    """Regressors of all captures that move far enough for the longest slip."""
+def _preferred(captures: list[Capture], file: StageFile, delay: float | None) -> tuple[Solved, list[str]]:
+    """The plain fit, or that by instruments where there is a reference and the two differ by more than chance."""
+    if not all(follow(capture) for capture in captures):
+        return _solved(captures, file, delay, False), []
+    told = _solved(captures, file, delay, True)
+    try:
+        plain = _solved(captures, file, delay, False)
+    except IdentificationError as error:
+        return told, [f"reference: used as an instrument, as nothing is found without it: {error}"]
+    choice = preferred((plain.fit, plain.known), (told.fit, told.known))
+    if not choice.plain:
+        return told, [choice.note]
+    wider = plain.known.covariance + np.outer(choice.difference, choice.difference)
+    return plain._replace(known=plain.known._replace(covariance=wider)), [choice.note]
+
+
+def _solved(captures: list[Capture], file: StageFile, delay: float | None, told: bool) -> Solved:
+    """Where the friction lies, then the fit there; by instruments where the reference is `told`."""
+    coarse = _problem(captures, file, grid(captures), (delay, told), COARSE_ROWS)
+    ends = located(coarse, delay, _may_ripple(captures, file))
+    conditions.check_sign(ends.inertia, captures)
+    conditions.check_settles(captures, ends, file)
+    solved = _refined(captures, file, ends, (delay, told))
+    conditions.check_sign(float(solved.fit.theta[0]), captures)
+    return solved
+
+
+def _problem(
+    captures: list[Capture], file: StageFile, slip: Array, given: tuple[float | None, bool], most: int
+) -> Problem:
+    """Regressors of all captures that move far enough for the longest slip; `given` are delay and reference."""
+    delay, told = given
     room = widest(max(capture.dt for capture in captures)) * 1.5 if delay is None else abs(delay)
-    told = all(follow(capture) for capture in captures)
     knot = shortest_knots if told else knots
     parts = [part(capture, knot(capture), float(slip[-1]), room) for capture in captures]
     parts = thinned([one for one in parts if one.rows >= LEAST_ROWS], most)
@@ -103,11 +127,11 @@ def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float
     return Problem(parts, stacked, seen, source, equations, slip, file.motor.force_constant)
 
 
-def _refined(captures: list[Capture], file: StageFile, ends: Range, delay: float | None) -> Solved:
+def _refined(captures: list[Capture], file: StageFile, ends: Range, given: tuple[float | None, bool]) -> Solved:
     """Fit on a fine grid between `ends`; widened while its longest slip carries weight."""
-    high = ends.high
+    high, delay = ends.high, given[0]
     for _ in range(WIDENED + 1):
-        problem = _problem(captures, file, np.geomspace(ends.low, high, FINE), delay, MOST_ROWS)
+        problem = _problem(captures, file, np.geomspace(ends.low, high, FINE), given, MOST_ROWS)
         fit = fitted(problem, kept(problem, ripple=False), delay, ends.delay)
         weight = fit.theta[FREE:]
         if weight[-1] <= END * weight.sum():
