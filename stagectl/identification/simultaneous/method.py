@@ -38,6 +38,7 @@ from stagectl.identification.simultaneous.regressors import (
     shortest_knots,
     thinned,
 )
+from stagectl.identification.simultaneous.resolution import unresolved, withheld
 from stagectl.identification.simultaneous.slips import RATIO, Range, grid, located
 from stagectl.units import LINEAR, ROTARY
 
@@ -169,6 +170,9 @@ def _with_ripple(problem: Problem, fit: Fit, delay: float | None) -> Solved | No
 
 def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str]) -> Found:
     fit, slip = solved.fit, solved.problem.slip
+    short = unresolved(solved.problem, fit)
+    wider = solved.known.covariance + np.outer(short.error, short.error)
+    solved = solved._replace(known=solved.known._replace(covariance=wider))
     weight = even_weights.evened(solved.problem, fit)
     carrying = weight > 1e-6 * weight.sum()
     values = [*fit.theta[:2], weight.sum(), fit.theta[ONE], fit.delay]
@@ -180,13 +184,15 @@ def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str
     }
     changes: dict[str, Any] = {
         "mechanics.inertia": parameters["inertia"].value,
-        "mechanics.viscous": max(parameters["viscous"].value, 0.0),
+        "mechanics.viscous": parameters["viscous"].value,
         "friction": {
             "law": "stop-operators",
             "weight": weight[carrying].tolist(),
             "slip": slip[carrying].tolist(),
         },
     }
+    unfit = withheld(parameters, short)
+    changes = {name: value for name, value in changes.items() if name not in unfit}
     details = _details(solved, free_delay)
     told = notes.Result(
         solved.problem,
@@ -199,7 +205,11 @@ def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str
         details["force_residual_percent"],
     )
     return Found(
-        parameters, _table(weight[carrying], slip[carrying]), details, (*left_out, *notes.written(told)), changes
+        parameters,
+        _table(weight[carrying], slip[carrying]),
+        details,
+        (*left_out, *unfit.values(), *notes.written(told)),
+        changes,
     )
 
 
