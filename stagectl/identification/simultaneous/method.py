@@ -84,11 +84,14 @@ def _preferred(captures: list[Capture], file: StageFile, delay: float | None) ->
     """The plain fit, or that by instruments where there is a reference and the two differ by more than chance."""
     if not all(follow(capture) for capture in captures):
         return _solved(captures, file, delay, False), []
-    told = _solved(captures, file, delay, True)
+    plain, failed = None, ""
     try:
         plain = _solved(captures, file, delay, False)
     except IdentificationError as error:
-        return told, [f"reference: used as an instrument, as nothing is found without it: {error}"]
+        failed = str(error)
+    told = _solved(captures, file, delay, True, plain)
+    if plain is None:
+        return told, [f"reference: used as an instrument, as nothing is found without it: {failed}"]
     choice = preferred((plain.fit, plain.known), (told.fit, told.known))
     if not choice.plain:
         return told, [choice.note]
@@ -96,12 +99,20 @@ def _preferred(captures: list[Capture], file: StageFile, delay: float | None) ->
     return plain._replace(known=plain.known._replace(covariance=wider)), [choice.note]
 
 
-def _solved(captures: list[Capture], file: StageFile, delay: float | None, told: bool) -> Solved:
-    """Where the friction lies, then the fit there; by instruments where the reference is `told`."""
+def _solved(
+    captures: list[Capture], file: StageFile, delay: float | None, told: bool, other: Solved | None = None
+) -> Solved:
+    """Where the friction lies, then the fit there; by instruments where the reference is `told`.
+
+    The range holds that of an `other` fit, too: on a range that ends too early the delay stands in for the rest.
+    """
     coarse = _problem(captures, file, grid(captures), (delay, told), COARSE_ROWS)
     ends = located(coarse, delay, _may_ripple(captures, file))
     conditions.check_sign(ends.inertia, captures)
     conditions.check_settles(captures, ends, file)
+    if other is not None:
+        low, high = float(other.problem.slip[0]), float(other.problem.slip[-1])
+        ends = ends._replace(low=min(ends.low, low), high=max(ends.high, high))
     solved = _refined(captures, file, ends, (delay, told))
     conditions.check_sign(float(solved.fit.theta[0]), captures)
     return solved

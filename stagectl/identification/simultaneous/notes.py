@@ -140,13 +140,12 @@ def _unsure(p: Result) -> Iterator[str]:
 
 def _friction(p: Result) -> Iterator[str]:
     short = unresolved(p.problem, p.fit)
-    if short.share <= UNRESOLVED:
-        return
-    place = length(short.slip * p.file.axis.travel_per_unit, p.file.axis.travel_unit)
-    yield (
-        f"friction: {100.0 * short.share:.0f} % of it lies in an element of {place}, the shortest that sampling, "
-        "encoder and speed of reversal resolve; it may be shorter in truth"
-    )
+    if short.share > UNRESOLVED:
+        place = length(short.slip * p.file.axis.travel_per_unit, p.file.axis.travel_unit)
+        yield (
+            f"friction: {100.0 * short.share:.0f} % of it lies in an element of {place}, the shortest that sampling, "
+            "encoder and speed of reversal resolve; it may be shorter in truth"
+        )
     if np.any(short.error != 0.0):
         dt = max(one.capture.dt for one in p.problem.parts)
         yield (

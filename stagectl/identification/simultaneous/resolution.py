@@ -15,7 +15,7 @@ from stagectl.identification.found import Parameter
 from stagectl.identification.simultaneous.delay_search import Fit, Problem
 from stagectl.identification.simultaneous.regressors import ACCELERATION, FREE, VELOCITY
 
-MOST = 0.5  # of the friction, in the shortest elements, from which the rest cannot be told
+MOST = 0.5  # of the friction, in elements that sampling hides, from which the rest cannot be told
 NEAR = 4.0  # times what the axis travels between two rows around a reversal: sampling hides shorter slips
 TURNED = 0.99  # of an element's force: from here on it slips
 
@@ -33,14 +33,15 @@ class Unresolved(NamedTuple):
 
 
 def unresolved(p: Problem, fit: Fit) -> Unresolved:
-    """Friction in the shortest element of the grid or the one after it, and its uncertainty where that is most."""
+    """Friction in the shortest element of the grid, and what most of it between two rows leaves uncertain."""
     weight = fit.theta[FREE:]
     first, total, error = int(np.argmax(weight > 0.0)), float(weight.sum()), np.zeros(5)
     share = float(weight[first]) / total if total > 0.0 and first <= 1 else 0.0
-    if share > MOST and p.slip[first] <= NEAR * _skipped(p):
-        state = np.abs(p.columns[:, FREE + first])
-        turning = float(np.mean(state < TURNED * float(state.max())))
-        error[2] = -turning * share * total
+    hidden = p.slip <= NEAR * _skipped(p)
+    if float(weight[hidden].sum()) > MOST * total:
+        state = np.abs(p.columns[:, FREE:][:, hidden])
+        turning = np.mean(state < TURNED * state.max(axis=0), axis=0)
+        error[2] = -float(turning @ weight[hidden])
         error[1] = -error[2] / float(np.sqrt(np.mean(p.columns[:, VELOCITY] ** 2)))
     return Unresolved(share, float(p.slip[first]), error)
 
@@ -62,6 +63,11 @@ def withheld(parameters: dict[str, Parameter], short: Unresolved) -> dict[str, s
             found[key] = (
                 f"{name}: {value:.3g} ± {half:.2g} is left out of the stage file's changes; its interval must lie "
                 f"above 0 and within ±{100.0 * USELESS:.0f} %"
+            )
+        elif name == "viscous" and KEYS["inertia"] in found:
+            found[key] = (
+                f"{name}: {value:.3g} ± {half:.2g} is left out of the stage file's changes, as the inertia found with "
+                "it is not known: a slow log leaves both open; sample faster, or give --delay"
             )
         elif mixed:
             found[key] = (
