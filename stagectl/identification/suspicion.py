@@ -30,6 +30,8 @@ ONE_SIDE = 0.5  # of the largest current: a limit on the other side may be lower
 LEAST_RUN = 5  # equal rows in a row at the largest current
 LEAST_SHARE = 0.005  # of the rows
 JUMP = 10.0  # times what 99 % of the rows move by
+FROZEN, PUSHED = 0.05, 0.3  # of the rows: position without any change, and there a current that moves the axis
+FROZEN_FRICTION = 2.0  # times the stage file's sliding friction
 LEAST_RISE = 0.01  # of the largest current, in the last fifth
 CORNER = 0.38  # rise in the last tenth over that in the last fifth: a flank has 0.5, a rounded top 0.25
 
@@ -83,12 +85,12 @@ def suspicions(capture: Capture, setup: Setup) -> list[str]:
             "column with --current, or record the current"
         ]
     motion = _motion(capture)
-    found = [*_beyond_limits(capture, motion, setup), *_flat(capture, setup)]
+    found = [*_beyond_limits(capture, motion, setup), *_flat(capture, setup), *_frozen(capture, setup)]
     mistake = likely_mistake(motion, setup)
     if mistake is not None:
         advice = TURN if mistake.current < 0.0 else ADVICE
         found.append(f"the force fits the stage file's model if {mistake.words}, and does not as it is: {advice}")
-    elif found and "flat" not in found[-1]:
+    elif found and "flat" not in found[-1] and "frozen" not in found[-1]:
         found[-1] += f": {ADVICE}"
     return found or _jumps(capture, setup)
 
@@ -160,6 +162,24 @@ def _jumps(capture: Capture, setup: Setup) -> list[str]:
     return [
         f"its position jumps by {size} within {duration(capture.dt)} at "
         f"{capture.time[row]:.6g} s: a value misread, or rows lost that the times do not show; cut the log there"
+    ]
+
+
+def _frozen(capture: Capture, setup: Setup) -> list[str]:
+    """The position stands still to the last bit while a current flows that moves the axis: an encoder that has died."""
+    edges = np.flatnonzero(np.diff(capture.position) != 0.0)
+    ends = np.concatenate([[-1], edges, [len(capture.position) - 1]])
+    longest = int(np.argmax(np.diff(ends)))
+    first, last = int(ends[longest]) + 1, int(ends[longest + 1]) + 1
+    p, still = setup.stage, capture.current[first:last]
+    least = FROZEN_FRICTION * stage.sliding(p.friction) / p.motor.force_constant
+    pushed = float(np.mean(np.abs(still - still.mean()) > least)) if len(still) else 0.0
+    if last - first < FROZEN * len(capture.position) or pushed < PUSHED:
+        return []
+    return [
+        f"its position is frozen from {capture.time[first]:.6g} s on, for {duration((last - first) * capture.dt)}, "
+        f"while the current swings by up to {float(np.abs(still - still.mean()).max()):.3g} A: the encoder or its log "
+        "stopped; cut the log there"
     ]
 
 

@@ -125,6 +125,8 @@ def interlaced(columns: dict[str, Array]) -> None:
          r"the current is clipped: flat at 4 A in \d+ of 20000 rows, the first at 0\.\d+ s; .* smaller amplitude"),
         (lambda c: c["measured_current"].clip(None, 4.0, out=c["measured_current"]),
          r"the current is clipped: flat at 4 A in \d+ of 20000 rows"),
+        (lambda c: c["measured"].__setitem__(slice(9000, None), c["measured"][9000]),
+         r"position is frozen from 4\.5 s on, for 5\.5 s, while the current swings .*cut the log there"),
         (lambda c: c["measured"].__setitem__(5000, c["measured"][5000] + 3.0),
          r"position jumps by 5\.\d+ mm within 0\.5 ms at 2\.4995 s: a value misread, or rows lost"),
         (lambda c: c["time"].__imul__(1e3),

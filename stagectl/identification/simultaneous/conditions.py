@@ -13,10 +13,10 @@ import numpy as np
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.simultaneous.regressors import acceleration, knots, position_noise
+from stagectl.identification.simultaneous.regressors import acceleration, knots, position_noise, shortest_knots
 from stagectl.identification.simultaneous.slips import Range
 from stagectl.identification.simultaneous.smoothing import HALF, KNOTS, window
-from stagectl.words import length
+from stagectl.words import duration, length
 
 SHORTEST = 0.2  # s of record
 STEPS = 100.0  # standard deviations of the position's noise that a motion must exceed
@@ -26,6 +26,8 @@ NOISE = 4.0  # standard deviations of an acceleration that is none
 BRAKED = -0.3  # correlation of current and velocity
 AVERAGED = 0.12  # s
 LOST = 0.1  # of the acceleration that may be noise
+SAMPLED = 2e-3  # s, a sampling time at which the window is short enough
+SETTLED = 0.5  # of the friction below a tenth of the longest slip: then it did settle, and something else changes
 SAME = 10  # rows with velocity and acceleration of one sign
 
 
@@ -69,15 +71,36 @@ def refusal(capture: Capture, file: StageFile) -> str:
             "error of the inertia and one of the viscous friction cancel otherwise (second condition of the paper): "
             "record the start of the motion, too, or a sine"
         )
-    share, span = _noise_share(capture), 2.0 * KNOTS * knots(capture) * capture.dt
-    if share > LOST or span > AVERAGED:
+    return _lost(capture, file) or _power(capture)
+
+
+def _lost(capture: Capture, file: StageFile) -> str:
+    """Why the acceleration is lost: in noise, or in the window that noise or sampling ask for."""
+    share, span, rows = _noise_share(capture), 2.0 * KNOTS * knots(capture) * capture.dt, shortest_knots(capture)
+    moved = f"{capture.name} moves by {_travel(float(np.ptp(capture.position)), file)}"
+    least = 2.0 * KNOTS * rows * capture.dt
+    if span <= AVERAGED and share <= LOST:
+        return ""
+    if 2.0 * least > AVERAGED:
         return (
-            f"{capture.name} moves by {_travel(stroke, file)}; averaged over {1e3 * span:.3g} ms, {100.0 * share:.2g} "
-            f"% of its acceleration is noise of the position; must be at most {100.0 * LOST:.0f} % over "
-            f"{1e3 * AVERAGED:.0f} ms: the motion must go beyond presliding (first condition of the paper), and fast "
-            "enough to tell the inertia: record a larger or faster one"
+            f"{moved}, sampled every {duration(capture.dt)}; averaged over {1e3 * span:.3g} ms, {2 * KNOTS} sampling "
+            f"times or more, {100.0 * share:.2g} % of its acceleration is noise of the position (at most "
+            f"{100.0 * LOST:.0f} %, over at most {1e3 * AVERAGED:.0f} ms): sampled too slowly to see its reversals; "
+            f"sample every {duration(SAMPLED)} or faster, or use least-squares"
         )
-    return _power(capture)
+    told = (
+        "the motion must go beyond presliding (first condition of the paper), and fast enough to tell the inertia: "
+        "record a larger or faster one"
+    )
+    if span > AVERAGED:
+        return (
+            f"{moved}; its acceleration must be averaged over {1e3 * span:.3g} ms to rise above the noise of the "
+            f"position, where at most {1e3 * AVERAGED:.0f} ms leave a reversal to be seen: {told}"
+        )
+    return (
+        f"{moved}; averaged over {1e3 * span:.3g} ms, {100.0 * share:.2g} % of its acceleration is noise of the "
+        f"position; must be at most {100.0 * LOST:.0f} %: {told}"
+    )
 
 
 def _power(capture: Capture) -> str:
@@ -135,15 +158,24 @@ def _same_sign(capture: Capture) -> bool:
 
 
 def check_settles(captures: list[Capture], ends: Range, file: StageFile) -> None:
-    """Raise where the friction still rises at the end of the stroke: the motion stays in presliding."""
+    """Raise where the friction still changes at the end of the stroke: presliding, or friction that follows speed."""
     if ends.settles:
         return
     largest = max(captures, key=lambda one: float(np.ptp(one.position)))
     stroke, reached = _travel(float(np.ptp(largest.position)), file), _travel(ends.high, file)
+    if ends.early >= SETTLED:
+        raise IdentificationError(
+            f"{largest.name} moves by {stroke}; {100.0 * ends.early:.0f} % of its friction settles within "
+            f"{_travel(0.1 * ends.high, file)} of a reversal, and the rest still changes after {reached}; all of it "
+            "must have settled after half of the motion: friction that depends on speed (Stribeck, LuGre) does this, "
+            "and so does a spring or a cogging along the axis: fit the speed with friction-models; a larger motion "
+            "helps only if it is rolling friction"
+        )
     raise IdentificationError(
         f"{largest.name} moves by {stroke}, and the friction still rises after {reached} from "
         "a reversal; it must have settled after half of the motion, as the reversal must go beyond presliding "
-        "(first condition of the paper): record a larger motion"
+        "(first condition of the paper): record a larger motion; if it stays so, the friction depends on speed "
+        "(Stribeck, LuGre): fit that with friction-models"
     )
 
 

@@ -90,8 +90,10 @@ def fitted(p: Problem, keep: list[int], delay: float | None, near: Fit | float) 
             return fit
         span = moments(p, min(max(fit.delay, -limit), limit), step)
     raise IdentificationError(
-        f"delay = {1e3 * fit.delay:.3g} ms is still falling or rising; must lie within {1e3 * limit:.3g} ms either "
-        "way: the motion does not tell it; give it with --delay, from a capture of a position sine"
+        f"the search of the delay did not converge: the best is still moving at {1e3 * fit.delay:.3g} ms after {STEPS} "
+        f"steps, within the {1e3 * limit:.3g} ms either way that are looked at: the motion does not tell the delay, or "
+        "position and current do not belong together in all of the record; give --delay, from a capture of a position "
+        "sine, or cut the record to its sound part"
     )
 
 

@@ -10,7 +10,7 @@ from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous import errors_in_columns as errors
 from stagectl.identification.simultaneous.delay_search import Fit, Problem, kept, refitted
 from stagectl.identification.simultaneous.instruments import projected
-from stagectl.identification.simultaneous.regressors import FREE, currents
+from stagectl.identification.simultaneous.regressors import FREE, columns, currents
 
 NAMES = ("inertia", "viscous", "coulomb", "offset", "delay")
 
@@ -27,10 +27,9 @@ class Known(NamedTuple):
 def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
     """Covariance from the residual as it is, and from what another grid of slips would have found."""
     use = _in_play(p, fit, ripple)
-    late = _seen(p, p.force_constant * currents(p.parts, fit.delay, 1))
-    curvature, scores = _curvature(p, fit, use, late)
+    curvature, scores, late = _curvature(p, fit, use)
     size = np.sqrt(np.diag(curvature)[:-1])
-    size = np.append(size, np.linalg.norm(late))
+    size = np.append(size, late)
     curvature, scores = curvature / np.outer(size, size), scores / size
     last = len(size) if free_delay else len(size) - 1
     covariance = errors.spread(curvature[:last, :last], scores[:, :last]) / np.outer(size[:last], size[:last])
@@ -46,10 +45,6 @@ def known(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Known:
     return Known(found + np.outer(other, other), per_delay, _wald(fit, covariance) if ripple else 0.0)
 
 
-def _seen(p: Problem, signal: Array) -> Array:
-    return signal if p.instruments is None else projected(p.instruments, signal)
-
-
 def _in_play(p: Problem, fit: Fit, ripple: bool) -> list[int]:
     """Columns whose parameters the data could have moved: an element that carries may as well lie at its neighbour."""
     carrying = fit.theta[FREE:] > 0.0
@@ -59,20 +54,33 @@ def _in_play(p: Problem, fit: Fit, ripple: bool) -> list[int]:
     return [index for index in kept(p, ripple) if index < FREE or near[index - FREE]]
 
 
-def _curvature(p: Problem, fit: Fit, use: list[int], late: Array) -> tuple[Array, Array]:
-    """Second derivatives (m, m) of half the cost, and its gradient row by row (rows, m); the delay comes last."""
+def _curvature(p: Problem, fit: Fit, use: list[int]) -> tuple[Array, Array, float]:
+    """Second derivatives (m, m) of half the cost, its gradient row by row (rows, m), the length of the delay's column.
+
+    The delay comes last.  What instruments see of the current's derivative is few numbers and noisy: by chance the
+    cost is bent too much or too little by it.  There the derivative is the model's, which the instruments see
+    without noise; the gradient keeps the current's own, as that is what the delay was found from.
+    """
     rows = len(fit.residual)
     scores = np.empty((rows, len(use) + 1))
     scores[:, :-1] = p.seen[:, use]
+    late = p.force_constant * currents(p.parts, fit.delay, 1)
+    if p.instruments is None:
+        scores[:, -1] = late
+        curvature = np.asarray(scores.T @ scores, dtype=np.float64)
+        curvature[-1, -1] += p.force_constant * float(fit.residual @ currents(p.parts, fit.delay, 2))
+    else:
+        rates = np.concatenate([columns(part, p.slip, 1) @ fit.theta for part in p.parts])
+        scores[:, -1] = projected(p.instruments, rates)
+        curvature = np.asarray(scores.T @ scores, dtype=np.float64)
+        late = projected(p.instruments, late)
+    length = float(np.linalg.norm(scores[:, -1]))
     scores[:, -1] = late
-    curvature = np.asarray(scores.T @ scores, dtype=np.float64)
-    bent = _seen(p, p.force_constant * currents(p.parts, fit.delay, 2))
-    curvature[-1, -1] += float(fit.residual @ bent)
     curvature[0, 0] -= rows * fit.noise
     scores *= fit.residual[:, None]
     if fit.noise > 0.0:
         scores[errors.APART : -errors.APART, 0] += (errors.noise(fit.residual) - fit.sensed) / fit.theta[0]
-    return curvature, scores
+    return curvature, scores, length
 
 
 def _sums(use: list[int]) -> Array:

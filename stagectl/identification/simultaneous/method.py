@@ -26,6 +26,7 @@ from stagectl.identification.found import Characteristic, Found, Parameter, Prog
 from stagectl.identification.simultaneous import conditions, errors_in_columns, even_weights, intervals, notes
 from stagectl.identification.simultaneous.delay_search import Fit, Problem, fitted, kept, widest
 from stagectl.identification.simultaneous.instruments import follow, instruments, projected
+from stagectl.identification.simultaneous.preference import SURE, preferred
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,
@@ -37,13 +38,13 @@ from stagectl.identification.simultaneous.regressors import (
     shortest_knots,
     thinned,
 )
+from stagectl.identification.simultaneous.resolution import unresolved, withheld
 from stagectl.identification.simultaneous.slips import RATIO, Range, grid, located
 from stagectl.units import LINEAR, ROTARY
 
 FINE = 24  # slips of the second one
 END = 0.05  # of the friction that the longest slip may carry; with more, the grid is widened
 WIDENED = 3
-SURE = 1.959964  # standard deviations either way hold 95 %
 RIPPLE = 12.0  # Wald's statistic above which a ripple is believed; by chance once in four hundred
 RIPPLE_ROWS = 1000  # below, the statistic is not worth its name
 RIPPLE_TRAVEL = 1.5  # rad, least travel that tells a ripple from the rest
@@ -72,22 +73,57 @@ def identify(
     tell = progress or (lambda done, total: None)
     used, left_out = conditions.usable(captures, file)
     tell(1, 5)
-    ends = located(_problem(used, file, grid(used), delay, COARSE_ROWS), delay, _may_ripple(used, file))
-    conditions.check_sign(ends.inertia, used)
-    conditions.check_settles(used, ends, file)
-    tell(2, 5)
-    solved = _refined(used, file, ends, delay)
+    solved, said = _preferred(used, file, delay)
     tell(4, 5)
-    conditions.check_sign(float(solved.fit.theta[0]), used)
-    answer = _found(solved, file, delay is None, left_out)
+    answer = _found(solved, file, delay is None, [*left_out, *said])
     tell(5, 5)
     return answer
 
 
-def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float | None, most: int) -> Problem:
-    """Regressors of all captures that move far enough for the longest slip."""
+def _preferred(captures: list[Capture], file: StageFile, delay: float | None) -> tuple[Solved, list[str]]:
+    """The plain fit, or that by instruments where there is a reference and the two differ by more than chance."""
+    if not all(follow(capture) for capture in captures):
+        return _solved(captures, file, delay, False), []
+    plain, failed = None, ""
+    try:
+        plain = _solved(captures, file, delay, False)
+    except IdentificationError as error:
+        failed = str(error)
+    told = _solved(captures, file, delay, True, plain)
+    if plain is None:
+        return told, [f"reference: used as an instrument, as nothing is found without it: {failed}"]
+    choice = preferred((plain.fit, plain.known), (told.fit, told.known))
+    if not choice.plain:
+        return told, [choice.note]
+    wider = plain.known.covariance + np.outer(choice.difference, choice.difference)
+    return plain._replace(known=plain.known._replace(covariance=wider)), [choice.note]
+
+
+def _solved(
+    captures: list[Capture], file: StageFile, delay: float | None, told: bool, other: Solved | None = None
+) -> Solved:
+    """Where the friction lies, then the fit there; by instruments where the reference is `told`.
+
+    The range holds that of an `other` fit, too: on a range that ends too early the delay stands in for the rest.
+    """
+    coarse = _problem(captures, file, grid(captures), (delay, told), COARSE_ROWS)
+    ends = located(coarse, delay, _may_ripple(captures, file))
+    conditions.check_sign(ends.inertia, captures)
+    conditions.check_settles(captures, ends, file)
+    if other is not None:
+        low, high = float(other.problem.slip[0]), float(other.problem.slip[-1])
+        ends = ends._replace(low=min(ends.low, low), high=max(ends.high, high))
+    solved = _refined(captures, file, ends, (delay, told))
+    conditions.check_sign(float(solved.fit.theta[0]), captures)
+    return solved
+
+
+def _problem(
+    captures: list[Capture], file: StageFile, slip: Array, given: tuple[float | None, bool], most: int
+) -> Problem:
+    """Regressors of all captures that move far enough for the longest slip; `given` are delay and reference."""
+    delay, told = given
     room = widest(max(capture.dt for capture in captures)) * 1.5 if delay is None else abs(delay)
-    told = all(follow(capture) for capture in captures)
     knot = shortest_knots if told else knots
     parts = [part(capture, knot(capture), float(slip[-1]), room) for capture in captures]
     parts = thinned([one for one in parts if one.rows >= LEAST_ROWS], most)
@@ -103,11 +139,11 @@ def _problem(captures: list[Capture], file: StageFile, slip: Array, delay: float
     return Problem(parts, stacked, seen, source, equations, slip, file.motor.force_constant)
 
 
-def _refined(captures: list[Capture], file: StageFile, ends: Range, delay: float | None) -> Solved:
+def _refined(captures: list[Capture], file: StageFile, ends: Range, given: tuple[float | None, bool]) -> Solved:
     """Fit on a fine grid between `ends`; widened while its longest slip carries weight."""
-    high = ends.high
+    high, delay = ends.high, given[0]
     for _ in range(WIDENED + 1):
-        problem = _problem(captures, file, np.geomspace(ends.low, high, FINE), delay, MOST_ROWS)
+        problem = _problem(captures, file, np.geomspace(ends.low, high, FINE), given, MOST_ROWS)
         fit = fitted(problem, kept(problem, ripple=False), delay, ends.delay)
         weight = fit.theta[FREE:]
         if weight[-1] <= END * weight.sum():
@@ -145,6 +181,9 @@ def _with_ripple(problem: Problem, fit: Fit, delay: float | None) -> Solved | No
 
 def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str]) -> Found:
     fit, slip = solved.fit, solved.problem.slip
+    short = unresolved(solved.problem, fit)
+    wider = solved.known.covariance + np.outer(short.error, short.error)
+    solved = solved._replace(known=solved.known._replace(covariance=wider))
     weight = even_weights.evened(solved.problem, fit)
     carrying = weight > 1e-6 * weight.sum()
     values = [*fit.theta[:2], weight.sum(), fit.theta[ONE], fit.delay]
@@ -156,13 +195,15 @@ def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str
     }
     changes: dict[str, Any] = {
         "mechanics.inertia": parameters["inertia"].value,
-        "mechanics.viscous": max(parameters["viscous"].value, 0.0),
+        "mechanics.viscous": parameters["viscous"].value,
         "friction": {
             "law": "stop-operators",
             "weight": weight[carrying].tolist(),
             "slip": slip[carrying].tolist(),
         },
     }
+    unfit = withheld(parameters, short)
+    changes = {name: value for name, value in changes.items() if name not in unfit}
     details = _details(solved, free_delay)
     told = notes.Result(
         solved.problem,
@@ -175,7 +216,11 @@ def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str
         details["force_residual_percent"],
     )
     return Found(
-        parameters, _table(weight[carrying], slip[carrying]), details, (*left_out, *notes.written(told)), changes
+        parameters,
+        _table(weight[carrying], slip[carrying]),
+        details,
+        (*left_out, *unfit.values(), *notes.written(told)),
+        changes,
     )
 
 

@@ -15,6 +15,7 @@ from stagectl.identification.simultaneous import errors_in_columns as errors
 from stagectl.identification.simultaneous.delay_search import Fit, Problem
 from stagectl.identification.simultaneous.intervals import NAMES, Known
 from stagectl.identification.simultaneous.regressors import FREE, ONE
+from stagectl.identification.simultaneous.resolution import unresolved
 from stagectl.units import LINEAR
 from stagectl.words import duration, length
 
@@ -133,19 +134,24 @@ def _unsure(p: Result) -> Iterator[str]:
     if p.parameters["viscous"].value < 0.0:
         yield (
             f"viscous: {p.parameters['viscous'].value:.3g} is negative, which no bearing is; friction that falls with "
-            "speed (Stribeck) looks so; the stage file gets 0"
+            "speed (Stribeck) looks so"
         )
 
 
 def _friction(p: Result) -> Iterator[str]:
-    weight, slip = p.fit.theta[FREE:], p.problem.slip
-    first = int(np.argmax(weight > 0.0))
-    share = float(weight[first] / weight.sum()) if weight.sum() > 0.0 else 0.0
-    if first <= 1 and share > UNRESOLVED:
-        place = length(float(slip[first]) * p.file.axis.travel_per_unit, p.file.axis.travel_unit)
+    short = unresolved(p.problem, p.fit)
+    if short.share > UNRESOLVED:
+        place = length(short.slip * p.file.axis.travel_per_unit, p.file.axis.travel_unit)
         yield (
-            f"friction: {100.0 * share:.0f} % of it lies in an element of {place}, the shortest that sampling, encoder "
-            "and speed of reversal resolve; it may be shorter in truth"
+            f"friction: {100.0 * short.share:.0f} % of it lies in an element of {place}, the shortest that sampling, "
+            "encoder and speed of reversal resolve; it may be shorter in truth"
+        )
+    if np.any(short.error != 0.0):
+        dt = max(one.capture.dt for one in p.problem.parts)
+        yield (
+            f"friction and viscous: cannot be told apart well at a sampling time of {duration(dt)}, as most of the "
+            f"friction turns round between the rows of a reversal; up to {abs(short.error[2]):.2g} {_effort(p)} may "
+            "belong to the other, which their intervals hold: sample faster, or reverse more slowly"
         )
 
 

@@ -23,6 +23,7 @@ RATIO = 1.6  # of neighbouring slips
 HEAD = 0.03  # of the friction that may lie below the range
 WORSE, CHANCE = 0.002, 50.0  # rise of the cost that an element must prevent: relative, and in variances of a row
 LEAST = 3  # elements
+EARLY = 0.1  # of the longest slip: friction that has settled there
 
 
 class Range(NamedTuple):
@@ -33,6 +34,7 @@ class Range(NamedTuple):
     delay: float  # s
     inertia: float  # kg m^2 | kg
     settles: bool  # whether the friction has settled well within the stroke
+    early: float = 1.0  # share of the friction below a tenth of the longest slip looked for
 
 
 def grid(captures: list[Capture]) -> Array:
@@ -67,7 +69,8 @@ def located(p: search.Problem, delay: float | None, ripple: bool) -> Range:
     weight = solution.theta[len(some) - count :]
     below = np.cumsum(weight) / max(float(weight.sum()), 1e-300)
     low = max(float(p.slip[int(np.argmax(below > HEAD))]) / RATIO, float(p.slip[0]))
-    return Range(low, float(p.slip[count - 1]) * RATIO, place, float(full.theta[0]), count < every - 1)
+    early = float(weight[p.slip[:count] < EARLY * p.slip[-1]].sum()) / max(float(weight.sum()), 1e-300)
+    return Range(low, float(p.slip[count - 1]) * RATIO, place, float(full.theta[0]), count < every - 1, early)
 
 
 def _left(p: search.Problem, keep: list[int], full: errors.Solution, known: tuple[float, float]) -> float:
