@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from stagectl.kernels import rollout
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.nominal import Scales, scales_of_stage
+from stagectl.recording.scales import Scales, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError, factor
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ class Layout(NamedTuple):
     separator: str
     rows: list[list[str]]  # the lines before the numbers, the header last; at least the first line
     skipped: int  # lines before the numbers
-    count: int  # of the columns
+    width: int  # columns
     decimal: str  # sign in its numbers
 
     @property

@@ -26,7 +26,7 @@ from stagectl.recording.columns import (
 from stagectl.recording.csv_layout import WORDS, Layout, layout
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
-from stagectl.recording.nominal import Scales, read_values, scales_of_nominal, scales_of_stage
+from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
 from stagectl.units import StageError
 
 
@@ -41,7 +41,7 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
     names = how.names
     if not names:
         raise RecordingError(
-            f"{path} has no header, its first row is numbers; say which of its {how.count} columns is which, counting "
+            f"{path} has no header, its first row is numbers; say which of its {how.width} columns is which, counting "
             f"from 1: {EXAMPLE}"
         )
     if how.skipped > 1:
@@ -75,7 +75,7 @@ def _preamble(how: Layout) -> str:
     return (
         f"has no header in row 1: its numbers begin in row {how.skipped + 1}, and row {how.skipped} looks like the "
         f"header ({', '.join(name for name in how.names if name)}), separated by {WORDS[how.separator]}; {position}"
-        f"it must have a time and a position: say which of its {how.count} columns they are, counting from 1 "
+        f"it must have a time and a position: say which of its {how.width} columns they are, counting from 1 "
         f"({EXAMPLE}), and the rows before the numbers are skipped"
     )
 
@@ -83,10 +83,10 @@ def _preamble(how: Layout) -> str:
 def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) -> Log:
     scales = axis_of(chosen, setup, path)
     found = {
-        ours: (_column(path, how.names, how.count, choice), scale)
+        ours: (_column(path, how.names, how.width, choice), scale)
         for ours, (choice, scale) in of_choices(chosen, scales, path).items()
     }
-    labels = [f"column {number}" for number in range(1, how.count + 1)]
+    labels = [f"column {number}" for number in range(1, how.width + 1)]
     table = _table(path, labels, [labels[at] for at, _ in found.values()], how)
     columns = {ours: table[labels[at]] * scale for ours, (at, scale) in found.items()}
     notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []

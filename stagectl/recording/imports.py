@@ -18,7 +18,7 @@ from stagectl.recording import csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
 from stagectl.recording.meta import versions
-from stagectl.recording.nominal import read_values
+from stagectl.recording.scales import read_values
 
 
 def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | None = None) -> list[Recording]:

@@ -13,7 +13,7 @@ from scipy.io import loadmat
 from stagectl.config.stage_file import Setup
 from stagectl.recording.columns import Array, Choice, Log, axis_of, choices, of_choices, parsed
 from stagectl.recording.hdf5 import RecordingError, quantities
-from stagectl.recording.nominal import Scales, scales_of_stage
+from stagectl.recording.scales import Scales, scales_of_stage
 from stagectl.units import LINEAR
 
 _EMPS = {"t": "time", "qg": "reference", "qm": "measured", "vir": "command"}
