@@ -203,7 +203,7 @@ def _judged(strokes: list[Stroke], fit: Fit, file: StageFile) -> list[str]:
         (quick, TOO_QUICK, f"of the friction is viscous and inertial by the stage file: {_TOO_QUICK}"),
     ):
         if share > limit:
-            raise IdentificationError(f"{100.0 * share:.3g} % {words} (at most {100.0 * limit:g} %)")
+            raise IdentificationError(f"{100.0 * share:.3g} % (at most {100.0 * limit:g} %) {words}")
     notes = ["the force constant is taken from the stage file: the table scales with it"]
     if late > UNSETTLED * coulomb:
         notes.append(

@@ -84,8 +84,8 @@ def note(taken: Delay, names: list[str], values: Array, per_second: Array) -> st
         for name, value, slope in zip(names, values.tolist(), per_second.tolist(), strict=False)
         if value
     )
-    return f"delay: {taken.words}; 0.1 ms more or less would change {changes}" + (
-        ": the intervals hold what is not known of it"
-        if taken.deviation
-        else ", which the intervals do not hold: --delay gives one that is known"
-    )
+    said = f"delay: {taken.words}; 0.1 ms more or less would change {changes}"
+    if taken.deviation:
+        return f"{said}: the intervals hold what is not known of it"
+    advice = "" if taken.known is not None else ": --delay gives one that is known"
+    return f"{said}, which the intervals do not hold{advice}"
