@@ -82,11 +82,11 @@ def _captures(recording: Recording, setup: Setup, current: str | None, doubtful:
     time = columns.pop("time")
     pieces, said = parts(time, columns, _SMOOTH)
     absent = tuple(WITHOUT.values())  # what is missing of what an identification needs is said otherwise
-    notes += [*(note for note in recording.meta.get("notes", []) if note not in absent), *said]
-    if chosen in _STANDS_IN and current is None:
-        notes.append(_STANDS_IN[chosen])
+    notes += [note for note in recording.meta.get("notes", []) if note not in absent]
+    stand_in = [_STANDS_IN[chosen]] if chosen in _STANDS_IN and current is None else []
+    whole, rest = [*notes, *said, *stand_in], [*notes, *stand_in]  # the first part says what was done to the record
     return [
-        _judged(_capture(recording, part, chosen, (number, len(pieces)), notes), setup, doubtful)
+        _judged(_capture(recording, part, chosen, (number, len(pieces)), rest if number else whole), setup, doubtful)
         for number, part in enumerate(pieces)
     ]
 

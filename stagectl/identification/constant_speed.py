@@ -75,7 +75,7 @@ def identify(
         spans += [one for one in found if one.clipped <= CLIPPED]
         notes += [_clipped(one, file) for one in found if one.clipped > CLIPPED]
         progress(k + 1, len(captures))
-    both = _check(spans)
+    both = _check(spans, file)
     values, covariance, scatter = straight_line(spans, both)
     half = _quantile(len(spans) - len(values), len(spans), scatter) * np.sqrt(np.diag(covariance))
     rotary = file.axis.kind == ROTARY
@@ -168,10 +168,15 @@ def _deviation(force: Array, angle: Array, revolutions: int) -> float:
     return float(np.std(means, ddof=1)) / math.sqrt(BATCHES)
 
 
+def _unit(file: StageFile) -> str:
+    """Of the axis's speeds."""
+    return "rad/s" if file.axis.kind == ROTARY else "m/s"
+
+
 def _clipped(span: Span, file: StageFile) -> str:
     return (
-        f"{span.name}: the span at {span.speed:.4g} rad/s | m/s from {span.start:.4g} s on is left out: its current is "
-        f"at the drive's limit of {file.drive.current_limit:g} A for {100.0 * span.clipped:.0f} % of the time"
+        f"{span.name}: the span at {span.speed:.4g} {_unit(file)} from {span.start:.4g} s on is left out: its "
+        f"current is at the drive's limit of {file.drive.current_limit:g} A for {100.0 * span.clipped:.0f} % of it"
     )
 
 
@@ -200,7 +205,7 @@ def _quantile(freedom: int, spans: int, scatter: float) -> float:
     return float(stats.t.ppf(0.975, freedom + spans * (BATCHES - 1) if plain else freedom))
 
 
-def _check(spans: list[Span]) -> bool:
+def _check(spans: list[Span], file: StageFile) -> bool:
     """Whether both directions are there, once the spans tell the parameters."""
     found = ", ".join(f"{one.speed:.4g}" for one in spans) or "none"
     speeds = np.sort(np.abs([one.speed for one in spans]))
@@ -209,12 +214,12 @@ def _check(spans: list[Span]) -> bool:
     if different < 2:
         raise IdentificationError(
             f"{different} different speeds in spans of constant speed longer than {SHORTEST:g} s; must be at least 2 "
-            f"(found, in rad/s | m/s: {found}): record trapezoids there and back at several speeds, five say, so that "
-            "slope and Coulomb friction can be told apart"
+            f"(found, in {_unit(file)}: {found}): record trapezoids there and back at several speeds, five say, so "
+            "that slope and Coulomb friction can be told apart"
         )
     if both and len(spans) < 3:
         raise IdentificationError(
-            f"one span each way, at different speeds ({found} rad/s | m/s); slope, Coulomb friction and offset need "
+            f"one span each way, at different speeds ({found} {_unit(file)}); slope, Coulomb friction and offset need "
             "three: record both speeds in both directions"
         )
     return both

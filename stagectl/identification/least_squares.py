@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.identification import standard_errors
+from stagectl.identification import after_reversals, standard_errors
 from stagectl.identification.capture import Array, IdentificationError
 from stagectl.identification.recipe import Motion, Recipe, moved, recipe, thinned
 from stagectl.identification.sampling import parts
@@ -104,6 +104,7 @@ class _Rows(NamedTuple):
     regressor: Array  # (m, k)
     force: Array  # (m,)
     velocity: Array  # (n,) of all rows
+    share: Array  # (m,) of the way from one reversal to the next
     standing: float  # share of the rows that was left out
     recipe: Recipe
 
@@ -128,7 +129,10 @@ def least_squares(
     check_directions(np.concatenate([one.velocity for one in found]))
     regressor, kept = np.vstack([one.regressor for one in found]), np.concatenate([one.force for one in found])
     notes += [piece.note for piece in pieces if piece.note]
-    return _solved(regressor, kept, model, (*notes, *_said(found)))
+    result = _solved(regressor, kept, model, (*notes, *_said(found)))
+    share, left = np.concatenate([one.share for one in found]), kept - regressor @ result.solution[0]
+    doubt = after_reversals.doubt(left, share, result.coulomb.value)
+    return result._replace(notes=(*result.notes, doubt)) if doubt else result
 
 
 def percent(value: float) -> str:
@@ -141,8 +145,10 @@ def _rows(position: Array, force: Array, dt: float, wanted: tuple[float | None, 
     motion = moved(position, found)
     standing = _standing(motion.velocity, found)
     both = thinned(np.column_stack([model.columns(motion), force]), found)
-    kept = ~standing[found.edge : len(standing) - found.edge : found.decimate][: len(both)]
-    return _Rows(both[kept, :-1], both[kept, -1], motion.velocity, 1.0 - float(np.mean(kept)), found)
+    rows = slice(found.edge, len(standing) - found.edge, found.decimate)
+    kept = ~standing[rows][: len(both)]
+    share = after_reversals.travelled(motion.position, motion.velocity)[rows][: len(both)][kept]
+    return _Rows(both[kept, :-1], both[kept, -1], motion.velocity, share, 1.0 - float(np.mean(kept)), found)
 
 
 def _standing(velocity: Array, found: Recipe) -> NDArray[np.bool_]:

@@ -46,6 +46,10 @@ UNSETTLED, OPEN = 0.05, 0.3  # of the force still rising over the last half of t
 QUICK, TOO_QUICK = 0.01, 0.2  # of the force: viscous and inertial part, doubtful, refused
 BATCHES = 5  # of a stroke's end, for the intervals
 ROWS = 256  # of the table
+_TOO_QUICK = (
+    "record a slower motion; or the units are wrong, a current a thousand times too small (A, mA) or a position a "
+    "thousand times too large (mm, um)"
+)
 
 
 class Stroke(NamedTuple):
@@ -78,7 +82,7 @@ def identify(
         check(capture)
         strokes += full_strokes(capture, file.motor.force_constant)
         progress(k + 1, len(captures) + 1)
-    _check(strokes, captures)
+    _check(strokes, captures, file)
     fit = fitted(strokes, max(one.encoder_step for one in captures))
     progress(len(captures) + 1, len(captures) + 1)
     notes = _judged(strokes, fit, file)
@@ -163,7 +167,7 @@ def characteristic(fit: Fit) -> Characteristic:
     return Characteristic(displacement, table_force(fit, displacement), fit.weight, fit.slip)
 
 
-def _check(strokes: list[Stroke], captures: list[Capture]) -> None:
+def _check(strokes: list[Stroke], captures: list[Capture], file: StageFile) -> None:
     ways = {one.direction for one in strokes}
     if len(ways) < 2:
         raise IdentificationError(
@@ -173,9 +177,10 @@ def _check(strokes: list[Stroke], captures: list[Capture]) -> None:
         )
     shortest = min(float(one.displacement[-1]) for one in strokes)
     step = max(one.encoder_step for one in captures)
+    unit = "rad" if file.axis.kind == ROTARY else "m"
     if not shortest > LEAST_STEPS * step:
         raise IdentificationError(
-            f"a stroke of {shortest:.4g} rad | m; must be at least {LEAST_STEPS:g} encoder steps of {step:.4g}, so "
+            f"a stroke of {shortest:.4g} {unit}; must be at least {LEAST_STEPS:g} encoder steps of {step:.4g}, so "
             "that the bend after a reversal can be seen: record a larger amplitude"
         )
 
@@ -195,10 +200,10 @@ def _judged(strokes: list[Stroke], fit: Fit, file: StageFile) -> list[str]:
     quick = _quick(strokes, file) / coulomb
     for share, limit, words in (
         (late / coulomb, OPEN, "of the friction still rises over the last half of the strokes: record a larger one"),
-        (quick, TOO_QUICK, "of the friction is viscous and inertial by the stage file: record a slower motion"),
+        (quick, TOO_QUICK, f"of the friction is viscous and inertial by the stage file: {_TOO_QUICK}"),
     ):
         if share > limit:
-            raise IdentificationError(f"{100.0 * share:.3g} % {words} (at most {100.0 * limit:g} %)")
+            raise IdentificationError(f"{100.0 * share:.3g} % (at most {100.0 * limit:g} %) {words}")
     notes = ["the force constant is taken from the stage file: the table scales with it"]
     if late > UNSETTLED * coulomb:
         notes.append(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from stagectl.kernels import rollout
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.nominal import Scales, scales_of_stage
+from stagectl.recording.scales import Scales, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError, factor
 
 Array = NDArray[np.float64]
@@ -45,6 +46,7 @@ class Log(NamedTuple):
     columns: dict[str, Array]
     notes: list[str]
     about: dict[str, Any]  # further entries of the recording's meta
+    labels: Mapping[str, str] = MappingProxyType({})  # our columns by the log's own names
 
 
 class Choice(NamedTuple):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,9 +23,10 @@ from stagectl.recording.columns import (
     parsed,
     told_scales,
 )
+from stagectl.recording.csv_layout import WORDS, Layout, layout
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
-from stagectl.recording.nominal import Scales, read_values, scales_of_nominal, scales_of_stage
+from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
 from stagectl.units import StageError
 
 
@@ -35,36 +35,63 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
-    names = _names(path)
+    how = _headed(layout(path), choices(words))
     if words:
-        return _chosen(path, names, setup, choices(words))
-    if names and all(map(_number, names)):
+        return _chosen(path, how, setup, choices(words))
+    names = how.names
+    if not names:
         raise RecordingError(
-            f"{path} has no header, its first row is numbers; say which of its {len(names)} columns is which, counting "
+            f"{path} has no header, its first row is numbers; say which of its {how.width} columns is which, counting "
             f"from 1: {EXAMPLE}"
         )
+    if how.skipped > 1:
+        raise RecordingError(f"{path} {_preamble(how)}")
     beside = path.parent / "nominal.yaml"
     nominal = read_values(beside) if beside.is_file() else {}
     scales = _scales(path, names, setup, (nominal, beside))
     known, notes = _known(path, names, scales)
-    table = _table(path, names, list(known), 1)
+    table = _table(path, names, list(known), how)
     columns = {ours: table[name] * scale for name, (ours, scale) in known.items()}
     if about.get("capture", {}).get("injection"):
         notes.append("its injection is left out: a recording has no column for it")
-    return Log(path, scales, columns, notes, {**about, **({"nominal": nominal} if nominal else {})})
+    labels = {ours: name for name, (ours, _) in known.items()}
+    return Log(path, scales, columns, notes, {**about, **({"nominal": nominal} if nominal else {})}, labels)
 
 
-def _chosen(path: Path, names: list[str], setup: Setup | None, chosen: list[Choice]) -> Log:
-    headed = not all(map(_number, names))
+def _headed(how: Layout, chosen: list[Choice]) -> Layout:
+    """The first line is the header where it has a name that is understood or asked for, whatever follows it."""
+    asked = {choice.name for choice in chosen}
+    if how.skipped > 1 and any(parsed(name) is not None or name in asked for name in how.rows[0]):
+        return how._replace(rows=how.rows[:1], skipped=1)
+    return how
+
+
+def _preamble(how: Layout) -> str:
+    """What is wrong with a text whose header is not in its first row."""
+    cells = " ".join(cell for row in how.rows for cell in row).lower()
+    position = (
+        "" if "pos" in cells else "none of them is named as a position, and a speed or a force does not replace it; "
+    )
+    return (
+        f"has no header in row 1: its numbers begin in row {how.skipped + 1}, and row {how.skipped} looks like the "
+        f"header ({', '.join(name for name in how.names if name)}), separated by {WORDS[how.separator]}; {position}"
+        f"it must have a time and a position: say which of its {how.width} columns they are, counting from 1 "
+        f"({EXAMPLE}), and the rows before the numbers are skipped"
+    )
+
+
+def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) -> Log:
     scales = axis_of(chosen, setup, path)
     found = {
-        ours: (_column(path, names if headed else [], len(names), choice), scale)
+        ours: (_column(path, how.names, how.width, choice), scale)
         for ours, (choice, scale) in of_choices(chosen, scales, path).items()
     }
-    labels = [f"column {number}" for number in range(1, len(names) + 1)]
-    table = _table(path, labels, [labels[at] for at, _ in found.values()], 1 if headed else 0)
+    labels = [f"column {number}" for number in range(1, how.width + 1)]
+    table = _table(path, labels, [labels[at] for at, _ in found.values()], how)
     columns = {ours: table[labels[at]] * scale for ours, (at, scale) in found.items()}
-    return Log(path, scales, columns, [], {})
+    notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
+    spoken = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in found.items()}
+    return Log(path, scales, columns, notes, {}, spoken)
 
 
 def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
@@ -79,22 +106,6 @@ def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
     if not 1 <= int(choice.name) <= count:
         raise RecordingError(f"column {choice.name} of {path}; must be 1 to {count}, the first is 1")
     return int(choice.name) - 1
-
-
-def _number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _names(path: Path) -> list[str]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            return [name.strip() for name in next(csv.reader(file), [])]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(f"{path} is no CSV text: {error}") from error
 
 
 def _scales(path: Path, names: list[str], setup: Setup | None, nominal: tuple[dict[str, Any], Path]) -> Scales:
@@ -144,14 +155,17 @@ def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:
     return meaning(*told, scales) if told and told[1] else None
 
 
-def _table(path: Path, names: list[str], wanted: list[str], skipped: int) -> dict[str, Array]:
+def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict[str, Array]:
     """The wanted columns, (n,) each; an empty cell is NaN."""
-    reading = pyarrow.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=skipped)
+    reading = pyarrow.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=how.skipped)
     converting = pyarrow.csv.ConvertOptions(
-        column_types=dict.fromkeys(wanted, pyarrow.float64()), include_columns=list(dict.fromkeys(wanted))
+        column_types=dict.fromkeys(wanted, pyarrow.float64()),
+        include_columns=list(dict.fromkeys(wanted)),
+        decimal_point=how.decimal,
     )
+    parsing = pyarrow.csv.ParseOptions(delimiter=how.separator)
     try:
-        table = pyarrow.csv.read_csv(path, read_options=reading, convert_options=converting)
+        table = pyarrow.csv.read_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
     except (pyarrow.ArrowInvalid, pyarrow.ArrowKeyError, OSError) as error:
         raise RecordingError(f"{path}: {error}") from error
     return {name: np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted}

@@ -18,7 +18,7 @@ from stagectl.recording import csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
 from stagectl.recording.meta import versions
-from stagectl.recording.nominal import read_values
+from stagectl.recording.scales import read_values
 
 
 def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | None = None) -> list[Recording]:
@@ -94,7 +94,8 @@ def _checked(log: Log) -> Array:
         raise RecordingError(f"{log.path} has {len(time)} rows; must have at least 2")
     for name in ("time", "measured"):
         if not np.all(finite := np.isfinite(log.columns[name])):
-            raise RecordingError(f"{log.path} has no {name} in row {int(np.argmin(finite)) + 1}: cut the log there")
+            row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)
+            raise RecordingError(f"{log.path} has no {own} in row {row} of its numbers: cut the log there")
     if np.any(backwards := np.diff(time) <= 0.0):
         row = int(np.argmax(backwards)) + 1
         raise RecordingError(

@@ -13,7 +13,7 @@ from scipy.io import loadmat
 from stagectl.config.stage_file import Setup
 from stagectl.recording.columns import Array, Choice, Log, axis_of, choices, of_choices, parsed
 from stagectl.recording.hdf5 import RecordingError, quantities
-from stagectl.recording.nominal import Scales, scales_of_stage
+from stagectl.recording.scales import Scales, scales_of_stage
 from stagectl.units import LINEAR
 
 _EMPS = {"t": "time", "qg": "reference", "qm": "measured", "vir": "command"}
@@ -64,7 +64,8 @@ def _chosen(path: Path, found: dict[str, Any], setup: Setup | None, chosen: list
     scales = axis_of(chosen, setup, path)
     known = of_choices(chosen, scales, path)
     columns = {ours: scale * _vector(path, found, choice) for ours, (choice, scale) in known.items()}
-    return _log(path, scales, columns, [_unit_note(one, scales) for one in chosen if not one.unit], {})
+    log = _log(path, scales, columns, [_unit_note(one, scales) for one in chosen if not one.unit], {})
+    return log._replace(labels={ours: choice.name for ours, (choice, _) in known.items()})
 
 
 def _unit_note(choice: Choice, scales: Scales) -> str:

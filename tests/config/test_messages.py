@@ -75,7 +75,7 @@ MISTAKES = [
     (
         "choice misspelt",
         ("law: rolling", "law: roling"),
-        "friction.law = roling; must be one of rolling, stop-operators (stage.yaml:{law:})",
+        "friction.law = roling; must be one of rolling, stop-operators, dahl, lugre (stage.yaml:{law:})",
     ),
     (
         "value for a list",

@@ -15,6 +15,7 @@ from stagectl.config.stage_file import StageFile, load_stage
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.found import Found
 from stagectl.identification.friction import closed_loop
+from stagectl.identification.friction import delay as delays
 from stagectl.identification.friction import fit as friction_fit
 from stagectl.identification.friction import method as friction_models
 from stagectl.identification.friction.closed_loop import PUBLISHED, Servo, errors, simulated
@@ -150,6 +151,59 @@ def test_what_was_found_goes_into_a_stage_file_and_comes_back(law: str, tmp_path
         assert p.friction.bristle.stribeck.rise == pytest.approx(found.parameters["stribeck_rise"].value, rel=1e-6)
     if law == "stribeck":
         assert p.friction.stribeck.velocity == pytest.approx(found.parameters["stribeck_velocity"].value, rel=1e-6)
+
+
+def late(capture: Capture) -> Capture:
+    """The same record with a current that comes a row late: a delay of minus a sampling time."""
+    return capture._replace(
+        time=capture.time[:-1],
+        position=capture.position[1:],
+        current=capture.current[:-1],
+    )
+
+
+def test_a_delay_that_is_given_is_taken_out() -> None:
+    """With it the answer is that of the record whose rows belong together; without, it is off by more than it says."""
+    together, apart = made("dahl", 3), late(made("dahl", 3))
+    right = friction_models.fit("dahl", [together], FILE).parameters
+    found = friction_models.fit("dahl", [apart], FILE, -DT)
+    for name in ("inertia", "viscous", "coulomb"):
+        half = 0.5 * (right[name].high - right[name].low)
+        assert found.parameters[name].value == pytest.approx(right[name].value, abs=0.5 * half)
+    assert found.parameters["delay"][:3] == (-DT, -DT, -DT)
+    wrong = friction_models.fit("dahl", [apart], FILE).parameters
+    assert not wrong["inertia"].low < 95.0 < wrong["inertia"].high
+
+
+def test_what_a_delay_would_change_is_what_it_changes() -> None:
+    """The change that the note tells for 0.1 ms, against a second fit with that delay."""
+    law = "coulomb-viscous"
+    plain, moved = (friction_models.fit(law, [made(law, 3)], FILE, delay) for delay in (0.0, 1e-4))
+    inertia = [found.parameters["inertia"].value for found in (plain, moved)]
+    note = next(note for note in plain.notes if note.startswith("delay:"))
+    told = float(note.split("inertia by ")[1].split(" %")[0])
+    assert told == pytest.approx(100.0 * abs(inertia[1] / inertia[0] - 1.0), rel=0.15)
+
+
+def test_a_delay_is_found_once_for_all() -> None:
+    """By another method, and only where a member leaves less with it."""
+    capture = late(made("gms", 3))
+    taken = delays.estimated([capture], FILE, lambda delay: 1.0 + delay)
+    assert taken.known is not None
+    assert taken.known.low < -DT < taken.known.high < 0.0
+    assert taken.deviation == pytest.approx((taken.known.high - taken.known.low) / 3.919928)
+    not_better = delays.estimated([capture], FILE, lambda delay: 1.0 - delay)
+    assert (not_better.value, not_better.known) == (0.0, None)
+    assert "would leave more" in not_better.words
+    none = delays.estimated([made("gms", 3)], FILE, lambda delay: 1.0)
+    assert none.value == 0.0
+    assert none.known is not None
+    assert none.known.low < 0.0 < none.known.high
+    assert none.deviation > (none.known.high - none.known.low) / 4.0
+    still = capture._replace(position=np.zeros(len(capture.time)))
+    assert "does not find it (" in delays.estimated([still], FILE, lambda delay: 1.0).words
+    with pytest.raises(IdentificationError, match="delay = 1e\\+05 ms; must be shorter than the record"):
+        delays.shifted(capture, 100.0)
 
 
 def test_what_is_not_told_is_said() -> None:

@@ -15,6 +15,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.identification import several
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.least_squares import Model, Result, least_squares
+from stagectl.kernels import friction, friction_path
 from stagectl.trajectories import Multisine
 
 Array = npt.NDArray[np.float64]
@@ -268,3 +269,32 @@ def test_a_capture_with_gravity_is_found_with_units() -> None:
     }
     assert found["gravity_sine"].value == pytest.approx(7.0, rel=5e-3)
     assert found["gravity_sine"].low < found["gravity_sine"].value < found["gravity_sine"].high
+
+
+def rolling(noise: float, seed: int) -> Record:
+    """The same axis and motion, its Coulomb friction built up over 4 mm by stop operators (`kernels.friction`)."""
+    time, x, _ = made()
+    _, v, a = Multisine(0.05, 0.2, 4.0, base=5.0, periods=3.5).at(time)
+    operators = friction.Gms(friction.bundle([1.0] * 5, [1e-4, 3e-4, 8e-4, 2e-3, 4e-3]), friction.Stribeck())
+    columns = np.zeros((len(time), 5))
+    friction_path.operators(operators, x, 1e-3, columns)
+    free = np.column_stack([a, v, np.ones(len(time))]) @ np.array([TRUE[0], TRUE[1], TRUE[3]])
+    force = free + columns @ np.full(5, 0.2 * TRUE[2]) + np.random.default_rng(seed).normal(0.0, noise, len(time))
+    return Record(time, x, np.asarray(force, dtype=np.float64))
+
+
+@pytest.mark.parametrize("noise", [0.1, 2.0])
+def test_friction_that_builds_up_over_a_distance_is_said(noise: float) -> None:
+    """Its answer is off by more than its interval, and it says so; with friction of sgn(v) it is not said."""
+    found = least_squares(*rolling(noise, 2))
+    assert abs(found.coulomb.value - TRUE[2]) > 1.96 * found.coulomb.deviation
+    assert any("sgn(v) cannot describe" in note and "`simultaneous`" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 2.0, 10.0])
+def test_friction_of_the_sign_is_not_doubted(noise: float) -> None:
+    assert not any("sgn(v) cannot" in note for note in least_squares(*made(noise, 3)).notes)
+
+
+def test_emps_is_not_doubted(published: Result) -> None:
+    assert not any("sgn(v) cannot" in note for note in published.notes)

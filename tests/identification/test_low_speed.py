@@ -155,9 +155,13 @@ def test_what_does_not_show_the_table_is_refused() -> None:
     for capture, message in (
         (slow(Machine(SETUP), seconds=9.0), "0 full strokes between two reversals, none"),
         (slow(Machine(SETUP), 5.0, 0.2, 12.0), "still rises over the last half of the strokes"),
-        (slow(Machine(SETUP), 1000.0, 4.0, 2.0), "is viscous and inertial by the stage file"),
-        (slow(Machine(SETUP), 0.4, 0.2, 12.0), "must be at least 100 encoder steps"),
+        (
+            slow(Machine(SETUP), 1000.0, 4.0, 2.0),
+            "is viscous and inertial by the stage file: record a slower motion; or the units",
+        ),
+        (slow(Machine(SETUP), 0.4, 0.2, 12.0), r"a stroke of \S+ rad; must be at least 100 encoder steps"),
         (good._replace(current=-good.current), "does not oppose the motion"),
+        (good._replace(position=1e3 * good.position), "viscous and inertial by .* a thousand times too large"),
         (good._replace(position=np.zeros(len(good.time))), "more than ten encoder steps"),
     ):
         with pytest.raises(IdentificationError, match=message):

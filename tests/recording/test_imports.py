@@ -94,7 +94,8 @@ def test_an_empty_cell_is_a_gap(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no column position_<unit>"),
+        ("", r"log.csv is empty; must have a header \(time_s,position_mm,...\)"),
+        (" \n\n", "log.csv is empty"),
         ("time_s,position_counts\n0,1\n1,2\n", "position in counts does not tell the axis; give --stage"),
         ("time_s,speed_m\n0,1\n1,2\n", "no column position_<unit>"),
         ("position_m\n0\n1\n", "must have time_s and a position_<unit>"),
@@ -102,7 +103,7 @@ def test_an_empty_cell_is_a_gap(tmp_path: Path) -> None:
         ("time_s,position_m\n0,1\n", "has 1 rows; must have at least 2"),
         ("time_s,position_m\n0,1\n1,x\n", r"Row #\d: .* invalid value 'x'"),
         ("time_s,position_m\n0,1\n1\n", "Expected 2 columns, got 1"),
-        ("time_s,position_m\n0,1\n1,\n", "has no measured in row 2"),
+        ("time_s,position_m\n0,1\n1,\n", "has no position_m in row 2 of its numbers"),
         ("time_s,position_m\n0,1\n0,2\n", "time 0 s in row 2 follows 0 s; times must increase"),
         ("time_s,position_m,position_mm\n0,1,2\n1,1,2\n", "two columns for measured, the second is position_mm"),
         ("time_parsec,position_m\n0,1\n1,2\n", "time_parsec in .*unknown unit 'parsec'"),
@@ -111,6 +112,43 @@ def test_an_empty_cell_is_a_gap(tmp_path: Path) -> None:
 def test_a_broken_csv_is_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(RecordingError, match=message):
         one(tmp_path, text)
+
+
+TITLED = "Axis1\nSampling time interval(ms),0.5\nTime,Analog 1,Torque\nms,r/min,A\n0,0,1\n0.5,12,2\n1,24,3\n"
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_header_further_down_is_shown(tmp_path: Path, separator: str) -> None:
+    """Which row looks like it, what separates the columns, and that there is no position among them."""
+    with pytest.raises(RecordingError) as refusal:
+        one(tmp_path, TITLED.replace(",", separator))
+    words = {",": "commas", ";": "semicolons", "\t": "tabs"}[separator]
+    assert "no header in row 1: its numbers begin in row 5, and row 4 looks like the header (ms, r/min, A)" in str(
+        refusal.value
+    )
+    assert f"separated by {words}; none of them is named as a position" in str(refusal.value)
+    assert "of its 3 columns" in str(refusal.value)
+    with pytest.raises(RecordingError) as refusal:
+        one(tmp_path, TITLED.replace(",", separator).replace("Analog 1", "Position"))
+    assert "named as a position" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", "."), (";", ","), ("\t", ",")])
+def test_rows_before_the_numbers_are_skipped(tmp_path: Path, separator: str, decimal: str) -> None:
+    text = TITLED.replace(",", separator).replace("0.5", f"0{decimal}5")
+    (tmp_path / "log.csv").write_text(text)
+    words = {"time": "1:ms", "position": "2:mm", "current": "3:A"}
+    (found,) = read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"), words)
+    np.testing.assert_allclose(found.column("time"), [0.0, 0.5e-3, 1e-3])
+    np.testing.assert_allclose(found.column("measured"), [0.0, 2.0 * math.pi, 4.0 * math.pi])
+    np.testing.assert_allclose(found.column("measured_current"), [1.0, 2.0, 3.0])
+    assert "its first 4 rows are no numbers and are skipped" in found.meta["notes"]
+
+
+def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
+    found = one(tmp_path, "time_s;position_m;current_A\n0,0;0,25;1,5\n0,5;0,5;-1e-1\n")
+    np.testing.assert_array_equal(found.column("measured"), [0.25, 0.5])
+    np.testing.assert_array_equal(found.column("measured_current"), [1.5, -0.1])
 
 
 @pytest.mark.parametrize(

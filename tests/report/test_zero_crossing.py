@@ -47,7 +47,7 @@ def test_the_compensation_figure_has_the_papers_sign() -> None:
     for instant in (0.6, 1.2):  # both turns: lagging is negative
         _, error = compensation([Compensated("", rows, errors(rows))], instant).axes
         assert -5.0 < np.min(np.asarray(error.lines[0].get_ydata())) < -4.0
-        assert error.lines[0].get_label() == "no compensation: -4.8 / +0.6 µm"
+        assert error.lines[0].get_label() == "no compensation: -4.6 / +0.6 µm"
 
 
 def test_the_forms_are_drawn_over_time_and_velocity() -> None:

@@ -33,6 +33,7 @@ class Data(NamedTuple):
     recipe: Recipe
     fixed: Array  # (m, 3) acceleration, velocity, and one, which the filter changes a little, too
     force: Array  # (m,) N m | N
+    rate: Array  # (m,) N m/s | N/s, of the force
 
 
 class Scale(NamedTuple):
@@ -76,8 +77,9 @@ def prepared(captures: Sequence[Capture], file: StageFile) -> tuple[list[Data], 
         except IdentificationError as error:
             raise IdentificationError(f"{capture.name}: {error}") from error
         force, one = file.motor.force_constant * capture.current, np.ones(len(capture.position))
-        thin = thinned(np.column_stack([motion.acceleration, motion.velocity, one, force]), how)
-        data.append(Data(Path(motion.position, capture.dt), how, thin[:, :3], thin[:, 3]))
+        both = [force, np.gradient(force, capture.dt)]
+        thin = thinned(np.column_stack([motion.acceleration, motion.velocity, one, *both]), how)
+        data.append(Data(Path(motion.position, capture.dt), how, thin[:, :3], thin[:, 3], thin[:, 4]))
         counts.append(capture.encoder_step or _resolution(capture.position))
         speeds.append(float(np.abs(motion.velocity).max()))
     stroke = max(float(np.ptp(capture.position)) for capture in captures)

@@ -11,7 +11,7 @@ simulation in closed loop (`closed_loop`).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,8 +21,10 @@ from stagectl.identification import standard_errors
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.found import Found, Parameter, Progress
 from stagectl.identification.friction import closed_loop
+from stagectl.identification.friction import delay as delays
 from stagectl.identification.friction.fit import Data, Fit, Scale, columns_of, fitted, plant, prepared, sensitivity
 from stagectl.identification.friction.members import FAMILY
+from stagectl.identification.friction.notes import four, words
 from stagectl.kernels import stage
 from stagectl.units import Quantity
 
@@ -32,7 +34,7 @@ FIRST = (("inertia", "kg m^2 | kg"), ("viscous", "N m s/rad | N s/m"))
 LAST = (("offset", "N m | N"),)
 SHARP = 20.0  # counts of the encoder over which a model's jump of Coulomb friction happens in simulation
 LAW = {"dahl": "dahl", "lugre": "lugre"}  # in a stage file; all others become stop operators
-REPEATS = 0.999  # correlation of a reference with itself a period later
+PROBE = "gms"  # shows whether a delay leaves less of the force
 
 
 class _Judge(NamedTuple):
@@ -42,6 +44,7 @@ class _Judge(NamedTuple):
     scale: Scale
     captures: list[Capture]
     file: StageFile
+    delay: delays.Delay
 
     @property
     def force(self) -> Array:
@@ -49,13 +52,16 @@ class _Judge(NamedTuple):
         return np.concatenate([one.force for one in self.data])
 
 
-def identify(captures: list[Capture], file: StageFile, progress: Progress | None = None) -> Found:
+def identify(
+    captures: list[Capture], file: StageFile, progress: Progress | None = None, delay: float | None = None
+) -> Found:
     """All members of the family; the parameters are those of the best by BIC of those that a stage file can have.
 
+    `delay` (s) between current and position is one for all members, see `delay`; it is looked for where it is None.
     Raises IdentificationError where the captures do not tell inertia and friction.
     """
-    data, scale = prepared(captures, file)
-    judge = _Judge(data, scale, captures, file)
+    judge = _judge(captures, file, delay)
+    data, scale = judge.data, judge.scale
     fits: list[Fit] = []
     rows: list[dict[str, Any]] = []
     for number, name in enumerate(FAMILY):
@@ -71,23 +77,39 @@ def identify(captures: list[Capture], file: StageFile, progress: Progress | None
     best = int(np.argmin([row["bic"] if one.member.whole else math.inf for one, row in zip(fits, rows, strict=True)]))
     found = _found(fits[best], judge)
     details = {**found.details, "chosen": fits[best].name, "models": rows, "independent_rows": worth}
-    notes = _words(rows, best, captures)
+    notes = words(rows, best, captures)
+    if "closed_loop" in rows[best] and judge.delay.value:
+        notes.append("closed loop: run without the delay, which stands beside the model")
     if "closed_loop" in rows[best] and any(one.meta.get("name") == "EMPS" for one in captures):
         details["published"] = closed_loop.PUBLISHED._asdict()
-        notes.append(f"published for this record, four parameters and a delay: {_four(details['published'])}")
+        notes.append(f"published for this record, four parameters and a delay: {four(details['published'])}")
     return found._replace(details=details, notes=(*notes, *found.notes))
 
 
-def fit(name: str, captures: list[Capture], file: StageFile) -> Found:
-    """One member of the family fitted to `captures`.
+def _judge(captures: list[Capture], file: StageFile, delay: float | None) -> _Judge:
+    """The captures with the current where its force is."""
+
+    def at(value: float) -> tuple[list[Data], Scale]:
+        return prepared([delays.shifted(one, value) for one in captures], file)
+
+    def left(value: float) -> float:
+        residual = fitted(PROBE, *at(value)).residual
+        return math.sqrt(float(np.mean(residual * residual)))
+
+    plain = at(0.0)
+    taken = delays.given(delay) if delay is not None else delays.estimated(captures, file, left)
+    return _Judge(*(at(taken.value) if taken.value else plain), captures, file, taken)
+
+
+def fit(name: str, captures: list[Capture], file: StageFile, delay: float = 0.0) -> Found:
+    """One member of the family fitted to `captures`, `delay` (s) between their current and position.
 
     Raises IdentificationError where there is no such member, or the captures do not tell its parameters.
     """
     if name not in FAMILY:
         raise IdentificationError(f"friction model {name}; must be one of {', '.join(FAMILY)}")
-    data, scale = prepared(captures, file)
-    judge = _Judge(data, scale, captures, file)
-    one = fitted(name, data, scale)
+    judge = _judge(captures, file, delay)
+    one = fitted(name, judge.data, judge.scale)
     found, worth = _found(one, judge), standard_errors.independent(one.residual)
     return found._replace(details={**found.details, **_row(one, judge.force), "bic": bic(one, worth)})
 
@@ -165,7 +187,10 @@ def _found(one: Fit, judge: _Judge) -> Found:
     told[: len(one.weights)] = length[: len(one.weights)] > 0.0
     covariance = np.full((len(length), len(length)), math.inf)
     inner = standard_errors.covariance(whole[:, told] / length[told], one.residual)
-    covariance[np.ix_(told, told)] = inner / np.outer(length[told], length[told])
+    slope = -np.linalg.pinv(whole[:, told] / length[told]) @ np.concatenate([each.rate for each in judge.data])
+    per_second = slope / length[told]
+    shared = judge.delay.deviation**2 * np.outer(per_second, per_second)
+    covariance[np.ix_(told, told)] = inner / np.outer(length[told], length[told]) + shared
     count, axis = len(one.weights), judge.file.axis.kind
     parameters, notes = {}, []
     for number, (name, unit) in enumerate(_names(one)):
@@ -184,6 +209,9 @@ def _found(one: Fit, judge: _Judge) -> Found:
             notes.append(f"{one.name}: {name} lies at an end of {span}, where it was searched for; it may be beyond")
     if "coulomb" not in parameters:
         parameters["coulomb"] = _total(one, covariance, parameters["offset"].unit)
+    if judge.delay.known is not None:
+        parameters["delay"] = judge.delay.known
+    notes.append(delays.note(judge.delay, [name for name, _ in FIRST], one.weights, per_second))
     return Found(parameters, details={"model": one.name}, notes=tuple(notes), changes=_changes(one, judge))
 
 
@@ -224,63 +252,3 @@ def _total(one: Fit, covariance: Array, unit: str) -> Parameter:
     value = share * float(np.sum(one.weights[inside]))
     spread = share * standard_errors.SURE * math.sqrt(max(float(np.sum(covariance[inside, inside])), 0.0))
     return Parameter(value, value - spread, value + spread, unit)
-
-
-def _line(row: dict[str, Any], lowest: float) -> str:
-    """One model of the comparison, in words."""
-    said = (
-        f"{row['words']}, {row['count']} parameters: leaves {row['force_residual_percent']:.3g} % of the force, "
-        f"{row['held_out']['fastest']:.3g} % of the fastest rows held out, BIC {row['bic'] - lowest:+.1f}"
-    )
-    return said + (f"; closed loop {_four(row['closed_loop'])}" if "closed_loop" in row else "")
-
-
-def _four(errors: Mapping[str, float]) -> str:
-    return " / ".join(f"{value:.4g}" for value in errors.values()) + " %"
-
-
-def _words(rows: list[dict[str, Any]], best: int, captures: list[Capture]) -> list[str]:
-    chosen, first = rows[best], min(rows, key=lambda row: float(row["bic"]))
-    notes = [_praise(chosen, rows[0], "of those that a stage file can have whole")]
-    if first is not chosen:
-        notes.append(_praise(first, rows[0], f"of all {len(rows)}"))
-    period = next((found for one in captures if (found := repeats(one)) is not None), None)
-    if period is not None:
-        notes.append(
-            f"the reference repeats every {period:.4g} s: the later half holds the same motion as the earlier, so it "
-            "shows how far machine and noise repeat, not how a model does on another motion; the fastest rows, held "
-            "out, show how it reaches beyond the speeds that it saw"
-        )
-    notes += [_line(row, float(first["bic"])) for row in rows]
-    if "closed_loop" in chosen:
-        notes.append(
-            "closed loop: errors of position / velocity / acceleration / force; table and rheology model run as the "
-            "stop operators with their curve, without the creep"
-        )
-    return notes
-
-
-def _praise(row: dict[str, Any], simplest: dict[str, Any], among: str) -> str:
-    return (
-        f"{row['words']} ({row['count']} parameters) has the lowest BIC {among}: it leaves "
-        f"{row['force_residual_percent']:.3g} % of the force, {simplest['words']} ({simplest['count']}) "
-        f"{simplest['force_residual_percent']:.3g} %"
-    )
-
-
-def repeats(capture: Capture) -> float | None:
-    """Period (s) of a reference that repeats at least twice; None where it does not, or there is none."""
-    if capture.reference is None:
-        return None
-    x = capture.reference - capture.reference.mean()
-    size = len(x)
-    spectrum = np.fft.rfft(x, 2 * size)
-    product = np.fft.irfft(spectrum * np.conj(spectrum))[: size // 2]
-    power = np.concatenate([[0.0], np.cumsum(x * x)])
-    lags = np.arange(size // 2)
-    likeness = product / np.sqrt(np.maximum(power[size - lags] * (power[size] - power[lags]), 1e-300))
-    turned = np.flatnonzero(likeness < 0.5)
-    if not len(turned):
-        return None
-    later = int(turned[0] + np.argmax(likeness[turned[0] :]))
-    return later * capture.dt if likeness[later] > REPEATS else None

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
+from stagectl.units import LINEAR, ROTARY
 
 Complex = NDArray[np.complex128]
 
@@ -28,7 +29,8 @@ LEAST_CURRENT = 1e-6  # A, of an excitation
 
 def check(capture: Capture) -> None:
     """Raise IdentificationError where the columns hold no response at all."""
-    for name, column, unit in (("position", capture.position, "rad | m"), ("current", capture.current, "A")):
+    length = {ROTARY: "rad", LINEAR: "m"}.get(capture.meta.get("axis", {}).get("kind"), "rad | m")
+    for name, column, unit in (("position", capture.position, length), ("current", capture.current, "A")):
         if column.shape != capture.time.shape or not np.all(np.isfinite(column)):
             row = int(np.argmin(np.isfinite(column)))
             raise IdentificationError(
@@ -44,8 +46,8 @@ def check(capture: Capture) -> None:
         )
     if not np.ptp(capture.position) > 10.0 * capture.encoder_step:
         raise IdentificationError(
-            f"{capture.name}: the position moves by {np.ptp(capture.position):g} rad | m in all; must be more than ten "
-            f"encoder steps of {capture.encoder_step:g}: raise the amplitude, or check that the drive was enabled"
+            f"{capture.name}: the position moves by {np.ptp(capture.position):g} {length} in all; must be more than "
+            f"ten encoder steps of {capture.encoder_step:g}: raise the amplitude, or check that the drive was enabled"
         )
 
 

@@ -1,0 +1,71 @@
+"""How a CSV text is laid out: what separates its columns, and where its header and its numbers begin."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from pathlib import Path
+from typing import NamedTuple
+
+from stagectl.recording.hdf5 import RecordingError
+
+LOOKED_AT = 100  # lines
+SEPARATORS = (",", ";", "\t")
+WORDS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+
+
+class Layout(NamedTuple):
+    """What the first lines show."""
+
+    separator: str
+    rows: list[list[str]]  # the lines before the numbers, the header last; at least the first line
+    skipped: int  # lines before the numbers
+    width: int  # columns
+    decimal: str  # sign in its numbers
+
+    @property
+    def names(self) -> list[str]:
+        """The header: the row just before the numbers; empty where there is none."""
+        return self.rows[-1] if self.skipped else []
+
+
+def layout(path: Path) -> Layout:
+    """The layout of the text at `path`.
+
+    Raises RecordingError where it is no text, or an empty one.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = list(itertools.islice(file, LOOKED_AT))
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{path} is no CSV text: {error}") from error
+    if not any(line.strip() for line in lines):
+        raise RecordingError(f"{path} is empty; must have a header (time_s,position_mm,...) and a row for each sample")
+    tried = [(separator, _split(lines, separator, path)) for separator in SEPARATORS]
+    separator, rows = max(tried, key=lambda one: sum(_numbers(row, one[0]) for row in one[1]))
+    first = next((k for k, row in enumerate(rows) if _numbers(row, separator)), 1)
+    numbers = [row for row in rows if _numbers(row, separator)]
+    comma = separator != "," and any("," in cell for row in numbers for cell in row)
+    count = len(numbers[0]) if numbers else len(rows[0])
+    return Layout(separator, rows[: max(first, 1)], first, count, "," if comma else ".")
+
+
+def _split(lines: list[str], separator: str, path: Path) -> list[list[str]]:
+    try:
+        return [[cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])] for line in lines]
+    except csv.Error as error:
+        raise RecordingError(f"{path} is no CSV text: {error}") from error
+
+
+def _numbers(row: list[str], separator: str) -> bool:
+    """Whether a row is two numbers or more; a cell may be empty."""
+    cells = [cell.replace(",", ".") if separator != "," else cell for cell in row if cell]
+    return len(row) > 1 and bool(cells) and all(map(_number, cells))
+
+
+def _number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

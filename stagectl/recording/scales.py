@@ -1,0 +1,128 @@
+"""Scales of a log's columns, from a stage file or a ``nominal.yaml`` beside it.
+
+What is not known is 0, never guessed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from stagectl.config.source import compose
+from stagectl.config.stage_file import Setup
+from stagectl.recording.hdf5 import RecordingError
+from stagectl.units import LINEAR, ROTARY, UnitError, factor
+
+
+class Scales(NamedTuple):
+    """How a log's units become those of the axis; 0 where a scale is not known."""
+
+    kind: str  # rotary or linear
+    travel_per_unit: float = 1.0  # m per rad (a screw), else 1
+    travel_unit: str = "m"
+    encoder_step: float = 0.0  # rad | m a count
+    force_constant: float = 0.0  # N m/A | N/A
+    amplifier: float = 0.0  # A/V, of the drive's analogue input
+
+    def position(self, unit: str) -> float:
+        """Factor from a position in `unit` to rad | m.
+
+        Raises RecordingError where the axis or a missing scale forbids it.
+        """
+        inside = "m" if self.kind == LINEAR else "rad"
+        if unit == "counts":
+            return self._known(self.encoder_step, "counts", "stage.encoder_step")
+        through_screw = self.kind == ROTARY and self.travel_unit == "m"
+        try:
+            return factor(unit, inside)
+        except UnitError as error:
+            if through_screw:
+                return factor(unit, "m") / self.travel_per_unit
+            raise RecordingError(f"a position in {unit} on an axis whose positions are in {inside}: {error}") from error
+
+    def current(self, unit: str) -> float:
+        """Factor from a current, force, torque or amplifier voltage in `unit` to A.
+
+        Raises RecordingError where a scale is missing.
+        """
+        effort = "N" if self.kind == LINEAR else "N m"
+        spelled = "N m" if unit == "Nm" else unit
+        if unit in ("V", "mV"):
+            return factor(unit, "V") * self._known(self.amplifier, "a voltage", "drive.amplifier_A_per_V")
+        if unit in ("N", "kN", "Nm", "mNm"):
+            return factor(spelled.replace("mNm", "mN m"), effort) / self._known(
+                self.force_constant, f"an effort in {unit}", "stage.force_constant"
+            )
+        return factor(spelled, "A")
+
+    def _known(self, value: float, what: str, key: str) -> float:
+        if value == 0.0:
+            raise RecordingError(f"{what} has no scale: write {key} in nominal.yaml beside the log, or give --stage")
+        return value
+
+
+def scales_of_stage(setup: Setup, amplifier: float = 0.0) -> Scales:
+    """The scales that a stage file gives; it says nothing of an analogue `amplifier` (A/V)."""
+    axis, p = setup.file.axis, setup.stage
+    return Scales(axis.kind, axis.travel_per_unit, axis.travel_unit, p.encoder.step, p.motor.force_constant, amplifier)
+
+
+def scales_of_nominal(nominal: dict[str, Any], place: Path) -> Scales:
+    """The scales that a nominal.yaml at `place` gives.
+
+    Raises RecordingError where the axis is not told or a scale is no positive number.
+    """
+    stage, drive = _block(nominal, "stage", place), _block(nominal, "drive", place)
+    unit = stage.get("position_unit") or ("m" if stage.get("kind") == LINEAR else "rad")
+    if unit not in ("m", "rad"):
+        raise RecordingError(f"stage.position_unit = {unit}; must be rad or m ({place})")
+    kind = LINEAR if unit == "m" else ROTARY
+    per_unit = 1e-3 * _positive(stage, "travel_per_unit_mm", place) if kind == ROTARY else 0.0
+    return Scales(
+        kind,
+        per_unit or 1.0,
+        "m" if kind == LINEAR or per_unit else "rad",
+        _positive(stage, "encoder_step", place),
+        _positive(stage, "force_constant", place),
+        _positive(drive, "amplifier_A_per_V", place),
+    )
+
+
+def read_values(path: Path) -> dict[str, Any]:
+    """A YAML file that is a block of plain values, such as JSON can hold; a date becomes its text.
+
+    Raises RecordingError or ConfigError with the place and the reason.
+    """
+    node = compose(path)
+    try:
+        found = json.loads(json.dumps(yaml.SafeLoader("").construct_document(node), default=str))
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
+        raise RecordingError(f"{path} holds something else than plain values: {error}") from error
+    if not isinstance(found, dict):
+        raise RecordingError(f"{path} must be a block of `key: value` lines")
+    return found
+
+
+def _block(nominal: dict[str, Any], name: str, place: Path) -> dict[str, Any]:
+    found = nominal.get(name) or {}
+    if not isinstance(found, dict):
+        raise RecordingError(f"{name} = {found!r}; must be a block of values ({place})")
+    return found
+
+
+def _positive(block: dict[str, Any], key: str, place: Path) -> float:
+    """The number at `key`; 0 where it is absent or null."""
+    value = block.get(key)
+    if value is None:
+        return 0.0
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise RecordingError(f"{key} = {value!r}; must be a number in (0, inf) ({place})")
+    return number
