@@ -93,13 +93,15 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
     else:
         terms, pid = feedback.step(p.feedback, x.feedback, error)
     known = r.feedforward + r.friction + r.learned + r.injection
-    against = 0.0 - observer.estimate(p.observer, x.observer, measured)
+    against, seen = 0.0, x.observer
+    if p.observer.active:
+        against = 0.0 - observer.estimate(p.observer, x.observer, measured)
     command = terms.proportional + terms.integral + terms.derivative + against + known
     current = limited(p, command)
     if current != command and driving * command > 0.0:  # anti-windup: do not integrate further into the limit
         pid = feedback.State(pid.error, x.feedback.integral, pid.derivative)
         outer = cascade.State(outer.error, x.cascade.integral, outer.filtered, outer.last, outer.before)
-    # The friction compensation is kept from the observer, which would find all the friction and compensate it again.
-    seen = observer.told(p.observer, x.observer, measured, current - r.friction)
+    if p.observer.active:  # not told of the friction compensation: it would find all the friction and do it again
+        seen = observer.told(p.observer, x.observer, measured, current - r.friction)
     output = Output(error, terms.proportional, terms.integral, terms.derivative, against, command, current)
     return output, State(pid, outer, seen)

@@ -18,7 +18,7 @@ from stagectl.daemon.loop import Cycle, Job, connect, setpoint
 from stagectl.drives.canopen_pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.drive import Canopen, Fault
 from stagectl.drives.wire import load_eds
-from stagectl.kernels import feedback, law
+from stagectl.kernels import law
 from stagectl.recording.ring import Ring
 
 _ENABLED = 0x000F  # controlword
@@ -39,7 +39,7 @@ def compute(order: Order, paced: bool) -> dict[str, Any]:
     od = load_eds(job.wire.eds, job.wire.node)
     command, answer = CommandPdo(job.wire, od), FeedbackPdo(job.wire, od)
     ring = Ring(job.ring, job.width, job.capacity)
-    state, step, nan = feedback.AT_REST, job.stage.encoder.step, math.nan
+    state, step, nan = law.AT_REST, job.stage.encoder.step, math.nan
     marks = [array("q") for _ in PARTS]
     currents = array("d")
     metronome = realtime.Metronome(job.dt)
