@@ -76,7 +76,9 @@ def limited(p: Law, command: float) -> float:
     """`command` (A) within the limit."""
     if command > p.current_limit:
         return p.current_limit
-    return max(command, -p.current_limit)
+    if command < -p.current_limit:
+        return -p.current_limit
+    return command
 
 
 @kernel
