@@ -26,7 +26,7 @@ from stagectl.identification.found import Characteristic, Found, Parameter, Prog
 from stagectl.identification.simultaneous import conditions, errors_in_columns, even_weights, intervals, notes
 from stagectl.identification.simultaneous.delay_search import Fit, Problem, fitted, kept, widest
 from stagectl.identification.simultaneous.instruments import follow, instruments, projected
-from stagectl.identification.simultaneous.preference import SURE, preferred
+from stagectl.identification.simultaneous.preference import preferred
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,
@@ -40,6 +40,7 @@ from stagectl.identification.simultaneous.regressors import (
 )
 from stagectl.identification.simultaneous.resolution import unresolved, withheld
 from stagectl.identification.simultaneous.slips import RATIO, Range, grid, located
+from stagectl.identification.standard_errors import SURE
 from stagectl.units import LINEAR, ROTARY
 
 FINE = 24  # slips of the second one

@@ -19,7 +19,6 @@ from stagectl.identification.simultaneous.delay_search import Fit
 from stagectl.identification.simultaneous.intervals import NAMES, Known
 from stagectl.identification.simultaneous.regressors import FREE, ONE
 
-SURE = 1.959964  # standard deviations either way hold 95 %
 CHANCE = 3.0  # standard deviations; a smaller difference goes into the interval, so nothing is lost by not seeing it
 
 
