@@ -1,0 +1,120 @@
+"""What a diagnosis finds, in one structure: the page, the JSON and the patch all read it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+VERDICTS = ("none", "parameters", "effects", "effects+unknown", "unknown", "controller", "not-identifiable")
+BLOCKS = ("controller", "drive", "mechanics", "sensor")
+
+
+class Value(NamedTuple):
+    """A parameter with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+class Effect(NamedTuple):
+    """An effect, or a shifted parameter of the model, by its name in the library."""
+
+    name: str
+    alternatives: tuple[str, ...]  # what explains these data as well
+    probability: float  # that it is this one; >= 0.5: named
+    share: float  # of the closable gap
+    parameters: dict[str, Value]
+    block: str = "mechanics"  # of BLOCKS
+    fields: tuple[tuple[str, float], ...] = ()  # (place in the stage file, value in SI) to be written
+    parameter: bool = False  # a shift of a value that the model has already
+    coordinate: str = "none"
+    curve: tuple[Array, Array, Array] | None = None  # coordinate, residual, model: its signature in these data
+
+
+class Gap(NamedTuple):
+    """A root mean square gap on the held-out runs, before and after."""
+
+    before: float
+    after: float
+    floor: float  # repeat to repeat
+    unit: str
+    closure: float  # 1 - (after^2 - floor^2) / (before^2 - floor^2)
+    low: float  # 95 % interval of the closure, by cluster bootstrap over half strokes
+    high: float
+    predicted: float | None = None  # closure expected beforehand, on the data that chose the effects
+
+
+class Coordinate(NamedTuple):
+    """How much of the gap a smooth function of one coordinate explains."""
+
+    name: str  # speed, acceleration, direction, displacement_since_reversal, position, position_mod_pitch, ...
+    share: float
+
+
+class Spans(NamedTuple):
+    """When the gap is open in one log."""
+
+    file: str
+    spans: tuple[tuple[float, float], ...]  # s
+    duration: float = 0.0  # s, of the log
+
+
+class Shape(NamedTuple):
+    """What is unknown, as a function of the coordinate that orders it best."""
+
+    coordinate: str
+    grid: Array  # of that coordinate
+    force: Array  # N m | N
+    predicted: float  # share of the residual that it predicts on data it has not seen
+
+
+class Trace(NamedTuple):
+    """One held-out run, measured against simulated."""
+
+    file: str
+    time: Array  # s
+    reference: Array  # rad | m
+    before: Array  # simulated minus measured, rad | m
+    after: Array
+    floor: float
+
+
+class Next(NamedTuple):
+    """The experiment that separates what is ambiguous, or would show what no run showed."""
+
+    name: str
+    trajectory: str  # file that `run` takes; empty where no trajectory can do it
+    separates: tuple[str, ...]
+    separation_sigma: float
+    duration: float  # s of machine time
+    words: str = ""  # what it does, and what is to be done by hand
+    text: str = ""  # YAML of the trajectory
+
+
+class Found(NamedTuple):
+    """The whole answer."""
+
+    verdict: str
+    sentence: str
+    effects: tuple[Effect, ...]
+    gap: Gap  # of the measured position; of the effort where no controller is known
+    gaps: dict[str, Gap]  # the same for tracking error, effort, current
+    blocks: dict[str, float | None]  # excess share of each of BLOCKS; None: that cut was impossible
+    coordinates: tuple[Coordinate, ...]
+    captures: tuple[Spans, ...]
+    shares: tuple[tuple[str, float], ...]  # parameters | effects | repeatable but unexplained | not repeatable
+    next_experiment: Next | None = None
+    unknown: Shape | None = None
+    traces: tuple[Trace, ...] = ()
+    notes: tuple[str, ...] = ()
+    cannot_tell: tuple[str, ...] = ()
+    kind: str = "rotary"
+    travel_per_unit: float = 1.0
+    travel_unit: str = "m"
+    seconds: tuple[tuple[str, float], ...] = ()  # of each step
