@@ -63,7 +63,7 @@ else:
     import numba  # after its cache directory is known
     import numpy
 
-    _compile = functools.partial(numba.njit, cache=_cached, nogil=True)  # rollouts run on all cores, in threads
+    _compile = functools.partial(numba.njit, cache=_cached, nogil=True)  # two rollouts side by side in two threads
 
     def kernel(function: Callable[P, R]) -> Callable[P, R]:
         """Compiled by numba at the first call, kept on disk under the hash of all kernels."""
