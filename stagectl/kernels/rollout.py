@@ -47,7 +47,7 @@ def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: i
     for k in range(len(setpoints)):
         r = setpoints[k]
         setpoint = law.Setpoint(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7])
-        noise = stage.Noise(noises[k, 0], noises[k, 1])
+        noise = stage.Noise(noises[k, 0], noises[k, 1], 0.0)
         measured = stage.measured(p.stage.encoder, plant, noise)
         output, x = law.step(p.law, x, setpoint, measured)
         rows[k, 0] = k * dt

@@ -18,86 +18,22 @@ gives positive effort and moves towards positive positions; friction opposes the
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import NamedTuple
 
 from stagectl.kernels import friction, friction_bristle
 from stagectl.kernels.jit import kernel
-from stagectl.units import Quantity
-
-# A delay line of whole control periods, newest first.
-Line = tuple[float, float, float, float, float, float, float, float]
-
-
-class Drive(NamedTuple):
-    """The servo drive between command and motor current."""
-
-    current_quantum: Annotated[float, Quantity("A", "[0, 10]", "step of the command; 0: none")]
-    delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods between command and action, nd")]
-    current_limit: Annotated[float, Quantity("A", "(0, inf]", "largest current the drive gives")]
-    current_lag: Annotated[float, Quantity("s", "[0, 0.1]", "time constant of the current loop")]
-
-
-class Motor(NamedTuple):
-    """From current to effort."""
-
-    force_constant: Annotated[float, Quantity("N m/A | N/A", "(0, 1e6]", "effort of one ampere, Kt")]
-
-
-class Mechanics(NamedTuple):
-    """All that moves, seen at the motor."""
-
-    inertia: Annotated[float, Quantity("kg m^2 | kg", "(0, 1e6]", "moving inertia J or mass M")]
-    viscous: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e6]", "viscous friction D")]
-    bias: Annotated[float, Quantity("N m | N", "[-1e6, 1e6]", "constant effort on the axis, e.g. gravity")] = 0.0
-
-
-class Friction(NamedTuple):
-    """What depends on displacement and on the sign of the motion: a bundle of stop operators, a bristle, or both."""
-
-    operators: friction.StopOperators
-    stribeck: friction.Stribeck  # of the operators
-    bristle: friction_bristle.Bristle = friction_bristle.NEUTRAL
-
-
-class Encoder(NamedTuple):
-    """From true to measured position."""
-
-    step: Annotated[float, Quantity("rad | m", "[0, 1]", "one count; 0: continuous")]
-    delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods from latch to controller, nm")]
-
-
-class Stage(NamedTuple):
-    """Parameters of the whole plant, in physical order."""
-
-    drive: Drive
-    motor: Motor
-    mechanics: Mechanics
-    friction: Friction
-    encoder: Encoder
-
-
-class State(NamedTuple):
-    """The plant at the start of a control period."""
-
-    commands: Line  # A
-    latched: Line  # rad | m, true positions at the starts of the last periods
-    current: float  # A, in the motor
-    position: float  # rad | m
-    velocity: float  # rad/s | m/s
-    force: float  # N m | N, friction at this position and velocity
-    stops: Any  # (n,) operators of the rolling friction, changed in place
-    bristle: float  # rad | m, deflection of the bristle
-
-
-class Noise(NamedTuple):
-    """One period's random numbers, drawn outside."""
-
-    current: float  # A, added to the motor current during the period
-    position: float  # rad | m, added before the encoder rounds
-
-
-SILENT = Noise(0.0, 0.0)
-NO_COMMANDS: Line = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+from stagectl.kernels.plant import NO_COMMANDS as NO_COMMANDS
+from stagectl.kernels.plant import SILENT as SILENT
+from stagectl.kernels.plant import Drive as Drive
+from stagectl.kernels.plant import Encoder as Encoder
+from stagectl.kernels.plant import Friction as Friction
+from stagectl.kernels.plant import Line as Line
+from stagectl.kernels.plant import Mechanics as Mechanics
+from stagectl.kernels.plant import Memory as Memory
+from stagectl.kernels.plant import Motor as Motor
+from stagectl.kernels.plant import Noise as Noise
+from stagectl.kernels.plant import Stage as Stage
+from stagectl.kernels.plant import State as State
 
 
 class _Coefficients(NamedTuple):
@@ -110,7 +46,7 @@ class _Coefficients(NamedTuple):
     gain: float  # velocity per effort
 
 
-def at_rest(p: Stage, position: float = 0.0) -> State:
+def at_rest(p: Stage, position: float = 0.0, time: float = 0.0) -> State:
     """The plant standing at `position` without current; its friction carries the bias, and nothing else."""
     place = float(position)
     here: Line = (place, place, place, place, place, place, place, place)
@@ -120,7 +56,8 @@ def at_rest(p: Stage, position: float = 0.0) -> State:
     load = p.mechanics.bias - p.friction.bristle.stiffness * held
     force = friction.settled(p.friction.operators, stops, load, factor)
     force += p.friction.bristle.stiffness * held
-    return State(NO_COMMANDS, here, 0.0, place, 0.0, force, stops, held)
+    memory = Memory(time, NO_COMMANDS, time, 0.0, 0.0, place, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, place, place, 0.0)
+    return State(NO_COMMANDS, here, 0.0, place, 0.0, force, stops, held, memory)
 
 
 def sliding(p: Friction) -> float:
@@ -189,14 +126,14 @@ def _substep(p: Stage, c: _Coefficients, x: State, target: float, extra: float, 
     effort = p.motor.force_constant * (target + error * c.lag_mean + extra) + p.mechanics.bias
     velocity = c.damping * half_way + c.gain * (effort - force)
     current = target + error * c.lag
-    return State(x.commands, x.latched, current, x.position + dx, velocity, force, x.stops, bristle)
+    return State(x.commands, x.latched, current, x.position + dx, velocity, force, x.stops, bristle, x.memory)
 
 
 @kernel
 def commanded(p: Drive, x: State, command: float) -> State:
     """Drive, once a period: `command` (A) enters the delay line; the one that leaves it acts from now on."""
     commands = pushed(x.commands, rounded(p, command))
-    return State(commands, x.latched, x.current, x.position, x.velocity, x.force, x.stops, x.bristle)
+    return State(commands, x.latched, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, x.memory)
 
 
 @kernel
@@ -217,7 +154,7 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
 def latched(x: State) -> State:
     """Encoder, once a period: the position now enters the measurement's delay line."""
     line = pushed(x.latched, x.position)
-    return State(x.commands, line, x.current, x.position, x.velocity, x.force, x.stops, x.bristle)
+    return State(x.commands, line, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, x.memory)
 
 
 @kernel

@@ -1,0 +1,59 @@
+"""Shapes that effects of the plant share: a harmonic of the position, a drift, a step in time, a table.
+
+Each is neutral by default.  Source of the list and of realistic sizes: the design of the gap's diagnosis, section 4.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+from stagectl.kernels.jit import table
+from stagectl.units import Quantity
+
+TURN = 2.0 * math.pi
+NONE, VELOCITY, SINCE_REVERSAL, POSITION, POSITION_MOD_PITCH, CURRENT, TIME, SPEED = range(8)
+COORDINATES = (  # of a residual table, by their code
+    "none",
+    "velocity",  # rad/s | m/s, signed
+    "displacement_since_reversal",  # rad | m, positive after a turn towards positive positions
+    "position",  # rad | m
+    "position_mod_pitch",  # rad | m, in [0, pitch)
+    "current",  # A, in the motor
+    "time",  # s, session clock
+    "speed",  # rad/s | m/s, without its sign
+)
+
+
+class Harmonic(NamedTuple):
+    """A harmonic of the position, ``amplitude sin(order angle + phase)``, ``angle = 2 pi position / pitch``."""
+
+    amplitude: Annotated[float, Quantity("", "[-1e6, 1e6]", "amplitude; 0 is neutral")] = 0.0
+    order: Annotated[float, Quantity("", "(0, 1e6]", "periods per pitch")] = 1.0
+    phase: Annotated[float, Quantity("rad", "[-1e3, 1e3]", "at position 0")] = 0.0
+
+
+class Warming(NamedTuple):
+    """A factor ``1 + rise exp(-t / time)`` over the session clock t: cold at 0, warm at last."""
+
+    rise: Annotated[float, Quantity("", "[-1, 100]", "cold over warm, less 1; 0 is neutral")] = 0.0
+    time: Annotated[float, Quantity("s", "(0, 1e6]", "time constant of the warming")] = 600.0
+
+
+class Step(NamedTuple):
+    """A factor that jumps from 1 to ``1 + share`` at one instant of the session clock."""
+
+    share: Annotated[float, Quantity("", "[-1, 100]", "change; 0 is neutral")] = 0.0
+    at: Annotated[float, Quantity("s", "[-1e9, 1e9]", "session clock of the change")] = 0.0
+
+
+class Table(NamedTuple):
+    """A data-based effort over one coordinate, added to what opposes the motor: straight between rows, flat beyond."""
+
+    coordinate: int = NONE  # code in COORDINATES
+    start: float = 0.0  # of the first row, in the coordinate's SI unit
+    step: float = 1.0  # between rows
+    values: Any = table([0.0])  # (n,) N m | N
+
+
+NO_TABLE = Table()

@@ -1,0 +1,153 @@
+"""Parameters and state of the plant, block by block; `stage` moves it.
+
+All that stands after the first fields of a block is an effect: neutral by default, and then it vanishes bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+from stagectl.kernels import effects, friction, friction_bristle
+from stagectl.kernels.drive_effects import Reported
+from stagectl.kernels.effects import TURN, Harmonic, Step, Warming
+from stagectl.kernels.friction_effects import Along, Dwell
+from stagectl.kernels.transmission import Base, Cable, Transmission
+from stagectl.units import Quantity
+
+# A delay line of whole control periods, newest first.
+Line = tuple[float, float, float, float, float, float, float, float]
+
+
+class Drive(NamedTuple):
+    """The servo drive between command and motor current."""
+
+    current_quantum: Annotated[float, Quantity("A", "[0, 10]", "step of the command; 0: none")]
+    delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods between command and action, nd")]
+    current_limit: Annotated[float, Quantity("A", "(0, inf]", "largest current the drive gives")]
+    current_lag: Annotated[float, Quantity("s", "[0, 0.1]", "time constant of the current loop")]
+    dead_time: Annotated[float, Quantity("s", "[0, 0.1]", "delay beside nd Ts, up to 6 control periods")] = 0.0
+    jitter: Annotated[float, Quantity("s", "[0, 0.01]", "rms of a random part of that delay")] = 0.0
+    offset: Annotated[float, Quantity("A", "[-1e3, 1e3]", "added to the motor current")] = 0.0
+    continuous_current: Annotated[float, Quantity("A", "(0, inf]", "to which the limit folds back; inf: never")] = (
+        math.inf
+    )
+    foldback_time: Annotated[float, Quantity("s", "(0, 1e5]", "for which it gives its largest current")] = 1.0
+    voltage_limit: Annotated[float, Quantity("V", "(0, inf]", "of the supply: |R i + Ke v| stays below")] = math.inf
+    resistance: Annotated[float, Quantity("ohm", "(0, 1e6]", "of the winding, R")] = 1.0
+    back_emf: Annotated[float, Quantity("V s/rad | V s/m", "[0, 1e6]", "of the motor, Ke")] = 0.0
+    telemetry: Reported = Reported()
+
+
+class Motor(NamedTuple):
+    """From current to effort."""
+
+    force_constant: Annotated[float, Quantity("N m/A | N/A", "(0, 1e6]", "effort of one ampere, Kt")]
+    cogging: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "effort without current")] = Harmonic()
+    cogging_second: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "another one")] = Harmonic()
+    ripple: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of the current's effort")] = Harmonic()
+    ripple_second: Annotated[Harmonic, Quantity("", "[-1, 1]", "another one")] = Harmonic()
+
+
+class Mechanics(NamedTuple):
+    """All that moves, seen at the motor."""
+
+    inertia: Annotated[float, Quantity("kg m^2 | kg", "(0, 1e6]", "moving inertia J or mass M")]
+    viscous: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e6]", "viscous friction D")]
+    bias: Annotated[float, Quantity("N m | N", "[-1e6, 1e6]", "constant effort on the axis, e.g. gravity")] = 0.0
+    pitch: Annotated[float, Quantity("rad | m", "(0, 1e6]", "over which the harmonics' angle turns once")] = TURN
+    quadratic: Annotated[float, Quantity("N m s^2/rad^2 | N s^2/m^2", "[0, 1e6]", "friction c v |v|; 0 is neutral")] = (
+        0.0
+    )
+    root: Annotated[
+        float, Quantity("N m s/rad | N s/m", "[0, 1e6]", "friction c sqrt(|v|) sgn v, c in the root's unit")
+    ] = 0.0
+    viscous_asymmetry: Annotated[float, Quantity("", "[-1, 1]", "e of D (1 + e sgn v)")] = 0.0
+    viscous_warming: Warming = Warming()
+    viscous_step: Step = Step()
+    cable: Cable = Cable()
+    transmission: Transmission = Transmission()
+    base: Base = Base()
+
+
+class Friction(NamedTuple):
+    """What depends on displacement and on the sign of the motion: a bundle of stop operators, a bristle, or both."""
+
+    operators: friction.StopOperators
+    stribeck: friction.Stribeck  # of the operators
+    bristle: friction_bristle.Bristle = friction_bristle.NEUTRAL
+    lag: Annotated[float, Quantity("s", "[0, 10]", "of the velocity in Stribeck's factor")] = 0.0
+    asymmetry: Annotated[float, Quantity("", "[-1, 1]", "e of T_c (1 + e sgn v)")] = 0.0
+    dwell: Dwell = Dwell()
+    load: Annotated[float, Quantity("", "[0, 10]", "friction per motor effort, mu")] = 0.0
+    along: Along = Along()
+    lead: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c, once per pitch")] = Harmonic()
+    ball_pass: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c, of the balls that pass")] = Harmonic()
+    warming: Warming = Warming()
+    step: Step = Step()
+
+
+class Encoder(NamedTuple):
+    """From true to measured position."""
+
+    step: Annotated[float, Quantity("rad | m", "[0, 1]", "one count; 0: continuous")]
+    delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods from latch to controller, nm")]
+    eccentricity: Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a turn")] = Harmonic()
+    interpolation: Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a signal period")] = Harmonic()
+
+
+class Stage(NamedTuple):
+    """Parameters of the whole plant, in physical order."""
+
+    drive: Drive
+    motor: Motor
+    mechanics: Mechanics
+    friction: Friction
+    encoder: Encoder
+    residual: effects.Table = effects.NO_TABLE
+
+
+class Memory(NamedTuple):
+    """What the effects remember; untouched where they are neutral."""
+
+    time: float  # s, session clock
+    begun: Line  # s, session clock of the last commands, newest first
+    acting: float  # s, session clock of the command that acts
+    before: float  # A, motor current at the last command
+    heat: float  # A^2, of the drive's foldback
+    load: float  # rad | m, position of the load behind the transmission
+    load_velocity: float  # rad/s | m/s
+    base: float  # rad | m, position of the base
+    base_velocity: float  # rad/s | m/s
+    lagged: float  # rad/s | m/s, velocity in Stribeck's factor
+    rested: float  # s, age of the contact
+    cable: float  # of its Maxwell element, in [-1, 1]
+    turned: float  # rad | m, last reversal
+    furthest: float  # rad | m, since then
+    direction: float  # of the motion since then: -1, 0 before any, 1
+
+
+class State(NamedTuple):
+    """The plant at the start of a control period."""
+
+    commands: Line  # A
+    latched: Line  # rad | m, true positions at the starts of the last periods
+    current: float  # A, in the motor
+    position: float  # rad | m
+    velocity: float  # rad/s | m/s
+    force: float  # N m | N, friction at this position and velocity
+    stops: Any  # (n,) operators of the rolling friction, changed in place
+    bristle: float  # rad | m, deflection of the bristle
+    memory: Memory  # of the effects
+
+
+class Noise(NamedTuple):
+    """One period's random numbers, drawn outside."""
+
+    current: float  # A, added to the motor current during the period
+    position: float  # rad | m, added before the encoder rounds
+    delay: float = 0.0  # s, added to the dead time during the period
+
+
+SILENT = Noise(0.0, 0.0, 0.0)
+NO_COMMANDS: Line = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
