@@ -52,8 +52,6 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
     known, notes = _known(path, names, scales)
     table = _table(path, names, list(known), how)
     columns = {ours: table[name] * scale for name, (ours, scale) in known.items()}
-    if about.get("capture", {}).get("injection"):
-        notes.append("its injection is left out: a recording has no column for it")
     labels = {ours: name for name, (ours, _) in known.items()}
     return Log(path, scales, columns, notes, {**about, **({"nominal": nominal} if nominal else {})}, labels)
 

@@ -174,7 +174,7 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
         folder.mkdir(parents=True, exist_ok=True)
         for capture, recording in zip(_captures(recordings), recordings, strict=True):
             notes += [f"{capture['file']}: {note}" for note in _write_capture(recording, folder / capture["file"])]
-            captures.append(capture)
+            captures.append({**capture, **_beside(recording, folder / capture["file"])})
         _dump(folder / "captures.yaml", {"captures": captures})
         _dump(folder / "nominal.yaml", nominal)
     except OSError as error:
@@ -182,9 +182,27 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
     return Exported(folder, notes)
 
 
+def _beside(recording: Recording, path: Path) -> dict[str, Any]:
+    """Keys of captures.yaml for what its CSV has no column for; the added current goes into a CSV of its own."""
+    names, rows = recording.samples.dtype.names or (), _kept(recording)
+    found: dict[str, Any] = {}
+    added = sum((recording.column(name)[rows] for name in ("learned", "injection") if name in names), np.zeros(1))
+    if np.any(added):
+        beside = path.with_name(f"{path.stem}-injection.csv")
+        write_columns(beside, {"time_s": recording.column("time")[rows], "injection_A": added})
+        found["injection"] = beside.name
+    opened = np.flatnonzero(recording.column("closed")[rows] == 0.0) if "closed" in names else np.zeros(0)
+    return {**found, **({"opens_s": float(recording.column("time")[opened[0]])} if opened.size else {})}
+
+
+def _kept(recording: Recording) -> slice:
+    """The rows that a folder takes."""
+    return slice(None, -_foresight(recording) or None)
+
+
 def _write_capture(recording: Recording, path: Path) -> list[str]:
     found, columns, notes = units(recording), {}, _losses(recording)
-    rows = slice(None, -_foresight(recording) or None)
+    rows = _kept(recording)
     if rows.stop:
         notes.append(
             f"its last {-rows.stop} rows are left out: the reference that they looked ahead to was never reached"
@@ -194,9 +212,6 @@ def _write_capture(recording: Recording, path: Path) -> list[str]:
             columns[header(name, found[ours])] = recording.column(ours)[rows]
         else:
             notes.append(f"there is no {name}")
-    added = [name for name in ("learned", "injection") if name in found and np.any(recording.column(name))]
-    if added:
-        notes.append(f"the {' and '.join(added)} current that was added to the command is left out: csv has the column")
     write_columns(path, columns)
     return notes
 
@@ -221,7 +236,7 @@ def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:
         entry = {"file": f"{name}-{repeats[name]}.csv", "experiment": name, "repeat": repeats[name], "use": "diagnose"}
         if "law" in recording.meta:  # the date of an import is not that of its capture
             entry["start_s"] = _seconds(recording) - min(_seconds(one) for one in recordings)
-        entry.update({key: known[key] for key in ("repeat", "use", "start_s") if key in known})
+        entry.update({key: known[key] for key in ("repeat", "use", "start_s", "opens_s") if key in known})
         found.append(entry)
     return found
 

@@ -9,12 +9,13 @@ import hashlib
 import time as clock
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout
-from stagectl.recording import csv_logs, mat_logs
+from stagectl.recording import csv_logs, injections, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
 from stagectl.recording.meta import versions
@@ -117,5 +118,15 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
         if not path.is_file():
             raise RecordingError(f"captures[{number}].file = {entry['file']}; no such file in {folder}")
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
-        found.append(_recording(csv_logs.read(path, setup, about)))
+        found.append(_recording(_injected(csv_logs.read(path, setup, about), entry)))
     return found
+
+
+def _injected(log: Log, entry: Mapping[str, Any]) -> Log:
+    """The log with the current that captures.yaml says was added to its command."""
+    if entry.get("injection") is None:
+        return log
+    path = log.path.parent / str(entry["injection"])
+    if not path.is_file():
+        raise RecordingError(f"{log.path} has the injection {entry['injection']}; no such file in {log.path.parent}")
+    return log._replace(columns={**log.columns, "injection": injections.read(path, log.columns["time"])})

@@ -228,11 +228,55 @@ def test_the_session_clock_survives(tmp_path: Path) -> None:
     entry = "{file: a.csv, experiment: ../warm, repeat: 4, use: held-out, start_s: 12.5, injection: d.csv}"
     (tmp_path / "captures.yaml").write_text(f"captures: [{entry}]")
     (tmp_path / "a.csv").write_text("time_s,position_m\n0,1\n1,2\n")
+    (tmp_path / "d.csv").write_text("time_s,injection_A\n0,0.25\n1,-0.5\n")
     (found,) = read(tmp_path)
-    assert "its injection is left out: a recording has no column for it" in found.meta["notes"]
+    np.testing.assert_array_equal(found.column("injection"), [0.25, -0.5])
     text = (export([found], "folder", tmp_path / "out")[0].path / "captures.yaml").read_text()
-    for words in ("repeat: 4", "use: held-out", "start_s: 12.5", "file: .._warm-1.csv"):
+    for words in (
+        "repeat: 4",
+        "use: held-out",
+        "start_s: 12.5",
+        "file: .._warm-1.csv",
+        "injection: .._warm-1-injection.csv",
+    ):
         assert words in text
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("injection_mA\n1\n2\n3\n4\n", [1e-3, 2e-3, 3e-3, 4e-3]),  # row by row
+        ("time_s,current_A\n0.2,1\n0.4,2\n", [0.0, 0.0, 1.0, 1.0]),  # none before it begins
+        ("time_s,dither_A\n0,1\n0.2,3\n", [1.0, 1.0, 3.0, 3.0]),  # a value holds until the next one, the last as long
+        ("time_s,injection_A,current_A\n0.0001,1,9\n0.1001,2,9\n", [1.0, 2.0, 0.0, 0.0]),  # stamps of another clock
+    ],
+)
+def test_an_injection_finds_its_rows(tmp_path: Path, text: str, expected: list[float]) -> None:
+    (tmp_path / "captures.yaml").write_text("captures: [{file: a.csv, injection: d.csv}]")
+    (tmp_path / "a.csv").write_text("time_s,position_m\n0,1\n0.1,2\n0.2,2\n0.3,2\n")
+    (tmp_path / "d.csv").write_text(text)
+    (found,) = read(tmp_path)
+    assert found.column("injection") == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("injection_A\n1\n", "has 1 rows and no time_s, its capture has 2"),
+        ("time_s,amount\n0,1\n1,2\n", "one of them must be the added current: injection_A"),
+        ("time_s,injection_A\n0,1\n0,2\n", "increase strictly"),
+        ("time_s,injection_A\n5,1\n6,2\n", "none of it was added in this capture"),
+        ("time_s,injection_A\n0,1\n1,\n", "has no injection_A in row 2"),
+        ("time_s,injection_A\n0,1\n1,much\n", "does not hold numbers"),
+        ("", "cannot be read"),
+    ],
+)
+def test_an_injection_that_cannot_be_used(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "captures.yaml").write_text("captures: [{file: a.csv, injection: d.csv}]")
+    (tmp_path / "a.csv").write_text("time_s,position_m\n0,1\n1,2\n")
+    (tmp_path / "d.csv").write_text(text)
+    with pytest.raises(RecordingError, match=words):
+        read(tmp_path)
 
 
 @pytest.mark.skipif(not EMPS.exists(), reason="the EMPS record is not beside this repository (../shared/data/emps)")

@@ -1,0 +1,87 @@
+"""The current that was added to the command of a capture, from the CSV that captures.yaml names beside it.
+
+Its header has ``injection_A`` (or one other column in A or mA) and, where its rows are not those of the capture,
+``time_s``: then a value holds from its time on, as a controller adds it, and none was added outside.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow
+import pyarrow.csv
+
+from stagectl.recording.columns import Array
+from stagectl.recording.hdf5 import RecordingError
+from stagectl.units import StageError, factor
+
+NAME = "injection_A"
+_EARLY = 0.5  # of a row's duration: a row belongs to the value that begins up to this much after it
+
+
+def read(path: Path, time: Array) -> Array:
+    """The added current (n,) A at the rows of a capture, whose own `time` (n,) s is given.
+
+    Raises RecordingError where the file cannot be understood, or does not fit the capture.
+    """
+    try:
+        table = pyarrow.csv.read_csv(path, read_options=pyarrow.csv.ReadOptions(use_threads=False))
+    except (pyarrow.ArrowInvalid, OSError) as error:
+        raise RecordingError(f"{path} cannot be read as the injection of a capture: {error}") from error
+    name, scale = _column(path, table.column_names)
+    current = scale * _numbers(path, table, name)
+    if "time_s" not in table.column_names:
+        if len(current) != len(time):
+            raise RecordingError(
+                f"{path} has {len(current)} rows and no time_s, its capture has {len(time)}; it must have as many, or "
+                "a time"
+            )
+        return current
+    return _held(path, _numbers(path, table, "time_s"), current, time)
+
+
+def _column(path: Path, names: list[str]) -> tuple[str, float]:
+    """The current's column, and its factor into A."""
+    currents = [name for name in names if name != "time_s" and _scale(name) is not None]
+    chosen = [name for name in currents if name.startswith("injection")] or currents
+    if len(chosen) != 1:
+        raise RecordingError(
+            f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)"
+        )
+    scale = _scale(chosen[0])
+    assert scale is not None
+    return chosen[0], scale
+
+
+def _scale(name: str) -> float | None:
+    try:
+        return factor(name.rsplit("_", 1)[-1], "A")
+    except StageError:
+        return None
+
+
+def _numbers(path: Path, table: pyarrow.Table, name: str) -> Array:
+    try:
+        values = np.array(table[name].cast(pyarrow.float64()).to_numpy(), dtype=np.float64)
+    except pyarrow.ArrowInvalid as error:
+        raise RecordingError(f"{name} in {path} does not hold numbers: {error}") from error
+    if not np.all(finite := np.isfinite(values)):
+        raise RecordingError(f"{path} has no {name} in row {int(np.argmin(finite)) + 1} of its numbers")
+    return values
+
+
+def _held(path: Path, begins: Array, current: Array, time: Array) -> Array:
+    """`current` (m,) A, each from its time in `begins` (m,) s on, at the rows' `time` (n,) s; 0 outside."""
+    if len(begins) < 2 or np.any(np.diff(begins) <= 0.0):
+        raise RecordingError(f"{path}: time_s must have at least two rows and increase strictly")
+    step = float(np.median(np.diff(begins)))
+    late = _EARLY * min(step, float(np.median(np.diff(time))))
+    at = np.searchsorted(begins, time + late, side="right") - 1
+    inside = (at >= 0) & (time + late < begins[-1] + step)
+    if not np.any(inside):
+        raise RecordingError(
+            f"{path} covers {begins[0]:g} s to {begins[-1]:g} s, its capture {time[0]:g} s to {time[-1]:g} s: none of "
+            "it was added in this capture"
+        )
+    return np.where(inside, current[np.maximum(at, 0)], 0.0)
