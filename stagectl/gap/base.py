@@ -1,0 +1,241 @@
+"""The base refit: how far the gap closes by the parameters that the model has already.
+
+Inertia, viscous friction, bias, the time shift of the logged current, every weight of the rolling friction and, where
+it helps, one bristle beside them, by Gauss-Newton on the tied model: what moves along the measured path is almost
+linear in all of them, so that two or three steps do.  The friction law's *form* is a nuisance here: no effect may
+be named for what another law of the family explains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from stagectl.gap import cuts, friction_family, grams, tying
+from stagectl.gap.batch import in_parallel
+from stagectl.gap.columns import Direction, Model, all_columns, lacks, residuals
+from stagectl.gap.runs import Run
+from stagectl.gap.session import Array, Session
+from stagectl.gap.tying import Lacking
+from stagectl.kernels import friction_bristle, stage
+
+START = "start"  # of the friction, in each run its own
+SPREAD = 0.3  # prior standard deviation of inertia and viscous friction, of their nominal values
+STEPS = 3
+HELPS = 0.02  # of the closable misfit: a bristle that takes less is left out
+
+
+class Base(NamedTuple):
+    """The nominal model refitted, and what it leaves."""
+
+    model: Model
+    noise: cuts.Whitener
+    directions: tuple[Direction, ...]
+    columns: list[dict[str, list[Array]]]  # of each run, at the refitted model
+    before: list[list[Array]]  # whitened residual of each run and repeat, nominal model
+    after: list[list[Array]]  # the same, refitted
+    moved: dict[str, float]  # how far each parameter went, in its own unit
+    deviation: dict[str, float]  # its standard deviation, robust against correlation within half strokes
+
+
+def weight(k: int) -> str:
+    """Name of the direction of one stop operator's weight."""
+    return f"weight_{k}"
+
+
+def directions(session: Session, model: Model, measured: bool) -> list[Direction]:
+    """All that the base refit may move."""
+    p, coulomb = model.stage, stage.sliding(model.stage.friction)
+    found = [
+        Direction("inertia", lambda m: _mechanics(m, inertia=0.05 * p.mechanics.inertia), 0.05 * p.mechanics.inertia),
+        Direction("bias", lambda m: _mechanics(m, bias=0.05 * coulomb), 0.05 * coulomb),
+        Direction(START, lambda m: m, 1.0, load=0.5),
+    ]
+    damping = 0.1 * (p.mechanics.viscous or 1e-3 * p.mechanics.inertia / session.dt)
+    found.append(Direction("viscous", lambda m: _mechanics(m, viscous=damping), damping))
+    found += [_weight(k, 0.02 * coulomb) for k in range(len(p.friction.operators.weight))]
+    if measured:
+        step = 0.2 * session.dt
+        found.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + step), step))
+    if p.friction.bristle.coulomb > 0.0:
+        found += [_bristle_size(), _bristle_length()]
+    return found
+
+
+def _mechanics(m: Model, **added: float) -> Model:
+    p = m.stage.mechanics
+    changed = p._replace(**{name: getattr(p, name) + value for name, value in added.items()})
+    return m._replace(stage=m.stage._replace(mechanics=changed))
+
+
+def _friction(m: Model, **parts: object) -> Model:
+    return m._replace(stage=m.stage._replace(friction=m.stage.friction._replace(**parts)))
+
+
+def with_weight(m: Model, k: int, added: float) -> Model:
+    """The model with one stop operator stronger by `added` (N m | N)."""
+    p = m.stage.friction.operators
+    changed = p.weight.copy()
+    changed[k] = max(changed[k] + added, 0.0)
+    return _friction(m, operators=p._replace(weight=changed))
+
+
+def _weight(k: int, size: float) -> Direction:
+    return Direction(weight(k), lambda m: with_weight(m, k, size), size)
+
+
+def _bristle_size() -> Direction:
+    return Direction("bristle_size", lambda m: _friction(m, bristle=_grown(m.stage.friction.bristle, 1.1, 1.0)), 0.1)
+
+
+def _bristle_length() -> Direction:
+    return Direction("bristle_length", lambda m: _friction(m, bristle=_grown(m.stage.friction.bristle, 1.0, 1.2)), 0.2)
+
+
+def _grown(p: friction_bristle.Bristle, size: float, length: float) -> friction_bristle.Bristle:
+    return p._replace(coulomb=p.coulomb * size, stiffness=p.stiffness * size / length)
+
+
+def members(nominal: stage.Friction) -> list[Direction]:
+    """Bristles that may stand beside the stop operators; none where the nominal law is a bristle itself."""
+    if nominal.bristle.coulomb > 0.0:
+        return []
+    size = 0.1 * stage.sliding(nominal)
+    return [_member(f"bristle_{k}", p, size) for k, p in enumerate(friction_family.bristles(nominal))]
+
+
+def _member(name: str, p: friction_bristle.Bristle, size: float) -> Direction:
+    one = p._replace(coulomb=size, stiffness=p.stiffness * size / p.coulomb)
+    return Direction(name, lambda m: _friction(m, bristle=one), size)
+
+
+def noise_of(model: Model, runs: Sequence[Run], dt: float) -> cuts.Whitener:
+    """The whitening filter, from what the repeats of each run differ by.
+
+    Where no experiment was repeated, from what rounding to encoder counts and the model's own residual at the upper
+    end of the band tell.
+    """
+    repeated = [run for run in runs if len(run.paths) > 1]
+    each = in_parallel(lambda run: [lacks(model, path, tying.SUBSTEPS) for path in run.paths], repeated or runs)
+    differences = [one for all_ in each for one in (_deviations(all_) if repeated else [_roughness(all_[0])])]
+    return cuts.whitener(differences, _least(runs, model), dt)
+
+
+def _least(runs: Sequence[Run], model: Model) -> Lacking:
+    """A ten-thousandth of what drives the axis."""
+    current = np.concatenate([run.mean.rows[:, 0] for run in runs])
+    rms = 1e-4 * float(np.sqrt(np.nanmean(current * current)))
+    measured = np.isfinite(runs[0].mean.rows[:, 2]).all()
+    return Lacking(np.float64(rms * model.stage.motor.force_constant), np.float64(rms if measured else 0.0))
+
+
+def _deviations(each: list[Lacking]) -> list[Lacking]:
+    scale = np.sqrt(len(each) / (len(each) - 1))
+    effort, current = np.mean([x.effort for x in each], axis=0), np.mean([x.current for x in each], axis=0)
+    return [Lacking(scale * (x.effort - effort), scale * (x.current - current)) for x in each]
+
+
+def _roughness(p: Lacking) -> Lacking:
+    """What is left of a signal by third differences: noise, as nothing else changes from sample to sample."""
+    return Lacking(*(np.diff(one, 3, prepend=np.zeros(3)) / np.sqrt(20.0) for one in p))
+
+
+def refit(session: Session, runs: Sequence[Run], nominal: Model) -> Base:
+    """Move the parameters that the model has towards the data."""
+    measured = bool(np.isfinite(runs[0].mean.rows[:, 2]).all())
+    noise = noise_of(nominal, runs, session.dt)
+    model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
+    before = [residuals(nominal, run, noise) for run in runs]
+    free = directions(session, model, measured)
+    beside = members(nominal.stage.friction)
+    found = all_columns(model, runs, [*free, *beside], noise)
+    left, total = before, dict.fromkeys((one.name for one in free), 0.0)
+    chosen: Direction | None = None
+    for _ in range(STEPS):
+        g = grams.grams(runs, found, left, START)
+        if chosen is None:
+            chosen = _best_member(model, g, free, beside)
+        move = _bounded_step(model, g, free, chosen, total)
+        model = moved(model, move, chosen)
+        total = {name: total.get(name, 0.0) + step for name, step in move.items()}
+        left = [residuals(model, run, noise) for run in runs]
+    g = grams.grams(runs, found, left, START)
+    deviation = robust(g, [one.name for one in free if one.name != START])
+    return Base(model, noise, (*free, *beside), found, before, left, total, deviation)
+
+
+def _best_member(model: Model, g: grams.Grams, free: Sequence[Direction], beside: list[Direction]) -> Direction | None:
+    summed, closable = g.both.sum(axis=0), float(g.both[:, -1, -1].sum() - g.floor.sum())
+    own = g.of([one.name for one in free if one.name != START])
+    alone = grams.fit(summed, own).misfit
+    fits = [(grams.fit(summed, [*own, *g.of([one.name])]), one) for one in beside]
+    good = [(one.misfit, member) for one, member in fits if one.amplitude[-1] > 0.0]
+    best = min(good, key=lambda pair: pair[0], default=None)
+    return best[1] if best is not None and alone - best[0] > HELPS * closable else None
+
+
+def _bounded_step(
+    model: Model, g: grams.Grams, free: Sequence[Direction], chosen: Direction | None, total: dict[str, float]
+) -> dict[str, float]:
+    """One Gauss-Newton step within what is physical: no negative weight, inertia or damping."""
+    names = [one.name for one in free if one.name != START] + ([chosen.name] if chosen is not None else [])
+    places, summed = g.of(names), g.both.sum(axis=0)
+    a, b = summed[np.ix_(places, places)], summed[places, -1]
+    low = np.array([_lowest(model, name) for name in names])
+    scale = np.sqrt(np.diag(a)) + 1e-300
+    q, r = np.linalg.eigh(a / np.outer(scale, scale))
+    root = np.sqrt(np.maximum(q, 1e-9))[:, None] * r.T  # of a correlation matrix: columns of unit length
+    target = (r.T @ (b / scale)) / np.sqrt(np.maximum(q, 1e-9))
+    solved = lsq_linear(root, target, (np.minimum(low * scale, -1e-12), np.full(len(names), np.inf)), method="bvls")
+    return dict(zip(names, (solved.x / scale).tolist(), strict=True))
+
+
+def _lowest(model: Model, name: str) -> float:
+    p = model.stage
+    if name.startswith("weight_"):
+        return -float(p.friction.operators.weight[int(name.removeprefix("weight_"))])
+    if name in ("inertia", "viscous"):
+        return -0.9 * float(getattr(p.mechanics, name))
+    if name.startswith("bristle_") and name not in ("bristle_size", "bristle_length"):
+        return -p.friction.bristle.coulomb
+    return -0.8 if name.startswith("bristle_") else -np.inf
+
+
+def moved(model: Model, move: dict[str, float], member: Direction | None) -> Model:
+    """`model` with each parameter moved by its step."""
+    p = model.stage
+    mechanics = p.mechanics._replace(
+        inertia=p.mechanics.inertia + move["inertia"],
+        viscous=max(p.mechanics.viscous + move["viscous"], 0.0),
+        bias=p.mechanics.bias + move["bias"],
+    )
+    operators = p.friction.operators
+    weights = np.array([max(w + move[weight(k)], 0.0) for k, w in enumerate(operators.weight)])
+    bristle = _grown(
+        p.friction.bristle, 1.0 + move.get("bristle_size", 0.0), max(1.0 + move.get("bristle_length", 0.0), 0.2)
+    )
+    if member is not None:
+        bristle = _added(bristle, member, model, move[member.name])
+    changed = p.friction._replace(operators=operators._replace(weight=weights), bristle=bristle)
+    stage_ = p._replace(mechanics=mechanics, friction=changed)
+    return model._replace(stage=stage_, shift=model.shift + move.get("time_shift", 0.0))
+
+
+def _added(bristle: friction_bristle.Bristle, member: Direction, model: Model, force: float) -> friction_bristle.Bristle:
+    one = member.change(model).stage.friction.bristle
+    coulomb = max(bristle.coulomb + force, 0.0)
+    return one._replace(coulomb=coulomb, stiffness=one.stiffness * coulomb / one.coulomb) if coulomb else bristle
+
+
+def robust(g: grams.Grams, names: Sequence[str]) -> dict[str, float]:
+    """Standard deviations by the sandwich over half strokes: what is left is no white noise."""
+    places, summed = g.of(names), g.both.sum(axis=0)
+    a = summed[np.ix_(places, places)]
+    inverse = np.linalg.pinv(a + np.diag(1e-12 * np.diag(a) + 1e-300), hermitian=True)
+    best = inverse @ summed[places, -1]
+    scores = np.array([one[places, -1] - one[np.ix_(places, places)] @ best for one in g.both])
+    covariance = inverse @ (scores.T @ scores) @ inverse
+    return dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))

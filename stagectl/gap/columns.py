@@ -1,0 +1,107 @@
+"""What a change of the model does to what it lacks, by re-simulation: one column for every direction of change.
+
+No effect has a formula of its own here: the stage model with and without it runs tied to the same path, and the
+difference is its column, delays, sampling and estimator included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap import cuts, tying
+from stagectl.gap.batch import in_parallel
+from stagectl.gap.runs import Run, rested
+from stagectl.gap.session import Array, Session
+from stagectl.gap.tying import Lacking, Path
+from stagectl.kernels import feedback, tied
+from stagectl.kernels.stage import Stage
+
+
+class Model(NamedTuple):
+    """The stage model that is compared, and how the log's columns lie in time."""
+
+    stage: Stage
+    tracker: feedback.Pid
+    shift: float = 0.0  # s by which the logged current is late against the position
+
+
+class Direction(NamedTuple):
+    """A change of the model."""
+
+    name: str
+    change: Callable[[Model], Model]
+    size: float  # of the change; the column is per unit of it
+    substeps: int = tying.SUBSTEPS
+    aging: bool = False  # runs on the session clock: a column of its own for each repeat
+    load: float = 0.0  # share of the friction's limit with which the runs begin
+
+
+def model_of(session: Session, stage: Stage) -> Model:
+    """`stage` tied as the session's nominal model would be."""
+    return Model(stage, tying.tracker(session.stage, session.dt))
+
+
+def lacks(p: Model, path: Path, substeps: int, load: float = 0.0) -> Lacking:
+    """What the model lacks along `path`, the logged current moved back to the instants of the position."""
+    if p.shift:
+        path = path._replace(rows=_moved(path.rows, p.shift / path.dt))
+    return tying.lacking(tied.Tied(p.stage, p.tracker), path, substeps, load)
+
+
+def _moved(rows: Array, samples: float) -> Array:
+    """`rows` with the current of `samples` later: what was logged late belongs there."""
+    k = np.arange(len(rows), dtype=np.float64)
+    rows = rows.copy()
+    rows[:, 2] = np.interp(k + samples, k, rows[:, 2])
+    return rows
+
+
+def residuals(p: Model, run: Run, noise: cuts.Whitener, substeps: int = tying.SUBSTEPS) -> list[Array]:
+    """Whitened (m, 2) of each repeat: the effort and the current that the model lacks."""
+    return [rested(run, cuts.whitened(noise, lacks(p, path, substeps), path.dt)) for path in run.paths]
+
+
+def columns(p: Model, run: Run, directions: Sequence[Direction], noise: cuts.Whitener) -> dict[str, list[Array]]:
+    """Whitened (m, 2) of each direction by its name: one for all repeats, or one each where it runs on the clock."""
+    needed = {(one.substeps, one.aging) for one in directions}
+    base = {(substeps, aging): _along(p, run, substeps, aging) for substeps, aging in needed}
+    return {
+        one.name: [
+            rested(run, _difference(after, before, one.size, noise, run.mean.dt))
+            for after, before in zip(
+                _along(one.change(p), run, one.substeps, one.aging, one.load),
+                base[one.substeps, one.aging],
+                strict=True,
+            )
+        ]
+        for one in directions
+    }
+
+
+def _along(p: Model, run: Run, substeps: int, aging: bool, load: float = 0.0) -> list[Lacking]:
+    return [lacks(p, path, substeps, load) for path in (run.paths if aging else (run.mean,))]
+
+
+def _difference(after: Lacking, before: Lacking, size: float, noise: cuts.Whitener, dt: float) -> Array:
+    # The residual is what the model lacks: adding to the model takes from it, so the column is before less after.
+    change = Lacking((before.effort - after.effort) / size, (before.current - after.current) / size)
+    return cuts.whitened(noise, change, dt)
+
+
+def all_columns(
+    p: Model, runs: Sequence[Run], directions: Sequence[Direction], noise: cuts.Whitener
+) -> list[dict[str, list[Array]]]:
+    """`columns` of every run, batched over all cores; a diverged direction is a column of zeros."""
+    chunks = [(run, directions[k : k + 6]) for run in runs for k in range(0, len(directions), 6)]
+    found = in_parallel(lambda chunk: columns(p, chunk[0], chunk[1], noise), chunks)
+    joined: dict[str, dict[str, list[Array]]] = {run.name: {} for run in runs}
+    for (run, _), part in zip(chunks, found, strict=True):
+        joined[run.name].update({name: [_bounded(one) for one in values] for name, values in part.items()})
+    return [joined[run.name] for run in runs]
+
+
+def _bounded(column: Array) -> Array:
+    return column if np.isfinite(column).all() else np.zeros_like(column)

@@ -1,0 +1,41 @@
+"""The sizes of one machine and its session, from which the library's typical values and grids follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stagectl.gap import friction_family
+from stagectl.gap.library import Scales
+from stagectl.gap.runs import Run
+from stagectl.gap.session import Session
+from stagectl.kernels import stage
+
+FASTEST = 99.5  # percentile of the speed that counts as the largest
+
+
+def scales(session: Session, runs: Sequence[Run]) -> Scales:
+    """What the nominal model and the logs tell of the machine's sizes."""
+    p = session.stage
+    position = np.concatenate([run.mean.rows[:, 1] for run in runs])
+    command = np.concatenate([run.mean.rows[:, 0] for run in runs])
+    speed = np.concatenate([np.abs(np.gradient(run.mean.rows[:, 1], session.dt)) for run in runs])
+    low, high = float(position.min()), float(position.max())
+    drive = p.drive
+    voltage = np.abs(drive.resistance * command + drive.back_emf * np.sign(command) * speed)
+    return Scales(
+        coulomb=stage.sliding(p.friction),
+        viscous=p.mechanics.viscous or 1e-3 * p.mechanics.inertia / session.dt,
+        inertia=p.mechanics.inertia,
+        force_constant=p.motor.force_constant,
+        length=friction_family.length(p.friction),
+        speed=float(np.percentile(speed, FASTEST)),
+        centre=0.5 * (low + high),
+        stroke=0.5 * (high - low),
+        current=float(np.abs(command).max()),
+        pitch=p.mechanics.pitch,
+        dt=session.dt,
+        session=tuple(sorted({log.start for run in runs for log in run.logs})),
+        voltage=float(voltage.max()) if drive.back_emf > 0.0 else 0.0,
+    )
