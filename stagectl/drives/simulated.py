@@ -76,7 +76,7 @@ class Plant:
 
     def latch(self) -> None:
         """The end of a period: its position enters the measurement's delay line, new noise is drawn."""
-        self.state = stage.latched(self.state)
+        self.state = stage.latched(self.p, self.state)
         if self._powered and not self._hushed:
             self._noise = self._draw()
         self._hushed = False

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+import math
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
+from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
+
+if TYPE_CHECKING:
+    from stagectl.kernels.plant import Drive, Line
+
+_FOLDS = 0.8  # share of the heat at which the limit begins to fall
 
 
 class Reported(NamedTuple):
@@ -13,3 +20,83 @@ class Reported(NamedTuple):
     gain: Annotated[float, Quantity("", "[-0.9, 10]", "error of the scale")] = 0.0
     offset: Annotated[float, Quantity("A", "[-1e3, 1e3]", "added to the report alone")] = 0.0
     late: Annotated[float, Quantity("s", "[0, 0.1]", "age of the current in the report, up to a control period")] = 0.0
+
+
+@kernel
+def neutral(p: Drive) -> bool:
+    """Whether nothing here acts on the motor current."""
+    return (
+        p.dead_time == 0.0
+        and p.jitter == 0.0
+        and p.offset == 0.0
+        and p.continuous_current == math.inf
+        and p.voltage_limit == math.inf
+    )
+
+
+@kernel
+def acting(delay: tuple[int, float], commands: Line, begun: Line, now: float, since: float) -> tuple[float, float]:
+    """Command (A) that acts at `now` (s), and when it was begun; `delay` is (nd, dead time in s).
+
+    The command of nd periods ago acts from the dead time after the start of this period on.  A dead time that changes
+    never calls an older command back: what acted, begun at `since`, goes on acting.
+    """
+    samples, dead = delay
+    m = 0
+    while samples + m < 7 and begun[m] + dead > now and begun[m] > since:
+        m += 1
+    return commands[samples + m], begun[m]
+
+
+@kernel
+def meant(delay: tuple[int, float], commands: Line, begun: Line, span: tuple[float, float], since: float) -> float:
+    """Mean command (A) over `span` = (from, to) in s: a switch inside it counts by its share of the span."""
+    start, end = span
+    before, old = acting(delay, commands, begun, start, since)
+    after, new = acting(delay, commands, begun, end, old)
+    if new == old:
+        return before
+    share = min(max((end - (new + delay[1])) / (end - start), 0.0), 1.0)
+    return before + share * (after - before)
+
+
+@kernel
+def folded(p: Drive, heat: float) -> float:
+    """Largest current (A) at this `heat` (A^2): the peak, and from 80 % of the heat on down to the continuous one.
+
+    The heat that the peak current brings in `foldback_time` is ``current_limit^2 - continuous_current^2``.
+    """
+    most = p.current_limit * p.current_limit - p.continuous_current * p.continuous_current
+    if heat <= _FOLDS * most or most <= 0.0 or most == math.inf:
+        return min(p.current_limit, p.continuous_current) if most <= 0.0 else p.current_limit
+    share = min((heat / most - _FOLDS) / (1.0 - _FOLDS), 1.0)
+    return p.current_limit - share * (p.current_limit - p.continuous_current)
+
+
+@kernel
+def heated(p: Drive, heat: float, current: float, dt: float) -> float:
+    """I2t of the drive, ``dheat/dt = (i^2 - I_c^2) / foldback_time``, never below 0 (A^2)."""
+    if p.continuous_current == math.inf:
+        return 0.0
+    more = current * current - p.continuous_current * p.continuous_current
+    return max(heat + more * dt / p.foldback_time, 0.0)
+
+
+@kernel
+def limited(p: Drive, target: float, limit: float, velocity: float) -> float:
+    """`target` (A) within +-`limit`, plus the offset, within what the voltage leaves: ``|R i + K_e v| <= U``."""
+    target = min(max(target, -limit), limit) + p.offset
+    if p.voltage_limit == math.inf:
+        return target
+    turning = p.back_emf * velocity
+    return min(max(target, (-p.voltage_limit - turning) / p.resistance), (p.voltage_limit - turning) / p.resistance)
+
+
+@kernel
+def reported(p: Reported, current: float, before: float, dt: float) -> float:
+    """Current (A) that the drive reports; `before` is that of a period `dt` ago.  Straight between the two."""
+    if p.late > 0.0:
+        current += min(p.late / dt, 1.0) * (before - current)
+    if p.gain == 0.0 and p.offset == 0.0:
+        return current
+    return current * (1.0 + p.gain) + p.offset

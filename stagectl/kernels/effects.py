@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
-from stagectl.kernels.jit import table
+from stagectl.kernels.jit import kernel, table
 from stagectl.units import Quantity
 
 TURN = 2.0 * math.pi
@@ -57,3 +57,43 @@ class Table(NamedTuple):
 
 
 NO_TABLE = Table()
+
+
+@kernel
+def wave(p: Harmonic, angle: float) -> float:
+    """The harmonic at `angle` (rad); exactly 0 when neutral."""
+    if p.amplitude == 0.0:
+        return 0.0
+    return p.amplitude * math.sin(p.order * angle + p.phase)
+
+
+@kernel
+def drifting(warming: Warming, step: Step, time: float) -> float:
+    """Both factors over the session clock; exactly 1 when neutral."""
+    factor = 1.0
+    if warming.rise != 0.0:
+        factor += warming.rise * math.exp(-time / warming.time)
+    if step.share != 0.0 and time >= step.at:
+        factor *= 1.0 + step.share
+    return factor
+
+
+@kernel
+def looked_up(p: Table, place: float) -> float:
+    """The table at `place` on its coordinate."""
+    last = len(p.values) - 1
+    rows = (place - p.start) / p.step
+    if rows <= 0.0:
+        return float(p.values[0])
+    if rows >= last:
+        return float(p.values[last])
+    j = int(rows)
+    return float(p.values[j] + (rows - j) * (p.values[j + 1] - p.values[j]))
+
+
+@kernel
+def relaxed(y: float) -> float:
+    """``(1 - exp(-y)) / y`` for y >= 0: mean of a decay over its step."""
+    if y < 1e-3:
+        return 1.0 - y * (0.5 - y * (1.0 / 6.0 - y / 24.0))
+    return -math.expm1(-y) / y

@@ -74,16 +74,23 @@ def stops(p: StopOperators, s: Any, dx: float, limit: float = 1.0) -> float:
     """Force of the operators after a move of `dx`; the states `s` (n,) change **in place**, within +-`limit`.
 
     The limit holds what slips, not what sticks: a stuck element is a spring, at whatever speed it is stretched.
+    """
+    return stops_between(p, s, dx, -limit, limit)
+
+
+@kernel
+def stops_between(p: StopOperators, s: Any, dx: float, low: float, high: float) -> float:
+    """Force of the operators after a move of `dx`; the states `s` (n,) change **in place**, within `low` and `high`.
 
     The one exception to purity in the kernels: an array costs a third of a tuple here, with the same bits.
     """
     force = 0.0
     for j in range(len(p.weight)):
         stretched = s[j] + dx * p.rate[j]
-        if stretched > limit:
-            stretched = limit
-        elif stretched < -limit:
-            stretched = -limit
+        if stretched > high:
+            stretched = high
+        elif stretched < low:
+            stretched = low
         s[j] = stretched
         force += p.weight[j] * stretched
     return force

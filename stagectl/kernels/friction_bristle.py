@@ -60,7 +60,12 @@ def bent(p: Bristle, z: float, v: float, dx: float, dt: float) -> tuple[float, f
     """Force and deflection after a move of `dx` at velocity `v` during `dt`, from the deflection `z`."""
     if dx == 0.0:
         return p.stiffness * z, z
-    limit = p.coulomb * friction.stribeck(p.stribeck, v)
+    return within(p, z, p.coulomb * friction.stribeck(p.stribeck, v), dx, dt)
+
+
+@kernel
+def within(p: Bristle, z: float, limit: float, dx: float, dt: float) -> tuple[float, float]:
+    """Force and deflection after a move of `dx`, not 0, where the bristle holds up to `limit` (N m | N)."""
     side = 1.0 if dx > 0.0 else -1.0
     left = 1.0 - side * p.stiffness * z / limit
     deflection = side * (1.0 - _decayed(left, p.exponent, p.stiffness * abs(dx) / limit)) * limit / p.stiffness
@@ -81,9 +86,9 @@ def _decayed(w: float, exponent: float, move: float) -> float:
     return math.copysign(grown ** (1.0 / (1.0 - exponent)), w)
 
 
-def settled(p: Bristle, load: float) -> float:
-    """Deflection (rad | m) with which the bristle carries `load` (N m | N) at rest, up to what holds it there."""
-    holds = p.coulomb * friction.stribeck(p.stribeck, 0.0)
+def settled(p: Bristle, load: float, share: float = 1.0) -> float:
+    """Deflection (rad | m) with which the bristle carries `load` (N m | N) at rest, up to `share` of what holds it."""
+    holds = share * p.coulomb * friction.stribeck(p.stribeck, 0.0)
     return min(max(load, -holds), holds) / p.stiffness
 
 

@@ -37,7 +37,7 @@ class Loop(NamedTuple):
 
 @kernel
 def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: int) -> stage.State:
-    """Run all periods of `inputs` = (setpoints (n, 8), noise (n, 2), rows (n, WIDTH) to be filled).
+    """Run all periods of `inputs` = (setpoints (n, 8), noise (n, 2 or 3), rows (n, WIDTH) to be filled).
 
     Returns the plant at the end.  Position and current are latched at the start of each period, then the law
     runs, then the plant takes its command: with `delay_samples` = nd this is the order of the real cycle.
@@ -47,7 +47,7 @@ def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: i
     for k in range(len(setpoints)):
         r = setpoints[k]
         setpoint = law.Setpoint(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7])
-        noise = stage.Noise(noises[k, 0], noises[k, 1], 0.0)
+        noise = stage.Noise(noises[k, 0], noises[k, 1], noises[k, 2] if noises.shape[1] > 2 else 0.0)
         measured = stage.measured(p.stage.encoder, plant, noise)
         output, x = law.step(p.law, x, setpoint, measured)
         rows[k, 0] = k * dt
@@ -56,7 +56,7 @@ def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: i
             rows[k, _OUTPUT + j] = term
         rows[k, _OBSERVED] = measured
         rows[k, _OBSERVED + 1] = plant.position
-        rows[k, _OBSERVED + 2] = plant.current
+        rows[k, _OBSERVED + 2] = stage.reported(p.stage.drive, plant, dt)
         plant = stage.period(p.stage, plant, output.current, noise, dt, substeps)
     return plant
 

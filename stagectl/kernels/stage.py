@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stagectl.kernels import friction, friction_bristle
+from stagectl.kernels import affected, drive_effects, friction, friction_bristle, standing
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import NO_COMMANDS as NO_COMMANDS
 from stagectl.kernels.plant import SILENT as SILENT
@@ -47,17 +47,12 @@ class _Coefficients(NamedTuple):
 
 
 def at_rest(p: Stage, position: float = 0.0, time: float = 0.0) -> State:
-    """The plant standing at `position` without current; its friction carries the bias, and nothing else."""
-    place = float(position)
-    here: Line = (place, place, place, place, place, place, place, place)
-    stops = friction.relaxed(p.friction.operators)
-    factor = friction.stribeck(p.friction.stribeck, 0.0)
-    held = friction_bristle.settled(p.friction.bristle, p.mechanics.bias)
-    load = p.mechanics.bias - p.friction.bristle.stiffness * held
-    force = friction.settled(p.friction.operators, stops, load, factor)
-    force += p.friction.bristle.stiffness * held
-    memory = Memory(time, NO_COMMANDS, time, 0.0, 0.0, place, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, place, place, 0.0)
-    return State(NO_COMMANDS, here, 0.0, place, 0.0, force, stops, held, memory)
+    """The plant standing at `position` without command, at the session clock `time` (s).
+
+    Its friction carries bias, cogging, cable and what else stands on the axis; behind a transmission the load is where
+    spring and gap balance.
+    """
+    return standing.at_rest(p, float(position), float(time))
 
 
 def sliding(p: Friction) -> float:
@@ -108,59 +103,78 @@ def _coefficients(p: Stage, h: float) -> _Coefficients:
 
 
 @kernel
-def _substep(p: Stage, c: _Coefficients, x: State, target: float, extra: float, bristled: bool) -> State:
+def _plain(p: Stage, x: State, target: float, extra: float, c: _Coefficients, substeps: int) -> State:
     """Kick, drift, kick (velocity Verlet), exact in current loop and viscous part.
 
-    Second order while Stribeck is neutral; with it first, as its factor takes the velocity of half a step before.
+    Second order while Stribeck is neutral; with it first, as its factor takes the velocity of half a step before.  The
+    loop keeps its few numbers apart: a whole State handed on at every step costs more than the step.
     """
-    error = x.current - target
-    effort = p.motor.force_constant * (target + error * c.lag_mean + extra) + p.mechanics.bias
-    half_way = c.damping * x.velocity + c.gain * (effort - x.force)
-    dx = c.h * half_way
-    force = friction.stops(p.friction.operators, x.stops, dx, friction.stribeck(p.friction.stribeck, half_way))
-    bristle = x.bristle
-    if bristled:
-        carried, bristle = friction_bristle.bent(p.friction.bristle, bristle, half_way, dx, c.h)
-        force += carried
-    error *= c.lag
-    effort = p.motor.force_constant * (target + error * c.lag_mean + extra) + p.mechanics.bias
-    velocity = c.damping * half_way + c.gain * (effort - force)
-    current = target + error * c.lag
-    return State(x.commands, x.latched, current, x.position + dx, velocity, force, x.stops, bristle, x.memory)
+    current, position, velocity, force, bristle = x.current, x.position, x.velocity, x.force, x.bristle
+    constant, bias, stops = p.motor.force_constant, p.mechanics.bias, x.stops
+    bristled = p.friction.bristle.coulomb != 0.0
+    for _ in range(substeps):
+        error = current - target
+        effort = constant * (target + error * c.lag_mean + extra) + bias
+        half_way = c.damping * velocity + c.gain * (effort - force)
+        dx = c.h * half_way
+        force = friction.stops(p.friction.operators, stops, dx, friction.stribeck(p.friction.stribeck, half_way))
+        if bristled:
+            carried, bristle = friction_bristle.bent(p.friction.bristle, bristle, half_way, dx, c.h)
+            force += carried
+        error *= c.lag
+        effort = constant * (target + error * c.lag_mean + extra) + bias
+        velocity = c.damping * half_way + c.gain * (effort - force)
+        current = target + error * c.lag
+        position += dx
+    return State(x.commands, x.latched, current, position, velocity, force, stops, bristle, x.memory)
 
 
 @kernel
 def commanded(p: Drive, x: State, command: float) -> State:
     """Drive, once a period: `command` (A) enters the delay line; the one that leaves it acts from now on."""
     commands = pushed(x.commands, rounded(p, command))
-    return State(commands, x.latched, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, x.memory)
+    memory = x.memory
+    if p.dead_time > 0.0 or p.jitter > 0.0 or p.telemetry.late > 0.0:
+        memory = _noted(memory, x.current)
+    return State(commands, x.latched, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, memory)
+
+
+@kernel
+def _noted(m: Memory, current: float) -> Memory:
+    """When the command came, and the motor current (A) at that time."""
+    _, _, acting, _, heat, load, load_velocity, base, base_velocity, lagged, rested, cable, turned, furthest, side = m
+    line = pushed(m.begun, m.time)
+    return Memory(
+        m.time, line, acting, current, heat, load, load_velocity, base, base_velocity, lagged, rested, cable, turned,
+        furthest, side,
+    )  # fmt: skip
 
 
 @kernel
 def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State:
     """The plant `dt` (s) later, under the command that acts."""
-    target = delivered(p.drive, x.commands)
-    c = _coefficients(p, dt / substeps)
-    if p.friction.bristle.coulomb == 0.0:  # asked once a period, not at every step: neutral costs nothing
-        for _ in range(substeps):
-            x = _substep(p, c, x, target, noise.current, False)
-    else:
-        for _ in range(substeps):
-            x = _substep(p, c, x, target, noise.current, True)
-    return x
+    if not affected.neutral(p):  # asked once a period, not at every step: neutral costs nothing
+        return affected.drifted(p, x, noise, dt, substeps)
+    return _plain(p, x, delivered(p.drive, x.commands), noise.current, _coefficients(p, dt / substeps), substeps)
 
 
 @kernel
-def latched(x: State) -> State:
-    """Encoder, once a period: the position now enters the measurement's delay line."""
-    line = pushed(x.latched, x.position)
+def latched(p: Stage, x: State) -> State:
+    """Encoder, once a period: the position it sees now enters the measurement's delay line."""
+    line = pushed(x.latched, affected.seen(p, x.position))
     return State(x.commands, line, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, x.memory)
 
 
 @kernel
 def period(p: Stage, x: State, command: float, noise: Noise, dt: float, substeps: int) -> State:
     """Advance the plant by one control period `dt` (s) under a held `command` (A)."""
-    return latched(drifted(p, commanded(p.drive, x, command), noise, dt, substeps))
+    return latched(p, drifted(p, commanded(p.drive, x, command), noise, dt, substeps))
+
+
+@kernel
+def reported(p: Drive, x: State, dt: float) -> float:
+    """Motor current as the drive reports it (A), in control periods of `dt` (s)."""
+    return drive_effects.reported(p.telemetry, x.current, x.memory.before, dt)
 
 
 @kernel
