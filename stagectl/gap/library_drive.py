@@ -33,7 +33,7 @@ def definitions(s: Scales) -> list[Definition]:
             "current",
             (Amplitude("size", "", (0.02,), -0.2, 0.2),),
             (),
-            added(size="drive.reported.gain"),
+            added(size="drive.telemetry.gain"),
         ),
         Definition(
             "current_offset",
@@ -82,7 +82,7 @@ def _slower(p: Stage, v: Values) -> Stage:
 
 
 def _offset(p: Stage, v: Values) -> Stage:
-    place = "drive.reported.offset" if v["reported"] else "drive.offset"
+    place = "drive.telemetry.offset" if v["reported"] else "drive.offset"
     return added(current=place)(p, v)
 
 

@@ -47,11 +47,11 @@ def step(p: Tied, x: State, row: tuple[float, float, float], dt: float, substeps
     error = position - stage.measured(p.stage.encoder, x.plant, stage.SILENT)
     terms, tracker = feedback.step(p.tracker, x.tracker, error)
     correction = terms.proportional + terms.integral + terms.derivative
-    given = x.plant.current
+    given = stage.reported(p.stage.drive, x.plant, dt)
     extra = correction
     if current == current:  # measured: what the drive gave beside its model is no fault of the mechanics
         extra += current - given
-    plant = stage.period(p.stage, x.plant, command, stage.Noise(extra, 0.0), dt, substeps)
+    plant = stage.period(p.stage, x.plant, command, stage.Noise(extra, 0.0, 0.0), dt, substeps)
     return correction, given, State(plant, tracker)
 
 
