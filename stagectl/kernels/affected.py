@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stagectl.kernels import drive_effects, effects, friction_effects, transmission
+from stagectl.kernels import drive_effects, effects, friction, friction_effects, transmission
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Memory, Motor, Noise, Stage, State
+from stagectl.kernels.plant import Drive, Encoder, Line, Memory, Motor, Noise, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 
@@ -32,12 +32,10 @@ class Motoring(NamedTuple):
 
 
 @kernel
-def neutral(p: Stage) -> bool:
-    """Whether no effect acts on the motion."""
-    motor = p.motor.cogging.amplitude == 0.0 and p.motor.cogging_second.amplitude == 0.0
-    ripple = p.motor.ripple.amplitude == 0.0 and p.motor.ripple_second.amplitude == 0.0
-    blocks = transmission.neutral(p.mechanics) and friction_effects.neutral(p.friction)
-    return drive_effects.neutral(p.drive) and motor and ripple and blocks and p.residual.coordinate == effects.NONE
+def smooth(p: Motor) -> bool:
+    """Whether the motor neither cogs nor ripples."""
+    cogs = p.cogging.amplitude != 0.0 or p.cogging_second.amplitude != 0.0
+    return not cogs and p.ripple.amplitude == 0.0 and p.ripple_second.amplitude == 0.0
 
 
 @kernel
@@ -50,9 +48,8 @@ def motoring(p: Motor, angle: float) -> Motoring:
 
 
 @kernel
-def coordinate(p: Stage, x: Bodies, path: Path, current: float, time: float) -> float:
-    """Where the residual table is entered."""
-    code = p.residual.coordinate
+def coordinate(code: int, pitch: float, x: Bodies, path: Path, now: tuple[float, float]) -> float:
+    """Where a residual table of this coordinate is entered; `now` is (motor current in A, session clock in s)."""
     if code == effects.VELOCITY:
         return x.velocity
     if code == effects.SINCE_REVERSAL:
@@ -60,43 +57,65 @@ def coordinate(p: Stage, x: Bodies, path: Path, current: float, time: float) -> 
     if code == effects.POSITION:
         return x.position
     if code == effects.POSITION_MOD_PITCH:
-        return x.position - p.mechanics.pitch * math.floor(x.position / p.mechanics.pitch)
+        return x.position - pitch * math.floor(x.position / pitch)
     if code == effects.CURRENT:
-        return current
-    return time if code == effects.TIME else abs(x.velocity)
+        return now[0]
+    return now[1] if code == effects.TIME else abs(x.velocity)
 
 
 @kernel
-def turning(path: Path, position: float, back: float) -> tuple[float, float, float]:
+def turning(path: Path, position: float, back: float) -> Path:
     """Last turn, furthest position since and direction; a turn counts once the way back exceeds `back` (rad | m)."""
     ahead = position - path.furthest
     if path.direction == 0.0:
         if abs(ahead) > back:
-            return path.turned, position, math.copysign(1.0, ahead)
+            return Path(path.cable, path.turned, position, math.copysign(1.0, ahead))
     elif ahead * path.direction >= 0.0:
-        return path.turned, position, path.direction
+        return Path(path.cable, path.turned, position, path.direction)
     elif abs(ahead) > back:
-        return path.furthest, position, -path.direction
-    return path.turned, path.furthest, path.direction
+        return Path(path.cable, path.furthest, position, -path.direction)
+    return path
 
 
 @kernel
-def followed(p: Stage, path: Path, x: Bodies, dx: float, back: float) -> Path:
-    """The path after a move `dx` of the load."""
-    cable = min(max(path.cable + dx / p.mechanics.cable.slip, -1.0), 1.0)
-    if p.residual.coordinate != effects.SINCE_REVERSAL:
-        return Path(cable, path.turned, path.furthest, path.direction)
-    turned, furthest, direction = turning(path, x.position, back)
-    return Path(cable, turned, furthest, direction)
+def pulled_along(path: Path, slip: float, dx: float) -> Path:
+    """The cable's element after a move `dx` of the load."""
+    return Path(min(max(path.cable + dx / slip, -1.0), 1.0), path.turned, path.furthest, path.direction)
 
 
 @kernel
-def opposing(p: Stage, x: Bodies, path: Path, current: float, time: float) -> float:
-    """Effort of cable and residual table, against the motor."""
-    found = transmission.pulled(p.mechanics.cable, x.load, path.cable)
-    if p.residual.coordinate != effects.NONE:
-        found += effects.looked_up(p.residual, coordinate(p, x, path, current, time))
-    return found
+def driven(
+    p: Drive, lines: tuple[Line, Line], delay: tuple[int, float], span: tuple[float, float], since: float
+) -> tuple[float, float]:
+    """Mean command (A) over a `span` (s), and when the one that acts at its end began."""
+    if delay[1] == 0.0:
+        return lines[0][delay[0]], since
+    commands, begun = lines
+    return drive_effects.meant(delay, commands, begun, span, since)
+
+
+class _Kept(NamedTuple):
+    """What holds during one drift."""
+
+    steps: int
+    lag: tuple[float, float]  # decay of the current error over half a step, and its mean
+    limit: float  # A
+    delay: tuple[int, float]  # nd, dead time in s
+    extra: float  # A, noise
+    turn: float  # rad of the pitch per rad | m
+    masses: transmission.Coefficients
+    contact: friction_effects.Held
+
+
+class _Moving(NamedTuple):
+    """What changes at every step."""
+
+    time: float  # s, session clock
+    current: float  # A
+    acting: float  # s
+    bodies: Bodies
+    contact: friction_effects.Contact
+    path: Path
 
 
 @kernel
@@ -105,71 +124,65 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
     m = x.memory
     steps = substeps * transmission.finer(p.mechanics, dt / substeps)
     h = dt / steps
-    c = transmission.coefficients(p.mechanics, m.time, h)
-    holds = friction_effects.held(p.friction, m.time, h)
-    decay, mean = _lag(p.drive.current_lag, 0.5 * h)
-    limit = drive_effects.folded(p.drive, m.heat)
-    delay = (p.drive.delay_samples, max(p.drive.dead_time + noise.delay, 0.0))
-    turn = effects.TURN / p.mechanics.pitch
+    kept = _Kept(
+        steps,
+        _lag(p.drive.current_lag, 0.5 * h),
+        drive_effects.folded(p.drive, m.heat),
+        (p.drive.delay_samples, max(p.drive.dead_time + noise.delay, 0.0)),
+        noise.current,
+        effects.TURN / p.mechanics.pitch,
+        transmission.coefficients(p.mechanics, m.time, h),
+        friction_effects.held(p.friction, m.time, h),
+    )
     bodies = Bodies(x.position, x.velocity, m.load, m.load_velocity, m.base, m.base_velocity)
     contact = friction_effects.Contact(x.force, x.bristle, m.lagged, m.rested)
     path = Path(m.cable, m.turned, m.furthest, m.direction)
-    current, begun, time = x.current, m.acting, m.time
-    motor = motoring(p.motor, turn * x.position)
-    against = opposing(p, bodies, path, current, time)
-    for k in range(steps):
-        time = m.time + k * h
-        target = drive_effects.meant(delay, x.commands, m.begun, (time, time + h), begun)
-        _, begun = drive_effects.acting(delay, x.commands, m.begun, time + h, begun)
-        target = drive_effects.limited(p.drive, target, limit, bodies.velocity)
-        error = current - target
-        driving = motor.constant * (target + error * mean + noise.current)
-        pulling = p.mechanics.bias - against
-        bodies = transmission.kicked(p.mechanics, c, bodies, (driving + motor.cogging, pulling, contact.force))
-        before = bodies
-        bodies = transmission.moved(c, bodies)
-        angle = turn * bodies.position
-        motor = motoring(p.motor, angle)
-        error *= decay
-        driving = motor.constant * (target + error * mean + noise.current)
-        current = target + error * decay
-        velocity = bodies.velocity + c.share * (bodies.load_velocity - bodies.velocity)
-        factor = friction_effects.place_factor(p.friction, bodies.position, angle)
-        contact = friction_effects.slid(
-            p.friction, holds, x.stops, contact, (2.0 * c.half * velocity, velocity, factor, driving)
-        )
-        path = followed(p, path, bodies, bodies.load - before.load, 0.1 * holds.length)
-        against = opposing(p, bodies, path, current, time + h)
-        pulling = p.mechanics.bias - against
-        bodies = transmission.kicked(p.mechanics, c, bodies, (driving + motor.cogging, pulling, contact.force))
+    y = _stepped(p, kept, x, _Moving(m.time, x.current, m.acting, bodies, contact, path))
+    heat = drive_effects.heated(p.drive, m.heat, y.current, dt)
+    b, c, w = y.bodies, y.contact, y.path
     memory = Memory(
-        m.time + dt,
-        m.begun,
-        begun,
-        m.before,
-        drive_effects.heated(p.drive, m.heat, current, dt),
-        bodies.load,
-        bodies.load_velocity,
-        bodies.base,
-        bodies.base_velocity,
-        contact.lagged,
-        contact.rested,
-        path.cable,
-        path.turned,
-        path.furthest,
-        path.direction,
-    )
-    return State(
-        x.commands,
-        x.latched,
-        current,
-        bodies.position,
-        bodies.velocity,
-        contact.force,
-        x.stops,
-        contact.bristle,
-        memory,
-    )
+        m.time + dt, m.begun, y.acting, m.before, heat, b.load, b.load_velocity, b.base, b.base_velocity,
+        c.lagged, c.rested, w.cable, w.turned, w.furthest, w.direction,
+    )  # fmt: skip
+    return State(x.commands, x.latched, y.current, b.position, b.velocity, c.force, x.stops, c.bristle, memory)
+
+
+@kernel
+def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
+    """All steps of one drift: kick, drift, kick."""
+    current, acting, bodies, contact, path = y.current, y.acting, y.bodies, y.contact, y.path
+    drive, mechanics, operators, stops, h = p.drive, p.mechanics, p.friction.operators, x.stops, c.contact.h
+    along, lead, balls, code = p.friction.along, p.friction.lead, p.friction.ball_pass, p.residual.coordinate
+    lines, motor, bias, back = (x.commands, x.memory.begun), p.motor, mechanics.bias, 0.1 * c.contact.length
+    at = motoring(motor, c.turn * bodies.position)
+    against = transmission.pulled(mechanics.cable, bodies.load, path.cable)
+    if code != effects.NONE:
+        against += effects.looked_up(p.residual, coordinate(code, mechanics.pitch, bodies, path, (current, y.time)))
+    for k in range(c.steps):
+        time = y.time + k * h
+        target, acting = driven(drive, lines, c.delay, (time, time + h), acting)
+        target = drive_effects.limited(drive, target, c.limit, bodies.velocity)
+        error = current - target
+        driving = at.constant * (target + error * c.lag[1] + c.extra)
+        bodies = transmission.kicked(mechanics, c.masses, bodies, (driving + at.cogging, bias - against, contact.force))
+        load, bodies = bodies.load, transmission.moved(c.masses, bodies)
+        angle = c.turn * bodies.position
+        at, error = motoring(motor, angle), error * c.lag[0]
+        driving = at.constant * (target + error * c.lag[1] + c.extra)
+        current = target + error * c.lag[0]
+        velocity = bodies.velocity + c.masses.share * (bodies.load_velocity - bodies.velocity)
+        place = friction_effects.place_factor(along, lead, balls, (bodies.position, angle))
+        limits = friction_effects.limits(c.contact, contact, velocity, place, driving)
+        force = friction.stops_between(operators, stops, h * velocity, limits.low, limits.high)
+        contact = friction_effects.slid(c.contact, contact, limits, force, h * velocity)
+        path = pulled_along(path, mechanics.cable.slip, bodies.load - load)
+        against = transmission.pulled(mechanics.cable, bodies.load, path.cable)
+        if code != effects.NONE:
+            path = turning(path, bodies.position, back)
+            now = coordinate(code, mechanics.pitch, bodies, path, (current, time + h))
+            against += effects.looked_up(p.residual, now)
+        bodies = transmission.kicked(mechanics, c.masses, bodies, (driving + at.cogging, bias - against, contact.force))
+    return _Moving(y.time + c.steps * h, current, acting, bodies, contact, path)
 
 
 @kernel
@@ -181,9 +194,9 @@ def _lag(lag: float, half: float) -> tuple[float, float]:
 
 
 @kernel
-def seen(p: Stage, position: float) -> float:
+def seen(p: Encoder, pitch: float, position: float) -> float:
     """Position with the errors of the encoder's grating (rad | m)."""
-    if p.encoder.eccentricity.amplitude == 0.0 and p.encoder.interpolation.amplitude == 0.0:
+    if p.eccentricity.amplitude == 0.0 and p.interpolation.amplitude == 0.0:
         return position
-    angle = effects.TURN / p.mechanics.pitch * position
-    return position + effects.wave(p.encoder.eccentricity, angle) + effects.wave(p.encoder.interpolation, angle)
+    angle = effects.TURN / pitch * position
+    return position + effects.wave(p.eccentricity, angle) + effects.wave(p.interpolation, angle)

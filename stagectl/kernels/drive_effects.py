@@ -49,15 +49,17 @@ def acting(delay: tuple[int, float], commands: Line, begun: Line, now: float, si
 
 
 @kernel
-def meant(delay: tuple[int, float], commands: Line, begun: Line, span: tuple[float, float], since: float) -> float:
-    """Mean command (A) over `span` = (from, to) in s: a switch inside it counts by its share of the span."""
+def meant(
+    delay: tuple[int, float], commands: Line, begun: Line, span: tuple[float, float], since: float
+) -> tuple[float, float]:
+    """Mean command (A) over `span` = (from, to) in s, and when the last one began: a switch counts by its share."""
     start, end = span
     before, old = acting(delay, commands, begun, start, since)
     after, new = acting(delay, commands, begun, end, old)
     if new == old:
-        return before
+        return before, old
     share = min(max((end - (new + delay[1])) / (end - start), 0.0), 1.0)
-    return before + share * (after - before)
+    return before + share * (after - before), new
 
 
 @kernel

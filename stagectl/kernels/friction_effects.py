@@ -15,7 +15,7 @@ law, and the length is the mean slip of the friction's own elements.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from stagectl.kernels import effects, friction, friction_bristle
 from stagectl.kernels.jit import kernel
@@ -43,13 +43,18 @@ class Along(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What holds during one drift."""
+    """What holds during one drift; without the arrays, which cost a count of references wherever they go."""
 
     h: float  # s, integration step
     drift: float  # factor of warming and step
     learns: float  # share of the velocity's change that Stribeck's factor takes in one step
     coulomb: float  # N m | N, all that can slip
     length: float  # rad | m, mean slip
+    stribeck: friction.Stribeck  # of the operators
+    bristle: friction_bristle.Bristle
+    asymmetry: float
+    dwell: Dwell
+    load: float
 
 
 class Contact(NamedTuple):
@@ -59,6 +64,15 @@ class Contact(NamedTuple):
     bristle: float  # rad | m
     lagged: float  # rad/s | m/s
     rested: float  # s
+
+
+class Limits(NamedTuple):
+    """Between what the friction may slip, as factors on its elements."""
+
+    low: float
+    high: float
+    bristle: float  # without asymmetry
+    lagged: float  # rad/s | m/s
 
 
 @kernel
@@ -80,46 +94,60 @@ def held(p: Friction, time: float, h: float) -> Held:
     if p.lag > 0.0:
         learns = -math.expm1(-h / p.lag)
     length = lengths / coulomb if coulomb > 0.0 else 1.0
-    return Held(h, effects.drifting(p.warming, p.step, time), learns, coulomb, length)
+    drift = effects.drifting(p.warming, p.step, time)
+    return Held(h, drift, learns, coulomb, length, p.stribeck, p.bristle, p.asymmetry, p.dwell, p.load)
 
 
 @kernel
-def place_factor(p: Friction, position: float, angle: float) -> float:
-    """Factor of stroke, lead and balls at a position (rad | m) and its angle in the pitch (rad)."""
+def place_factor(along: Along, lead: effects.Harmonic, balls: effects.Harmonic, place: tuple[float, float]) -> float:
+    """Factor of stroke, lead and balls at a `place` = (position in rad | m, its angle in the pitch in rad)."""
+    position, angle = place
     factor = 1.0
-    if p.along.slope != 0.0 or p.along.bow != 0.0:
-        away = position - p.along.centre
-        factor = max(1.0 + away * (p.along.slope + away * p.along.bow), 0.0)
-    factor *= 1.0 + effects.wave(p.lead, angle)
-    return factor * (1.0 + effects.wave(p.ball_pass, angle))
+    if along.slope != 0.0 or along.bow != 0.0:
+        away = position - along.centre
+        factor = max(1.0 + away * (along.slope + away * along.bow), 0.0)
+    factor *= 1.0 + effects.wave(lead, angle)
+    return factor * (1.0 + effects.wave(balls, angle))
 
 
 @kernel
-def slid(p: Friction, c: Held, s: Any, x: Contact, move: tuple[float, float, float, float]) -> Contact:
-    """After a `move` = (dx, velocity, factor of the place, motor effort); the operators `s` change **in place**."""
-    dx, velocity, place, effort = move
-    lagged = x.lagged + c.learns * (velocity - x.lagged)
-    if p.lag == 0.0:
-        lagged = velocity
+def limits(c: Held, x: Contact, velocity: float, place: float, effort: float) -> Limits:
+    """At a velocity, with the factor of the `place`, under a motor effort (N m | N)."""
+    lagged = velocity
+    if c.learns < 1.0:
+        lagged = x.lagged + c.learns * (velocity - x.lagged)
     factor, pressed = c.drift * place, 0.0
-    if p.dwell.rise != 0.0:
-        factor *= 1.0 + p.dwell.rise * math.log1p(x.rested / p.dwell.time)
-    if p.load != 0.0 and c.coulomb > 0.0:
-        pressed = p.load * abs(effort) / c.coulomb
-    limit = max(factor * friction.stribeck(p.stribeck, lagged) + pressed, 0.0)
-    force = friction.stops_between(p.operators, s, dx, -limit * (1.0 - p.asymmetry), limit * (1.0 + p.asymmetry))
+    if c.dwell.rise != 0.0:
+        factor *= 1.0 + c.dwell.rise * math.log1p(x.rested / c.dwell.time)
+    if c.load != 0.0 and c.coulomb > 0.0:
+        pressed = c.load * abs(effort) / c.coulomb
+    limit = max(factor * friction.stribeck(c.stribeck, lagged) + pressed, 0.0)
+    bristle = limit
+    if c.bristle.coulomb != 0.0:
+        bristle = max(factor * friction.stribeck(c.bristle.stribeck, lagged) + pressed, 0.0)
+    return Limits(-limit * (1.0 - c.asymmetry), limit * (1.0 + c.asymmetry), bristle, lagged)
+
+
+@kernel
+def slid(c: Held, x: Contact, to: Limits, force: float, dx: float) -> Contact:
+    """After a move `dx` in which the operators have come to `force`: the bristle's part, and the contact's age."""
     bristle = x.bristle
-    if p.bristle.coulomb != 0.0 and dx != 0.0:
-        limit = max(factor * friction.stribeck(p.bristle.stribeck, lagged) + pressed, _LEAST)
-        holds = p.bristle.coulomb * limit * (1.0 + p.asymmetry * math.copysign(1.0 - _LEAST, dx))
-        carried, bristle = friction_bristle.within(p.bristle, bristle, holds, dx, c.h)
+    if c.bristle.coulomb != 0.0:
+        carried, bristle = _bent(c, x.bristle, to.bristle, dx)
         force += carried
-    elif p.bristle.coulomb != 0.0:
-        force += p.bristle.stiffness * bristle
     rested = x.rested
-    if p.dwell.rise != 0.0:
-        rested = _aged(c, rested, dx, force / max(c.coulomb * limit, 1e-300))
-    return Contact(force, bristle, lagged, rested)
+    if c.dwell.rise != 0.0:
+        rested = _aged(c, rested, dx, force / max(c.coulomb * to.bristle, 1e-300))
+    return Contact(force, bristle, to.lagged, rested)
+
+
+@kernel
+def _bent(c: Held, z: float, limit: float, dx: float) -> tuple[float, float]:
+    """Force and deflection of the bristle within +-`limit`, each side with its asymmetry."""
+    if dx == 0.0:
+        return c.bristle.stiffness * z, z
+    side = 1.0 + c.asymmetry if dx > 0.0 else 1.0 - c.asymmetry
+    return friction_bristle.within(c.bristle, z, c.bristle.coulomb * max(limit * side, _LEAST), dx, c.h)
 
 
 @kernel

@@ -20,7 +20,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stagectl.kernels import affected, drive_effects, friction, friction_bristle, standing
+from stagectl.kernels import (
+    affected,
+    drive_effects,
+    effects,
+    friction,
+    friction_bristle,
+    friction_effects,
+    standing,
+    transmission,
+)
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import NO_COMMANDS as NO_COMMANDS
 from stagectl.kernels.plant import SILENT as SILENT
@@ -88,17 +97,17 @@ def rounded(p: Drive, command: float) -> float:
 
 
 @kernel
-def _coefficients(p: Stage, h: float) -> _Coefficients:
+def _coefficients(p: Mechanics, current_lag: float, h: float) -> _Coefficients:
     half = 0.5 * h
     lag, lag_mean = 0.0, 0.0
-    if p.drive.current_lag > 0.0:
-        ratio = half / p.drive.current_lag
+    if current_lag > 0.0:
+        ratio = half / current_lag
         lag = math.exp(-ratio)
         lag_mean = -math.expm1(-ratio) / ratio
-    damped = p.mechanics.viscous * half / p.mechanics.inertia
-    gain = half / p.mechanics.inertia
+    damped = p.viscous * half / p.inertia
+    gain = half / p.inertia
     if damped > 0.0:
-        gain = -math.expm1(-damped) / p.mechanics.viscous
+        gain = -math.expm1(-damped) / p.viscous
     return _Coefficients(h, lag, lag_mean, math.exp(-damped), gain)
 
 
@@ -153,15 +162,24 @@ def _noted(m: Memory, current: float) -> Memory:
 @kernel
 def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State:
     """The plant `dt` (s) later, under the command that acts."""
-    if not affected.neutral(p):  # asked once a period, not at every step: neutral costs nothing
+    # Asked once a period, not at every step: neutral costs nothing.
+    plain = drive_effects.neutral(p.drive) and affected.smooth(p.motor) and transmission.neutral(p.mechanics)
+    if not (plain and friction_effects.neutral(p.friction) and p.residual.coordinate == effects.NONE):
         return affected.drifted(p, x, noise, dt, substeps)
-    return _plain(p, x, delivered(p.drive, x.commands), noise.current, _coefficients(p, dt / substeps), substeps)
+    return _plain(
+        p,
+        x,
+        delivered(p.drive, x.commands),
+        noise.current,
+        _coefficients(p.mechanics, p.drive.current_lag, dt / substeps),
+        substeps,
+    )
 
 
 @kernel
 def latched(p: Stage, x: State) -> State:
     """Encoder, once a period: the position it sees now enters the measurement's delay line."""
-    line = pushed(x.latched, affected.seen(p, x.position))
+    line = pushed(x.latched, affected.seen(p.encoder, p.mechanics.pitch, x.position))
     return State(x.commands, line, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, x.memory)
 
 

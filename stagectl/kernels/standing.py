@@ -24,7 +24,7 @@ def at_rest(p: Stage, position: float, time: float) -> State:
     memory = Memory(
         time, _NEVER, -math.inf, 0.0, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0
     )  # fmt: skip
-    seen = affected.seen(p, position)
+    seen = affected.seen(p.encoder, p.mechanics.pitch, position)
     here: Line = (seen, seen, seen, seen, seen, seen, seen, seen)
     return State(NO_COMMANDS, here, p.drive.offset, position, 0.0, force, stops, bristle, memory)
 
@@ -34,7 +34,11 @@ def efforts(p: Stage, position: float, time: float) -> tuple[float, float]:
     bodies = Bodies(position, 0.0, position, 0.0, 0.0, 0.0)
     motor = affected.motoring(p.motor, effects.TURN / p.mechanics.pitch * position)
     path = affected.Path(0.0, position, position, 0.0)
-    against = affected.opposing(p, bodies, path, p.drive.offset, time)
+    against = transmission.pulled(p.mechanics.cable, position, 0.0)
+    if p.residual.coordinate != effects.NONE:
+        now = (p.drive.offset, time)
+        place = affected.coordinate(p.residual.coordinate, p.mechanics.pitch, bodies, path, now)
+        against += effects.looked_up(p.residual, place)
     return motor.constant * p.drive.offset + motor.cogging, p.mechanics.bias - against
 
 
@@ -42,7 +46,9 @@ def _limits(p: Stage, position: float, time: float, driving: float, load: float)
     """What slips at rest, as factors on bristle (without its own Stribeck) and operators."""
     held = friction_effects.held(p.friction, time, 1.0)
     angle = effects.TURN / p.mechanics.pitch * position
-    place = held.drift * friction_effects.place_factor(p.friction, position, angle)
+    place = held.drift * friction_effects.place_factor(
+        p.friction.along, p.friction.lead, p.friction.ball_pass, (position, angle)
+    )
     pressed = p.friction.load * abs(driving) / held.coulomb if held.coulomb > 0.0 else 0.0
     side = 1.0 + math.copysign(p.friction.asymmetry, p.friction.asymmetry * load)
     rise = friction.stribeck(p.friction.stribeck, 0.0)
