@@ -45,9 +45,9 @@ def believed(logs: list[Found], setup: Setup | None) -> Believed:
             f"{logs[0].name} is of a {axis['kind']} axis, {setup.path} is {setup.file.axis.kind}; give the stage that "
             "it was recorded on"
         )
-    own = [log for log in logs if log.setpoints is not None]
+    own = [log for log in logs if log.ours]
     if own and len(own) < len(logs):
-        other = next(log for log in logs if log.setpoints is None)
+        other = next(log for log in logs if not log.ours)
         raise GapError(f"{own[0].name} is a recording of ours, {other.name} is not: diagnose them apart")
     return _of_ours(logs, axis, setup) if own else _of_others(logs, axis, setup)
 

@@ -97,7 +97,7 @@ def _gridded(log: Found, dt: float) -> Gridded:
         grid = gridded(log.time, log.columns, dt)
     except GapError as error:
         raise GapError(f"{log.name}: {error}") from error
-    if not grid.exact and log.setpoints is not None:
+    if not grid.exact and log.ours:
         raise GapError(f"{log.name}: the rows of a recording of ours are not its control periods; record it again")
     return grid
 
@@ -144,4 +144,4 @@ def _setpoints(one: Repeat, machine: Believed, columns: dict[str, Array]) -> Arr
     time, reference = grid.samples
     if machine.deployed is None or len(time) < setpoints.LEAST:
         return None
-    return setpoints.rows(machine.deployed, setpoints.Asked(time, reference, rows, columns.get("injection"), log.opens))
+    return setpoints.rows(machine.deployed, setpoints.Asked(time, reference, rows, columns.get("injection")))

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from stagectl.gap.deployed import Deployed
@@ -30,7 +29,6 @@ class Asked(NamedTuple):
     reference: Array  # (m,) rad | m
     rows: int  # of the log
     injection: Array | None = None  # (rows,) A
-    opens: float = np.inf  # s, from which on the loop is open
 
 
 def rows(p: Deployed, asked: Asked) -> Array:
@@ -48,7 +46,7 @@ def rows(p: Deployed, asked: Asked) -> Array:
     found = found[: asked.rows]
     if asked.injection is not None:
         found[:, _COLUMN["injection"]] = asked.injection
-    return _opened(found, t[: asked.rows] >= asked.opens - 1e-9)
+    return found
 
 
 def _curve(asked: Asked) -> Callable[[Array], Array]:
@@ -76,10 +74,3 @@ def _compensation(p: Deployed, seen: feedforward.Foreseen, ahead: Array) -> Arra
     else:
         return np.zeros(len(ahead))
     return force / p.feedforward.force_constant
-
-
-def _opened(found: Array, opened: NDArray[np.bool_]) -> Array:
-    """While the loop is open, only what is added to the command flows."""
-    for name in ("feedforward", "friction", "velocity", "closed"):
-        found[opened, _COLUMN[name]] = 0.0
-    return found

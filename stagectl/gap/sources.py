@@ -37,8 +37,12 @@ class Found(NamedTuple):
     start: float | None  # s, session clock
     time: Array  # (m,) s, from 0
     columns: dict[str, Array]  # (m,) each, by our names; absent where there is no number
-    setpoints: Array | None  # (m, 8), of our own recordings
-    opens: float  # s, from which on the loop is open; inf: never
+    setpoints: Array | None  # (m, 8), where they were recorded
+
+    @property
+    def ours(self) -> bool:
+        """Whether it carries its stage file and its law."""
+        return "law" in self.recording.meta
 
 
 def found(paths: Sequence[Path], setup: Setup | None) -> list[Found]:
@@ -77,10 +81,10 @@ def _log(recording: Recording) -> Found:
         raise GapError(f"{recording.path} holds no rows: record it again")
     columns = {name: np.ascontiguousarray(recording.column(ours)) for name, ours in COLUMNS.items() if ours in there}
     columns = {name: column for name, column in columns.items() if np.any(np.isfinite(column))}
-    own = "law" in recording.meta and set(Setpoint._fields) <= set(there)
-    if own:
+    known = set(Setpoint._fields) <= set(there)
+    if known:
         columns["injection"] = columns["injection"] + recording.column("learned")
-    setpoints = np.stack([recording.column(name) for name in Setpoint._fields], axis=1) if own else None
+    setpoints = np.stack([recording.column(name) for name in Setpoint._fields], axis=1) if known else None
     time = recording.column("time")
     return Found(
         recording,
@@ -92,7 +96,6 @@ def _log(recording: Recording) -> Found:
         np.asarray(time - time[0], dtype=np.float64),
         columns,
         setpoints,
-        _opens(recording, entry),
     )
 
 
@@ -108,11 +111,6 @@ def _repeat(recording: Recording, entry: dict[str, Any]) -> int | None:
     if found is not None and found != round(found):
         raise GapError(f"{recording.path}: repeat = {found:g} in captures.yaml; must be a whole number")
     return None if found is None else round(found)
-
-
-def _opens(recording: Recording, entry: dict[str, Any]) -> float:
-    told = _number(recording, entry, "opens_s")
-    return float("inf") if told is None else told
 
 
 def _number(recording: Recording, entry: dict[str, Any], key: str) -> float | None:
@@ -140,7 +138,7 @@ def _on_one_clock(logs: list[Found]) -> list[Found]:
 
 def _created(log: Found) -> float | None:
     """When one of our own recordings began, by the wall clock; the date of an import is not that of its log."""
-    if log.setpoints is None:
+    if not log.ours:
         return None
     try:
         return datetime.datetime.strptime(log.recording.meta["created"], "%Y-%m-%dT%H:%M:%S%z").timestamp()

@@ -15,6 +15,7 @@ from stagectl.config.friction_laws import Dahl, Lugre
 from stagectl.config.loader import Lengths, Reader
 from stagectl.config.stage_file import StageFile
 from stagectl.design import Control
+from stagectl.drives.drive import Canopen
 from stagectl.kernels import friction_bristle
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.units import LINEAR, ROTARY
@@ -118,7 +119,9 @@ def _bristle(file: StageFile, compensated: bool) -> dict[str, Any]:
 
 
 def _drive(file: StageFile) -> dict[str, Any]:
+    wire = file.drive.wire
     return {
+        "current_quantum_A": wire.command_scale if isinstance(wire, Canopen) else None,
         "current_loop_s": file.drive.current_lag,
         "delay_samples": file.drive.delay_samples,
         "resistance_ohm": None,
