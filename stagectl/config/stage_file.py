@@ -253,4 +253,9 @@ def _assembled(file: StageFile) -> stage.Stage:
     )
 
 
-__all__ = ["Axis", "ConfigError", "Limits", "Operators", "Rolling", "Setup", "StageFile", "load_stage"]
+def carried(path: Path, file: StageFile) -> Setup:
+    """The set-up of a stage file that was read before, as a recording carries it; `path` names it."""
+    return Setup(path, file, _assembled(file))
+
+
+__all__ = ["Axis", "ConfigError", "Limits", "Operators", "Rolling", "Setup", "StageFile", "carried", "load_stage"]

@@ -22,6 +22,7 @@ import yaml
 from numpy.typing import NDArray
 from scipy.io import savemat
 
+from stagectl.kernels.law import Setpoint
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.nominal import nominal_of
 from stagectl.trajectories import Recorded
@@ -191,8 +192,11 @@ def _beside(recording: Recording, path: Path) -> dict[str, Any]:
         beside = path.with_name(f"{path.stem}-injection.csv")
         write_columns(beside, {"time_s": recording.column("time")[rows], "injection_A": added})
         found["injection"] = beside.name
-    opened = np.flatnonzero(recording.column("closed")[rows] == 0.0) if "closed" in names else np.zeros(0)
-    return {**found, **({"opens_s": float(recording.column("time")[opened[0]])} if opened.size else {})}
+    if set(Setpoint._fields) <= set(names):
+        beside, unit = path.with_name(f"{path.stem}-setpoints.csv"), units(recording)
+        write_columns(beside, {header(name, unit[name]): recording.column(name)[rows] for name in Setpoint._fields})
+        found["setpoints"] = beside.name
+    return found
 
 
 def _kept(recording: Recording) -> slice:
@@ -236,7 +240,7 @@ def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:
         entry = {"file": f"{name}-{repeats[name]}.csv", "experiment": name, "repeat": repeats[name], "use": "diagnose"}
         if "law" in recording.meta:  # the date of an import is not that of its capture
             entry["start_s"] = _seconds(recording) - min(_seconds(one) for one in recordings)
-        entry.update({key: known[key] for key in ("repeat", "use", "start_s", "opens_s") if key in known})
+        entry.update({key: known[key] for key in ("repeat", "use", "start_s") if key in known})
         found.append(entry)
     return found
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout
-from stagectl.recording import csv_logs, injections, mat_logs
+from stagectl.recording import beside, csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
 from stagectl.recording.meta import versions
@@ -118,15 +118,19 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
         if not path.is_file():
             raise RecordingError(f"captures[{number}].file = {entry['file']}; no such file in {folder}")
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
-        found.append(_recording(_injected(csv_logs.read(path, setup, about), entry)))
+        found.append(_recording(_with_beside(csv_logs.read(path, setup, about), entry)))
     return found
 
 
-def _injected(log: Log, entry: Mapping[str, Any]) -> Log:
-    """The log with the current that captures.yaml says was added to its command."""
-    if entry.get("injection") is None:
-        return log
-    path = log.path.parent / str(entry["injection"])
-    if not path.is_file():
-        raise RecordingError(f"{log.path} has the injection {entry['injection']}; no such file in {log.path.parent}")
-    return log._replace(columns={**log.columns, "injection": injections.read(path, log.columns["time"])})
+def _with_beside(log: Log, entry: Mapping[str, Any]) -> Log:
+    """The log with what captures.yaml names beside it: the current added to its command, its setpoints."""
+    paths = {key: log.path.parent / str(entry[key]) for key in ("injection", "setpoints") if entry.get(key) is not None}
+    for key, path in paths.items():
+        if not path.is_file():
+            raise RecordingError(f"{log.path} has the {key} {entry[key]}; no such file in {log.path.parent}")
+    columns, time = dict(log.columns), log.columns["time"]
+    if "injection" in paths:
+        columns["injection"] = beside.injection(paths["injection"], time)
+    if "setpoints" in paths:  # they hold the injection, too, apart from what was learned
+        columns |= beside.setpoints(paths["setpoints"], len(time), log.scales.kind)
+    return log._replace(columns=columns)

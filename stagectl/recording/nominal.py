@@ -15,6 +15,7 @@ from stagectl.config.friction_laws import Dahl, Lugre
 from stagectl.config.loader import Lengths, Reader
 from stagectl.config.stage_file import StageFile
 from stagectl.design import Control
+from stagectl.drives.drive import Canopen
 from stagectl.kernels import friction_bristle
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.units import LINEAR, ROTARY
@@ -110,8 +111,17 @@ def _plain(bristle: friction_bristle.Bristle) -> dict[str, Any]:
     return {**bristle._asdict(), "stribeck": bristle.stribeck._asdict()}
 
 
+def _bristle(file: StageFile, compensated: bool) -> dict[str, Any]:
+    """The bristle that a compensation by the stage's own model runs beside its stop operators."""
+    if not compensated or not isinstance(file.friction, Dahl | Lugre):
+        return {}
+    return {"friction_bristle": _plain(file.friction.bristle())}
+
+
 def _drive(file: StageFile) -> dict[str, Any]:
+    wire = file.drive.wire
     return {
+        "current_quantum_A": wire.command_scale if isinstance(wire, Canopen) else None,
         "current_loop_s": file.drive.current_lag,
         "delay_samples": file.drive.delay_samples,
         "resistance_ohm": None,
@@ -187,6 +197,7 @@ def _anticipation(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
         "model_force_constant": ahead["force_constant"],
         "feedforward": "perfect tracking" if ahead["with_ptc"] else "none: y0 is the reference",
         **({"friction_compensation": meta["compensation"]} if form != "model" and ahead["with_friction"] else {}),
+        **_bristle(file, form == "model" and ahead["with_friction"]),
         "friction_weight": list(friction["weight"]),
         "friction_slip": list(friction["slip"]),
         "feedforward_advance_s": advance,

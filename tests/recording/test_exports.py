@@ -21,6 +21,7 @@ from stagectl.cli.records import Format
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.kernels.law import Setpoint
 from stagectl.recording.exports import FORMATS, export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, save
 from stagectl.recording.imports import read
@@ -160,14 +161,53 @@ def test_a_folder_comes_back_as_it_went(sine: Recording, tmp_path: Path) -> None
         ("sine-2.csv", "sine", 2, "diagnose", 0.0),
     ]
     for back in read(tmp_path / "out"):
-        assert back.samples.dtype.names == ("time", "reference", "command", "measured", "measured_current")
+        assert set(back.samples.dtype.names or ()) == {
+            "time",
+            *Setpoint._fields,
+            "command",
+            "measured",
+            "measured_current",
+        }
         for name in back.samples.dtype.names:
             np.testing.assert_array_equal(back.column(name), sine.column(name))
         for name, value in sine.meta["axis"].items():
             assert back.meta["axis"][name] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-15))
         again = export([back], "folder", tmp_path / "again")[0].path
-        for name in ("nominal.yaml", "sine-1.csv"):
+        for name in ("nominal.yaml", "sine-1.csv", "sine-1-setpoints.csv"):
             assert (again / name).read_text() == (tmp_path / "out" / name).read_text()
+
+
+def test_what_was_added_to_the_command_goes_along(sine: Recording, tmp_path: Path) -> None:
+    """Learned and injected together, as a reader needs them to recompute the command."""
+    samples = sine.samples.copy()
+    samples["learned"] = 0.1 * np.sin(sine.column("time"))
+    samples["injection"] = 0.2
+    added = sine._replace(samples=samples)
+    found = export([added, sine], "folder", tmp_path / "out")[0]
+    captures = yaml.safe_load((found.path / "captures.yaml").read_text())["captures"]
+    assert [one.get("injection") for one in captures] == ["sine-1-injection.csv", None]
+    beside = table(found.path / "sine-1-injection.csv")
+    np.testing.assert_array_equal(beside["injection_A"], 0.2 + samples["learned"])
+    np.testing.assert_array_equal(beside["time_s"], sine.column("time"))
+    assert found.notes == []
+    back = read(found.path)[0]
+    for name in ("learned", "injection"):
+        np.testing.assert_array_equal(back.column(name), samples[name])
+
+
+def test_setpoints_that_do_not_fit_are_refused(sine: Recording, tmp_path: Path) -> None:
+    folder = export([sine], "folder", tmp_path / "out")[0].path
+    path = folder / "sine-1-setpoints.csv"
+    text = path.read_text()
+    path.write_text(text[: text.rindex("\n", 0, -1)])
+    with pytest.raises(RecordingError, match=r"has \d+ rows, its capture \d+; without setpoints, they are recomputed"):
+        read(folder)
+    path.write_text(text.replace("target_rad", "target", 1))
+    with pytest.raises(RecordingError, match="lacks the column target_rad"):
+        read(folder)
+    path.unlink()
+    with pytest.raises(RecordingError, match=r"has the setpoints sine-1-setpoints\.csv; no such file"):
+        read(folder)
 
 
 def test_layers_that_were_off_are_told(tmp_path: Path) -> None:

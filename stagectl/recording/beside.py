@@ -1,7 +1,10 @@
-"""The current that was added to the command of a capture, from the CSV that captures.yaml names beside it.
+"""What captures.yaml names beside a capture: the current that was added to its command, and its setpoints.
 
-Its header has ``injection_A`` (or one other column in A or mA) and, where its rows are not those of the capture,
-``time_s``: then a value holds from its time on, as a controller adds it, and none was added outside.
+The header of an injection has ``injection_A`` (or one other column in A or mA) and, where its rows are not those of the
+capture, ``time_s``: then a value holds from its time on, as a controller adds it, and none was added outside.
+
+Setpoints are an addition of our own exports: with them a loop is simulated again to the last bit, where a spline
+through the reference is another curve than the motion's own formula.
 """
 
 from __future__ import annotations
@@ -12,23 +15,39 @@ import numpy as np
 import pyarrow
 import pyarrow.csv
 
+from stagectl.kernels.law import Setpoint
 from stagectl.recording.columns import Array
-from stagectl.recording.hdf5 import RecordingError
+from stagectl.recording.exports import header
+from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.units import StageError, factor
 
 NAME = "injection_A"
 _EARLY = 0.5  # of a row's duration: a row belongs to the value that begins up to this much after it
 
 
-def read(path: Path, time: Array) -> Array:
+def setpoints(path: Path, rows: int, kind: str) -> dict[str, Array]:
+    """The fields of `kernels.law.Setpoint` (n,) each, at the rows of a capture on an axis of `kind`.
+
+    Raises RecordingError where a column or a row is missing.
+    """
+    table = _table(path)
+    known = quantities()
+    names = {name: header(name, known[name].unit_for(kind)) for name in Setpoint._fields}
+    absent = [label for label in names.values() if label not in table.column_names]
+    if absent or len(table) != rows:
+        what = f"lacks the column {absent[0]}" if absent else f"has {len(table)} rows, its capture {rows}"
+        raise RecordingError(
+            f"{path} {what}; without setpoints, they are recomputed: take the key out of captures.yaml"
+        )
+    return {name: _numbers(path, table, label) for name, label in names.items()}
+
+
+def injection(path: Path, time: Array) -> Array:
     """The added current (n,) A at the rows of a capture, whose own `time` (n,) s is given.
 
     Raises RecordingError where the file cannot be understood, or does not fit the capture.
     """
-    try:
-        table = pyarrow.csv.read_csv(path, read_options=pyarrow.csv.ReadOptions(use_threads=False))
-    except (pyarrow.ArrowInvalid, OSError) as error:
-        raise RecordingError(f"{path} cannot be read as the injection of a capture: {error}") from error
+    table = _table(path)
     name, scale = _column(path, table.column_names)
     current = scale * _numbers(path, table, name)
     if "time_s" not in table.column_names:
@@ -39,6 +58,13 @@ def read(path: Path, time: Array) -> Array:
             )
         return current
     return _held(path, _numbers(path, table, "time_s"), current, time)
+
+
+def _table(path: Path) -> pyarrow.Table:
+    try:
+        return pyarrow.csv.read_csv(path, read_options=pyarrow.csv.ReadOptions(use_threads=False))
+    except (pyarrow.ArrowInvalid, OSError) as error:
+        raise RecordingError(f"{path} cannot be read as a CSV beside a capture: {error}") from error
 
 
 def _column(path: Path, names: list[str]) -> tuple[str, float]:
