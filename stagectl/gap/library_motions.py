@@ -26,7 +26,7 @@ def speeds(p: Scale, low: float, high: float, count: int, hold: float) -> tuple[
 def creep(p: Scale) -> tuple[Trajectory, ...]:
     """Slow enough that each count is seen, far enough to leave presliding."""
     way = 8.0 * p.presliding
-    return (move(way, way / 4.0, largest_acceleration(p, GENTLE)),)
+    return (move(way, way / 4.0, motions.ramp(p, way / 4.0)),)
 
 
 def constant(p: Scale, *shares: float) -> tuple[Trajectory, ...]:
@@ -34,7 +34,7 @@ def constant(p: Scale, *shares: float) -> tuple[Trajectory, ...]:
     speed, acceleration = motions.transit(p)
     start = move(0.9 * p.low, speed, acceleration, one_way=True)
     speeds = [share * motions.top_speed(p) for share in shares]
-    passes = tuple(move(0.9 * p.span, one, largest_acceleration(p, GENTLE, one)) for one in speeds)
+    passes = tuple(move(0.9 * p.span, one, motions.ramp(p, one)) for one in speeds)
     return start, *passes, start._replace(distance=-start.distance)
 
 
@@ -61,7 +61,7 @@ def accelerations(p: Scale) -> tuple[Trajectory, ...]:
 def strokes(p: Scale) -> tuple[Trajectory, ...]:
     """Three strokes of the millimetre range at one speed."""
     speed = 0.1 * motions.top_speed(p)
-    a = largest_acceleration(p, GENTLE)
+    a = motions.ramp(p, speed)
     strokes = (0.3 * p.short, p.short, 5.0 * p.short)
     return tuple(move(min(way, 0.8 * p.high), speed, a) for way in strokes for _ in range(2))
 
@@ -96,7 +96,7 @@ def settling(p: Scale, share: float) -> tuple[Trajectory, ...]:
 
 def warm_up(p: Scale, seconds: float) -> tuple[Trajectory, ...]:
     """Reversals at a brisk speed for so long, as a machine at work does them."""
-    one = motions.there_and_back(p, 0.6 * motions.top_speed(p), 0.8, largest_acceleration(p, GENTLE))
+    one = motions.there_and_back(p, 0.6 * motions.top_speed(p), 0.8)
     return (one._replace(cycles=max(1, round(seconds / one.duration))),)
 
 

@@ -44,11 +44,17 @@ def strong(p: Scale, share: float, frequency: float, periods: float = 4.0) -> Si
     return Sine(rounded(largest_amplitude(p, share, frequency)), rounded(frequency), periods, 2.0)
 
 
+def ramp(p: Scale, speed: float) -> float:
+    """How fast to get to `speed` (m/s): in a tenth of a second, or as the current beside friction allows (m/s^2)."""
+    return min(speed / 0.1, GENTLE * p.acceleration, largest_acceleration(p, 0.85, speed))
+
+
 def top_speed(p: Scale) -> float:
     """Of the stairs (m/s): 4/15 of the limit, 65 % of the current, and a quarter of a second at it."""
-    a, way = largest_acceleration(p, GENTLE), 0.8 * p.high
+    fastest = min(4.0 / 15.0 * p.speed, largest_speed(p, 0.65))
+    a, way = ramp(p, fastest), 0.8 * p.high
     by_way = 0.5 * a * (math.sqrt(0.0625 + 4.0 * way / a) - 0.25)
-    return rounded(min(4.0 / 15.0 * p.speed, largest_speed(p, 0.65), by_way))
+    return rounded(min(fastest, by_way))
 
 
 def logarithmic(low: float, high: float, count: int) -> list[float]:
@@ -64,11 +70,12 @@ def transit(p: Scale) -> tuple[float, float]:
 
 def stairs(p: Scale, speeds: Many[float], hold: float) -> tuple[Trapezoid, ...]:
     """There and back at each of `speeds` (m/s), held for `hold` (s) where the travel is long enough."""
-    return tuple(there_and_back(p, speed, hold, largest_acceleration(p, GENTLE, speed)) for speed in speeds)
+    return tuple(there_and_back(p, speed, hold) for speed in speeds)
 
 
-def there_and_back(p: Scale, speed: float, hold: float, acceleration: float) -> Trapezoid:
+def there_and_back(p: Scale, speed: float, hold: float) -> Trapezoid:
     """At `speed` (m/s) for `hold` (s): over whole pitches where it comes to at least one."""
+    acceleration = ramp(p, speed)
     ramps = speed * speed / acceleration
     way = min(speed * hold + ramps, 0.8 * p.high)
     pitches = math.floor(way / p.pitch)
@@ -140,7 +147,7 @@ def carried(p: Scale, place: Place) -> Excited:
 def wavering(p: Scale, speed: float, share: float, frequency: float, periods: float) -> tuple[Trajectory, ...]:
     """One way at ``speed + share speed cos(2 pi f t)``, never turning round, and back."""
     swing = Sine(rounded(share * speed / (2.0 * math.pi * frequency)), rounded(frequency), periods, 1.0)
-    a = largest_acceleration(p, GENTLE, speed)
+    a = ramp(p, speed)
     start = rounded(speed / a + 0.1)
     way = min(speed * (swing.duration + 2.0 * start), 0.8 * p.high)
     carrier = move(way, speed, a, one_way=True)
