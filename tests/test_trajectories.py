@@ -19,6 +19,7 @@ from stagectl.trajectories import (
     SCurve,
     Sequence,
     Sine,
+    Sum,
     Trajectory,
     TrajectoryError,
     Trapezoid,
@@ -224,7 +225,19 @@ def test_sequence_never_exceeds_its_parts(chosen: list[tuple[float, float]]) -> 
     assert p.at([p.duration]).position[0] == pytest.approx(end, abs=1e-15)
 
 
+def test_sum_adds_the_motions_of_its_parts() -> None:
+    carrier = Trapezoid(0.05, 0.01, 0.2, one_way=True)
+    p = Sum((carrier, Sequence((Dwell(1.0), SINE))))
+    assert (p.duration, p.end) == (max(carrier.duration, 1.0 + SINE.duration), 0.05)
+    t = np.linspace(0.0, p.duration, 400)
+    for found, one, other in zip(p.at(t), carrier.at(t), SINE.at(t - 1.0), strict=True):
+        np.testing.assert_allclose(found, one + other, rtol=1e-15, atol=1e-15)
+    assert p.at([p.duration + 1.0]).position[0] == 0.05
+
+
 BAD = [
+    (Sum(()), "sum.parts is empty"),
+    (Sum((SINE, Dwell(0.0))), "sum.parts[1].duration = 0.0 s"),
     (SINE._replace(amplitude=-1.0), "sine.amplitude = -1.0 m; must be finite and lie in (0, 1e6] m"),
     (SINE._replace(frequency=math.nan), "sine.frequency = nan Hz"),
     (Sine(1e-3, 1e-3, 1e6), "sine.duration = 1e+09 s; must lie in [0, 86400] s"),

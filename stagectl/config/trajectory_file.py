@@ -44,7 +44,13 @@ class Parts(NamedTuple):
     parts: Annotated[tuple[Entry, ...], "list of trajectories, each a block with its type"]
 
 
-BLOCKS: dict[str, Any] = {**trajectories.TYPES, "csv": Csv, "sequence": Parts}
+class Together(NamedTuple):
+    """Trajectories at once, their motions added."""
+
+    parts: Annotated[tuple[Entry, ...], "list of trajectories, each a block with its type"]
+
+
+BLOCKS: dict[str, Any] = {**trajectories.TYPES, "csv": Csv, "sequence": Parts, "sum": Together}
 Entry = Annotated[Any, Tagged("type", BLOCKS)]
 CurrentEntry = Annotated[Any, Tagged("type", trajectories.CURRENTS)]
 
@@ -134,6 +140,8 @@ def _resolved(entry: Any, path: Path, axis: Axis) -> trajectories.Trajectory:
         return _recorded(path.parent / entry.file, entry, axis)
     if isinstance(entry, Parts):
         return trajectories.Sequence(tuple(_resolved(part, path, axis) for part in entry.parts))
+    if isinstance(entry, Together):
+        return trajectories.Sum(tuple(_resolved(part, path, axis) for part in entry.parts))
     found: trajectories.Trajectory = entry
     return found
 

@@ -19,7 +19,7 @@ from stagectl.trajectories.motion import Motion, TrajectoryError
 from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.trajectories.profiles import Dwell, SCurve, Trapezoid
 from stagectl.trajectories.recorded import Columns, Recorded, columns
-from stagectl.trajectories.sequence import TYPES, Sequence, Trajectory
+from stagectl.trajectories.sequence import TYPES, Sequence, Sum, Trajectory
 
 __all__ = [
     "CURRENTS",
@@ -42,6 +42,7 @@ __all__ = [
     "Sequence",
     "Sine",
     "Span",
+    "Sum",
     "Trajectory",
     "TrajectoryError",
     "Trapezoid",

@@ -12,7 +12,7 @@ from stagectl.trajectories.motion import TrajectoryError
 from stagectl.trajectories.periodic import Multisine
 from stagectl.trajectories.profiles import SCurve, Trapezoid
 from stagectl.trajectories.recorded import LEAST_ROWS, LEAST_STEP, Recorded
-from stagectl.trajectories.sequence import TYPES, Sequence, Trajectory
+from stagectl.trajectories.sequence import TYPES, Sequence, Sum, Trajectory
 from stagectl.units import quantity_of
 
 SHORTEST = 1e-12  # m, of a move
@@ -67,7 +67,7 @@ def check(trajectory: Trajectory, place: str = "") -> None:
         _check_band(trajectory, place)
     if isinstance(trajectory, Recorded):
         _check_samples(trajectory, place)
-    if isinstance(trajectory, Sequence):
+    if isinstance(trajectory, Sequence | Sum):
         _check_parts(trajectory, place)
     if not trajectory.duration <= LONGEST:
         raise TrajectoryError(
@@ -129,7 +129,7 @@ def _check_samples(p: Recorded, place: str) -> None:
         )
 
 
-def _check_parts(p: Sequence, place: str) -> None:
+def _check_parts(p: Sequence | Sum, place: str) -> None:
     if not p.parts:
         raise TrajectoryError(f"{place}.parts is empty; must hold at least one trajectory")
     for number, part in enumerate(p.parts):

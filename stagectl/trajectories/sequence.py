@@ -1,4 +1,4 @@
-"""Trajectories one after another, and the names by which files call them."""
+"""Trajectories one after another or at once, and the names by which files call them."""
 
 from __future__ import annotations
 
@@ -51,7 +51,36 @@ class Sequence(NamedTuple):
         return motion
 
 
-Trajectory = Sine | Trapezoid | SCurve | Dwell | Multisine | Recorded | Sequence
+class Sum(NamedTuple):
+    """Parts at once, their motions added, such as a sine on a constant speed; a part that is over stands at its end."""
+
+    parts: Annotated[tuple[Trajectory, ...], "trajectories, in any order"]
+
+    @property
+    def duration(self) -> float:
+        """Of the longest part (s)."""
+        return max((part.duration for part in self.parts), default=0.0)
+
+    @property
+    def end(self) -> float:
+        """Sum of the parts' ends (m)."""
+        return float(sum(part.end for part in self.parts))
+
+    @property
+    def steady(self) -> tuple[float, float]:
+        """All of it (s)."""
+        return 0.0, self.duration
+
+    def at(self, t: npt.ArrayLike) -> Motion:
+        """Motion at the times `t` (n,) s."""
+        return contained(self._inside, t, self.duration, self.end)
+
+    def _inside(self, t: Array) -> Motion:
+        motions = [part.at(t) for part in self.parts]
+        return Motion(*(np.sum(columns, axis=0) for columns in zip(*motions, strict=True)))
+
+
+Trajectory = Sine | Trapezoid | SCurve | Dwell | Multisine | Recorded | Sequence | Sum
 
 TYPES: dict[str, type[Trajectory]] = {
     "sine": Sine,
@@ -61,4 +90,5 @@ TYPES: dict[str, type[Trajectory]] = {
     "multisine": Multisine,
     "csv": Recorded,
     "sequence": Sequence,
+    "sum": Sum,
 }

@@ -190,7 +190,7 @@ MOTIONS = [
     ),
     (
         "type: sin\n",
-        "type = sin; must be one of sine, trapezoid, s_curve, dwell, multisine, csv, sequence, current_sine, "
+        "type = sin; must be one of sine, trapezoid, s_curve, dwell, multisine, csv, sequence, sum, current_sine, "
         "current_multisine, current_sweep, excited, release (motion.yaml:1)",
     ),
     (SINE.format("2 N", "1 Hz", 1), "amplitude = 2 N; 'N' does not measure m; must lie in (0, 1e6] m (motion.yaml:2)"),
