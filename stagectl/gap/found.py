@@ -40,6 +40,7 @@ class Effect(NamedTuple):
     parameter: bool = False  # a shift of a value that the model has already
     coordinate: str = "none"
     curve: tuple[Array, Array, Array] | None = None  # coordinate, residual, model: its signature in these data
+    curve_unit: str = ""  # of residual and model; empty: that of the effort
 
 
 class Gap(NamedTuple):
@@ -124,6 +125,8 @@ class Found(NamedTuple):
     travel_per_unit: float = 1.0
     travel_unit: str = "m"
     seconds: tuple[tuple[str, float], ...] = ()  # of each step
+    reason: str = ""  # a sentence: what is wrong with the controller, or why nothing can be told
+    impossible: tuple[tuple[str, str], ...] = ()  # (one of BLOCKS, why it could not be judged)
 
     @property
     def named(self) -> tuple[Effect, ...]:

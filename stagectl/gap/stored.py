@@ -30,11 +30,13 @@ def as_json(found: Found) -> Json:
     return {
         "verdict": found.verdict,
         "sentence": found.sentence,
+        "reason": found.reason,
         "effects": [_effect(one) for one in found.effects],
         "gap": _plain(found.gap),
         "gaps": {name: _plain(one) for name, one in found.gaps.items()},
         "where": {
             "blocks": blocks,
+            "impossible": dict(found.impossible),
             "coordinates": [_plain(one) for one in found.coordinates],
             "captures": [_plain(one) for one in found.captures],
         },
@@ -140,6 +142,8 @@ def restored(told: Mapping[str, Any]) -> Found:
         travel_per_unit=float(axis["travel_per_unit"]),
         travel_unit=axis["travel_unit"],
         seconds=tuple((name, _float(one)) for name, one in told["seconds"].items()),
+        reason=str(told["reason"]),
+        impossible=tuple(where["impossible"].items()),
     )
 
 

@@ -19,6 +19,7 @@ _PLACES = {  # a quantity that a gap is measured in, as a sentence calls it
     "force": "force gap",
     "current": "current gap",
 }
+_BLIND = "These logs cannot tell what causes the gap."
 MOST = 3  # effects in the sentence
 _SMALL = 0.005  # share that is not worth a word
 
@@ -49,18 +50,16 @@ def _unexplained(found: Found) -> str:
 
 
 def _controller(found: Found) -> str:
-    return (
-        "The controller that ran is not the one described, so nothing behind it is judged: "
-        "mend its description first, then diagnose again."
-    )
+    told = "The controller that ran is not the one described, so nothing behind it is judged."
+    return " ".join(filter(None, [told, found.reason, "Mend its description first, then diagnose again."]))
 
 
 def _unidentifiable(found: Found) -> str:
     rivals = [either(one) for one in found.effects if one.alternatives]
-    told = f"These logs cannot tell what causes the gap: {rivals[0]}." if rivals else "These logs cannot tell."
-    if found.next_experiment is None:
-        return told
-    return f"{told} The experiment {found.next_experiment.name!r} would."
+    told = f"These logs cannot tell what causes the gap: {rivals[0]}." if rivals else _BLIND
+    following = found.next_experiment
+    advised = f"The experiment {following.name!r} would tell." if following is not None else ""
+    return " ".join(filter(None, [told, found.reason, advised]))
 
 
 _VERDICTS: Mapping[str, Callable[[Found], str]] = {

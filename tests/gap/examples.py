@@ -170,7 +170,7 @@ def every() -> dict[str, Found]:
                                  ("not repeatable", 0.02))),
         "controller": found("controller", effects=(), gap=gap(40.0, 40.0), gaps={}, coordinates=(), shares=(),
                             traces=(), blocks={"controller": 1.0, "drive": None, "mechanics": None, "sensor": None},
-                            captures=(), notes=("The integral gain looks like 0.5 of the nominal one.",), **nothing),
+                            captures=(), reason="The integral gain looks like 0.5 of the nominal one.", **nothing),
         "not-identifiable": found("not-identifiable", effects=(COGGING,), captures=CAPTURES[:1],
                                   cannot_tell=("Only one speed was run.",)),
         "foreign": found("effects", effects=(ASYMMETRY,), traces=(),
