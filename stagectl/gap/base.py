@@ -224,7 +224,9 @@ def moved(model: Model, move: dict[str, float], member: Direction | None) -> Mod
     return model._replace(stage=stage_, shift=model.shift + move.get("time_shift", 0.0))
 
 
-def _added(bristle: friction_bristle.Bristle, member: Direction, model: Model, force: float) -> friction_bristle.Bristle:
+def _added(
+    bristle: friction_bristle.Bristle, member: Direction, model: Model, force: float
+) -> friction_bristle.Bristle:
     one = member.change(model).stage.friction.bristle
     coulomb = max(bristle.coulomb + force, 0.0)
     return one._replace(coulomb=coulomb, stiffness=one.stiffness * coulomb / one.coulomb) if coulomb else bristle

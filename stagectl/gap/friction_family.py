@@ -55,7 +55,9 @@ def _bristle(p: friction_bristle.Bristle, displacement: Array) -> Array:
 def spread(nominal: stage.Friction) -> stage.Friction:
     """The nominal friction, exactly, with elements of weight zero between and around its own: directions to move in."""
     zone = length(nominal)
-    own = [(float(d), float(w)) for d, w in zip(nominal.operators.slip, nominal.operators.weight, strict=True) if w > 0.0]
+    own = [
+        (float(d), float(w)) for d, w in zip(nominal.operators.slip, nominal.operators.weight, strict=True) if w > 0.0
+    ]
     slips = [slip for slip, _ in own] or [0.05 * zone, zone]
     grid = np.geomspace(BELOW * min(slips), ABOVE * max(slips), ELEMENTS)
     apart = [float(slip) for slip in grid if all(abs(math.log(slip / other)) > CLOSE for other, _ in own)]

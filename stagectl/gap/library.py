@@ -35,7 +35,9 @@ class Scales(NamedTuple):
     session: tuple[float, ...] = ()  # s, session clock of each log's first row
     voltage: float = 0.0  # V, largest that the motor needed; 0: resistance or back-EMF not known
     periods: float = 0.0  # encoder periods per pitch; 0: not known
-    orders: Mapping[str, tuple[float, ...]] = MappingProxyType({})  # of each harmonic effect, as the residual shows them
+    orders: Mapping[str, tuple[float, ...]] = MappingProxyType(
+        {}
+    )  # of each harmonic effect, as the residual shows them
     quanta: tuple[float, ...] = ()  # A, steps that the current seems to come in
 
 

@@ -127,9 +127,7 @@ def _cable(s: Scales) -> list[Definition]:
             "displacement_since_reversal",
             (Amplitude("effort", EFFORT, (0.1 * s.coulomb,), 0.0),),
             (Shape("slip", "rad | m", tuple(s.stroke * f for f in (0.02, 0.05, 0.12, 0.3))),),
-            lambda p, v: put(
-                p, "mechanics.cable", p.mechanics.cable._replace(hysteresis=v["effort"], slip=v["slip"])
-            ),
+            lambda p, v: put(p, "mechanics.cable", p.mechanics.cable._replace(hysteresis=v["effort"], slip=v["slip"])),
         ),
     ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -12,14 +13,15 @@ from stagectl.config import surgery
 from stagectl.config.loader import Lengths
 from stagectl.config.patch import KEPT, Change, patched, write
 from stagectl.config.source import node_at, read_text
-from stagectl.config.stage_file import Axis, StageFile, load_stage
+from stagectl.config.stage_file import Axis, Rolling, StageFile, load_stage
 from stagectl.config.wording import hint_at, tag_of
 from stagectl.gap import effect_words as words
 from stagectl.gap.found import Effect, Fields, Found, Setting
 from stagectl.gap.session import GapError
 from stagectl.gap.shown import percent
 
-_SAME = 1e-6  # relative difference of two leads
+_SAME = 1e-6  # relative difference that is none
+_ELEMENTS = {"law", "weight", "slip"}
 _UNKNOWN = "unknown"  # its name among those that `--only` takes
 
 
@@ -57,10 +59,11 @@ def patch_of(found: Found, source: Path, only: Sequence[str] = (), unknown: bool
     """
     chosen, left = parts(found, only, unknown)
     settings = merged(chosen)
-    axis = load_stage(source, judged=False).file.axis
+    file = load_stage(source, judged=False).file
+    axis = file.axis
     check_machine(found, axis, source)
     text = read_text(source)
-    values, replaced = arranged(settings, text)
+    values, replaced = arranged(settings, file, text)
     made = patched(text, values, Lengths(axis.kind, axis.lead))
     comments = (*(f"{one.name}: {one.why}" for one in chosen), *replaced, *left)
     return Patch(source, values, text, made.text, made.changes, comments)
@@ -118,12 +121,14 @@ def _why(one: Effect) -> str:
 def merged(chosen: Iterable[Part]) -> dict[str, Setting]:
     """The fields of all parts together.
 
-    Raises GapError where two of them want different values in one place.
+    Raises GapError where two of them want different values in one place, or a value is not finite.
     """
     settings: dict[str, Setting] = {}
     owner: dict[str, str] = {}
     for part in chosen:
         for name, value in part.fields:
+            if isinstance(value, float) and not math.isfinite(value):
+                raise GapError(f"{name} = {value} from {part.name}: no number for a stage file; leave {part.name} out")
             if settings.setdefault(name, value) != value:
                 raise GapError(
                     f"{name}: {owner[name]} wants {settings[name]} and {part.name} wants {value}; "
@@ -133,7 +138,7 @@ def merged(chosen: Iterable[Part]) -> dict[str, Setting]:
     return settings
 
 
-def arranged(settings: Mapping[str, Setting], text: str) -> tuple[dict[str, Any], list[str]]:
+def arranged(settings: Mapping[str, Setting], file: StageFile, text: str) -> tuple[dict[str, Any], list[str]]:
     """As `config.patch` takes them, and what is to be said: a friction that follows another law is a block as a whole.
 
     Of the old block stay the entries that the new law has as well and that nothing new is said of.
@@ -142,12 +147,31 @@ def arranged(settings: Mapping[str, Setting], text: str) -> tuple[dict[str, Any]
         return dict(settings), []
     own = {name.split(".")[1]: value for name, value in settings.items() if _direct(name)}
     rest = {name: value for name, value in settings.items() if not _direct(name)}
+    short = _as_rolling(own, file.friction)
+    if short is not None:
+        return {**short, **rest}, []
     block: dict[str, Any] = {**dict.fromkeys(_kept(str(own["law"]), text), KEPT), **own}
     before = _law(text)
     if before == own["law"]:
         return {"friction": block, **rest}, []
     told = f"friction: the law changes from {before} to {own['law']}, so its block is replaced as a whole"
     return {"friction": block, **rest}, [told]
+
+
+def _as_rolling(own: Mapping[str, Any], law: Any) -> dict[str, Any] | None:
+    """What changes in a rolling friction, if the elements of `own` are equal and spaced as that law spaces them."""
+    if not isinstance(law, Rolling) or len(own.get("weight", ())) != law.elements or set(own) != _ELEMENTS:
+        return None
+    asked = law._replace(coulomb=sum(own["weight"]), shortest=own["slip"][0], longest=own["slip"][-1])
+    given = asked.operators()
+    if not (_near(given.weight, own["weight"]) and _near(given.slip, own["slip"])):
+        return None
+    changed = {name: getattr(asked, name) for name in ("coulomb", "shortest", "longest")}
+    return {f"friction.{name}": value for name, value in changed.items() if not _near([value], [getattr(law, name)])}
+
+
+def _near(found: Iterable[float], wanted: Iterable[float]) -> bool:
+    return all(abs(a - b) <= _SAME * abs(b) for a, b in zip(found, wanted, strict=True))
 
 
 def _direct(name: str) -> bool:

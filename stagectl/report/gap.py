@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from stagectl.gap import effect_words as words
 from stagectl.gap import told
-from stagectl.gap.found import BLOCKS, NAMED, Effect, Found, Gap
+from stagectl.gap.found import BLOCKS, NAMED, Effect, Found, Gap, Trace
 from stagectl.gap.shown import parameter, percent, together
 from stagectl.recording.meta import versions
 from stagectl.report import gap_figures as figures
@@ -128,7 +128,7 @@ def _distance(found: Found, _place: str) -> Section | None:
     return Section("How far it shrinks", _predicted(found), shown, [Table("", head, rows)])
 
 
-def _window(run: figures.Trace) -> str:
+def _window(run: Trace) -> str:
     part = run.time[figures.window(run)]
     return f"{part[-1] - part[0]:.2g} s"
 

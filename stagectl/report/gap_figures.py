@@ -145,12 +145,15 @@ def telling(found: Found) -> Trace | None:
 
 
 def window(one: Trace, length: float = WINDOW) -> slice:
-    """The rows of the `length` seconds of a trace in which the gap before is largest."""
+    """The rows of the `length` seconds of a trace in which the gap before is largest, that gap in their middle."""
     rows = int(np.searchsorted(one.time - one.time[0], length))
     if rows >= len(one.time):
         return slice(None)
     energy = np.concatenate([[0.0], np.cumsum(np.square(one.before))])
     begin = int(np.argmax(energy[rows:] - energy[:-rows]))
+    weight = np.square(one.before[begin : begin + rows])
+    middle = begin + int(np.average(np.arange(rows), weights=weight + _FLAT * np.max(weight) + 1e-300))
+    begin = min(max(middle - rows // 2, 0), len(one.time) - rows)
     return slice(begin, begin + rows)
 
 
