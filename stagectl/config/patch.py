@@ -26,6 +26,7 @@ from stagectl.config.wording import hint_at, tag_of, worded
 from stagectl.units import StageError
 
 CLOSE = 1e-6  # relative difference between what was to be written and what is read back
+KEPT: Any = object()  # for the value of an entry that stays as it stands while its block becomes another one
 _MARK = b"\xef\xbb\xbf"
 
 
@@ -66,8 +67,8 @@ def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]
 def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
     """The text of a stage file with SI values set by dotted name, and what has changed.
 
-    A mapping replaces a block: entries that it does not name are removed.  Raises ConfigError where there is no such
-    entry.
+    A mapping replaces a block: entries that it does not name are removed, those that are `KEPT` stay as they stand.
+    Raises ConfigError where there is no such entry.
     """
     found = Patched(text)
     for name, value in values.items():
@@ -87,7 +88,8 @@ def _block(found: Patched, name: str, values: Mapping[str, Any], lengths: Length
     old = [key.value for key, _ in before.value] if isinstance(before, yaml.MappingNode) else []
     if tag is not None:  # first: it says which entries there are
         found = _value(found, f"{name}.{tag.key}", (values[tag.key], str), lengths, dated=True)
-    rest = {f"{name}.{key}": value for key, value in values.items() if tag is None or key != tag.key}
+    named = {key: value for key, value in values.items() if value is not KEPT}
+    rest = {f"{name}.{key}": value for key, value in named.items() if tag is None or key != tag.key}
     inner = patched(found.text, rest, lengths)
     found = Patched(inner.text, found.changes + inner.changes)
     for key in old:
@@ -148,6 +150,8 @@ def _check(path: Path, values: Mapping[str, Any]) -> None:
 
 
 def _close(found: Any, wanted: Any) -> bool:
+    if wanted is KEPT:
+        return True
     if isinstance(wanted, Mapping):
         return all(_close(getattr(found, key), value) for key, value in wanted.items() if hasattr(found, key))
     if isinstance(wanted, float):

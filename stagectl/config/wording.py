@@ -25,6 +25,8 @@ _PLAIN = re.compile(r"[A-Za-z][\w-]*")
 def hint_at(hint: Any, name: str, root: yaml.Node) -> Any:
     """The type hint of a dotted `name` below `hint`; a tagged block is the one whose tag stands in `root`.
 
+    A quantity that is declared on a block is that of the block's first field.
+
     Raises ConfigError where there is no such entry.
     """
     words = name.split(".")
@@ -32,7 +34,9 @@ def hint_at(hint: Any, name: str, root: yaml.Node) -> Any:
         kind = block_of(hint, node_at(root, ".".join(words[:depth])) if depth else root)
         if word not in getattr(kind, "_fields", ()):
             raise ConfigError(f"{name} is not an entry of such a file: there is no {word} here")
+        outer, first = quantity_of(hint), word == kind._fields[0]
         hint = get_type_hints(kind, include_extras=True)[word]
+        hint = Annotated[float, outer] if outer is not None and first else hint
     return hint
 
 
@@ -66,6 +70,8 @@ def worded(value: Any, hint: Any, lengths: Lengths, like: str = "", column: int 
     """
     quantity = quantity_of(hint)
     unit = quantity.unit_for(lengths.axis) if quantity else ""
+    if quantity is not None and "|" not in quantity.unit:
+        lengths = Lengths(lengths.axis)  # an angle that is no position, such as a phase, is no travel
     if isinstance(value, str):
         return value if _PLAIN.fullmatch(value) else json.dumps(value, ensure_ascii=False)
     if isinstance(value, bool):

@@ -11,6 +11,11 @@ Array = NDArray[np.float64]
 
 VERDICTS = ("none", "parameters", "effects", "effects+unknown", "unknown", "controller", "not-identifiable")
 BLOCKS = ("controller", "drive", "mechanics", "sensor")
+UNEXPLAINED, NOISE = "repeatable but unexplained", "not repeatable"  # names among the shares
+NAMED = 0.5  # probability from which an effect counts as named
+
+Setting = float | str | tuple[float, ...]  # a value of the stage file, in SI; a word; a list
+Fields = tuple[tuple[str, Setting], ...]  # (dotted place in the stage file, what is to stand there)
 
 
 class Value(NamedTuple):
@@ -31,10 +36,11 @@ class Effect(NamedTuple):
     share: float  # of the closable gap
     parameters: dict[str, Value]
     block: str = "mechanics"  # of BLOCKS
-    fields: tuple[tuple[str, float], ...] = ()  # (place in the stage file, value in SI) to be written
+    fields: Fields = ()  # to be written; with "friction.law" among them that block is replaced as a whole
     parameter: bool = False  # a shift of a value that the model has already
     coordinate: str = "none"
     curve: tuple[Array, Array, Array] | None = None  # coordinate, residual, model: its signature in these data
+    curve_unit: str = ""  # of residual and model; empty: that of the effort
 
 
 class Gap(NamedTuple):
@@ -72,6 +78,7 @@ class Shape(NamedTuple):
     grid: Array  # of that coordinate
     force: Array  # N m | N
     predicted: float  # share of the residual that it predicts on data it has not seen
+    fields: Fields = ()  # the same as a data-based term of the stage file
 
 
 class Trace(NamedTuple):
@@ -108,7 +115,7 @@ class Found(NamedTuple):
     blocks: dict[str, float | None]  # excess share of each of BLOCKS; None: that cut was impossible
     coordinates: tuple[Coordinate, ...]
     captures: tuple[Spans, ...]
-    shares: tuple[tuple[str, float], ...]  # parameters | effects | repeatable but unexplained | not repeatable
+    shares: tuple[tuple[str, float], ...]  # parameters | each effect | UNEXPLAINED | NOISE; together 1
     next_experiment: Next | None = None
     unknown: Shape | None = None
     traces: tuple[Trace, ...] = ()
@@ -118,3 +125,10 @@ class Found(NamedTuple):
     travel_per_unit: float = 1.0
     travel_unit: str = "m"
     seconds: tuple[tuple[str, float], ...] = ()  # of each step
+    reason: str = ""  # a sentence: what is wrong with the controller, or why nothing can be told
+    impossible: tuple[tuple[str, str], ...] = ()  # (one of BLOCKS, why it could not be judged)
+
+    @property
+    def named(self) -> tuple[Effect, ...]:
+        """The effects that count as named, in their order."""
+        return tuple(one for one in self.effects if one.probability >= NAMED)

@@ -31,6 +31,7 @@ class Section(NamedTuple):
     words: list[str]
     figures: list[Picture]
     tables: list[Table]
+    commands: tuple[str, ...] = ()  # what to type next
 
 
 class Page(NamedTuple):

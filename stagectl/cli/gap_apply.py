@@ -1,0 +1,78 @@
+"""The verb `gap apply`: what a diagnosis has named goes into the stage file, after somebody has seen the diff."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.text import Text
+
+from stagectl.cli.motion import Json, StageArgument
+from stagectl.cli.show import console, emit
+from stagectl.units import StageError
+
+ResultArgument = Annotated[
+    Path, typer.Argument(metavar="FOLDER", help="Captures that `gap diagnose` has been through, or its JSON file.")
+]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="NEW.yaml", help="Write a copy; STAGE.yaml stays as it is.")
+]
+Only = Annotated[str | None, typer.Option("--only", metavar="NAME,...", help="These effects only, named or not.")]
+Unknown = Annotated[bool, typer.Option("--unknown", help="Add what has no name as a data-based term, too.")]
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")]
+_COLOURS = {"+": "green", "-": "red", "@": "cyan", "#": "dim"}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb to the group `gap`."""
+    app.command("apply")(apply)
+
+
+def apply(
+    folder: ResultArgument,
+    stage: StageArgument,
+    output: Output = None,
+    only: Only = None,
+    unknown: Unknown = False,
+    yes: Yes = False,
+    json: Json = None,
+) -> None:
+    """Add the named effects to the stage model, as a patch that is shown before it is written.
+
+    Example: stagectl gap apply captures/ config/ball-screw.yaml -o with-effects.yaml
+    """
+    from stagectl.gap.patch import applied, patch_of
+    from stagectl.gap.stored import load
+
+    found = load(folder)
+    patch = patch_of(found, stage, [one.strip() for one in only.split(",")] if only else (), unknown)
+    for line in patch.diff:
+        console.print(Text(line, style=_COLOURS.get(line[:1], "")))
+    target = output or stage
+    if patch.changes:
+        _ask(target, yes)
+        saved = applied(patch, output)
+        console.print(f"wrote {target}" + (f"; what it was is in {saved}" if saved else f", a copy of {stage}"))
+    else:
+        console.print(f"{stage} says all of this already: nothing is written")
+    emit(
+        {
+            "written": str(target) if patch.changes else None,
+            "changes": [one._asdict() for one in patch.changes],
+            "comments": list(patch.comments),
+        },
+        json,
+    )
+
+
+def _ask(target: Path, yes: bool) -> None:
+    """Raise StageError where nobody can answer, and typer's Exit where the answer is no."""
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise StageError(f"nothing is written into {target}: nobody is there to be asked; --yes writes without asking")
+    if not typer.confirm(f"Write this into {target}?", err=True):
+        console.print("nothing is written")
+        raise typer.Exit(1)

@@ -1,0 +1,78 @@
+"""A diagnosis on the terminal: the sentence first, then who, where and how far, then what to do next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.table import Table
+
+from stagectl.cli.show import console
+from stagectl.gap import effect_words as words
+from stagectl.gap import told
+from stagectl.gap.found import NAMED, Effect, Found, Gap
+from stagectl.gap.shown import parameter, percent, together
+
+MOST_COORDINATES = 3
+MOST_SPANS = 8
+
+
+def show(found: Found, folder: Path) -> None:
+    """Print the diagnosis of `folder`."""
+    console.print(f"{found.verdict}: {found.sentence or told.sentence(found)}")
+    if found.effects:
+        console.print(_effects(found))
+    if found.verdict != "controller":
+        console.print(_gaps(found))
+    for line in (*_where(found), *told.quietly(found), *told.ambiguous(found), *told.advice(found)):
+        console.print(line)
+    for line in _commands(found, folder):
+        console.print(line, style="bold")
+
+
+def _effects(found: Found) -> Table:
+    table = Table("effect", "in", "share", "probability", "parameters (95 %)")
+    for one in found.effects:
+        probability = f"{one.probability:.2f}" + ("" if one.probability >= NAMED else ", not named")
+        table.add_row(told.either(one), one.block, percent(one.share), probability, _parameters(one, found))
+    return table
+
+
+def _parameters(one: Effect, found: Found) -> str:
+    shown = (f"{name.replace('_', ' ')} {parameter(name, value, found)}" for name, value in one.parameters.items())
+    return "\n".join(shown)
+
+
+def _gaps(found: Found) -> Table:
+    table = Table("held-out runs, rms", "before", "after", "floor", "unit", "closed (95 %)")
+    known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
+    for name, one in known.items():
+        table.add_row(told.called(name), *_gap(one, found))
+    return table
+
+
+def _gap(one: Gap, found: Found) -> list[str]:
+    (before, after, floor), unit = together((one.before, one.after, one.floor), one.unit, found)
+    return [before, after, floor, unit, "nothing to close" if found.verdict == "none" else told.closure(one)]
+
+
+def _where(found: Found) -> list[str]:
+    if found.verdict == "none":
+        return []
+    blocks = ", ".join(
+        f"{name} {'not judged' if share is None else percent(share)}" for name, share in found.blocks.items()
+    )
+    ranked = sorted(found.coordinates, key=lambda one: -one.share)[:MOST_COORDINATES]
+    follows = ", ".join(f"{words.coordinate(one.name)} {percent(one.share)}" for one in ranked)
+    lines = [f"where in the loop: {blocks}"] + ([f"what it follows: {follows}"] if ranked else [])
+    spans = told.spans(found._replace(captures=tuple(one for one in found.captures if one.spans)))
+    more = [f"and {len(spans) - MOST_SPANS} more captures"] if len(spans) > MOST_SPANS else []
+    return [*lines, *(f"open in {one}" for one in spans[:MOST_SPANS]), *more]
+
+
+def _commands(found: Found, folder: Path) -> list[str]:
+    lines = []
+    if found.next_experiment is not None and found.next_experiment.trajectory:
+        lines.append(f"stagectl gap next {folder}")
+    if any(one.fields for one in found.named):
+        lines.append(f"stagectl gap apply {folder} STAGE.yaml")
+    return lines

@@ -1,0 +1,185 @@
+"""A diagnosis in words: one sentence that can be understood at night, and the lines below it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from stagectl.gap import effect_words as words
+from stagectl.gap.found import UNEXPLAINED, Effect, Found, Gap
+from stagectl.gap.shown import percent, together, value
+from stagectl.gap.stored import as_json as as_json  # the same answer for a machine
+
+_PLACES = {  # a quantity that a gap is measured in, as a sentence calls it
+    "position": "position gap",
+    "tracking_error": "tracking gap",
+    "tracking": "tracking gap",
+    "effort": "effort gap",
+    "torque": "torque gap",
+    "force": "force gap",
+    "current": "current gap",
+}
+_BLIND = "These logs cannot tell what causes the gap."
+MOST = 3  # effects in the sentence
+_SMALL = 0.005  # share that is not worth a word
+
+
+def sentence(found: Found) -> str:
+    """The verdict, then what it stands on: gap before and after, and the noise floor."""
+    return f"{_VERDICTS[found.verdict](found)} {_distance(found)}".strip()
+
+
+def _none(found: Found) -> str:
+    return "The model agrees with the machine: no effect is missing and no value is off by more than these logs show."
+
+
+def _parameters(found: Found) -> str:
+    return f"No effect is missing, but values of the model are off: {_shares(found)}."
+
+
+def _effects(found: Found) -> str:
+    return f"{_capital(_shares(found))}."
+
+
+def _partly(found: Found) -> str:
+    return f"{_capital(_shares(found))}; {_unknown(found)}."
+
+
+def _unexplained(found: Found) -> str:
+    return f"The model lacks something that no effect of the library explains: {_unknown(found)}."
+
+
+def _controller(found: Found) -> str:
+    told = "The controller that ran is not the one described, so nothing behind it is judged."
+    return " ".join(filter(None, [told, found.reason, "Mend its description first, then diagnose again."]))
+
+
+def _unidentifiable(found: Found) -> str:
+    rivals = [either(one) for one in found.effects if one.alternatives]
+    told = f"These logs cannot tell what causes the gap: {rivals[0]}." if rivals else _BLIND
+    following = found.next_experiment
+    advised = f"The experiment {following.name!r} would tell." if following is not None else ""
+    return " ".join(filter(None, [told, found.reason, advised]))
+
+
+_VERDICTS: Mapping[str, Callable[[Found], str]] = {
+    "none": _none,
+    "parameters": _parameters,
+    "effects": _effects,
+    "effects+unknown": _partly,
+    "unknown": _unexplained,
+    "controller": _controller,
+    "not-identifiable": _unidentifiable,
+}
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _shares(found: Found) -> str:
+    """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``."""
+    first, *rest = found.named[:MOST] or found.effects[:1]
+    told = [f"{percent(first.share)} of the closable gap is {_with_value(first, found)}"]
+    told += [f"{percent(one.share)} {_with_value(one, found)}" for one in rest]
+    more = len(found.named) - MOST
+    return ", ".join(told) + (f", and {more} smaller effect{'s' if more > 1 else ''}" if more > 0 else "")
+
+
+def _with_value(one: Effect, found: Found) -> str:
+    """What it is, and its first parameter where there is no doubt which effect it is."""
+    if one.alternatives or not one.parameters:
+        return either(one)
+    name, parameter = next(iter(one.parameters.items()))
+    label = "" if one.parameter else f"{name.replace('_', ' ')} "
+    return f"{words.effect(one.name)} ({label}{value(name, parameter, found)})"
+
+
+def either(one: Effect) -> str:
+    """The effect, and what these data cannot tell it from: ``bias or current offset``."""
+    names = [words.effect(name) for name in (one.name, *one.alternatives)]
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def _unknown(found: Found) -> str:
+    """What repeats and has no name, and over which coordinate."""
+    share = dict(found.shares).get(UNEXPLAINED, 0.0)
+    size = f"{percent(share)} of the gap repeats" if share > _SMALL else "a part of the gap repeats"
+    if found.unknown is None:
+        return f"{size} and has no name"
+    if found.unknown.coordinate == "none":
+        return f"{size} and has no name, nor does it follow any coordinate that was tried"
+    told = percent(found.unknown.predicted)
+    where = words.coordinate(found.unknown.coordinate)
+    return f"{size} and has no name; it follows the {where}, which predicts {told} of it on runs that were not used"
+
+
+def _distance(found: Found) -> str:
+    """The figures: ``Tracking gap 2.9 -> 0.34 µm on held-out runs, floor 0.21 µm``."""
+    if found.verdict == "controller":
+        return ""
+    what, gap = headline(found)
+    (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, found)
+    size = f"{before} {unit}" if found.verdict in ("none", "not-identifiable") else f"{before} -> {after} {unit}"
+    known = f"floor {floor} {unit}" if math.isfinite(gap.floor) else "floor not known: no run was repeated"
+    return f"{_capital(what)} {size} on held-out runs, {known}."
+
+
+def headline(found: Found) -> tuple[str, Gap]:
+    """The gap that a sentence names: that of the tracking error where it is known."""
+    for name in ("tracking_error", "tracking"):
+        if name in found.gaps:
+            return called(name), found.gaps[name]
+    return ("effort gap" if found.gap.unit in ("N m", "N") else "position gap"), found.gap
+
+
+def called(name: str) -> str:
+    """``tracking gap`` for the key ``tracking_error`` of the gaps."""
+    return _PLACES.get(name, f"{name.replace('_', ' ')} gap")
+
+
+def closure(gap: Gap) -> str:
+    """``closed 98 % (96 to 99 %)``."""
+    return f"{percent(gap.closure)} ({percent(gap.low).removesuffix(' %')} to {percent(gap.high)})"
+
+
+def ambiguous(found: Found) -> list[str]:
+    """What these data cannot tell apart, a line an effect."""
+    return [
+        f"{_capital(either(one))}: these data fit all of them alike; "
+        f"{words.effect(one.name)} has probability {one.probability:.2f}."
+        for one in found.effects
+        if one.alternatives
+    ]
+
+
+def advice(found: Found) -> list[str]:
+    """The next experiment in words."""
+    one = found.next_experiment
+    if one is None:
+        return []
+    apart = " from ".join(words.effect(name) for name in one.separates[:2])
+    rest = [words.effect(name) for name in one.separates[2:]]
+    told = f"tells {apart}" + (f" (and {', '.join(rest)})" if rest else "") if apart else "shows what no run has shown"
+    lines = [f"Next experiment: {one.name}. It {told} by {one.separation_sigma:.3g} sigma in {_machine(one.duration)}."]
+    return [*lines, one.words] if one.words else lines
+
+
+def _machine(seconds: float) -> str:
+    return f"{seconds:.0f} s of machine time" if seconds < 120.0 else f"{seconds / 60.0:.0f} min of machine time"
+
+
+def spans(found: Found) -> list[str]:
+    """When the gap is open, a line a log."""
+    shown = []
+    for one in found.captures:
+        open_for = sum(end - begin for begin, end in one.spans)
+        where = ", ".join(f"{begin:.2f} to {end:.2f} s" for begin, end in one.spans[:MOST])
+        more = f" and {len(one.spans) - MOST} more" if len(one.spans) > MOST else ""
+        shown.append(f"{one.file}: {where}{more} ({open_for:.2g} s)" if one.spans else f"{one.file}: nowhere")
+    return shown
+
+
+def quietly(found: Found) -> Sequence[str]:
+    """Notes, then what cannot be told."""
+    return [*found.notes, *(f"cannot be told: {one}" for one in found.cannot_tell)]

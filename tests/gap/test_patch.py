@@ -1,0 +1,254 @@
+"""The patch of a diagnosis: what is named comes into the file, is read back as it was, and the rest stays."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from stagectl.cli import gap_apply
+from stagectl.config.loader import Lengths
+from stagectl.config.patch import patched
+from stagectl.config.source import ConfigError
+from stagectl.config.stage_file import Operators, Rolling, load_stage
+from stagectl.gap.fields import fields_of
+from stagectl.gap.found import Fields, Found
+from stagectl.gap.patch import applied, parts, patch_of
+from stagectl.gap.session import GapError
+from stagectl.gap.stored import save
+from stagectl.kernels import effects, friction, friction_bristle
+from stagectl.kernels.stage import Stage
+from stagectl.units import ROTARY, StageError
+from tests.conftest import CONFIG
+from tests.gap.examples import ASYMMETRY, COGGING, MICRON, PRESLIDING, SHAPE, VISCOUS, every, found
+
+FOUND = every()
+NOMINAL = load_stage(CONFIG / "ball-screw.yaml").stage
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Path:
+    path = tmp_path / "machine.yaml"
+    path.write_text((CONFIG / "ball-screw.yaml").read_text())
+    return path
+
+
+def naming(*fields: tuple[str, float]) -> Found:
+    return found("effects", effects=(ASYMMETRY._replace(fields=fields),))
+
+
+def test_values_come_back_and_all_else_stays_byte_for_byte(stage: Path) -> None:
+    before = stage.read_text()
+    patch = patch_of(FOUND["effects"], stage)
+    saved = applied(patch)
+    assert saved is not None and saved.read_text() == before and saved.name == "machine.yaml.bak"
+    file = load_stage(stage).file
+    assert file.mechanics.bias == pytest.approx(0.031, rel=1e-6)
+    assert file.drive.current_lag == pytest.approx(2.5e-4, rel=1e-6)
+    after = stage.read_text().splitlines()
+    changed = [line for line in after if line not in before.splitlines()]
+    assert changed == ["  bias: 0.031 N m", "  current_lag: 0.25 ms             # first order, 1 kHz"]
+    assert [line for line in before.splitlines() if line not in after] == [
+        "  current_lag: 0.159 ms            # first order, 1 kHz"
+    ]
+
+
+def test_the_diff_says_why(stage: Path) -> None:
+    diff = patch_of(FOUND["effects"], stage).diff
+    assert diff[0] == "# viscous_asymmetry: viscous asymmetry, 82 % of the closable gap, probability 0.97"
+    assert diff[1].endswith("probability 0.61; encoder eccentricity would fit these data as well")
+    assert diff[2] == f"--- {stage}" and "+  bias: 0.031 N m" in diff
+    assert "-  current_lag: 0.159 ms            # first order, 1 kHz" in diff
+
+
+def test_blocks_that_are_not_there_yet_are_written_nested_and_read_back(stage: Path) -> None:
+    wanted = (
+        ("mechanics.viscous_asymmetry", 0.1823),
+        ("mechanics.viscous_step.share", 0.2),
+        ("mechanics.viscous_step.at", 12.5),
+        ("mechanics.viscous_warming.rise", 0.4),
+    )
+    applied(patch_of(naming(*wanted), stage))
+    text = stage.read_text()
+    assert (
+        "\n  viscous_asymmetry: 0.1823\n  viscous_step:\n    share: 0.2\n    at: 12.5 s\n  viscous_warming:\n" in text
+    )
+    mechanics = load_stage(stage).file.mechanics
+    assert mechanics.viscous_asymmetry == 0.1823 and mechanics.viscous_step == effects.Step(0.2, 12.5)
+    assert mechanics.viscous_warming == effects.Warming(0.4)
+    applied(patch_of(naming(("mechanics.viscous_step.share", 0.25)), stage))
+    assert load_stage(stage).file.mechanics.viscous_step == effects.Step(0.25, 12.5)
+    assert len(stage.read_text().splitlines()) == len(text.splitlines())
+
+
+def test_a_quantity_on_a_block_is_that_of_its_first_field() -> None:
+    values = {"motor.cogging.amplitude": 0.02, "motor.cogging.order": 4.0, "motor.cogging.phase": 1.2}
+    text = "motor:\n  force_constant: 0.72 N m/A  # plate\nmechanics: {}\n"
+    assert patched(text, values, Lengths(ROTARY, 0.012)).text == (
+        "motor:\n  force_constant: 0.72 N m/A  # plate\n  cogging:\n    amplitude: 0.02 N m\n    order: 4\n"
+        "    phase: 1.2 rad\nmechanics: {}\n"
+    )
+
+
+def test_another_law_of_friction_replaces_the_block_as_a_whole(stage: Path) -> None:
+    patch = patch_of(FOUND["effects+unknown"], stage)
+    assert "friction: the law changes from rolling to stop-operators, so its block is replaced as a whole" in (
+        patch.comments
+    )
+    applied(patch)
+    law = load_stage(stage).file.friction
+    assert isinstance(law, Operators)
+    np.testing.assert_allclose(law.weight, (0.3, 0.25, 0.46), rtol=1e-6)
+    np.testing.assert_allclose(law.slip, np.multiply((0.25, 1.5, 14.0), MICRON), rtol=1e-6)
+    assert law.stribeck == friction.Stribeck(0.12, 4.0)
+    assert "# before, rolling: 12 equal stop operators" in stage.read_text()
+
+
+def test_what_the_new_law_has_as_well_stays_as_it_was_written(stage: Path) -> None:
+    text = stage.read_text().replace(
+        "  longest: 9 um", "  longest: 9 um\n  stribeck: {rise: 0.30, velocity: 2.0 rad/s} # s"
+    )
+    stage.write_text(text)
+    one = PRESLIDING._replace(fields=PRESLIDING.fields[:3])
+    applied(patch_of(found("effects", effects=(one,)), stage))
+    assert "  stribeck: {rise: 0.30, velocity: 2.0 rad/s} # s\n" in stage.read_text()
+    law = load_stage(stage).file.friction
+    assert isinstance(law, Operators) and law.stribeck == friction.Stribeck(0.3, 2.0)
+
+
+def test_elements_that_stay_a_rolling_friction_are_written_as_one(stage: Path) -> None:
+    weights = NOMINAL.friction.operators
+    stretched = friction.bundle([1.2 * x for x in weights.weight], [1.5 * x for x in weights.slip])
+    fields = fields_of(NOMINAL, NOMINAL._replace(friction=NOMINAL.friction._replace(operators=stretched)))
+    patch = patch_of(found("effects", effects=(PRESLIDING._replace(fields=fields),)), stage)
+    assert [str(one) for one in patch.changes] == [
+        "friction.coulomb: 1.0 N m -> 1.2 N m",
+        "friction.shortest: 0.3 um -> 0.45 um",
+        "friction.longest: 9 um -> 13.5 um",
+    ]
+    applied(patch)
+    law = load_stage(stage).file.friction
+    assert isinstance(law, Rolling)
+    np.testing.assert_allclose(law.operators().weight, stretched.weight, rtol=1e-6)
+    np.testing.assert_allclose(law.operators().slip, stretched.slip, rtol=1e-6)
+
+
+CHANGED = NOMINAL._replace(
+    mechanics=NOMINAL.mechanics._replace(viscous=0.17, viscous_asymmetry=0.1),
+    motor=NOMINAL.motor._replace(cogging=effects.Harmonic(0.02, 4.0, 1.2)),
+    friction=NOMINAL.friction._replace(asymmetry=0.05),
+)
+
+
+@pytest.mark.parametrize(
+    ("after", "expected"),
+    [
+        (NOMINAL, ()),
+        (CHANGED, (("motor.cogging.amplitude", 0.02), ("motor.cogging.order", 4.0), ("motor.cogging.phase", 1.2),
+                   ("mechanics.viscous", 0.17), ("mechanics.viscous_asymmetry", 0.1), ("friction.asymmetry", 0.05))),
+        (NOMINAL._replace(friction=NOMINAL.friction._replace(
+            operators=friction.bundle([0.0], [1.0]), bristle=friction_bristle.Bristle(1.0, 500.0, 2.0))),
+         (("friction.law", "dahl"), ("friction.coulomb", 1.0), ("friction.range", 0.002), ("friction.exponent", 2.0))),
+        (NOMINAL._replace(residual=effects.Table(3, -1.0, 0.5, (0.0, 0.1))),
+         (("residual.coordinate", "position"), ("residual.start", -1.0), ("residual.step", 0.5),
+          ("residual.values", (0.0, 0.1)))),
+    ],
+)  # fmt: skip
+def test_the_difference_of_two_models_as_fields(after: Stage, expected: Fields) -> None:
+    assert fields_of(NOMINAL, after) == expected
+
+
+def test_a_friction_no_file_can_hold_is_refused() -> None:
+    both = NOMINAL.friction._replace(bristle=friction_bristle.Bristle(1.0, 500.0))
+    with pytest.raises(GapError, match="no law of a stage file has both"):
+        fields_of(NOMINAL, NOMINAL._replace(friction=both))
+
+
+def test_only_what_is_named_or_asked_for_is_written() -> None:
+    weak = COGGING._replace(probability=0.3)
+    told = found("effects", effects=(ASYMMETRY, weak))
+    assert [one.name for one in parts(told)[0]] == ["viscous_asymmetry"]
+    assert [one.name for one in parts(told, ["cogging"])[0]] == ["cogging"]
+    with pytest.raises(GapError, match="--only dwell: this diagnosis has not found it; it has viscous_asymmetry, cogg"):
+        parts(told, ["dwell"])
+
+
+def test_the_unknown_is_written_on_request_only() -> None:
+    shape = SHAPE._replace(fields=(("mechanics.bias", 0.02),))
+    told = found("effects+unknown", effects=(VISCOUS,), unknown=shape)
+    chosen, left = parts(told)
+    assert [one.name for one in chosen] == ["viscous"] and left[0].startswith("unknown: not written; --unknown adds")
+    chosen, left = parts(told, unknown=True)
+    assert chosen[-1] == ("unknown", "a data-based term over position, not a cause", shape.fields) and not left
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (FOUND["none"], "nothing to write: the verdict is 'none', and no effect is named"),
+        (FOUND["controller"], "nothing to write: the controller that ran is not the one described"),
+        (found("effects", effects=(ASYMMETRY, COGGING._replace(fields=(("mechanics.bias", 0.5),)))),
+         "mechanics.bias: viscous_asymmetry wants 0.031 and cogging wants 0.5; write one of them with --only"),
+        (FOUND["effects"]._replace(travel_per_unit=0.001), "give the stage file of the machine that was diagnosed"),
+        (FOUND["foreign"], "is a rotary axis .* the diagnosis is of a linear axis"),
+        (naming(("mechanics.bias", math.nan)), "mechanics.bias = nan from viscous_asymmetry: no number"),
+        (naming(("mechanics.mass", 1.0)), "mechanics.mass is not an entry of such a file"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_patched_is_refused(told: Found, words: str, stage: Path) -> None:
+    before = stage.read_text()
+    with pytest.raises(StageError, match=words):
+        patch_of(told, stage)
+    assert stage.read_text() == before
+
+
+def test_a_stage_that_would_be_refused_is_not_written(stage: Path) -> None:
+    before = stage.read_text()
+    for wrong in (("mechanics.inertia", -1.0), ("drive.current_lag", 0.05)):
+        with pytest.raises(ConfigError, match="nothing is written"):
+            applied(patch_of(naming(wrong), stage))
+    assert stage.read_text() == before and [one.name for one in stage.parent.iterdir()] == ["machine.yaml"]
+
+
+def test_a_file_that_changed_after_the_review_is_left_alone(stage: Path) -> None:
+    patch = patch_of(FOUND["effects"], stage)
+    stage.write_text(stage.read_text() + "# somebody else\n")
+    with pytest.raises(GapError, match="has changed since the patch was shown"):
+        applied(patch)
+
+
+def test_backups_are_never_overwritten(stage: Path) -> None:
+    first = applied(patch_of(naming(("mechanics.bias", 0.1)), stage))
+    second = applied(patch_of(naming(("mechanics.bias", 0.2)), stage))
+    assert first is not None and second is not None and first.name != second.name
+    assert "bias" not in first.read_text() and "bias: 0.1 N m" in second.read_text()
+
+
+def run(*words: str) -> tuple[int, str]:
+    import typer
+
+    app = typer.Typer()
+    gap_apply.register(app)
+    app.callback()(lambda: None)
+    result = CliRunner().invoke(app, ["apply", *words])
+    if isinstance(result.exception, StageError):
+        return 2, str(result.exception)
+    return result.exit_code, result.output
+
+
+def test_the_verb_shows_writes_a_copy_and_does_not_write_unasked(stage: Path, tmp_path: Path) -> None:
+    save(FOUND["effects"], tmp_path)
+    before, new = stage.read_text(), tmp_path / "new.yaml"
+    code, words = run(str(tmp_path), str(stage))
+    assert code == 2 and "nobody is there to be asked; --yes writes without asking" in words
+    assert run(str(tmp_path), str(stage), "--yes", "-o", str(new))[0] == 0
+    assert stage.read_text() == before and load_stage(new).file.mechanics.bias == pytest.approx(0.031)
+    code, words = run(str(tmp_path), str(stage), "--yes", "-o", str(new))
+    assert code == 2 and "exists: choose another name" in words
+    code, words = run(str(tmp_path), str(stage), "--yes", "--json", "-")
+    assert code == 0 and '"name": "mechanics.bias"' in words and load_stage(stage).file.mechanics.bias != 0.0
+    code, words = run(str(tmp_path), str(stage), "--json", "-")
+    assert code == 0 and '"written": null' in words  # all of it stands there already

@@ -1,0 +1,159 @@
+"""The page of a diagnosis: for every verdict it says what was found, in units that its axes name."""
+
+from __future__ import annotations
+
+import base64
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from stagectl.gap.found import Coordinate, Spans, Trace
+from stagectl.report import gap
+from stagectl.report import gap_figures as figures
+from stagectl.report.gap import page, typeset
+from stagectl.report.gap_chain import chain, drawing
+from stagectl.report.page import write
+from tests.gap.examples import ASYMMETRY, BLOCKS, COGGING, MICRON, PER_UNIT, every, found
+
+FOUND = every()
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(autouse=True)
+def _closed() -> Iterator[None]:
+    yield
+    plt.close("all")
+
+
+def texts(verdict: str) -> list[str]:
+    return [one.text or "" for one in ET.fromstring(drawing(FOUND[verdict])).iter(f"{SVG}text")]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "present", "absent"),
+    [
+        ("none", "Nothing exceeds the noise", "What to do next"),
+        ("parameters", "0.1681 N m s/rad (0.1665 to 0.1697)", "ambiguous"),
+        ("effects", "stagectl run STAGE.yaml next/stairs-both-ways.yaml", "What has no name"),
+        ("effects+unknown", "What has no name", "Nothing exceeds"),
+        ("unknown", "It is no cause, only a shape", "Parameters"),
+        ("controller", "The integral gain looks like 0.5 of the nominal one.", "How far it shrinks"),
+        ("not-identifiable", "Only one speed was run.", "Nothing exceeds"),
+        ("foreign", "no current was logged", "Judged on"),
+    ],
+)
+def test_every_verdict_has_its_page(
+    verdict: str, present: str, absent: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if verdict != "effects":  # one page has its images, which take most of the time
+        monkeypatch.setattr(gap, "embedded", lambda figure, dpi: "data:image/png;base64,")
+    made = page(FOUND[verdict], "captures", ["stagectl gap diagnose captures"])
+    assert made.answer == typeset(FOUND[verdict].sentence)
+    text = write(made, tmp_path / "page.html").read_text()
+    assert present in text and absent not in text
+    assert "nan" not in text.split("data:image")[0].lower() and "not known %" not in text
+    assert text.count("<figure>") + text.count('<figure class="broad">') == text.count("<img src=")
+
+
+def test_the_sentence_keeps_numbers_with_their_units() -> None:
+    assert typeset("gap 2.9 -> 0.34 µm, 82 % of it") == "gap 2.9\u00a0→ 0.34\u00a0µm, 82\u00a0% of it"
+
+
+def test_the_chain_names_blocks_shares_and_effects() -> None:
+    said = texts("effects")
+    for word in ("controller", "drive", "mechanics", "sensor", "0 %", "3 %", "95 %", "2 %", "reference", "measured"):
+        assert word in said
+    place = said.index("mechanics")
+    assert said[place : place + 3] == ["mechanics", "95 %", "viscous asymmetry"]
+    assert "Stribeck friction" not in said  # its probability is 0.21: not named
+
+
+def test_a_cut_that_was_impossible_is_hatched_and_says_why() -> None:
+    told = FOUND["foreign"]._replace(impossible=(("sensor", "one sensor only"),))
+    tree = ET.fromstring(drawing(told))
+    hatched = [one for one in tree.iter(f"{SVG}rect") if one.get("fill") == "url(#hatch)"]
+    assert len(hatched) == 3
+    words = " ".join(one.text or "" for one in tree.iter(f"{SVG}text"))
+    assert "not judged: no measured current" in words and "one sensor only" in words
+    assert "Hatched" in chain(told).caption and "Hatched" not in chain(FOUND["effects"]).caption
+
+
+def test_nothing_of_the_chain_overlaps() -> None:
+    """Seven px a letter at 13 px is the widest of DejaVu Sans; the lines of a block stay inside it."""
+    many = tuple(COGGING._replace(name=f"a_rather_long_name_of_an_effect_{n}", block="drive") for n in range(6))
+    tree = ET.fromstring(drawing(found("effects", effects=many)))
+    boxes = [one for one in tree.iter(f"{SVG}rect") if one.get("rx")]
+    assert len(boxes) == len(BLOCKS)
+    bottom = float(boxes[1].get("y", 0)) + float(boxes[1].get("height", 0))
+    inside = [one for one in tree.iter(f"{SVG}text") if "effect" in (one.text or "") or one.text == "..."]
+    assert inside and max(float(one.get("y", 0)) for one in inside) < bottom - 4.0
+    assert max(7.0 * len(one.text or "") for one in inside) <= float(boxes[1].get("width", 0))
+
+
+def test_the_picture_is_the_drawing() -> None:
+    head, data = chain(FOUND["effects"]).image.split(",")
+    assert head == "data:image/svg+xml;base64" and base64.b64decode(data).decode() == drawing(FOUND["effects"])
+
+
+def test_the_waterfall_ends_at_the_whole() -> None:
+    (axes,) = figures.shares(FOUND["effects"]).axes
+    bars = [patch for patch in axes.patches if patch.get_height() > 0.0]  # type: ignore[attr-defined]
+    widths = [bar.get_width() for bar in bars]  # type: ignore[attr-defined]
+    assert widths == pytest.approx([2.0, 82.0, 9.0, 5.5, 1.5])
+    assert [bar.get_x() for bar in bars] == pytest.approx([0.0, 2.0, 84.0, 93.0, 98.5])  # type: ignore[attr-defined]
+    assert [one.get_text() for one in axes.get_yticklabels()][1:3] == ["viscous asymmetry", "cogging"]
+
+
+def test_spans_are_drawn_where_the_gap_is_open() -> None:
+    captures = (Spans("folder/a.csv", ((1.0, 2.5), (4.0, 4.5)), 6.0), Spans("b.csv", (), 3.0))
+    (axes,) = figures.spans(found("effects", captures=captures)).axes
+    (open_b, open_a) = axes.collections  # from below
+    ends = [(path.get_extents().x0, path.get_extents().x1) for path in open_a.get_paths()]
+    assert ends == [(1.0, 2.5), (4.0, 4.5)] and not open_b.get_paths()
+    assert [one.get_text() for one in axes.get_yticklabels()] == ["b", "a"]
+
+
+def test_many_captures_are_cut_to_those_that_are_open_longest() -> None:
+    captures = tuple(Spans(f"{n}.csv", ((0.0, 0.1 * n),), 9.0) for n in range(60))
+    drawn = figures.most_open(found("effects", captures=captures))
+    assert [one.file for one in drawn] == [f"{n}.csv" for n in range(60 - figures.MOST_ROWS, 60)]
+
+
+def test_the_window_holds_the_largest_gap() -> None:
+    t = np.arange(0.0, 10.0, 1e-3)
+    before = np.where((t > 6.2) & (t < 6.6), 1.0, 0.01)
+    part = figures.window(Trace("a", t, t, before, before, 0.0))
+    assert t[part][0] < 6.2 and t[part][-1] > 6.6 and t[part][-1] - t[part][0] == pytest.approx(1.0, abs=0.01)
+    assert figures.window(Trace("a", t[:50], t[:50], before[:50], before[:50], 0.0)) == slice(None)
+
+
+def test_a_run_is_drawn_in_micrometres_of_the_table() -> None:
+    run = figures.telling(FOUND["effects"])
+    assert run is not None and run.file == "held-sine-2.4hz-1.csv"
+    above, below = figures.trace(run, FOUND["effects"]).axes
+    assert above.get_ylabel() == "reference [mm]" and below.get_ylabel().endswith("position [µm]")
+    part = figures.window(run)
+    before, reference = (np.asarray(axes.lines[0].get_ydata()) for axes in (below, above))
+    np.testing.assert_allclose(before, run.before[part] / MICRON, rtol=1e-9)
+    np.testing.assert_allclose(reference, 1e3 * PER_UNIT * run.reference[part], rtol=1e-9)
+
+
+def test_a_signature_shows_residual_and_model_over_the_coordinate() -> None:
+    (axes,) = figures.signature(ASYMMETRY, FOUND["effects"]).axes
+    assert axes.get_xlabel() == "speed [mm/s]" and axes.get_ylabel() == "residual [mN m]"
+    speed, model = (np.asarray(one) for one in axes.lines[1].get_data())
+    assert np.max(np.abs(speed)) == pytest.approx(60.0 * 0.012 / (2.0 * math.pi) * 1e3, rel=0.02)
+    np.testing.assert_allclose(model, 2.5 * np.abs(speed) / (1e3 * PER_UNIT), atol=2.0)  # 0.0025 N m s/rad
+    (turn,) = figures.signature(COGGING, FOUND["effects"]).axes
+    assert turn.get_xlabel() == "position modulo the pitch [deg of the motor]"
+
+
+def test_coordinates_stand_largest_first() -> None:
+    rows = (Coordinate("time", 0.02), Coordinate("speed", 0.8), Coordinate("direction", 0.4))
+    (axes,) = figures.coordinates(found("effects", coordinates=rows)).axes
+    assert [one.get_text() for one in axes.get_yticklabels()] == ["time", "direction", "speed"]  # from below
