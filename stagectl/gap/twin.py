@@ -81,7 +81,7 @@ class Moments(NamedTuple):
     gram: Array  # (k, k)
     cross: Array  # (k,)
     power: float  # target' target
-    count: int
+    rows: int
 
 
 class Block(NamedTuple):
@@ -258,9 +258,7 @@ def _tied(p: Twin, x: State, path: Array) -> tuple[Array, Array, tuple[tied.Stat
     states = []
     for k, model in enumerate(p.models):
         followed = shifted if k == late else path
-        states.append(
-            tied.follow(tied.Tied(model, p.tracker), x.tied[k], (followed, out[k]), p.dt, p.substeps)
-        )
+        states.append(tied.follow(tied.Tied(model, p.tracker), x.tied[k], (followed, out[k]), p.dt, p.substeps))
     return out[:, :, 0], out[0, :, 1], tuple(states)
 
 

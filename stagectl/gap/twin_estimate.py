@@ -118,7 +118,7 @@ def fit(candidates: Sequence[Candidate], blocks: Sequence[Moments]) -> Fit:
     values, cov = solved(candidates, blocks, free)
     drifts = tuple(Drift(candidates[k], float(values[j]), math.sqrt(cov[j, j])) for j, k in enumerate(free))
     named, left = _names(candidates, blocks)
-    count = sum(block.count for block in blocks)
+    count = sum(block.rows for block in blocks)
     return Fit(drifts, named, _rms(blocks), math.sqrt(max(left, 0.0) / count))
 
 
@@ -127,7 +127,7 @@ def solved(candidates: Sequence[Candidate], blocks: Sequence[Moments], chosen: l
     at = np.ix_(chosen, chosen)
     grams = np.array([block.gram[at] for block in blocks])
     crosses = np.array([block.cross[chosen] for block in blocks])
-    power = sum(block.power for block in blocks) / sum(block.count for block in blocks)
+    power = sum(block.power for block in blocks) / sum(block.rows for block in blocks)
     prior = power * np.diag([candidates[k].prior ** -2 for k in chosen])
     inverse = np.linalg.inv(grams.sum(axis=0) + prior + 1e-30 * np.eye(len(chosen)))
     values = inverse @ crosses.sum(axis=0)
@@ -160,17 +160,18 @@ def _names(candidates: Sequence[Candidate], blocks: Sequence[Moments]) -> tuple[
     values, cov = solved(candidates, blocks, chosen)
     found = (Drift(candidates[k], float(v), math.sqrt(c)) for k, v, c in zip(chosen, values, np.diag(cov), strict=True))
     pairs = zip(chosen, found, strict=True)
-    named = tuple(Named(drift, alternatives[k]) for k, drift in pairs if k in alternatives and _there(drift))
+    named = tuple(Named(drift, alternatives[k]) for k, drift in pairs if k in alternatives and there(drift))
     return named, power - _explained(gram, cross, chosen)
 
 
 def _stands(candidates: Sequence[Candidate], blocks: Sequence[Moments], chosen: list[int]) -> bool:
     """Whether the last of the `chosen` is there beside the others."""
     values, cov = solved(candidates, blocks, chosen)
-    return _there(Drift(candidates[chosen[-1]], float(values[-1]), math.sqrt(cov[-1, -1])))
+    return there(Drift(candidates[chosen[-1]], float(values[-1]), math.sqrt(cov[-1, -1])))
 
 
-def _there(drift: Drift) -> bool:
+def there(drift: Drift) -> bool:
+    """Whether it is large enough to matter, and sure."""
     return abs(drift.size) > max(drift.candidate.material, SURE * drift.error)
 
 
@@ -189,4 +190,4 @@ def sum_of(blocks: Sequence[Moments]) -> tuple[Array, Array]:
 
 
 def _rms(blocks: Sequence[Moments]) -> float:
-    return math.sqrt(sum(block.power for block in blocks) / sum(block.count for block in blocks))
+    return math.sqrt(sum(block.power for block in blocks) / sum(block.rows for block in blocks))

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.gap.session import GapError
-from stagectl.gap.twin_estimate import Drift, Fit, Named, Update
+from stagectl.gap.twin import BEND, PRESLIDING
+from stagectl.gap.twin_estimate import Drift, Fit, Named, Update, there
 from stagectl.units import Quantity
 
 FORMAT = "stagectl-twin/1"
@@ -76,6 +77,7 @@ def snapshot(p: Update, about: dict[str, Any]) -> dict[str, Any]:
         "named": [_named(one, about["kind"]) for one in p.named],
         "verdict": verdict(p, about["limit"]),
         "words": words(p, about),
+        "form": form(p),
     }
 
 
@@ -112,6 +114,18 @@ def words(p: Update, about: dict[str, Any]) -> str:
         return "too little motion yet: the model must travel through its friction, then a few seconds"
     effort = Quantity("N m | N", "", "").unit_for(about["kind"])
     return f"silent: nothing named, residual {p.mechanics:.3g} {effort} rms"
+
+
+def form(p: Update) -> str:
+    """What to say where the friction builds up otherwise than the model's; empty where it does not."""
+    fit = p.mechanics_fit
+    curves = [d for d in fit.drifts if d.candidate.name in (PRESLIDING, BEND)] if fit is not None else []
+    if not any(there(one) for one in curves):
+        return ""
+    return (
+        "after a reversal the friction builds up otherwise than the model's: that alone is no effect; "
+        "`stagectl gap diagnose` looks closer"
+    )
 
 
 def told(one: Named) -> str:
