@@ -26,6 +26,7 @@ from stagectl.kernels import feedback, friction, law, parity, rollout, stage, ti
 BANDWIDTH = 0.02  # of the sampling frequency: the tracker's poles, 40 Hz at 2 kHz; the encoder's steps stay small
 SUBSTEPS = 4  # a period: what rolling friction needs
 NUDGE = 0.01  # of a candidate's unit: far from curved, far from rounding
+AVERAGED = 0.025  # s: effort noise shakes the axis, and faster than the loop it would pass for inertia
 SETTLED = 3.0  # friction lengths, after which it no longer matters how the friction began
 CALM = 0.2  # s after which the tracker has forgotten where it began
 PRESLIDING, BEND = "presliding", "presliding_curve"  # always in the fit: another friction law is no effect
@@ -263,7 +264,10 @@ def _tied(p: Twin, x: State, path: Array) -> tuple[Array, Array, tuple[tied.Stat
 
 
 def _mechanics(p: Twin, corrections: Array) -> Moments:
-    lacking = p.stage.motor.force_constant * corrections
+    taken = max(1, round(AVERAGED / p.dt))
+    corrections = np.add.reduceat(corrections, np.arange(0, corrections.shape[1], taken), axis=1) / taken
+    own = np.array([model.motor.force_constant for model in p.models])  # E - Kt i: linear in Kt, too
+    lacking = own[:, None] * corrections
     return _moments((lacking[1:] - lacking[0]).T / NUDGE, -lacking[0])
 
 

@@ -25,6 +25,7 @@ _GROUPS = 16
 SURE = 4.0  # standard errors beyond which something is there: a name is looked for every second, all day
 _NEGLIGIBLE = 0.03  # of what all candidates explain together
 _ALIKE = 0.95  # of the best one's gain, from which another candidate explains the data as well
+_DEPENDENT = 1e-3  # share of a column's power, below which others make it up
 _EXACT = {  # what no data of one axis can tell apart
     "force_constant": ("current_gain",),
     "current_gain": ("force_constant",),
@@ -127,7 +128,7 @@ def solved(candidates: Sequence[Candidate], blocks: Sequence[Moments], chosen: l
     at = np.ix_(chosen, chosen)
     grams = np.array([block.gram[at] for block in blocks])
     crosses = np.array([block.cross[chosen] for block in blocks])
-    power = sum(block.power for block in blocks) / sum(block.rows for block in blocks)
+    power = _left(chosen, blocks) / sum(block.rows for block in blocks)
     prior = power * np.diag([candidates[k].prior ** -2 for k in chosen])
     inverse = np.linalg.inv(grams.sum(axis=0) + prior + 1e-30 * np.eye(len(chosen)))
     values = inverse @ crosses.sum(axis=0)
@@ -148,7 +149,10 @@ def _names(candidates: Sequence[Candidate], blocks: Sequence[Moments]) -> tuple[
     alternatives: dict[int, tuple[str, ...]] = {}
     while len(chosen) < len(candidates):
         had = _explained(gram, cross, chosen)
-        gains = {k: _explained(gram, cross, [*chosen, k]) - had for k in everything if k not in chosen}
+        free = [k for k in everything if k not in chosen and _own(gram, chosen, k) > _DEPENDENT]
+        gains = {k: _explained(gram, cross, [*chosen, k]) - had for k in free}
+        if not gains:
+            break
         best = max(gains, key=lambda k: gains[k])
         if gains[best] <= _NEGLIGIBLE * total or not _stands(candidates, blocks, [*chosen, best]):
             break
@@ -170,6 +174,11 @@ def _stands(candidates: Sequence[Candidate], blocks: Sequence[Moments], chosen: 
     return there(Drift(candidates[chosen[-1]], float(values[-1]), math.sqrt(cov[-1, -1])))
 
 
+def _own(gram: Array, chosen: list[int], k: int) -> float:
+    """Share of column `k` that the `chosen` ones do not make up: scaling all efforts is scaling Kt."""
+    return 1.0 - _explained(gram, gram[k], chosen) / max(float(gram[k, k]), 1e-300)
+
+
 def there(drift: Drift) -> bool:
     """Whether it is large enough to matter, and sure."""
     return abs(drift.size) > max(drift.candidate.material, SURE * drift.error)
@@ -182,6 +191,12 @@ def _explained(gram: Array, cross: Array, chosen: list[int]) -> float:
     part = gram[np.ix_(chosen, chosen)]
     ridge = 1e-9 * np.diag(np.diag(part)) + 1e-30 * np.eye(len(chosen))
     return float(cross[chosen] @ np.linalg.solve(part + ridge, cross[chosen]))
+
+
+def _left(chosen: list[int], blocks: Sequence[Moments]) -> float:
+    """Sum of squares that the `chosen` columns leave; never nothing, as no figure is exact."""
+    power = sum(block.power for block in blocks)
+    return max(power - _explained(*sum_of(blocks), chosen), 1e-9 * power, 1e-30)
 
 
 def sum_of(blocks: Sequence[Moments]) -> tuple[Array, Array]:
