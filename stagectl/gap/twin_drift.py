@@ -100,7 +100,7 @@ def _trend(name: str, lines: Sequence[dict[str, Any]]) -> Trend | None:
 
 
 def _named(trends: tuple[Trend, ...]) -> Drifting:
-    drifting = [trend for trend in trends if trend.drifts]
+    drifting = sorted((trend for trend in trends if trend.drifts), key=_pace, reverse=True)
     if not drifting:
         return Drifting(trends, (), (), f"nothing drifts beyond {100 * _MATERIAL:.0f} % over {_span(trends)}")
     if _one_scale([trend for trend in trends if trend.name in _COMMON]):
@@ -110,6 +110,10 @@ def _named(trends: tuple[Trend, ...]) -> Drifting:
         named = ("force_constant", *(trend.name for trend in rest))
         return Drifting(trends, named, ("current_gain",), "; ".join([words, *map(_words, rest)]))
     return Drifting(trends, tuple(t.name for t in drifting), (), "; ".join(map(_words, drifting)))
+
+
+def _pace(trend: Trend) -> float:
+    return abs(trend.slope / trend.scale)
 
 
 def _one_scale(common: Sequence[Trend]) -> bool:

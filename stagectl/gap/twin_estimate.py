@@ -23,7 +23,7 @@ from stagectl.gap.twin import BEND, PRESLIDING, Block, Candidate, Moments, Twin
 FEWEST = 12  # telling blocks, below which nothing is estimated
 _GROUPS = 16
 SURE = 4.0  # standard errors beyond which something is there: a name is looked for every second, all day
-_NEGLIGIBLE = 0.03  # of what all candidates explain together
+_NEGLIGIBLE = 0.03  # of what all candidates explain together beyond those that are named already
 _ALIKE = 0.95  # of the best one's gain, from which another candidate explains the data as well
 _DEPENDENT = 1e-3  # share of a column's power, below which others make it up
 _EXACT = {  # what no data of one axis can tell apart
@@ -145,7 +145,7 @@ def _names(candidates: Sequence[Candidate], blocks: Sequence[Moments]) -> tuple[
     power = sum(block.power for block in blocks)
     everything = list(range(len(candidates)))
     chosen = [k for k, one in enumerate(candidates) if one.name in (PRESLIDING, BEND)]  # another friction law
-    total = _explained(gram, cross, everything) - _explained(gram, cross, chosen)
+    total = _explained(gram, cross, everything)
     alternatives: dict[int, tuple[str, ...]] = {}
     while len(chosen) < len(candidates):
         had = _explained(gram, cross, chosen)
@@ -154,7 +154,7 @@ def _names(candidates: Sequence[Candidate], blocks: Sequence[Moments]) -> tuple[
         if not gains:
             break
         best = max(gains, key=lambda k: gains[k])
-        if gains[best] <= _NEGLIGIBLE * total or not _stands(candidates, blocks, [*chosen, best]):
+        if gains[best] <= _NEGLIGIBLE * (total - had) or not _stands(candidates, blocks, [*chosen, best]):
             break
         others = (candidates[k].name for k, gain in gains.items() if k != best and gain >= _ALIKE * gains[best])
         alternatives[best] = tuple(dict.fromkeys([*others, *_EXACT.get(candidates[best].name, ())]))
