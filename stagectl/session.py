@@ -16,7 +16,7 @@ from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.daemon import virtual
-from stagectl.daemon.run import Motion, Progress, move, waits_for_sync
+from stagectl.daemon.run import Ended, Motion, Progress, move, waits_for_sync
 from stagectl.daemon.safety import words
 from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.evaluation import evaluate
@@ -154,8 +154,8 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
                 say(f"the recorder of {path} had been cut off: the file is repaired, its rows are all there")
     with drive_present(motion.setup, say):
         ended = move(motion, progress)
-    for refusal in ended.refused:
-        say(f"not real time: {refusal}")
+    for line in _conditions(ended):
+        say(line)
     if waits_for_sync(motion.setup):
         say("the virtual plant's clock is SYNC: late cycles do not disturb it, and time-outs are relaxed")
     if ended.fault:
@@ -168,6 +168,14 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     result = evaluate(recording.samples, recording.meta)
     told = {"cycles": ended.cycles, "late_cycles": ended.late, "fault": fault}
     return {**result, **told, "recording": str(motion.recording), "simulated": False}
+
+
+def _conditions(ended: Ended) -> list[str]:
+    """What was not as it was asked for, in words."""
+    words = [f"not real time: {refusal}" for refusal in ended.refused]
+    if ended.companion:
+        words.append(f"the process beside the loop ended early (exit {ended.companion}): the motion did not need it")
+    return words
 
 
 @contextlib.contextmanager

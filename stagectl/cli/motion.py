@@ -24,6 +24,12 @@ Output = Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE.h5"
 Learned = Annotated[
     Path | None, typer.Option(metavar="FILE.h5", help="Add the current that `stagectl learn` found for this motion.")
 ]
+Twin = Annotated[
+    bool, typer.Option("--twin", help="Run the model beside the axis, and tell how they differ; see `gap watch`.")
+]
+State = Annotated[
+    Path | None, typer.Option("--state", metavar="FILE", help="Slow record of the twin, for `gap drift`.")
+]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
 LAYERS = ("ptc", "friction", "observer")
 
@@ -44,6 +50,8 @@ def run(
     output: Output = None,
     channel: Channel = None,
     learned: Learned = None,
+    twin: Twin = False,
+    state: State = None,
 ) -> None:
     """Run a trajectory on the drive and record it.
 
@@ -57,13 +65,39 @@ def run(
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
     setup = on_channel(_load(stage), channel)
     motion = prepare(setup, trajectory, layers_without(without), output, learned)
+    if twin or state:
+        motion = _with_twin(motion, state)
     with bar(f"run {motion.meta['trajectory']}", len(motion.plan.setpoints)) as update:
         result = perform(motion, console.print, update)
     console.print(summary(result))
     console.print(f"recorded: {result['recording']}")
-    emit(result, json)
+    emit({**result, **_seen(motion)}, json)
     if not result["in_position"]:
         raise typer.Exit(1)
+
+
+def _with_twin(motion: Any, state: Path | None) -> Any:
+    """The motion with a twin beside it."""
+    from stagectl.gap.twin_start import companion
+
+    console.print("starting the twin: some seconds, and longer once for each version, while its kernels are compiled")
+    return motion._replace(companion=companion(motion.setup, motion.law, motion.recording, state))
+
+
+def _seen(motion: Any) -> dict[str, Any]:
+    """What the twin saw, where there was one; its words are shown."""
+    if motion.companion is None:
+        return {}
+    from stagectl.gap.twin_start import live_file, seen
+
+    path = live_file(motion.recording)
+    if not path.exists():
+        console.print("twin: it saw nothing of this run")
+        return {"twin": None}
+    found = seen(path)
+    skipped = f"; {found['skipped_rows']} rows were skipped" if found["skipped_rows"] else ""
+    console.print(f"twin: {found['words']}{skipped}")
+    return {"twin": found}
 
 
 def simulate(

@@ -5,6 +5,7 @@
     this process -- job ------> loop process ====== CAN ====== drive (virtual: a process of its own)
          |                        | ring in shared memory
          +------ order -------> recorder process ---> recording.h5
+         +------ order -------> companion, e.g. the live twin (gap/twin_process.py): reads the ring, nothing else
 """
 
 from __future__ import annotations
@@ -12,16 +13,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import pickle
-import select
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
+from stagectl.daemon.child import Child, Companion, beside, start
 from stagectl.daemon.loop import Job
 from stagectl.daemon.safety import Envelope
 from stagectl.drives.drive import Canopen, DriveError
@@ -42,6 +40,7 @@ class Motion(NamedTuple):
     law: law.Law
     meta: dict[str, Any]
     recording: Path
+    companion: Companion | None = None
 
 
 class Ended(NamedTuple):
@@ -54,6 +53,7 @@ class Ended(NamedTuple):
     reason: str
     refused: list[str]  # what the kernel did not permit
     recorded: bool  # whether the recorder saw it to the end
+    companion: int | None = None  # exit code of the companion; None: there was none
 
 
 def move(motion: Motion, progress: Progress) -> Ended:
@@ -64,12 +64,19 @@ def move(motion: Motion, progress: Progress) -> Ended:
     motion.recording.parent.mkdir(parents=True, exist_ok=True)
     ring = Ring.create(rollout.WIDTH)
     alive, held = os.pipe()
+    with beside(motion.companion, ring, alive) as codes:
+        ended = _move(motion, ring, (alive, held), progress)
+    return ended._replace(companion=codes[0] if codes else None)
+
+
+def _move(motion: Motion, ring: Ring, pipe: tuple[int, int], progress: Progress) -> Ended:
+    alive, held = pipe
     with _started("recorder", (ring.descriptor, alive)) as recorder, _started("loop", (ring.descriptor, held)) as loop:
         os.close(held)
         return _watch(motion, loop, recorder, (ring, alive), progress)
 
 
-def _watch(motion: Motion, loop: _Process, recorder: _Process, shared: tuple[Ring, int], progress: Progress) -> Ended:
+def _watch(motion: Motion, loop: Child, recorder: Child, shared: tuple[Ring, int], progress: Progress) -> Ended:
     ring, alive = shared
     loop.send(_job(motion, ring))
     connected = _event(loop, "connected")
@@ -87,7 +94,7 @@ def _watch(motion: Motion, loop: _Process, recorder: _Process, shared: tuple[Rin
     return Ended(**facts, refused=moving["refused"], recorded=recorded)
 
 
-def _follow(loop: _Process, ring: Ring, total: int, progress: Progress) -> dict[str, Any]:
+def _follow(loop: Child, ring: Ring, total: int, progress: Progress) -> dict[str, Any]:
     """Show progress from the ring until the loop says that it has ended; hand an interrupt on to it."""
     while True:
         try:
@@ -129,7 +136,7 @@ def waits_for_sync(setup: Setup) -> bool:
     return virtual and setup.file.simulation.clock == "sync"
 
 
-def _event(process: _Process, expected: str) -> dict[str, Any]:
+def _event(process: Child, expected: str) -> dict[str, Any]:
     """The next event of the loop, which must be `expected`.
 
     Raises DriveError with the loop's reason otherwise.
@@ -143,56 +150,10 @@ def _event(process: _Process, expected: str) -> dict[str, Any]:
     return event
 
 
-class _Process:
-    """A child that takes one pickled order and answers in lines."""
-
-    def __init__(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stdin is not None and process.stdout is not None
-        self._process, self._in, self._out = process, process.stdin, process.stdout
-
-    def send(self, order: object) -> None:
-        with contextlib.suppress(BrokenPipeError):  # it has died: the next line() tells
-            pickle.dump(order, self._in)
-            self._in.flush()
-
-    def say(self, word: str) -> None:
-        with contextlib.suppress(BrokenPipeError):
-            self._in.write(f"{word}\n".encode())
-            self._in.flush()
-
-    def line(self) -> str:
-        return self._out.readline().decode().strip()
-
-    def readable(self, timeout: float) -> bool:
-        return bool(select.select([self._out], [], [], timeout)[0])
-
-    def signal(self, number: int) -> None:
-        self._process.send_signal(number)
-
-    def wait(self) -> int:
-        with contextlib.suppress(BrokenPipeError):
-            self._in.close()
-        code = self._process.wait()
-        self._out.close()
-        return code
-
-    def terminate(self) -> None:
-        if self._process.poll() is None:
-            self._process.terminate()
-
-
 @contextlib.contextmanager
-def _started(part: str, descriptors: tuple[int, ...]) -> Iterator[_Process]:
+def _started(part: str, descriptors: tuple[int, ...]) -> Iterator[Child]:
     module = {"loop": "stagectl.daemon.loop", "recorder": "stagectl.recording.recorder"}[part]
-    environment = {**os.environ, "STAGECTL_KERNELS": "interpreted"}  # no numba in their memory
-    process = subprocess.Popen(
-        [sys.executable, "-m", module],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        pass_fds=descriptors,
-        env=environment,
-    )
-    child = _Process(process)
+    child = start(module, descriptors, "interpreted")  # no numba in their memory
     try:
         yield child
     finally:

@@ -1,0 +1,161 @@
+"""Verbs of the live twin: watch what it sees now, and the drift over days."""
+
+from __future__ import annotations
+
+import json as json_module
+import os
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from stagectl.cli.motion import Json
+from stagectl.cli.show import console, emit
+from stagectl.units import Quantity, StageError
+from stagectl.words import duration
+
+_POLL = 0.25  # s
+_SILENCE = 5.0  # s without a snapshot, after which the twin's process is looked for
+_STYLES = {"none": "green", "effects": "bold yellow", "controller": "bold red"}
+
+
+def register(app: typer.Typer) -> None:
+    """Add these verbs to the group ``gap``."""
+    app.command("watch")(watch)
+    app.command("drift")(drift)
+
+
+def watch(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE.twin.json]", help="Of one run; the newest in recordings/.")
+    ] = None,
+    once: Annotated[bool, typer.Option("--once", help="Show what there is now, and leave.")] = False,
+    lines: Annotated[bool, typer.Option("--lines", help="One line of JSON a snapshot, on standard output.")] = False,
+) -> None:
+    """Watch the twin of a run: the residual of each cut, the drifts, what differs.
+
+    Example: stagectl gap watch
+    """
+    from stagectl.gap.twin_start import newest, seen
+
+    path = file or newest(Path("recordings"))
+    if path is None:
+        raise StageError("no run in recordings/ has a twin: start one with `stagectl run STAGE TRAJECTORY --twin`")
+    if once or lines:
+        _plain(path, once, lines)
+        return
+    with Live(_table(seen(path)), console=console, refresh_per_second=4) as live:
+        while not (ended := _ended(now := seen(path))):
+            live.update(_table(now))
+            time.sleep(_POLL)
+        live.update(_table(now))
+    console.print(ended)
+
+
+def _plain(path: Path, once: bool, lines: bool) -> None:
+    from stagectl.gap.twin_start import seen
+
+    last = 0.0
+    while True:
+        now = seen(path)
+        if now["written"] != last:
+            print(json_module.dumps(now), flush=True) if lines else console.print(_table(now))
+        last = now["written"]
+        if once or _ended(now):
+            return
+        time.sleep(_POLL)
+
+
+def _ended(now: dict[str, Any]) -> str:
+    """Why there will be no more snapshots, in words; empty while there will."""
+    if now["ended"]:
+        return f"the run has ended: {now['ended']}"
+    silent = time.time() - now["written"]
+    if silent > _SILENCE and not _lives(now["process"]):
+        return f"the twin's process {now['process']} has gone; its last word is {duration(silent)} old"
+    return ""
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _table(now: dict[str, Any]) -> Group:
+    effort = Quantity("N m | N", "", "").unit_for(now["kind"])
+    cuts = Table(
+        title=f"{now['name']}: {now['time']:.1f} s of the run, last {now['covered']:.0f} s", title_justify="left"
+    )
+    for title in ("cut", "residual", "what it is"):
+        cuts.add_column(title)
+    found = now["residual"]
+    cuts.add_row("A controller", _number(found["controller"], "A"), "command - the law's answer, worst")
+    cuts.add_row("B drive", _number(found["drive"], "A"), "measured - expected current, rms")
+    cuts.add_row("C mechanics", _number(found["mechanics"], effort), "effort that the model lacks, rms")
+    cuts.add_row("D sensor, time", _number(found["sensor"], "s"), "position late against current")
+    return Group(cuts, _drifts(now), *_below(now))
+
+
+def _drifts(now: dict[str, Any]) -> Table:
+    table = Table(title="against the model", title_justify="left")
+    for title in ("parameter", "now", "95 %", "model", "unit"):
+        table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
+    for name, one in now["drift"].items():
+        if one["told"]:
+            table.add_row(
+                name, f"{one['value']:.4g}", f"± {1.96 * one['error']:.2g}", f"{one['nominal']:.4g}", one["unit"]
+            )
+        else:
+            table.add_row(name, "-", "", f"{one['nominal']:.4g}", f"{one['unit']}  not told by this motion".strip())
+    return table
+
+
+def _below(now: dict[str, Any]) -> list[Text]:
+    words = [Text(now["words"], style=_STYLES.get(now["verdict"], "none"))]
+    if now["form"]:
+        words.append(Text(now["form"]))
+    if now["skipped_rows"]:
+        words.append(Text(f"{now['skipped_rows']} rows were skipped: the twin had fallen behind", style="yellow"))
+    words.append(Text(f"{now['behind']:.2f} s behind; {100 * now['cpu_share']:.1f} % of a core", style="dim"))
+    return words
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "not known" if value is None else f"{value:.3g} {unit}"
+
+
+def drift(
+    file: Annotated[Path, typer.Argument(metavar="FILE.jsonl", help="Slow record of `run --twin`.")],
+    axis: Annotated[str | None, typer.Option(help="Name of the axis, where the record holds several.")] = None,
+    json: Json = None,
+) -> None:
+    """Say which parameter drifts over the days, how fast, and by which effect.
+
+    Example: stagectl gap drift recordings/twin-ball-screw-stage-A.jsonl
+    """
+    from stagectl.gap.twin_drift import drift as found_in
+    from stagectl.gap.twin_record import read
+
+    found = found_in(read(file), axis)
+    table = Table(title=f"{file}", title_justify="left")
+    for title in ("parameter", "at the first line", "a day", "95 %", "unit", "lines", "days"):
+        table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
+    for one in found.trends:
+        low, high = one.slope - one.half, one.slope + one.half
+        values = (f"{one.start:.4g}", f"{one.slope:+.3g}", f"[{low:.2g}, {high:.2g}]", one.unit)
+        table.add_row(one.name, *values, str(one.lines), f"{one.days:.3g}", style="yellow" if one.drifts else "")
+    console.print(table)
+    console.print(found.sentence)
+    trends = {one.name: {**one._asdict(), "sure": one.sure, "drifts": one.drifts} for one in found.trends}
+    answer = {"named": list(found.named), "alternatives": list(found.alternatives), "sentence": found.sentence}
+    emit({**answer, "trends": trends}, json)
