@@ -199,9 +199,19 @@ def _lowest(model: Model, name: str) -> float:
         return -float(p.friction.operators.weight[int(name.removeprefix("weight_"))])
     if name in ("inertia", "viscous"):
         return -0.9 * float(getattr(p.mechanics, name))
-    if name.startswith("bristle_") and name not in ("bristle_size", "bristle_length"):
+    if is_member(name):
         return -p.friction.bristle.coulomb
     return -0.8 if name.startswith("bristle_") else -np.inf
+
+
+def is_member(name: str) -> bool:
+    """Whether a direction is a bristle of the family, of which one at most is in the model."""
+    return name.startswith("bristle_") and name not in ("bristle_size", "bristle_length")
+
+
+def feasible(model: Model, move: dict[str, float]) -> dict[str, float]:
+    """`move` within what is physical."""
+    return {name: max(step, _lowest(model, name)) for name, step in move.items()}
 
 
 def moved(model: Model, move: dict[str, float], member: Direction | None) -> Model:

@@ -20,6 +20,9 @@ from stagectl.kernels import feedback, tied
 from stagectl.kernels.stage import Stage
 
 
+LARGEST = 1e8  # standard deviations: beyond, a simulation has diverged
+
+
 class Model(NamedTuple):
     """The stage model that is compared, and how the log's columns lie in time."""
 
@@ -64,6 +67,22 @@ def residuals(p: Model, run: Run, noise: cuts.Whitener, substeps: int = tying.SU
     return [rested(run, cuts.whitened(noise, lacks(p, path, substeps), path.dt)) for path in run.paths]
 
 
+def mean_residuals(p: Model, runs: Sequence[Run], noise: cuts.Whitener, substeps: int = tying.SUBSTEPS) -> list[Array]:
+    """Whitened (m, 2) of each run along the mean of its repeats."""
+
+    def of(run: Run) -> Array:
+        return rested(run, cuts.whitened(noise, lacks(p, run.mean, substeps), run.mean.dt))
+
+    return in_parallel(of, runs)
+
+
+def residuals_of(
+    p: Model, runs: Sequence[Run], noise: cuts.Whitener, substeps: int = tying.SUBSTEPS
+) -> list[list[Array]]:
+    """`residuals` of all runs, over all cores."""
+    return in_parallel(lambda run: residuals(p, run, noise, substeps), runs)
+
+
 def columns(p: Model, run: Run, directions: Sequence[Direction], noise: cuts.Whitener) -> dict[str, list[Array]]:
     """Whitened (m, 2) of each direction by its name: one for all repeats, or one each where it runs on the clock."""
     needed = {(one.substeps, one.aging) for one in directions}
@@ -104,4 +123,5 @@ def all_columns(
 
 
 def _bounded(column: Array) -> Array:
-    return column if np.isfinite(column).all() else np.zeros_like(column)
+    """A diverged simulation explains nothing."""
+    return column if np.isfinite(column).all() and np.abs(column).max(initial=0.0) < LARGEST else np.zeros_like(column)

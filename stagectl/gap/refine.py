@@ -1,0 +1,158 @@
+"""Gauss-Newton over everything at once: effects with all their parameters, and the base model beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap import base, columns, grams
+from stagectl.gap.base import Base
+from stagectl.gap.candidates import Named, direction, equipped
+from stagectl.gap.columns import Direction, Model
+from stagectl.gap.runs import Run
+from stagectl.gap.session import Array
+
+STEPS = 3
+WIDEST = 1.6  # factor by which a shape may change in one step
+SETTLED = 1e-3  # of the misfit: a step that gains less is the last one
+
+
+class Evidence(NamedTuple):
+    """The data of a diagnosis as the base refit left them."""
+
+    runs: Sequence[Run]
+    base: Base
+    deviations: list[list[Array]]  # whitened, of each repeat from the mean path
+
+
+class Fitted(NamedTuple):
+    """A base model with effects, fitted together."""
+
+    model: Model  # base, without the effects
+    effects: tuple[Named, ...]
+    left: list[list[Array]]  # whitened residual of each run and repeat
+    misfit: float
+
+    @property
+    def equipped(self) -> Model:
+        """The model with its effects in place."""
+        return equipped(self.model, self.effects)
+
+
+def evidence(runs: Sequence[Run], refitted: Base) -> Evidence:
+    """Ready for many fits: what single repeats differ by from their mean path does not change any more."""
+    means = columns.mean_residuals(refitted.model, runs, refitted.noise)
+    deviations = [[one - mean for one in repeats] for repeats, mean in zip(refitted.after, means, strict=True)]
+    return Evidence(runs, refitted, deviations)
+
+
+def left(e: Evidence, model: Model, effects: Sequence[Named]) -> list[list[Array]]:
+    """Whitened residual of each run and repeat under `model` with `effects`."""
+    whole = equipped(model, effects)
+    substeps = max([one.effect.substeps for one in effects], default=4)
+    if any(one.effect.aging for one in effects):
+        return columns.residuals_of(whole, e.runs, e.base.noise, substeps)
+    means = columns.mean_residuals(whole, e.runs, e.base.noise, substeps)
+    return [[mean + one for one in repeats] for mean, repeats in zip(means, e.deviations, strict=True)]
+
+
+def total(e: Evidence, residuals: list[list[Array]]) -> float:
+    """Sum of squares over all that counts."""
+    return float(
+        sum(
+            np.sum((one * run.weight[:, None]) ** 2)
+            for run, repeats in zip(e.runs, residuals, strict=True)
+            for one in repeats
+        )
+    )
+
+
+def start(e: Evidence) -> Fitted:
+    """The refitted base without any effect."""
+    return Fitted(e.base.model, (), e.base.after, total(e, e.base.after))
+
+
+def refine(e: Evidence, model: Model, effects: Sequence[Named], steps: int = STEPS) -> Fitted:
+    """The best values of all parameters of `effects` and of the base beside them, from where they stand."""
+    residuals = left(e, model, effects)
+    now = Fitted(model, tuple(effects), residuals, total(e, residuals))
+    for _ in range(steps):
+        after = _step(e, now)
+        if after.misfit > now.misfit * (1.0 - SETTLED):
+            return after if after.misfit < now.misfit else now
+        now = after
+    return now
+
+
+def _step(e: Evidence, now: Fitted) -> Fitted:
+    own = parameters(now)
+    g = tangent(e, now, own)
+    nuisance = nuisances(e)
+    places = [*g.of(nuisance), *g.of([one.name for one in own])]
+    amplitude = grams.fit(g.both.sum(axis=0), places).amplitude
+    move = dict(zip([*nuisance, *(one.name for one in own)], amplitude.tolist(), strict=True))
+    best = now
+    for share in (1.0, 0.4, 0.1):
+        model, effects = _moved(e, now, move, share)
+        residuals = left(e, model, effects)
+        misfit = total(e, residuals)
+        if misfit < best.misfit:
+            return Fitted(model, effects, residuals, misfit)
+    return best
+
+
+def nuisances(e: Evidence) -> list[str]:
+    """Columns of the base that move beside every effect."""
+    return [one.name for one in e.base.directions if one.name != base.START and not base.is_member(one.name)]
+
+
+def tangent(e: Evidence, now: Fitted, own: Sequence[Direction]) -> grams.Grams:
+    """Matrices of the base's columns, of the effects' parameters where they stand, and of what is left."""
+    found = columns.all_columns(now.equipped, e.runs, own, e.base.noise) if own else [{} for _ in e.runs]
+    joined = [{**known, **new} for known, new in zip(e.base.columns, found, strict=True)]
+    return grams.grams(e.runs, joined, now.left, base.START)
+
+
+def parameters(now: Fitted) -> list[Direction]:
+    """One direction for each parameter that may be refined, named ``effect.parameter``.
+
+    Effects overwrite their fields, so a change is the same effect with another value on top of the whole model.
+    """
+    found = []
+    for k, one in enumerate(now.effects):
+        for amplitude in one.effect.amplitudes:
+            step = 0.1 * max(abs(one.values[amplitude.name]), 0.3 * abs(amplitude.typical[0]))
+            found.append(_replaced(now, k, amplitude.name, step))
+        for shape in one.effect.shapes:
+            if shape.refined:
+                found.append(_replaced(now, k, shape.name, 0.05 * one.values[shape.name]))
+    return found
+
+
+def _replaced(now: Fitted, k: int, parameter: str, step: float) -> Direction:
+    one = now.effects[k]
+    changed = Named(one.effect, {**one.values, parameter: one.values[parameter] + step})
+    others = [*now.effects[:k], changed, *now.effects[k + 1 :]]
+    plain = direction(one, parameter, step, f"{one.effect.name}.{parameter}")
+    return plain._replace(change=lambda m: equipped(m._replace(stage=now.model.stage), others))
+
+
+def _moved(e: Evidence, now: Fitted, move: Mapping[str, float], share: float) -> tuple[Model, tuple[Named, ...]]:
+    part = {name: share * value for name, value in move.items()}
+    model = base.moved(now.model, base.feasible(now.model, part), None)
+    return model, tuple(_shifted(one, part) for one in now.effects)
+
+
+def _shifted(one: Named, move: Mapping[str, float]) -> Named:
+    values = dict(one.values)
+    for amplitude in one.effect.amplitudes:
+        wanted = values[amplitude.name] + move[f"{one.effect.name}.{amplitude.name}"]
+        values[amplitude.name] = min(max(wanted, amplitude.low), amplitude.high)
+    for shape in one.effect.shapes:
+        if shape.refined:
+            now = values[shape.name]
+            wanted = now + move[f"{one.effect.name}.{shape.name}"]
+            values[shape.name] = min(max(wanted, now / WIDEST), now * WIDEST)
+    return Named(one.effect, values)

@@ -1,0 +1,206 @@
+"""The search: floating forward selection, each addition refitted with everything beside it.
+
+::
+
+    score all effects on what is left --> add the largest gain --> refine all values --> drop what is not needed any more
+            ^                                                                                   |
+            +---------------------------------- swap tests ------------------------------------+
+
+Ranking is by gain, never by the ratio to a threshold.  What stops the search is the ensemble of machines without an
+effect, and materiality against what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap import grams, null, refine
+from stagectl.gap.candidates import Form, Named
+from stagectl.gap.grams import Grams
+from stagectl.gap.refine import Evidence, Fitted
+from stagectl.gap.scores import Score, against, hands, scores
+from stagectl.gap.session import Array
+
+MOST = 5  # effects that are looked for at once
+MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
+RIVAL = 0.7  # of the largest gain: from there on another effect is refined, too, before one is chosen
+
+
+class Threshold(NamedTuple):
+    """What machines without an effect give one effect."""
+
+    largest: float  # gain of the sum of squares
+    limit: float  # gain beyond which it counts as found
+
+
+class Library(NamedTuple):
+    """All candidates with their columns, and what the null ensemble gives them."""
+
+    forms: tuple[Form, ...]
+    columns: list[dict[str, list[Array]]]  # of each run
+    thresholds: Mapping[str, Threshold]  # by effect
+
+
+class Selected(NamedTuple):
+    """What the search found."""
+
+    fitted: Fitted
+    alternatives: Mapping[str, Mapping[str, float]]  # of each effect: gain of others in its place, relative to it
+    gains: Mapping[str, float]  # of each effect when it alone is left out
+    rejected: tuple[Score, ...]  # the best of what was not taken, at the end
+
+
+Say = Callable[[str], None]
+
+
+def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict[str, Threshold]:
+    """The gains of every effect on every machine of the null ensemble, and the limit beyond them.
+
+    The limit is the largest of them, and no less than mean plus three standard deviations of their logarithms.
+    """
+    both, places = hands(g), [g.of(form.names) for form in forms]
+    found: dict[str, list[float]] = {}
+    repeats = _repeats(g)
+    for name in null.gains(g.names):
+        member = g.names.index(name)
+        best = best_of(scores(against(both, member), nuisance, places, forms))
+        for effect, score in best.items():
+            found.setdefault(effect, []).append(max(score.gain, 1.0))
+    return {effect: _threshold(np.array(gains) * 1.0, repeats) for effect, gains in found.items()}
+
+
+def _threshold(gains: Array, _repeats: float) -> Threshold:
+    logs = np.log(gains)
+    beyond = float(np.exp(logs.mean() + 3.0 * logs.std()))
+    return Threshold(float(gains.max()), max(float(gains.max()), beyond))
+
+
+def _repeats(g: Grams) -> float:
+    return float(len(g.effort)) / max(len(set(zip(g.experiment.tolist(), g.stroke.tolist(), strict=True))), 1)
+
+
+def best_of(found: Sequence[Score]) -> dict[str, Score]:
+    """The best form of every effect."""
+    best: dict[str, Score] = {}
+    for score in found:
+        name = score.form.effect.name
+        if name not in best or score.gain > best[name].gain:
+            best[name] = score
+    return best
+
+
+def search(e: Evidence, library: Library, say: Say) -> Selected:
+    """The effects that are in the data."""
+    now = refine.start(e)
+    for _ in range(MOST):
+        best = _next(e, library, now)
+        if best is None:
+            break
+        now = best
+        say(f"added {now.effects[-1].effect.name}")
+        now = _pruned(e, library, now, say)
+    return _judged(e, library, now)
+
+
+def _scored(e: Evidence, library: Library, now: Fitted) -> tuple[Grams, list[Score]]:
+    """Every effect that is not in the model yet, on what is left."""
+    own = refine.parameters(now)
+    found = _joined(e, library, now, own)
+    g = grams.grams(e.runs, found, now.left, "start")
+    nuisance = [*g.of(refine.nuisances(e)), *g.of(beside(e)), *g.of([one.name for one in own])]
+    taken = {one.effect.name for one in now.effects}
+    forms = [form for form in library.forms if form.effect.name not in taken]
+    return g, scores(hands(g), nuisance, [g.of(form.names) for form in forms], forms)
+
+
+def beside(e: Evidence) -> list[str]:
+    """Columns of the friction laws that may stand in for the base's own: form error, not an effect."""
+    names = {one.name for one in e.base.directions}
+    return [name for name in names if name.startswith("bristle_") and name not in ("bristle_size", "bristle_length")]
+
+
+def _joined(e: Evidence, library: Library, now: Fitted, own: Sequence[object]) -> list[dict[str, list[Array]]]:
+    from stagectl.gap import columns
+
+    directions = list(own)
+    new = columns.all_columns(now.equipped, e.runs, directions, e.base.noise) if directions else [{} for _ in e.runs]  # type: ignore[arg-type]
+    return [
+        {**base, **candidates, **mine} for base, candidates, mine in zip(e.base.columns, library.columns, new, strict=True)
+    ]
+
+
+def closable(g: Grams) -> tuple[float, float]:
+    """Sum of squares left above what repeats differ by, of both cuts together and of the drive's alone."""
+    both, current = g.both[:, -1, -1].sum(), g.current[:, -1, -1].sum()
+    return float(both - g.floor.sum()), float(current - g.floor[:, 1].sum())
+
+
+def _eligible(g: Grams, found: Sequence[Score], library: Library) -> list[Score]:
+    whole, drive = closable(g)
+    good = []
+    for score in best_of(found).values():
+        effect = score.form.effect
+        least = MATERIAL * (drive if effect.block == "drive" else whole)
+        limit = library.thresholds[effect.name].limit if effect.name in library.thresholds else 0.0
+        if score.gain > max(limit, least, 0.0) and score.worst > 0.0:
+            good.append(score)
+    return sorted(good, key=lambda score: -score.gain)
+
+
+def _next(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
+    """The model with one effect more, or None where no candidate is good enough."""
+    g, found = _scored(e, library, now)
+    good = _eligible(g, found, library)
+    if not good:
+        return None
+    rivals = [score for score in good if score.gain >= RIVAL * good[0].gain][:3]
+    tried = [refine.refine(e, now.model, [*now.effects, named(score)]) for score in rivals]
+    return min(tried, key=lambda one: one.misfit)
+
+
+def named(score: Score) -> Named:
+    """The effect of a score, with its amplitudes."""
+    return Named(score.form.effect, score.form.values(score.amplitudes))
+
+
+def _pruned(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
+    """`now` without the effects that another one has made superfluous."""
+    if len(now.effects) < 2:
+        return now
+    for one in now.effects[:-1]:
+        rest = [other for other in now.effects if other is not one]
+        less = refine.refine(e, now.model, rest, 1)
+        limit = library.thresholds[one.effect.name].limit if one.effect.name in library.thresholds else 0.0
+        if less.misfit - now.misfit < max(limit, MATERIAL * (less.misfit - _floor(e))):
+            say(f"dropped {one.effect.name}")
+            return _pruned(e, library, less, say)
+    return now
+
+
+def _floor(e: Evidence) -> float:
+    repeats = [len(one) for one in e.deviations]
+    pairs = zip(e.deviations, e.runs, repeats, strict=True)
+    return sum(
+        float(np.sum((one * run.weight[:, None]) ** 2)) * count / max(count - 1, 1)
+        for each, run, count in pairs
+        for one in each
+    )
+
+
+def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
+    """Swap tests on every effect, and the best of what was left out."""
+    alternatives, gains = {}, {}
+    for one in now.effects:
+        rest = tuple(other for other in now.effects if other is not one)
+        less = Fitted(now.model, rest, refine.left(e, now.model, rest), 0.0)
+        found = best_of(_scored(e, library, less)[1])
+        own = found[one.effect.name].gain
+        gains[one.effect.name] = own
+        alternatives[one.effect.name] = {
+            name: score.gain / own for name, score in found.items() if name != one.effect.name and own > 0.0
+        }
+    found = sorted(best_of(_scored(e, library, now)[1]).values(), key=lambda score: -score.gain)
+    return Selected(now, alternatives, gains, tuple(found[:5]))
