@@ -20,16 +20,16 @@ def simulate(setup: Setup, plan: Plan, running: Law, plant: Setup | None = None)
     count = len(plan.setpoints)
     rows = np.zeros((count, rollout.WIDTH))
     loop = rollout.Loop(running, machine.stage)
-    inputs = (plan.setpoints, noise(machine.file.simulation, count), rows)
+    inputs = (plan.setpoints, noise(machine.file.simulation, count, machine.stage.drive.jitter), rows)
     rollout.closed_loop(loop, stage.at_rest(machine.stage), inputs, setup.dt, machine.file.simulation.substeps)
     return structured(rows)
 
 
-def noise(p: Simulation, count: int) -> NDArray[np.float64]:
-    """(n, 2) of current (A) and position (rad | m) noise, drawn as the virtual drive draws it."""
-    if p.current_noise == 0.0 and p.encoder_noise == 0.0:
-        return np.zeros((count, 2))
-    return np.array(draw(p, count))
+def noise(p: Simulation, count: int, jitter: float = 0.0) -> NDArray[np.float64]:
+    """(n, 3) of current (A), position (rad | m) and dead time (s), drawn as the virtual drive draws it."""
+    if p.current_noise == 0.0 and p.encoder_noise == 0.0 and jitter == 0.0:
+        return np.zeros((count, 3))
+    return np.array(draw(p, count, jitter))
 
 
 def structured(rows: NDArray[np.float64]) -> NDArray[Any]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from stagectl.kernels import friction, friction_bristle, stage
+from stagectl.kernels import friction, friction_bristle, plant, stage
+from stagectl.kernels.effects import Harmonic, Step, Warming
+from stagectl.kernels.friction_effects import Along, Dwell
 from stagectl.units import Quantity
 
 
@@ -16,6 +18,15 @@ class Rolling(NamedTuple):
     longest: Annotated[float, Quantity("rad | m", "(0, 1e3]", "slip of the softest element")]
     elements: Annotated[int, Quantity("", "[1, 64]", "number of stop operators")] = 12
     stribeck: friction.Stribeck = friction.Stribeck()
+    lag: plant.Lag = 0.0
+    asymmetry: plant.Asymmetry = 0.0
+    dwell: Dwell = Dwell()
+    load: plant.LoadShare = 0.0
+    along: Along = Along()
+    lead: plant.Lead = Harmonic()
+    ball_pass: plant.BallPass = Harmonic()
+    warming: Warming = Warming()
+    step: Step = Step()
 
     def operators(self) -> friction.StopOperators:
         """The elements, one by one."""
@@ -31,6 +42,15 @@ class Operators(NamedTuple):
     weight: Annotated[tuple[float, ...], Quantity("N m | N", "[0, 1e6]", "force at which each element slips")]
     slip: Annotated[tuple[float, ...], Quantity("rad | m", "(0, 1e3]", "displacement at which each slips")]
     stribeck: friction.Stribeck = friction.Stribeck()
+    lag: plant.Lag = 0.0
+    asymmetry: plant.Asymmetry = 0.0
+    dwell: Dwell = Dwell()
+    load: plant.LoadShare = 0.0
+    along: Along = Along()
+    lead: plant.Lead = Harmonic()
+    ball_pass: plant.BallPass = Harmonic()
+    warming: Warming = Warming()
+    step: Step = Step()
 
     def operators(self) -> friction.StopOperators:
         """The elements, as given."""
@@ -43,6 +63,15 @@ class Dahl(NamedTuple):
     coulomb: Annotated[float, Quantity("N m | N", "(0, 1e6]", "friction at speed, T_c")]
     range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "T_c over the stiffness at rest, sigma_0")]
     exponent: Annotated[float, Quantity("", "[0.2, 4]", "n, the shape of the approach; 1 is exponential")] = 1.0
+    lag: plant.Lag = 0.0
+    asymmetry: plant.Asymmetry = 0.0
+    dwell: Dwell = Dwell()
+    load: plant.LoadShare = 0.0
+    along: Along = Along()
+    lead: plant.Lead = Harmonic()
+    ball_pass: plant.BallPass = Harmonic()
+    warming: Warming = Warming()
+    step: Step = Step()
 
     def bristle(self) -> friction_bristle.Bristle:
         """The law, ready to run."""
@@ -56,6 +85,15 @@ class Lugre(NamedTuple):
     range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "T_c over the stiffness at rest, sigma_0")]
     damping: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e9]", "of the bristle, sigma_1")] = 0.0
     stribeck: friction.Stribeck = friction.Stribeck()
+    lag: plant.Lag = 0.0
+    asymmetry: plant.Asymmetry = 0.0
+    dwell: Dwell = Dwell()
+    load: plant.LoadShare = 0.0
+    along: Along = Along()
+    lead: plant.Lead = Harmonic()
+    ball_pass: plant.BallPass = Harmonic()
+    warming: Warming = Warming()
+    step: Step = Step()
 
     def bristle(self) -> friction_bristle.Bristle:
         """The law, ready to run."""
@@ -65,8 +103,18 @@ class Lugre(NamedTuple):
 LAWS = {"rolling": Rolling, "stop-operators": Operators, "dahl": Dahl, "lugre": Lugre}
 
 
+EFFECTS = ("lag", "asymmetry", "dwell", "load", "along", "lead", "ball_pass", "warming", "step")  # of every law
+
+
 def friction_of(law: Rolling | Operators | Dahl | Lugre) -> stage.Friction:
     """The plant's friction: a bundle of stop operators, or a bristle beside one that carries nothing."""
     if isinstance(law, Rolling | Operators):
-        return stage.Friction(law.operators(), law.stribeck)
-    return stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), law.bristle())
+        found = stage.Friction(law.operators(), law.stribeck)
+    else:
+        found = stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), law.bristle())
+    return found._replace(**effects_of(law))
+
+
+def effects_of(law: Rolling | Operators | Dahl | Lugre) -> dict[str, Any]:
+    """What changes the law's limit, by field; the same for every law."""
+    return {name: getattr(law, name) for name in EFFECTS}

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from stagectl.config.loader import Tagged
+from stagectl.config.loader import Tagged, fields_of
 from stagectl.config.stage_file import StageFile
 from stagectl.config.trajectory_file import BLOCKS, EXPERIMENTS, Entry
 from stagectl.units import Quantity, quantity_of
@@ -48,7 +48,7 @@ def _of(hint: Any) -> dict[str, Any]:
 
 def _plain(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
     if hasattr(plain, "_fields"):
-        return _block(plain)
+        return _block(Annotated[plain, quantity] if quantity else plain)
     if get_origin(plain) is tuple:
         return _list(plain, quantity)
     if get_origin(plain) in (Union, types.UnionType):
@@ -95,8 +95,9 @@ def _bounds(quantity: Quantity) -> dict[str, float]:
     return {name: end for name, end in ((least, low), (most, high)) if math.isfinite(end)}
 
 
-def _block(kind: Any, tag: str = "", name: str = "", optional: bool = False) -> dict[str, Any]:
-    hints = get_type_hints(kind, include_extras=True)
+def _block(hint: Any, tag: str = "", name: str = "", optional: bool = False) -> dict[str, Any]:
+    kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    hints = fields_of(hint)
     properties = {field: _of(hints[field]) for field in kind._fields}
     required = [field for field in kind._fields if field not in kind._field_defaults]
     if tag:

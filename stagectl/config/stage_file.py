@@ -10,13 +10,16 @@ import yaml
 
 from stagectl import design, learning
 from stagectl.compensation.forms import FORMS, Model
+from stagectl.config.effects_file import Residual, effects_that_cannot_be, table_of
 from stagectl.config.friction_laws import LAWS, Dahl, Lugre, Operators, Rolling, friction_of
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
 from stagectl.config.source import node_at
 from stagectl.drives import bus
 from stagectl.drives.drive import Canopen
 from stagectl.drives.simulated import Simulation
-from stagectl.kernels import stage
+from stagectl.kernels import plant, stage
+from stagectl.kernels.drive_effects import Reported
+from stagectl.kernels.effects import Harmonic
 from stagectl.units import LINEAR, ROTARY, Quantity
 
 Positive = "(0, 1e6]"
@@ -48,6 +51,8 @@ class Encoder(NamedTuple):
     counts_per_revolution: Annotated[int | None, Quantity("", "[1, 1e9]", "counts per revolution")] = None
     step: Annotated[float | None, Quantity("rad | m", "(0, 1]", "length or angle of one count")] = None
     delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods from latch to controller, nm")] = 0
+    eccentricity: plant.Eccentricity = Harmonic()
+    interpolation: plant.Interpolation = Harmonic()
 
 
 class InProcess(NamedTuple):
@@ -61,6 +66,15 @@ class Drive(NamedTuple):
     current_limit: Annotated[float, Quantity("A", "(0, 1e4]", "largest current, of drive and law alike")]
     wire: Annotated[Canopen | InProcess, Tagged("kind", {"canopen": Canopen, "simulated": InProcess})]
     delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods between command and action, nd")] = 1
+    dead_time: plant.DeadTime = 0.0
+    jitter: plant.Jitter = 0.0
+    offset: plant.CurrentOffset = 0.0
+    continuous_current: plant.Continuous = math.inf
+    foldback_time: plant.FoldbackTime = 1.0
+    voltage_limit: plant.Voltage = math.inf
+    resistance: plant.Resistance = 1.0
+    back_emf: plant.BackEmf = 0.0
+    telemetry: Reported = Reported()
 
 
 class Limits(NamedTuple):
@@ -98,6 +112,7 @@ class StageFile(NamedTuple):
     realtime: Realtime = Realtime()
     simulation: Simulation = Simulation()
     learning: learning.Settings = learning.Settings()
+    residual: Residual | None = None
 
 
 class Setup(NamedTuple):
@@ -177,6 +192,7 @@ def _check_parts(file: StageFile) -> list[str]:
     low, high = (end * axis.travel_per_unit for end in file.limits.travel)
     if low >= high:
         wrong.append(f"limits.travel = [{low:g}, {high:g}] {axis.travel_unit}; the first must be below the second")
+    wrong += effects_that_cannot_be(file)
     rolling = file.friction
     if isinstance(rolling, Rolling) and not rolling.shortest <= rolling.longest <= WIDEST * rolling.shortest:
         wrong.append(f"friction.longest must be 1 to {WIDEST:g} times friction.shortest")
@@ -245,11 +261,13 @@ def _assembled(file: StageFile) -> stage.Stage:
             file.drive.delay_samples,
             file.drive.current_limit,
             file.drive.current_lag,
+            *(getattr(file.drive, name) for name in stage.Drive._fields[4:]),
         ),
         file.motor,
         file.mechanics,
         friction_of(file.friction),
-        stage.Encoder(step, file.encoder.delay_samples),
+        stage.Encoder(step, file.encoder.delay_samples, file.encoder.eccentricity, file.encoder.interpolation),
+        table_of(file.residual),
     )
 
 

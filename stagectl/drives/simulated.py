@@ -27,10 +27,16 @@ class Simulation(NamedTuple):
     )
 
 
-def draw(p: Simulation, periods: int) -> list[stage.Noise]:
+def draw(p: Simulation, periods: int, jitter: float = 0.0) -> list[stage.Noise]:
     """The noise of `periods` control periods: the same sequence wherever the same seed is simulated."""
     source = random.Random(p.seed)
-    return [stage.Noise(source.gauss(0.0, p.current_noise), source.gauss(0.0, p.encoder_noise)) for _ in range(periods)]
+    return [drawn(source, p, jitter) for _ in range(periods)]
+
+
+def drawn(source: random.Random, p: Simulation, jitter: float) -> stage.Noise:
+    """One period's noise; a `jitter` (s) of 0 draws nothing, so that the sequence is that of a plant without one."""
+    current, position = source.gauss(0.0, p.current_noise), source.gauss(0.0, p.encoder_noise)
+    return stage.Noise(current, position, source.gauss(0.0, jitter) if jitter > 0.0 else 0.0)
 
 
 class Plant:
@@ -91,6 +97,11 @@ class Plant:
         return stage.measured(self.p.encoder, self.state, self._heard())
 
     @property
+    def current(self) -> float:
+        """Motor current as the drive reports it (A)."""
+        return stage.reported(self.p.drive, self.state, self.dt)
+
+    @property
     def position_counts(self) -> int:
         """Measured position in encoder counts."""
         return round(self.position / self.p.encoder.step)
@@ -99,8 +110,7 @@ class Plant:
         return self._noise if self._powered else stage.SILENT
 
     def _draw(self) -> stage.Noise:
-        gauss, p = self._random.gauss, self.simulation
-        return stage.Noise(gauss(0.0, p.current_noise), gauss(0.0, p.encoder_noise))
+        return drawn(self._random, self.simulation, self.p.drive.jitter)
 
 
 class Simulated:
@@ -118,7 +128,7 @@ class Simulated:
 
     def sample(self) -> Feedback:
         """Measured position and motor current now."""
-        return Feedback(self.plant.position, self.plant.state.current, OPERATION_ENABLED, Fault.NONE)
+        return Feedback(self.plant.position, self.plant.current, OPERATION_ENABLED, Fault.NONE)
 
     def apply(self, current: float) -> None:
         """Hold `current` for one period; the model's own delay line adds nd periods."""

@@ -6,14 +6,14 @@ Each is neutral by default.  Source of the list and of realistic sizes: the desi
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from stagectl.kernels.jit import kernel, table
 from stagectl.units import Quantity
 
 TURN = 2.0 * math.pi
 NONE, VELOCITY, SINCE_REVERSAL, POSITION, POSITION_MOD_PITCH, CURRENT, TIME, SPEED = range(8)
-COORDINATES = (  # of a residual table, by their code
+Coordinate = Literal[
     "none",
     "velocity",  # rad/s | m/s, signed
     "displacement_since_reversal",  # rad | m, positive after a turn towards positive positions
@@ -22,7 +22,8 @@ COORDINATES = (  # of a residual table, by their code
     "current",  # A, in the motor
     "time",  # s, session clock
     "speed",  # rad/s | m/s, without its sign
-)
+]
+COORDINATES: tuple[Coordinate, ...] = get_args(Coordinate)  # of a residual table, by their code
 
 
 class Harmonic(NamedTuple):

@@ -18,6 +18,23 @@ from stagectl.units import Quantity
 # A delay line of whole control periods, newest first.
 Line = tuple[float, float, float, float, float, float, float, float]
 
+# Fields that a stage file has in blocks of its own, too: declared here, once.
+DeadTime = Annotated[float, Quantity("s", "[0, 0.1]", "delay beside nd Ts; together with it up to 7 control periods")]
+Jitter = Annotated[float, Quantity("s", "[0, 0.01]", "rms of a random part of that delay")]
+CurrentOffset = Annotated[float, Quantity("A", "[-1e3, 1e3]", "added to the motor current")]
+Continuous = Annotated[float, Quantity("A", "(0, inf]", "to which the limit folds back; inf: never")]
+FoldbackTime = Annotated[float, Quantity("s", "(0, 1e5]", "for which the drive gives its largest current")]
+Voltage = Annotated[float, Quantity("V", "(0, inf]", "of the supply, U: |R i + Ke v| stays below; inf: any")]
+Resistance = Annotated[float, Quantity("ohm", "(0, 1e6]", "of the winding, R")]
+BackEmf = Annotated[float, Quantity("V s/rad | V s/m", "[0, 1e6]", "of the motor, Ke")]
+Lag = Annotated[float, Quantity("s", "[0, 10]", "of the velocity in Stribeck's factor")]
+Asymmetry = Annotated[float, Quantity("", "[-1, 1]", "e of T_c (1 + e sgn v)")]
+LoadShare = Annotated[float, Quantity("", "[0, 10]", "friction per motor effort, mu")]
+Lead = Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c that goes with the lead")]
+BallPass = Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c that goes with the balls that pass")]
+Eccentricity = Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a turn")]
+Interpolation = Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a signal period")]
+
 
 class Drive(NamedTuple):
     """The servo drive between command and motor current."""
@@ -26,16 +43,14 @@ class Drive(NamedTuple):
     delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods between command and action, nd")]
     current_limit: Annotated[float, Quantity("A", "(0, inf]", "largest current the drive gives")]
     current_lag: Annotated[float, Quantity("s", "[0, 0.1]", "time constant of the current loop")]
-    dead_time: Annotated[float, Quantity("s", "[0, 0.1]", "delay beside nd Ts, up to 6 control periods")] = 0.0
-    jitter: Annotated[float, Quantity("s", "[0, 0.01]", "rms of a random part of that delay")] = 0.0
-    offset: Annotated[float, Quantity("A", "[-1e3, 1e3]", "added to the motor current")] = 0.0
-    continuous_current: Annotated[float, Quantity("A", "(0, inf]", "to which the limit folds back; inf: never")] = (
-        math.inf
-    )
-    foldback_time: Annotated[float, Quantity("s", "(0, 1e5]", "for which it gives its largest current")] = 1.0
-    voltage_limit: Annotated[float, Quantity("V", "(0, inf]", "of the supply: |R i + Ke v| stays below")] = math.inf
-    resistance: Annotated[float, Quantity("ohm", "(0, 1e6]", "of the winding, R")] = 1.0
-    back_emf: Annotated[float, Quantity("V s/rad | V s/m", "[0, 1e6]", "of the motor, Ke")] = 0.0
+    dead_time: DeadTime = 0.0
+    jitter: Jitter = 0.0
+    offset: CurrentOffset = 0.0
+    continuous_current: Continuous = math.inf
+    foldback_time: FoldbackTime = 1.0
+    voltage_limit: Voltage = math.inf
+    resistance: Resistance = 1.0
+    back_emf: BackEmf = 0.0
     telemetry: Reported = Reported()
 
 
@@ -60,7 +75,7 @@ class Mechanics(NamedTuple):
         0.0
     )
     root: Annotated[
-        float, Quantity("N m s/rad | N s/m", "[0, 1e6]", "friction c sqrt(|v|) sgn v, c in the root's unit")
+        float, Quantity("N m | N", "[0, 1e6]", "friction c sqrt(|v|) sgn v: that at a speed of 1 rad/s | 1 m/s")
     ] = 0.0
     viscous_asymmetry: Annotated[float, Quantity("", "[-1, 1]", "e of D (1 + e sgn v)")] = 0.0
     viscous_warming: Warming = Warming()
@@ -76,13 +91,13 @@ class Friction(NamedTuple):
     operators: friction.StopOperators
     stribeck: friction.Stribeck  # of the operators
     bristle: friction_bristle.Bristle = friction_bristle.NEUTRAL
-    lag: Annotated[float, Quantity("s", "[0, 10]", "of the velocity in Stribeck's factor")] = 0.0
-    asymmetry: Annotated[float, Quantity("", "[-1, 1]", "e of T_c (1 + e sgn v)")] = 0.0
+    lag: Lag = 0.0
+    asymmetry: Asymmetry = 0.0
     dwell: Dwell = Dwell()
-    load: Annotated[float, Quantity("", "[0, 10]", "friction per motor effort, mu")] = 0.0
+    load: LoadShare = 0.0
     along: Along = Along()
-    lead: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c, once per pitch")] = Harmonic()
-    ball_pass: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c, of the balls that pass")] = Harmonic()
+    lead: Lead = Harmonic()
+    ball_pass: BallPass = Harmonic()
     warming: Warming = Warming()
     step: Step = Step()
 
@@ -92,8 +107,8 @@ class Encoder(NamedTuple):
 
     step: Annotated[float, Quantity("rad | m", "[0, 1]", "one count; 0: continuous")]
     delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods from latch to controller, nm")]
-    eccentricity: Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a turn")] = Harmonic()
-    interpolation: Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a signal period")] = Harmonic()
+    eccentricity: Eccentricity = Harmonic()
+    interpolation: Interpolation = Harmonic()
 
 
 class Stage(NamedTuple):

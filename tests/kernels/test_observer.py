@@ -30,7 +30,7 @@ def late(setup: Setup, nd: int, nm: int, lag: float) -> stage.Stage:
 
 def sampled(p: stage.Stage) -> tuple[NDArray[Any], NDArray[Any]]:
     """The held plant's polynomials in 1/z, by scipy."""
-    kt, (inertia, viscous, _) = p.motor.force_constant, p.mechanics
+    kt, inertia, viscous = p.motor.force_constant, p.mechanics.inertia, p.mechanics.viscous
     numerator, denominator, _ = cont2discrete((np.array([kt]), np.array([inertia, viscous, 0.0])), DT)
     return np.ravel(numerator), np.ravel(denominator)
 

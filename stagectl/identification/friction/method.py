@@ -218,7 +218,7 @@ def _found(one: Fit, judge: _Judge) -> Found:
 def _changes(one: Fit, judge: _Judge) -> dict[str, Any]:
     """What a stage file gets: the mechanics, and the friction that the plant simulates this model with."""
     found = plant(one, judge.file, SHARP * judge.scale.step)
-    mechanics = {f"mechanics.{name}": value for name, value in found.mechanics._asdict().items()}
+    mechanics = {f"mechanics.{name}": getattr(found.mechanics, name) for name in ("inertia", "viscous", "bias")}
     return {**mechanics, "friction": friction_block(found.friction, LAW.get(one.name, "stop-operators"))}
 
 
