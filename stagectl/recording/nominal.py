@@ -17,6 +17,7 @@ from stagectl.config.stage_file import StageFile
 from stagectl.design import Control
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import friction_bristle
+from stagectl.kernels.effects import TURN
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.units import LINEAR, ROTARY
 
@@ -31,6 +32,9 @@ _ANTI_WINDUP = (
     "conditional integration: while the command exceeds command_limit_A and the error has its sign, the integrator "
     "keeps its value"
 )
+# Fields of a stage file with defaults that are no effects: stage, friction and drive of nominal.yaml have them.
+_ELSEWHERE = {"bias", "pitch", "elements", "exponent", "damping", "stribeck", "delay_samples", "counts_per_revolution"}
+_ELSEWHERE |= {"resistance", "back_emf", "voltage_limit"}
 _ACCURACY = "the values that the controller was designed for; how true they are of the machine is not known"
 
 
@@ -48,7 +52,32 @@ def nominal_of(recording: Recording) -> dict[str, Any]:
         "friction": _friction(file),
         "drive": _drive(file),
         "controller": _controller(file, meta),
+        **({"effects": found} if (found := effects_of(file)) else {}),
     }
+
+
+def effects_of(file: StageFile) -> dict[str, Any]:
+    """The effects that act in this stage, by block and field as in its file, SI; what is neutral stands nowhere."""
+    blocks = {name: _acting(getattr(file, name)) for name in ("motor", "mechanics", "friction", "encoder", "drive")}
+    blocks["encoder"].pop("step", None)  # of its counts; that of the friction is an effect
+    known = {name: block for name, block in blocks.items() if block}
+    if file.residual is not None:
+        known["residual"] = {**file.residual._asdict(), "values": list(file.residual.values)}
+    return known
+
+
+def _acting(block: Any) -> dict[str, Any]:
+    """Fields of a block that stand elsewhere in nominal.yaml left out."""
+    changed = {
+        name: value
+        for name, value in block._asdict().items()
+        if name not in _ELSEWHERE and name in block._field_defaults and value != block._field_defaults[name]
+    }
+    return {name: _numbers(value) for name, value in changed.items()}
+
+
+def _numbers(value: Any) -> Any:
+    return {k: _numbers(v) for k, v in value._asdict().items()} if hasattr(value, "_asdict") else value
 
 
 def carried_stage(recording: Recording) -> StageFile:
@@ -78,7 +107,7 @@ def _axis(axis: dict[str, Any]) -> dict[str, Any]:
 
 
 def _stage(file: StageFile, axis: dict[str, Any]) -> dict[str, Any]:
-    mechanics = file.mechanics
+    mechanics, wave = file.mechanics, file.encoder.interpolation
     return {
         "name": file.name,
         **_axis(axis),
@@ -86,8 +115,8 @@ def _stage(file: StageFile, axis: dict[str, Any]) -> dict[str, Any]:
         "inertia": mechanics.inertia,
         "viscous": mechanics.viscous,
         "bias": mechanics.bias,
-        "pitch": 2.0 * math.pi if file.axis.lead else None,
-        "encoder_periods_per_pitch": None,
+        "pitch": mechanics.pitch if file.axis.lead or mechanics.pitch != TURN else None,
+        "encoder_periods_per_pitch": wave.order if wave.amplitude else None,
         "accuracy": _ACCURACY,
     }
 
@@ -120,14 +149,15 @@ def _bristle(file: StageFile, compensated: bool) -> dict[str, Any]:
 
 def _drive(file: StageFile) -> dict[str, Any]:
     wire = file.drive.wire
+    powered = file.drive.voltage_limit < math.inf  # without a limit nothing is known of winding and supply
     return {
         "current_quantum_A": wire.command_scale if isinstance(wire, Canopen) else None,
         "current_loop_s": file.drive.current_lag,
         "delay_samples": file.drive.delay_samples,
-        "resistance_ohm": None,
-        "back_emf_V_per_unit_s": None,
+        "resistance_ohm": file.drive.resistance if powered else None,
+        "back_emf_V_per_unit_s": file.drive.back_emf if powered else None,
         "current_limit_A": file.drive.current_limit,
-        "voltage_limit_V": None,
+        "voltage_limit_V": file.drive.voltage_limit if powered else None,
     }
 
 

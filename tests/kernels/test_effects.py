@@ -276,7 +276,7 @@ def test_what_slips_carries_the_factor(changes: dict[str, object], factor: objec
 
 
 def test_ageing_raises_the_break_away_and_slip_wipes_it() -> None:
-    """T_c (1 + b ln(1 + t_d / tau)); each move wipes by its share F / (T_c factor); sliding, the age is length / |v|."""
+    """T_c (1 + b ln(1 + t_d / tau)); each move wipes by its share F / (T_c factor); sliding: length / |v|."""
     p = frictional(plant(D, TC), dwell=Dwell(0.1, 0.1))
     x = run(p, 0.0, 1.0)
     assert x.memory.rested == pytest.approx(1.0, rel=1e-9)
