@@ -129,6 +129,7 @@ def _log(one: Repeat, machine: Believed, dt: float) -> tuple[Log, list[str]]:
         injection=columns.get("injection"),
         valid=judged.valid,
         setpoints=_setpoints(one, machine, columns),
+        exact=grid.exact,
     )
     return made, [*grid.notes, *judged.notes]
 
