@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.gap.batch import in_parallel
-from stagectl.gap.controller_causes import probable, slight
+from stagectl.gap.controller_causes import probable, slight, unexplained
 from stagectl.gap.folder import gathered
 from stagectl.gap.hygiene import runs
 from stagectl.gap.session import Array, Log, Session
@@ -43,21 +43,50 @@ def parity(session: Session) -> Parity:
     """Cut A of a whole session, with the probable cause where it fails."""
     if not comparable(session):
         return impossible(session)
-    each, allowed = compared(session)
+    logs = comparable(session)
+    allowed = limit(session, logs)
+    strict = judged(session, compared(session, allowed), allowed)
+    if strict.agrees:
+        return strict
+    counted = _gain(session) * session.stage.encoder.step
+    if counted <= allowed:
+        return strict
+    each = compared(session, counted)
+    found = max(each, key=lambda one: one.worst[0])
+    worst, row = found.worst
+    if worst > counted or not unexplained(session, each):
+        return strict
+    return Parity(
+        True,
+        worst,
+        (found.log.name, row * session.dt),
+        counted,
+        True,
+        f"the recomputed command agrees within {worst:.2g} A, what a count of the position makes ({counted:.2g} A): "
+        f"the controller saw it finer than it was logged, and nothing systematic is left{_noted(each)}",
+    )
+
+
+def judged(session: Session, each: list[Compared], allowed: float) -> Parity:
+    """Whether all agree within the limit `allowed` (A), and no wrong gain hides in it."""
     found = max(each, key=lambda one: one.worst[0])
     worst, row = found.worst
     at = (found.log.name, row * session.dt)
     hidden = slight(session, each) if DIGITS / SHARE * allowed < worst <= allowed else ""
-    agrees = worst <= allowed and not hidden
-    notes = "".join(f"; {note}" for note in gathered(((one.log.name, n) for one in each for n in one.notes), len(each)))
-    if agrees:
-        words = f"the recomputed command agrees within {worst:.2g} A (limit {allowed:.2g} A){notes}"
-    else:
-        words = (
-            f"the logged command differs from the recomputed one by up to {worst:.3g} A in {at[0]} at {at[1]:.6g} s "
-            f"(limit {allowed:.2g} A): {hidden or probable(session, each, allowed)}{notes}"
-        )
-    return Parity(True, worst, at, allowed, agrees, words)
+    if worst <= allowed and not hidden:
+        words = f"the recomputed command agrees within {worst:.2g} A (limit {allowed:.2g} A){_noted(each)}"
+        return Parity(True, worst, at, allowed, True, words)
+    yet = f"within the limit of {allowed:.2g} A, yet" if hidden else f"limit {allowed:.2g} A:"
+    words = (
+        f"the logged command differs from the recomputed one by up to {worst:.3g} A in {at[0]} at {at[1]:.6g} s, {yet} "
+        f"{hidden or probable(session, each, allowed)}{_noted(each)}"
+    )
+    return Parity(True, worst, at, allowed, False, words)
+
+
+def _noted(each: list[Compared]) -> str:
+    notes = [(one.log.name, note) for one in each for note in one.notes]
+    return "".join(f"; {note}" for note in gathered(notes, len(each)))
 
 
 class Compared(NamedTuple):
@@ -98,12 +127,11 @@ def impossible(session: Session) -> Parity:
     return Parity(False, float("nan"), ("", float("nan")), float("nan"), True, f"the controller is not checked: {why}")
 
 
-def compared(session: Session) -> tuple[list[Compared], float]:
-    """All comparable logs recomputed, and the limit (A) of what may be left."""
+def compared(session: Session, allowed: float) -> list[Compared]:
+    """All comparable logs recomputed; harmless rows are looked for where more than `allowed` (A) is left."""
     logs, p = comparable(session), session.law
     assert p is not None
-    allowed = limit(session, logs)
-    return in_parallel(lambda log: _compared(p, log, session.dt, allowed), logs), allowed
+    return in_parallel(lambda log: _compared(p, log, session.dt, allowed), logs)
 
 
 def recomputed(p: law.Law, setpoints: Array, position: Array) -> Array:
@@ -209,12 +237,17 @@ def resolution(values: Array) -> float:
 
 
 def _rounding(session: Session, log: Log) -> float:
-    """What positions that were written with few decimals cost (A), by the feedback's gain at the highest frequency."""
+    """What positions that were written with few decimals cost (A)."""
+    return 0.5 * _gain(session) * _decimal(log.position, session.stage.encoder.step)
+
+
+def _gain(session: Session) -> float:
+    """The feedback's gain at the highest frequency (A/rad | A/m)."""
     p = session.law
     assert p is not None
-    gain = p.cascade.velocity * (p.cascade.position + 2.0 / p.cascade.dt) if p.cascaded else 0.0
-    gain += abs(p.feedback.proportional) + 2.0 * abs(p.feedback.derivative)
-    return 0.5 * gain * _decimal(log.position, session.stage.encoder.step)
+    if p.cascaded:
+        return p.cascade.velocity * (p.cascade.position + 2.0 / p.cascade.dt)
+    return abs(p.feedback.proportional) + 2.0 * abs(p.feedback.derivative)
 
 
 def _decimal(values: Array, step: float) -> float:

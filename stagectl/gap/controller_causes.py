@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 EXPLAINED = 0.1  # rms that is left, as a share of the difference: below it a cause is named
 SURE = 0.05  # the same, for a difference that is within the limit
 SLIGHT = 0.01  # factor on a term, less one, that counts then
+NOISE = 0.9  # what every cause leaves of noise
 SHIFTS = 8  # rows
 ALONE = 0.5  # what a single cause may leave of what several leave
 _PID = {"proportional": "the proportional gain", "integral": "the integral gain", "derivative": "the derivative gain"}
@@ -72,6 +73,13 @@ def slight(session: Session, each: list[Compared]) -> str:
     if best.left > SURE or abs(best.factor - 1.0) < SLIGHT:
         return ""
     return f"{best.words} ({_explained(best)})"
+
+
+def unexplained(session: Session, each: list[Compared]) -> bool:
+    """Whether no cause explains any of the difference: it is noise, such as that of rounding."""
+    worst = max(each, key=lambda one: _rms(one.difference))
+    causes = [*_factors(session, each), *_anticipated(session, worst), *_shifts(session, worst)]
+    return min(one.left for one in (*causes, _several(session, each))) > NOISE
 
 
 def _explained(cause: Cause) -> str:
