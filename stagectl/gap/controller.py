@@ -189,10 +189,8 @@ def _begun_before(difference: Array, log: Log, dt: float, allowed: float) -> tup
     if until > BEGINNING * rows:
         return difference, []
     left[:until] = np.nan
-    return left, [
-        f"it begins while the controller runs: {offset:.3g} A are in its integrator, and the first "
-        f"{duration(until * dt)} do not count"
-    ]
+    words = f"it begins while the controller runs: {offset:.3g} A are in its integrator"
+    return left, [words + (f", and the first {duration(until * dt)} do not count" if until else "")]
 
 
 def _corners(difference: Array, log: Log, dt: float, allowed: float) -> tuple[Array, list[str]]:
