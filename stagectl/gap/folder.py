@@ -39,7 +39,7 @@ def load(paths: Sequence[Path], stage: Setup | None = None) -> Session:
     machine = believed(logs, stage)
     dt = machine.dt or _period(logs)
     repeats, noted = alike([Repeat(log, _gridded(log, dt)) for log in logs])
-    made = in_parallel(lambda one: _log(one, machine, dt), repeats)
+    made = [_log(one, known, machine, dt) for one, known in zip(repeats, _known(repeats, machine), strict=True)]
     notes = [(one.log.name, note) for one in repeats for note in _own(one.log)]
     notes += [(log.name, note) for log, said in made for note in said]
     finished = tuple(log for log, _ in made)
@@ -111,7 +111,24 @@ def _own(log: Found) -> list[str]:
     return [*(note for note in recording.meta.get("notes", []) if note not in absent), *lost, *cut]
 
 
-def _log(one: Repeat, machine: Believed, dt: float) -> tuple[Log, list[str]]:
+def _known(repeats: list[Repeat], machine: Believed) -> list[Array | None]:
+    """The setpoints of all `repeats`; those that were asked for the same have the same ones."""
+    keys = [_key(one) for one in repeats]
+    first = dict(zip(reversed(keys), reversed(repeats), strict=True))
+    found = dict(zip(first, in_parallel(lambda one: _setpoints(one, machine), first.values()), strict=True))
+    return [found[key] for key in keys]
+
+
+def _key(one: Repeat) -> tuple[bytes, ...]:
+    """What decides the setpoints of a log."""
+    if one.log.setpoints is not None:
+        return (one.log.name.encode(),)
+    columns = one.grid.columns
+    injection = columns.get("injection", np.zeros(0))
+    return (str(len(columns["position"])).encode(), *(part.tobytes() for part in (*one.grid.samples, injection)))
+
+
+def _log(one: Repeat, known: Array | None, machine: Believed, dt: float) -> tuple[Log, list[str]]:
     log, grid = one
     limit = min(machine.stage.drive.current_limit, machine.law.current_limit if machine.law else math.inf)
     judged = hygiene.judged(grid.columns, dt, limit, machine.stage.encoder.step)
@@ -128,20 +145,22 @@ def _log(one: Repeat, machine: Believed, dt: float) -> tuple[Log, list[str]]:
         reference=columns.get("reference"),
         injection=columns.get("injection"),
         valid=judged.valid,
-        setpoints=_setpoints(one, machine, columns),
+        setpoints=known,
+        exact=grid.exact,
     )
     return made, [*grid.notes, *judged.notes]
 
 
-def _setpoints(one: Repeat, machine: Believed, columns: dict[str, Array]) -> Array | None:
+def _setpoints(one: Repeat, machine: Believed) -> Array | None:
     """As they were recorded, else as the deployed controller had them; None where they are not known."""
     log, grid = one
-    rows = len(columns["position"])
+    rows = len(grid.columns["position"])
     if log.setpoints is not None:
         recorded = {str(j): column for j, column in enumerate(log.setpoints.T)}
         on_periods = gridded(log.time, recorded, machine.dt).columns.values()
         return np.stack([hygiene.filled(column)[:rows] for column in on_periods], axis=1)
     time, reference = grid.samples
+    injection = hygiene.filled(grid.columns["injection"]) if "injection" in grid.columns else None
     if machine.deployed is None or len(time) < setpoints.LEAST:
         return None
-    return setpoints.rows(machine.deployed, setpoints.Asked(time, reference, rows, columns.get("injection")))
+    return setpoints.rows(machine.deployed, setpoints.Asked(time, reference, rows, injection))

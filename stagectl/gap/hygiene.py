@@ -19,7 +19,8 @@ FROZEN = 0.1  # s of one and the same position while the reference moves
 _NOTHING = 1e-3  # of the largest current
 _ASKED = 0.05  # of the largest command: this much and no current
 _MOVED = 100.0  # encoder steps
-_TOP = 0.998  # of the largest current: at its limit
+_TOP = 0.95  # of the largest current: at its limit, but for noise
+AWAY = 5.0  # times the largest current: a command that no drive answers any more
 _PLATEAU = 5  # rows in a row at the limit
 
 
@@ -41,6 +42,7 @@ def judged(columns: dict[str, Array], dt: float, limit: float, step: float) -> J
         _faulted(columns),
         _switched_off(columns, dt),
         _frozen(columns, dt, step),
+        _ran_away(columns),
     ):
         if np.any(rows):
             share = 100.0 * float(np.mean(rows))
@@ -106,8 +108,18 @@ def _frozen(columns: dict[str, Array], dt: float, step: float) -> tuple[Rows, st
     for begin, end in runs(np.concatenate([[False], np.diff(position) == 0.0])):
         asked = columns["reference"][begin:end]
         if (end - begin) * dt > FROZEN and np.any(np.isfinite(asked)) and np.nanmax(asked) - np.nanmin(asked) > far > 0:
-            none[begin:end] = True
+            none[begin - 1 : end] = True
     return none, words
+
+
+def _ran_away(columns: dict[str, Array]) -> tuple[Rows, str]:
+    """A command far beyond any current that ever flowed: the loop is lost, and what follows is not its motion."""
+    words = f"the command exceeds {AWAY:g} times the largest current, the loop is lost"
+    if "command" not in columns or "current" not in columns:
+        return np.zeros(len(columns["position"]), dtype=np.bool_), words
+    command, current = np.abs(np.nan_to_num(columns["command"])), np.abs(np.nan_to_num(columns["current"]))
+    largest = float(current.max(initial=0.0))
+    return np.cumsum((command > AWAY * largest) & (largest > 0.0)) > 0, words
 
 
 def _plateau(columns: dict[str, Array], limit: float) -> list[str]:

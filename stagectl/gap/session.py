@@ -36,6 +36,7 @@ class Log(NamedTuple):
     injection: Array | None  # (n,) A, added to the command
     valid: NDArray[np.bool_]  # (n,) False in gaps, saturation and faults
     setpoints: Array | None = None  # (n, 8) of kernels.law.Setpoint; None: controller or reference not known
+    exact: bool = True  # rows are the control periods themselves; else resampled onto them
 
     @property
     def rows(self) -> int:

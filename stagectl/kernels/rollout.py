@@ -69,3 +69,15 @@ def carried(p: stage.Stage, x: stage.State, currents: Any, dt: float) -> tuple[f
         x = stage.period(p, x, currents[k], stage.SILENT, dt, 1)
         low, high, speed = min(low, x.position), max(high, x.position), max(speed, abs(x.velocity))
     return low, high, speed
+
+
+@kernel
+def answers(p: law.Law, inputs: Any) -> None:
+    """What the law answers to `inputs` = (setpoints (n, 8), measured (n,), out (n, 7) to be filled with its output)."""
+    setpoints, measured, out = inputs
+    x = law.AT_REST
+    for k in range(len(setpoints)):
+        r = setpoints[k]
+        output, x = law.step(p, x, law.Setpoint(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7]), measured[k])
+        for j, term in enumerate(output):
+            out[k, j] = term

@@ -47,7 +47,7 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
     if how.skipped > 1:
         raise RecordingError(f"{path} {_preamble(how)}")
     beside = path.parent / "nominal.yaml"
-    nominal = read_values(beside) if beside.is_file() else {}
+    nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
     scales = _scales(path, names, setup, (nominal, beside))
     known, notes = _known(path, names, scales)
     table = _table(path, names, list(known), how)

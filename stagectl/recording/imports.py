@@ -110,6 +110,7 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
     entries = read_values(folder / "captures.yaml").get("captures")
     if not isinstance(entries, list) or not entries:
         raise RecordingError(f"{folder / 'captures.yaml'} must hold a list `captures:` with at least one entry")
+    nominal = read_values(folder / "nominal.yaml") if (folder / "nominal.yaml").is_file() else {}
     found = []
     for number, entry in enumerate(entries):
         if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
@@ -118,6 +119,8 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
         if not path.is_file():
             raise RecordingError(f"captures[{number}].file = {entry['file']}; no such file in {folder}")
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
+        if nominal and path.parent == folder:  # read once for all of them
+            about["nominal"] = nominal
         found.append(_recording(_with_beside(csv_logs.read(path, setup, about), entry)))
     return found
 

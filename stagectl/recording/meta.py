@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import platform
 import time
@@ -50,6 +51,11 @@ def describe(setup: Setup, plan: Plan, running: Controller, trajectory: Path) ->
 
 def versions() -> dict[str, str]:
     """Of this program, its kernels, what it stands on, and the machine it ran on."""
+    return dict(_versions())
+
+
+@functools.cache
+def _versions() -> dict[str, str]:
     found = {"python": platform.python_version(), "kernels": source_hash(), "system": platform.platform()}
     for package in _PACKAGES:
         try:
