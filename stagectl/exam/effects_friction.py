@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from .effects import Draw, Rig, effect, factor
-from .machine import Ageing, Place, Speed, Warmth
+from .machine import Ageing, Place, Warmth
 
 
 def with_body(rig: Rig, **changes: float) -> Rig:
@@ -13,8 +15,8 @@ def with_body(rig: Rig, **changes: float) -> Rig:
 
 def with_speed(rig: Rig, **changes: float | bool) -> Rig:
     """Rig with other friction over speed."""
-    speed: Speed = rig.machine.speed._replace(**changes)
-    return rig._replace(machine=rig.machine._replace(speed=speed))
+    speed: Any = rig.machine.speed
+    return rig._replace(machine=rig.machine._replace(speed=speed._replace(**changes)))
 
 
 def with_place(rig: Rig, **changes: float) -> Rig:
