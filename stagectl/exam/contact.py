@@ -87,9 +87,9 @@ def slip(law: Law, mem: Floats, out: Floats, part: int, span: tuple[float, float
     if law.kind == MAXWELL:
         total = 0.0
         for j in range(law.weights.size):
-            z = min(max(mem[part + j] + dx * law.inverse_slip[j], low), high)
-            out[part + j] = z
-            total += law.weights[j] * z
+            stretch = min(max(mem[part + j] + dx * law.inverse_slip[j], low), high)
+            out[part + j] = stretch
+            total += law.weights[j] * stretch
         return total
     z: float = mem[part]
     if dx != 0.0:

@@ -78,11 +78,7 @@ def stribeck(rig: Rig, draw: Draw) -> Rig:
 
 @effect("friction_lag", "torque")
 def friction_lag(rig: Rig, draw: Draw) -> Rig:
-    """The Stribeck term follows speed with 5 ms; it needs one, so a stage without gets one."""
-    if rig.machine.speed.stribeck == 0.0:
-        rig = with_speed(
-            rig, stribeck=0.3, stribeck_speed=draw.decades(1.0, 6.0), stribeck_exponent=draw.uniform(0.8, 2.0)
-        )
+    """The Stribeck term follows speed with 5 ms; without such a term it does nothing."""
     return with_speed(rig, lag=0.005 * draw.scale)
 
 
