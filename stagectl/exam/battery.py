@@ -37,11 +37,12 @@ def swinging(name: str, start: float, amplitude: float, frequency: float, cycles
 
 
 def stairs(name: str, use: str, start: float, steps: Sequence[tuple[float, float]]) -> Experiment:
-    """Constant speeds (m m/s, s) one way and back."""
+    """Constant speeds (mm/s, s) one way and back, and a fast move of 20 mm each way that takes what the drive has."""
     there = [(speed * MM, seconds) for speed, seconds in steps]
     back = [(-speed, seconds) for speed, seconds in there]
+    dash = [move(20.0 * MM, 0.4), rest(0.3), move(-20.0 * MM, 0.4), rest(0.3)]
     return plain(
-        name, use, start, [*turned(1.0 * MM, 0.2), speeds(there, 0.12), rest(0.2), speeds(back, 0.12), rest(0.2)]
+        name, use, start, [*turned(1.0 * MM, 0.2), speeds(there, 0.12), rest(0.2), speeds(back, 0.12), rest(0.2), *dash]
     )
 
 
@@ -81,7 +82,7 @@ def recommended(seed: int) -> list[Experiment]:
     slow = [(0.8, 1.0), (2.0, 0.9), (5.0, 0.8), (10.0, 0.7), (20.0, 0.6), (40.0, 0.6), (80.0, 0.45)]
     return [
         *three_sines(),
-        swinging("sine-5.0", 8.0 * MM, 1.0 * MM, 5.0, 8.0),
+        swinging("sine-5.0", 8.0 * MM, 1.6 * MM, 5.0, 8.0),
         stairs("stairs", "diagnose", -50.0 * MM, slow),
         scan(-52.0 * MM, 16.0 * MM, 6.4),
         micro("micro-50", "diagnose", 50.0 * UM, 2.0, 4.0),
@@ -108,6 +109,7 @@ def short(seed: int) -> list[Experiment]:
     quick = [(1.0, 0.4), (4.0, 0.35), (12.0, 0.3), (35.0, 0.3), (70.0, 0.25)]
     return [
         swinging("sine-1.6", 0.0, 5.0 * MM, 1.6, 2.0),
+        swinging("sine-5.0", 8.0 * MM, 1.6 * MM, 5.0, 4.0),
         stairs("stairs", "diagnose", -24.0 * MM, quick),
         scan(-30.0 * MM, 25.0 * MM, 2.0),
         micro("micro-8", "diagnose", 8.0 * UM, 2.0, 2.0),

@@ -87,11 +87,11 @@ def slip(law: Law, mem: Floats, out: Floats, part: int, span: tuple[float, float
     if law.kind == MAXWELL:
         total = 0.0
         for j in range(law.weights.size):
-            z = min(max(mem[part + j] + dx * law.inverse_slip[j], low), high)
-            out[part + j] = z
-            total += law.weights[j] * z
+            stretch = min(max(mem[part + j] + dx * law.inverse_slip[j], low), high)
+            out[part + j] = stretch
+            total += law.weights[j] * stretch
         return total
-    z = mem[part]
+    z: float = mem[part]
     if dx != 0.0:
         limit = high if dx > 0.0 else -low
         travel = dx / law.length
@@ -147,7 +147,8 @@ def aged(p: Machine, age: float) -> float:
     """Rise of the level after a dwell of `age` seconds, as a share."""
     a = p.ageing
     if a.power > 0.0:
-        return a.gain * ((1.0 + age / a.time) ** a.power - 1.0) / a.power
+        grown: float = (1.0 + age / a.time) ** a.power
+        return a.gain * (grown - 1.0) / a.power
     return a.gain * math.log(1.0 + age / a.time)
 
 
@@ -205,7 +206,8 @@ def remember(p: Machine, mem: Floats, out: Floats, start: Motion, end: Motion, d
 @compiled
 def cable_loop(f: Forces, mem: Floats, out: Floats, dx: float) -> float:
     """Torque of the dragged cable's memory."""
-    first, second = mem[LOOP], mem[LOOP_SECOND]
+    first: float = mem[LOOP]
+    second: float = mem[LOOP_SECOND]
     if dx != 0.0:
         first = dahl(first, dx / f.loop_length, f.loop_exponent, 1.0)
         second = dahl(second, dx / f.loop_second_length, f.loop_exponent, 1.0)
@@ -220,7 +222,7 @@ def foreign_torque(alien: Alien, mem: Floats, out: Floats, end: Motion) -> float
         u = (end.x - alien.place) / alien.width
         return alien.size * math.exp(-u * u)
     if alien.kind == CUBIC_HYSTERESIS:
-        held = min(max(mem[CUBIC], end.v - alien.width), end.v + alien.width)
+        held: float = min(max(mem[CUBIC], end.v - alien.width), end.v + alien.width)
         out[CUBIC] = held
         u = held / alien.place
         return alien.size * u * u * u

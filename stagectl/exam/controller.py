@@ -7,9 +7,10 @@ a = 4p - D/J, b2 = (6 p^2 J - D a)/Kt, b1 = 4 p^3 J/Kt, b0 = p^4 J/Kt, Ki = b0/a
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from .jit import compiled
@@ -61,7 +62,7 @@ def designed(model: Model, bandwidth: float, lag: float = 0.000159, delay_sample
     return Loop(0.0005, bandwidth, kp, ki, kd, a, advance, advance + 0.00025)
 
 
-def held(spline: BSpline, rows: Floats, last: int, order: int) -> Floats:
+def held(spline: BSpline, rows: NDArray[np.floating[Any]], last: int, order: int) -> Floats:
     """Spline over the row number, constant outside its ends."""
     inside = np.clip(rows, 0.0, float(last))
     values = np.asarray(spline(inside, order), dtype=np.float64)

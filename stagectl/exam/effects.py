@@ -31,6 +31,7 @@ class Around(NamedTuple):
     session: float  # s, from the first capture to the last of those for diagnosis
     peak_current: float  # A, the nominal model's in this session
     peak_speed: float  # rad/s
+    peak_voltage: float  # V
     half_stroke: float  # rad
 
 

@@ -70,19 +70,16 @@ def current_loop(rig: Rig, draw: Draw) -> Rig:
 
 @effect("current_saturation", "current")
 def current_saturation(rig: Rig, draw: Draw) -> Rig:
-    """The drive gives 10 % less than the session's peak, and less still when it is warm."""
-    limit = draw.around.peak_current / (1.0 + 0.1 * draw.scale)
-    fold = limit * draw.uniform(0.7, 0.95) if draw.random.random() < 0.4 else limit
+    """The drive gives 6 % less than the session's peak, and less still when it is warm."""
+    limit = draw.around.peak_current / (1.0 + 0.06 * draw.scale)
+    fold = limit * draw.uniform(0.88, 0.97) if draw.random.random() < 0.4 else limit
     return with_drive(rig, limit=limit, fold_limit=fold, fold_heat=draw.decades(3.0, 30.0))
 
 
 @effect("voltage_saturation", "current")
 def voltage_saturation(rig: Rig, draw: Draw) -> Rig:
-    """The bus voltage ends 8 % before the session's highest speed under its current."""
-    drive, around = rig.machine.drive, draw.around
-    friction = rig.machine.body.coulomb + rig.machine.body.viscous * around.peak_speed
-    needed = drive.back_emf * around.peak_speed + drive.resistance * friction / rig.machine.motor.force_constant
-    return with_drive(rig, voltage=needed / (1.0 + 0.08 * draw.scale))
+    """The bus voltage ends 4 % before what the session's fastest move needs."""
+    return with_drive(rig, voltage=draw.around.peak_voltage / (1.0 + 0.04 * draw.scale))
 
 
 @effect("current_gain", "reported")

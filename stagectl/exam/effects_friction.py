@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from .effects import Draw, Rig, effect, factor
-from .machine import Ageing, Place, Speed, Warmth
+from .machine import Ageing, Place, Warmth
 
 
 def with_body(rig: Rig, **changes: float) -> Rig:
@@ -13,8 +15,8 @@ def with_body(rig: Rig, **changes: float) -> Rig:
 
 def with_speed(rig: Rig, **changes: float | bool) -> Rig:
     """Rig with other friction over speed."""
-    speed: Speed = rig.machine.speed._replace(**changes)
-    return rig._replace(machine=rig.machine._replace(speed=speed))
+    speed: Any = rig.machine.speed
+    return rig._replace(machine=rig.machine._replace(speed=speed._replace(**changes)))
 
 
 def with_place(rig: Rig, **changes: float) -> Rig:
@@ -76,11 +78,7 @@ def stribeck(rig: Rig, draw: Draw) -> Rig:
 
 @effect("friction_lag", "torque")
 def friction_lag(rig: Rig, draw: Draw) -> Rig:
-    """The Stribeck term follows speed with 5 ms; it needs one, so a stage without gets one."""
-    if rig.machine.speed.stribeck == 0.0:
-        rig = with_speed(
-            rig, stribeck=0.3, stribeck_speed=draw.decades(1.0, 6.0), stribeck_exponent=draw.uniform(0.8, 2.0)
-        )
+    """The Stribeck term follows speed with 5 ms; without such a term it does nothing."""
     return with_speed(rig, lag=0.005 * draw.scale)
 
 

@@ -23,8 +23,10 @@ ACCURACY = "nominal values may be off by 10 to 15 percent; the force constant is
 
 def write_csv(path: Path, columns: dict[str, Floats]) -> None:
     """Columns with their shortest exact decimals."""
-    options = pacsv.WriteOptions(quoting_style="none")
-    pacsv.write_csv(pa.table(columns), path, options)
+    table = pa.table({name: values + 0.0 for name, values in columns.items()})  # + 0.0: no negative zeros
+    with path.open("wb") as file:
+        file.write((",".join(columns) + "\n").encode())
+        pacsv.write_csv(table, file, pacsv.WriteOptions(include_header=False, quoting_style="none"))
 
 
 def capture_columns(capture: Capture, trace: Trace) -> dict[str, Floats]:
@@ -64,7 +66,6 @@ def floats(values: Floats) -> list[float]:
 def nominal(trial: Trial) -> dict[str, Any]:
     """The user's model and the documented controller."""
     model, loop = trial.model, trial.loop
-    weight, lengths = floats(model.weight), floats(model.slip)
     return {
         "stage": {
             "kind": "ball-screw",
@@ -79,7 +80,12 @@ def nominal(trial: Trial) -> dict[str, Any]:
             "encoder_periods_per_pitch": 2048,
             "accuracy": ACCURACY,
         },
-        "friction": {"law": "stop-operator", "weight": weight, "slip": lengths, "coulomb": float(model.weight.sum())},
+        "friction": {
+            "law": "stop-operator",
+            "weight": floats(model.weight),
+            "slip": floats(model.slip),
+            "coulomb": float(model.weight.sum()),
+        },
         "drive": {
             "current_loop_s": 0.000159,
             "delay_samples": 1,
@@ -99,8 +105,8 @@ def nominal(trial: Trial) -> dict[str, Any]:
             "model_inertia": model.inertia,
             "model_viscous": model.viscous,
             "model_force_constant": model.force_constant,
-            "friction_weight": weight,
-            "friction_slip": lengths,
+            "friction_weight": floats(model.weight),
+            "friction_slip": floats(model.slip),
             "feedforward_advance_s": loop.advance,
             "friction_advance_s": loop.friction_advance,
             "measurement_delay_samples": 0,

@@ -36,11 +36,12 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
     Without numba's reference counts, which would cost ten times the physics: whoever calls allocates.
     """
-    before: Any = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_FOLDER)
+    config, compiler = cast("Any", numba.config), cast("Any", numba.njit)
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(_FOLDER)
     try:
         options = {"cache": _CACHED, "error_model": "numpy", "forceinline": True, "_nrt": False}
-        made: Any = numba.njit(**options)(function)
+        made = compiler(**options)(function)
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
     return cast("Callable[P, R]", made)

@@ -20,8 +20,8 @@ class Law(NamedTuple):
     """Memory of the rolling contact, normalised to 1 when it slips.
 
     Maxwell: sum_j w_j z_j, each z_j a spring of slip length 1/inverse_slip that slides at 1.  Dahl (1968):
-    dz/dx = (1 - z sgn dx)^n / length.  Bristle (Dupont et al. 2002, elasto-plastic): dz/dx = (1 - a(z) z sgn dx)/length,
-    a = 0 below `breakaway`; breakaway 0 is LuGre.
+    dz/dx = (1 - z sgn dx)^n / length.  Bristle (Dupont et al. 2002, elasto-plastic):
+    dz/dx = (1 - a(z) z sgn dx)/length, a = 0 below `breakaway`; breakaway 0 is LuGre.
     """
 
     kind: int = MAXWELL

@@ -37,14 +37,14 @@ class Setting(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """A run: rows, all (n,), and the fine motion where it was asked for, (n substeps, 4): x, v, acceleration, current."""
+    """A run: rows, all (n,), and the motion at each step where it was asked for: x, v, acceleration, current."""
 
     position: Floats  # rad, as measured
     command: Floats  # A, as computed
     current: Floats  # A, as reported
     true_position: Floats  # rad
     true_speed: Floats  # rad/s
-    fine: Floats
+    fine: Floats  # (n substeps, 4) or (0, 4)
     lost: bool
 
 
@@ -61,7 +61,8 @@ def simulated(p: Machine, loop: Loop, rows: Rows, noise: Noise, setting: Setting
     instant is reported (or a shifted one, for a record that is out of step).
     """
     n, m = rows.target.size, setting.substeps
-    out = Trace(*np.zeros((5, n)), np.zeros((n * m if setting.fine else 0, 4)), False)
+    position, command, current, x, v = np.zeros((5, n))
+    out = Trace(position, command, current, x, v, np.zeros((n * m if setting.fine else 0, 4)), False)
     work = Work(setting.remanent.copy(), np.zeros(MEMORY), np.zeros(n), arrivals(p, noise, loop.period, m))
     lost = run_loop(p, loop, rows, noise, work, (out, m, setting.start))
     return out._replace(lost=bool(lost))
@@ -82,7 +83,7 @@ def run_loop(p: Machine, loop: Loop, rows: Rows, noise: Noise, work: Work, into:
     out, m, begin = into
     n, h = rows.target.size, loop.period / m
     fine = out.fine.shape[0] > 0
-    shift = int(math.floor(p.drive.reported_shift / h + 0.5))
+    shift = math.floor(p.drive.reported_shift / h + 0.5)
     x0 = rows.reference[0]
     motion = Motion(x0, 0.0, x0, 0.0, x0, 0.0, 0.0, 0.0, 0.0, 0.0)
     friction = contact(p, work.memory, work.memory, (motion, motion, 0.0), 0.0, begin)

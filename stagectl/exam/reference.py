@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .machine import Floats
 
@@ -13,13 +15,13 @@ PERIOD = 0.0005  # s
 
 def rows(seconds: float) -> int:
     """Rows of a duration."""
-    return max(int(round(seconds / PERIOD)), 1)
+    return max(round(seconds / PERIOD), 1)
 
 
-def smooth(u: Floats) -> Floats:
+def smooth(u: NDArray[np.floating[Any]]) -> Floats:
     """From 0 to 1 with two continuous derivatives."""
-    u = np.clip(u, 0.0, 1.0)
-    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+    w = np.clip(np.asarray(u, dtype=np.float64), 0.0, 1.0)
+    return np.asarray(w * w * w * (10.0 + w * (6.0 * w - 15.0)))
 
 
 def rest(seconds: float) -> Floats:
@@ -38,7 +40,7 @@ def sine(amplitude: float, frequency: float, cycles: float, phase: float = 0.0) 
     n = rows((cycles + 2.0) / frequency)
     cycle = np.arange(1, n + 1) * PERIOD * frequency
     envelope = smooth(cycle) * smooth(n * PERIOD * frequency - cycle)
-    return amplitude * envelope * np.sin(2.0 * np.pi * cycle + phase)
+    return np.asarray(amplitude * envelope * np.sin(2.0 * np.pi * cycle + phase))
 
 
 def speeds(steps: Sequence[tuple[float, float]], ramp: float) -> Floats:

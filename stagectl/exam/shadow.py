@@ -16,7 +16,7 @@ from .effects import Rig
 from .jit import compiled
 from .machine import Encoder, Floats, Machine, Motion
 from .motion import derivative, shifted, swing
-from .plant import Noise, Setting, Trace, arrivals
+from .plant import Noise, Setting, Trace, arrivals, silent
 
 
 @compiled
@@ -90,9 +90,9 @@ def torque_share(without: Rig, trace: Trace, setting: Setting) -> Floats:
 
 def current_share(rig: Rig, without: Rig, trace: Trace, noise: Noise) -> Floats:
     """Current of an effect at each row, A."""
-    both = np.zeros((2, trace.position.size))
+    both, calm = np.zeros((2, trace.position.size)), silent(trace.position.size)
     for one, out in zip((rig, without), both, strict=True):
-        late = arrivals(one.machine, noise, one.loop.period, 20)
+        late = arrivals(one.machine, noise if one.machine.drive.jitter > 0.0 else calm, one.loop.period, 20)
         drive_along(one.machine, (trace.command, trace.true_speed, late), one.loop.period, out)
     return np.asarray(both[0] - both[1])
 

@@ -78,9 +78,15 @@ def quiet_run(trial: Trial, capture: Capture) -> tuple[Trace, list[Floats]]:
 
 
 def places(shares: list[Floats]) -> list[NDArray[np.bool_]]:
-    """Rows where an effect exceeds 20 % of the 95 % quantile of its size, over the captures for diagnosis."""
-    size = SHARE * float(np.quantile(np.abs(np.concatenate(shares)), QUANTILE))
-    return [np.abs(one) > size if size > 0.0 else np.abs(one) > 0.0 for one in shares]
+    """Rows where an effect exceeds 20 % of the 95 % quantile of its size, over all captures.
+
+    The quantile is over the rows where it acts at all, for an effect that acts in fewer than 5 % of them.
+    """
+    sizes = np.abs(np.concatenate(shares))
+    quantile = float(np.quantile(sizes, QUANTILE))
+    if quantile < 1e-3 * float(sizes.max()):
+        quantile = float(np.quantile(sizes[sizes > 1e-3 * sizes.max()], QUANTILE))
+    return [np.abs(one) > SHARE * quantile for one in shares]
 
 
 def quiet_captures(trial: Trial) -> list[Capture]:
@@ -104,6 +110,7 @@ def description(trial: Trial) -> dict[str, Any]:
                 "scale": one.scale,
                 "realised_scale": one.realised,
                 "seen_in": one.seen_in,
+                "companion": one.companion,
                 "parameters": changes(trial.rig, trial.without[k]),
             }
             for k, one in enumerate(trial.hidden)
