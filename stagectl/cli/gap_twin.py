@@ -149,11 +149,10 @@ def drift(
 
     found = found_in(read(file), axis)
     table = Table(title=f"{file}", title_justify="left")
-    for title in ("parameter", "at the first line", "a day", "95 %", "unit", "lines", "days"):
+    for title in ("parameter", "at first", "a day", "95 %", "unit", "lines", "days"):
         table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
     for one in found.trends:
-        low, high = one.slope - one.half, one.slope + one.half
-        values = (f"{one.start:.4g}", f"{one.slope:+.3g}", f"[{low:.2g}, {high:.2g}]", one.unit)
+        values = (f"{one.start:.4g}", f"{one.slope:+.3g}", f"± {one.half:.2g}", one.unit)
         table.add_row(one.name, *values, str(one.lines), f"{one.days:.3g}", style="yellow" if one.drifts else "")
     console.print(table)
     console.print(found.sentence)
