@@ -50,6 +50,7 @@
               +--> cli/identification.py  table and JSON      report/  a page with the method's figures
               +--> config/patch.py   `--write`: the stage file's values change, its comments stay
 
+    gap/twin.py       the model beside the axis while it runs: `run --twin`, `gap watch`, `gap drift`
     tuning/           gains for a bandwidth and a margin, from the identified model, into the stage file
     comparison.py     layers against each other, repeats interleaved; trials.py runs them, and the learning
     reproduction/     both papers from end to end, ours beside theirs

@@ -46,8 +46,8 @@ def watch(
     path = file or newest(Path("recordings"))
     if path is None:
         raise StageError("no run in recordings/ has a twin: start one with `stagectl run STAGE TRAJECTORY --twin`")
-    if once or lines:
-        _plain(path, once, lines)
+    if once or lines or not console.is_terminal:
+        console.print(_plain(path, once, lines), end="")
         return
     with Live(_table(seen(path)), console=console, refresh_per_second=4) as live:
         while not (ended := _ended(now := seen(path))):
@@ -57,7 +57,8 @@ def watch(
     console.print(ended)
 
 
-def _plain(path: Path, once: bool, lines: bool) -> None:
+def _plain(path: Path, once: bool, lines: bool) -> str:
+    """Every snapshot as it comes; why there will be no more, where that is so."""
     from stagectl.gap.twin_start import seen
 
     last = 0.0
@@ -65,9 +66,9 @@ def _plain(path: Path, once: bool, lines: bool) -> None:
         now = seen(path)
         if now["written"] != last:
             print(json_module.dumps(now), flush=True) if lines else console.print(_table(now))
-        last = now["written"]
-        if once or _ended(now):
-            return
+        last, ended = now["written"], _ended(now)
+        if once or ended:
+            return f"{ended}\n" if ended else ""
         time.sleep(_POLL)
 
 
@@ -148,11 +149,10 @@ def drift(
 
     found = found_in(read(file), axis)
     table = Table(title=f"{file}", title_justify="left")
-    for title in ("parameter", "at the first line", "a day", "95 %", "unit", "lines", "days"):
+    for title in ("parameter", "at first", "a day", "95 %", "unit", "lines", "days"):
         table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
     for one in found.trends:
-        low, high = one.slope - one.half, one.slope + one.half
-        values = (f"{one.start:.4g}", f"{one.slope:+.3g}", f"[{low:.2g}, {high:.2g}]", one.unit)
+        values = (f"{one.start:.4g}", f"{one.slope:+.3g}", f"± {one.half:.2g}", one.unit)
         table.add_row(one.name, *values, str(one.lines), f"{one.days:.3g}", style="yellow" if one.drifts else "")
     console.print(table)
     console.print(found.sentence)

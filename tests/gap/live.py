@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.gap import twin, twin_estimate
+from stagectl.gap.twin_process import BLOCK
 from stagectl.kernels import friction, stage
 from stagectl.plan import plan
 from stagectl.simulation import simulate
@@ -45,9 +46,10 @@ def beside(setup: Setup) -> twin.Twin:
     return twin.twin(design.design(setup.stage, setup.file.control).law, setup.stage, setup.dt)
 
 
-def followed(p: twin.Twin, rows: Array, size: int = 500) -> list[twin.Block]:
-    """All blocks of `rows`."""
+def followed(p: twin.Twin, rows: Array, size: int | None = None) -> list[twin.Block]:
+    """All blocks of `rows`, as large as live ones unless a `size` is given."""
     x, blocks = None, []
+    size = size or round(BLOCK / p.dt)
     for start in range(0, len(rows), size):
         for piece in twin.pieces(rows[start : start + size], p.dt):
             block, x = twin.step(p, x, piece)

@@ -19,7 +19,7 @@ from stagectl.recording.hdf5 import open_recording
 from tests.conftest import CONFIG, ROOT
 
 STAGE = CONFIG / "ball-screw.yaml"
-MOTION = "{type: sine, amplitude: 5 mm, frequency: 1.6 Hz, periods: 6, ramp: 1}"
+MOTION = "{type: sine, amplitude: 5 mm, frequency: 1.6 Hz, periods: 4, ramp: 1}"
 
 
 @contextlib.contextmanager

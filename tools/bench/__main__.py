@@ -22,6 +22,7 @@ import engines
 import identification
 import processes
 import simulator
+import twin
 from measure import Row, Wanted, as_json, spread
 from rich.console import Console
 from rich.table import Table
@@ -66,7 +67,12 @@ def _on_the_bus(rounds: int) -> list[Row]:
         channel = str(Path(folder) / "bus")
         node = virtual.start(STAGE, channel)
         try:
-            return [*cycle.rows(channel, rounds), *processes.rows(channel, Path(folder), rounds)]
+            place = Path(folder)
+            return [
+                *cycle.rows(channel, rounds),
+                *processes.rows(channel, place, rounds),
+                *twin.rows(channel, place, rounds),
+            ]
         finally:
             node.terminate()
             node.wait()
