@@ -76,13 +76,13 @@ class Reader:
         if get_origin(plain) is tuple:
             return self._list(plain, quantity, node, name)
         if hasattr(plain, "_fields"):
-            return self.block(plain, node, name)
+            return self.block(hint, node, name)
         return self._scalar(hint, node, name)
 
-    def block(self, kind: Any, node: yaml.Node, name: str, skip: str = "") -> Any:
-        """A mapping as the NamedTuple `kind`; the key `skip` has been read already."""
+    def block(self, hint: Any, node: yaml.Node, name: str, skip: str = "") -> Any:
+        """A mapping as the NamedTuple that `hint` names; the key `skip` has been read already."""
+        kind, hints = _plain(hint), fields_of(hint)
         entries = self.entries(node, name, (*kind._fields, skip))
-        hints = get_type_hints(kind, include_extras=True)
         found: dict[str, Any] = {}
         for field in kind._fields:
             inner = f"{name}.{field}" if name else field
@@ -221,6 +221,19 @@ class Reader:
         if hasattr(hint, "_fields"):
             return f"a block of {', '.join(hint._fields)}"
         return next((extra for extra in get_args(hint)[1:] if isinstance(extra, str)), "required")
+
+
+def fields_of(hint: Any) -> dict[str, Any]:
+    """Hints of a block's fields; a `Quantity` beside the block itself is that of its first field.
+
+    So a harmonic of an effort and one of a position are the same block, with different units.
+    """
+    kind, quantity = _plain(hint), quantity_of(hint)
+    hints = get_type_hints(kind, include_extras=True)
+    if quantity is not None:
+        first = kind._fields[0]
+        hints[first] = Annotated[_plain(hints[first]), quantity]
+    return hints
 
 
 def _family(unit: str) -> str:

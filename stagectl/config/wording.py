@@ -7,11 +7,11 @@ import math
 import re
 import types
 from collections.abc import Sequence
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Union, get_args, get_origin
 
 import yaml
 
-from stagectl.config.loader import Lengths, Tagged
+from stagectl.config.loader import Lengths, Tagged, fields_of
 from stagectl.config.source import ConfigError, node_at
 from stagectl.units import ROTARY, UnitError, factor, quantity_of
 
@@ -25,8 +25,6 @@ _PLAIN = re.compile(r"[A-Za-z][\w-]*")
 def hint_at(hint: Any, name: str, root: yaml.Node) -> Any:
     """The type hint of a dotted `name` below `hint`; a tagged block is the one whose tag stands in `root`.
 
-    A quantity that is declared on a block is that of the block's first field.
-
     Raises ConfigError where there is no such entry.
     """
     words = name.split(".")
@@ -34,9 +32,8 @@ def hint_at(hint: Any, name: str, root: yaml.Node) -> Any:
         kind = block_of(hint, node_at(root, ".".join(words[:depth])) if depth else root)
         if word not in getattr(kind, "_fields", ()):
             raise ConfigError(f"{name} is not an entry of such a file: there is no {word} here")
-        outer, first = quantity_of(hint), word == kind._fields[0]
-        hint = get_type_hints(kind, include_extras=True)[word]
-        hint = Annotated[float, outer] if outer is not None and first else hint
+        quantity = quantity_of(hint)
+        hint = fields_of(Annotated[kind, quantity] if quantity else kind)[word]
     return hint
 
 

@@ -93,6 +93,17 @@ def test_a_quantity_on_a_block_is_that_of_its_first_field() -> None:
     )
 
 
+def test_a_harmonic_comes_back_with_the_unit_of_its_place(stage: Path) -> None:
+    wanted = (("motor.cogging.amplitude", 0.0204), ("motor.cogging.order", 4.0), ("motor.cogging.phase", -1.234567))
+    applied(patch_of(naming(*wanted), stage))
+    motor = load_stage(stage).stage.motor
+    np.testing.assert_allclose(motor.cogging, (0.0204, 4.0, -1.234567), rtol=1e-6)
+    text = (
+        "  force_constant: 0.72 N m/A\n  cogging:\n    amplitude: 0.0204 N m\n    order: 4\n    phase: -1.234567 rad\n"
+    )
+    assert text in stage.read_text()
+
+
 def test_another_law_of_friction_replaces_the_block_as_a_whole(stage: Path) -> None:
     patch = patch_of(FOUND["effects+unknown"], stage)
     assert "friction: the law changes from rolling to stop-operators, so its block is replaced as a whole" in (
