@@ -163,6 +163,11 @@ CHANGED = NOMINAL._replace(
         (NOMINAL._replace(friction=NOMINAL.friction._replace(
             operators=friction.bundle([0.0], [1.0]), bristle=friction_bristle.Bristle(1.0, 500.0, 2.0))),
          (("friction.law", "dahl"), ("friction.coulomb", 1.0), ("friction.range", 0.002), ("friction.exponent", 2.0))),
+        (NOMINAL._replace(friction=NOMINAL.friction._replace(
+            operators=friction.bundle([0.0], [1.0]), stribeck=friction.Stribeck(0.7, 2.0),
+            bristle=friction_bristle.Bristle(1.0, 500.0, 1.0, 0.02, friction.Stribeck(0.2, 3.0)))),
+         (("friction.law", "lugre"), ("friction.coulomb", 1.0), ("friction.range", 0.002), ("friction.damping", 0.02),
+          ("friction.stribeck.rise", 0.2), ("friction.stribeck.velocity", 3.0), ("friction.stribeck.shape", 1.0))),
         (NOMINAL._replace(residual=effects.Table(3, -1.0, 0.5, (0.0, 0.1))),
          (("residual.coordinate", "position"), ("residual.start", -1.0), ("residual.step", 0.5),
           ("residual.values", (0.0, 0.1)))),
