@@ -13,13 +13,14 @@ from stagectl.kernels.friction_bristle import Bristle
 from stagectl.kernels.stage import Friction, Stage
 
 _OWN = ("operators", "bristle", "stribeck")  # of the friction: they are its law, and stand in the file in another way
+_PLACELESS = ("drive.current_quantum",)  # in the file it is the scale of the wire, which no diagnosis may touch
 
 
 def fields_of(before: Stage, after: Stage) -> Fields:
     """Every place at which `after` differs from `before`, with the value that it has there.
 
-    Of a friction that differs in its elements or in its bristle come the law and all that belongs to it.  Raises
-    GapError where no law of a stage file is like it.
+    Of a friction that differs in its elements or in its bristle come the law and all that belongs to it.  The step of
+    the command has no place: nothing comes of it.  Raises GapError where no law of a stage file is like the friction.
     """
     found: list[tuple[str, Setting]] = []
     for block in ("drive", "motor", "mechanics", "encoder"):
@@ -29,7 +30,7 @@ def fields_of(before: Stage, after: Stage) -> Fields:
     found += _differences("friction", before.friction, after.friction._replace(**rest))
     if not _same(before.residual, after.residual):
         found += _table(after.residual)
-    return tuple(found)
+    return tuple((name, value) for name, value in found if name not in _PLACELESS)
 
 
 def _differences(place: str, old: Any, new: Any) -> Iterator[tuple[str, Setting]]:

@@ -158,6 +158,7 @@ CHANGED = NOMINAL._replace(
     ("after", "expected"),
     [
         (NOMINAL, ()),
+        (NOMINAL._replace(drive=NOMINAL.drive._replace(current_quantum=0.05)), ()),
         (CHANGED, (("motor.cogging.amplitude", 0.02), ("motor.cogging.order", 4.0), ("motor.cogging.phase", 1.2),
                    ("mechanics.viscous", 0.17), ("mechanics.viscous_asymmetry", 0.1), ("friction.asymmetry", 0.05))),
         (NOMINAL._replace(friction=NOMINAL.friction._replace(
