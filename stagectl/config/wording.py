@@ -25,8 +25,6 @@ _PLAIN = re.compile(r"[A-Za-z][\w-]*")
 def hint_at(hint: Any, name: str, root: yaml.Node) -> Any:
     """The type hint of a dotted `name` below `hint`; a tagged block is the one whose tag stands in `root`.
 
-    A quantity that is declared on a block is that of the block's first field.
-
     Raises ConfigError where there is no such entry.
     """
     words = name.split(".")

@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from stagectl.gap.found import Fields, Setting
 from stagectl.gap.session import GapError
 from stagectl.kernels import effects
+from stagectl.kernels.friction import Stribeck
 from stagectl.kernels.friction_bristle import Bristle
 from stagectl.kernels.stage import Friction, Stage
 
-_OWN = ("operators", "bristle")  # of the friction: they are its law, and stand in the file in another way
+_OWN = ("operators", "bristle", "stribeck")  # of the friction: they are its law, and stand in the file in another way
+_PLACELESS = ("drive.current_quantum",)  # in the file it is the scale of the wire, which no diagnosis may touch
 
 
 def fields_of(before: Stage, after: Stage) -> Fields:
     """Every place at which `after` differs from `before`, with the value that it has there.
 
-    Of a friction that differs in its elements or in its bristle come the law and all that belongs to it.  Raises
-    GapError where no law of a stage file is like it.
+    Of a friction that differs in its elements or in its bristle come the law and all that belongs to it.  The step of
+    the command has no place: nothing comes of it.  Raises GapError where no law of a stage file is like the friction.
     """
     found: list[tuple[str, Setting]] = []
     for block in ("drive", "motor", "mechanics", "encoder"):
         found += _differences(block, getattr(before, block), getattr(after, block))
     rest = {name: getattr(before.friction, name) for name in _OWN}
-    found += [*_law(before.friction, after.friction)]
+    found += [*_law(before.friction, after.friction), *_stribeck(before.friction, after.friction)]
     found += _differences("friction", before.friction, after.friction._replace(**rest))
     if not _same(before.residual, after.residual):
         found += _table(after.residual)
-    return tuple(found)
+    return tuple((name, value) for name, value in found if name not in _PLACELESS)
 
 
 def _differences(place: str, old: Any, new: Any) -> Iterator[tuple[str, Setting]]:
@@ -64,10 +66,31 @@ def _law(old: Friction, new: Friction) -> Iterator[tuple[str, Setting]]:
     """The friction's law with its elements or its bristle, where they are not those of before."""
     if _same(old.operators, new.operators) and _same(old.bristle, new.bristle):
         return
-    rolls, bends = any(weight > 0.0 for weight in new.operators.weight), new.bristle.coulomb > 0.0
-    if rolls and bends:
+    if any(weight > 0.0 for weight in new.operators.weight) and _bends(new):
         raise GapError("the friction has stop operators and a bristle: no law of a stage file has both")
-    yield from _bristle(new.bristle) if bends else _operators(new)
+    yield from _bristle(new.bristle) if _bends(new) else _operators(new)
+
+
+def _bends(p: Friction) -> bool:
+    return p.bristle.coulomb > 0.0
+
+
+def _stribeck(old: Friction, new: Friction) -> Iterator[tuple[str, Setting]]:
+    """The Stribeck curve of whichever law it is; Dahl's has none."""
+    if _bends(new) and not _damped(new.bristle):
+        return
+    before, after = (p.bristle.stribeck if _bends(p) else p.stribeck for p in (old, new))
+    yield from _differences("friction", _Curve(before), _Curve(after))
+
+
+class _Curve(NamedTuple):
+    """The part of a friction block that holds Stribeck's curve."""
+
+    stribeck: Stribeck
+
+
+def _damped(p: Bristle) -> bool:
+    return p.damping != 0.0 or p.stribeck.rise != 0.0
 
 
 def _operators(p: Friction) -> Iterator[tuple[str, Setting]]:
@@ -78,16 +101,10 @@ def _operators(p: Friction) -> Iterator[tuple[str, Setting]]:
 
 def _bristle(p: Bristle) -> Iterator[tuple[str, Setting]]:
     """Dahl's law, or LuGre's where the bristle is damped or follows Stribeck's curve."""
-    damped = p.damping != 0.0 or p.stribeck.rise != 0.0
-    yield "friction.law", "lugre" if damped else "dahl"
+    yield "friction.law", "lugre" if _damped(p) else "dahl"
     yield "friction.coulomb", p.coulomb
     yield "friction.range", p.coulomb / p.stiffness
-    if not damped:
-        yield "friction.exponent", p.exponent
-        return
-    yield "friction.damping", p.damping
-    if p.stribeck.rise != 0.0:
-        yield from _leaves("friction.stribeck", p.stribeck)
+    yield ("friction.damping", p.damping) if _damped(p) else ("friction.exponent", p.exponent)
 
 
 def _table(p: effects.Table) -> Iterator[tuple[str, Setting]]:

@@ -179,7 +179,7 @@ def _unknown(found: Found, place: str) -> Section | None:
         f"What repeats and has no name follows the {words.coordinate(one.coordinate)}; this curve predicts "
         f"{percent(one.predicted)} of it on runs that were not used. It is no cause, only a shape."
     ]
-    shown = [_picture(figures.shape(found), "The unknown force against the motion.")]
+    shown = [_picture(figures.shape(found), "What is unknown, positive where it opposes the motor.")]
     commands = (f"stagectl gap apply {place} STAGE.yaml --unknown",) if one.fields else ()
     return Section("What has no name", said, shown, [], commands)
 

@@ -214,7 +214,7 @@ def shape(found: Found) -> Figure:
         figure, axes = plt.subplots(figsize=(WIDTH, 3.3))
         axes.axhline(0.0, color=_GREY, linewidth=0.8)
         axes.plot(across.factor * grid, up.factor * force, color=WITHOUT, linewidth=1.8)
-        _frame(axes, found.unknown.coordinate, across, f"unknown resisting force [{up.unit}]")
+        _frame(axes, found.unknown.coordinate, across, f"unknown force [{up.unit}]")
         figure.tight_layout()
     return figure
 

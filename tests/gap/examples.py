@@ -102,7 +102,7 @@ COORDINATES = (
     Coordinate("direction", 0.44),
     Coordinate("displacement_since_reversal", 0.06),
 )
-BLOCKS = {"controller": 0.0, "drive": 0.03, "mechanics": 0.95, "sensor": 0.02}
+BLOCKS: dict[str, float | None] = {"controller": 0.0, "drive": 0.03, "mechanics": 0.95, "sensor": 0.02}
 NEXT = Next(
     "stairs both ways, 8 speeds",
     "next/stairs-both-ways.yaml",

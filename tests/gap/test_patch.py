@@ -93,6 +93,17 @@ def test_a_quantity_on_a_block_is_that_of_its_first_field() -> None:
     )
 
 
+def test_a_harmonic_comes_back_with_the_unit_of_its_place(stage: Path) -> None:
+    wanted = (("motor.cogging.amplitude", 0.0204), ("motor.cogging.order", 4.0), ("motor.cogging.phase", -1.234567))
+    applied(patch_of(naming(*wanted), stage))
+    motor = load_stage(stage).stage.motor
+    np.testing.assert_allclose(motor.cogging, (0.0204, 4.0, -1.234567), rtol=1e-6)
+    text = (
+        "  force_constant: 0.72 N m/A\n  cogging:\n    amplitude: 0.0204 N m\n    order: 4\n    phase: -1.234567 rad\n"
+    )
+    assert text in stage.read_text()
+
+
 def test_another_law_of_friction_replaces_the_block_as_a_whole(stage: Path) -> None:
     patch = patch_of(FOUND["effects+unknown"], stage)
     assert "friction: the law changes from rolling to stop-operators, so its block is replaced as a whole" in (
@@ -147,11 +158,17 @@ CHANGED = NOMINAL._replace(
     ("after", "expected"),
     [
         (NOMINAL, ()),
+        (NOMINAL._replace(drive=NOMINAL.drive._replace(current_quantum=0.05)), ()),
         (CHANGED, (("motor.cogging.amplitude", 0.02), ("motor.cogging.order", 4.0), ("motor.cogging.phase", 1.2),
                    ("mechanics.viscous", 0.17), ("mechanics.viscous_asymmetry", 0.1), ("friction.asymmetry", 0.05))),
         (NOMINAL._replace(friction=NOMINAL.friction._replace(
             operators=friction.bundle([0.0], [1.0]), bristle=friction_bristle.Bristle(1.0, 500.0, 2.0))),
          (("friction.law", "dahl"), ("friction.coulomb", 1.0), ("friction.range", 0.002), ("friction.exponent", 2.0))),
+        (NOMINAL._replace(friction=NOMINAL.friction._replace(
+            operators=friction.bundle([0.0], [1.0]), stribeck=friction.Stribeck(0.7, 2.0),
+            bristle=friction_bristle.Bristle(1.0, 500.0, 1.0, 0.02, friction.Stribeck(0.2, 3.0)))),
+         (("friction.law", "lugre"), ("friction.coulomb", 1.0), ("friction.range", 0.002), ("friction.damping", 0.02),
+          ("friction.stribeck.rise", 0.2), ("friction.stribeck.velocity", 3.0), ("friction.stribeck.shape", 1.0))),
         (NOMINAL._replace(residual=effects.Table(3, -1.0, 0.5, (0.0, 0.1))),
          (("residual.coordinate", "position"), ("residual.start", -1.0), ("residual.step", 0.5),
           ("residual.values", (0.0, 0.1)))),
