@@ -45,7 +45,8 @@ def test_two_recordings_go_into_one_folder_and_come_back(recording: Path, tmp_pa
     entries = yaml.safe_load((tmp_path / "out" / "captures.yaml").read_text())["captures"]
     assert [entry["repeat"] for entry in entries] == [1, 2]
     words = stagectl("import", tmp_path / "out", "-o", tmp_path / "back").stderr
-    assert "columns time, reference, command, measured, measured_current" in words
+    setpoints = "reference, target, feedforward, friction, velocity, learned, injection, closed"
+    assert f"columns time, {setpoints}, command, measured, measured_current" in words
     for name in ("wave-1.h5", "wave-2.h5"):
         back = open_recording(tmp_path / "back" / name)
         np.testing.assert_array_equal(back.column("measured"), open_recording(recording).column("measured"))

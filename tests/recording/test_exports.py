@@ -168,7 +168,7 @@ def test_a_folder_comes_back_as_it_went(sine: Recording, tmp_path: Path) -> None
             "measured",
             "measured_current",
         }
-        for name in back.samples.dtype.names:
+        for name in back.samples.dtype.names or ():
             np.testing.assert_array_equal(back.column(name), sine.column(name))
         for name, value in sine.meta["axis"].items():
             assert back.meta["axis"][name] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-15))
