@@ -19,7 +19,6 @@ from stagectl.gap.tying import Lacking, Path
 from stagectl.kernels import feedback, tied
 from stagectl.kernels.stage import Stage
 
-
 LARGEST = 1e8  # standard deviations: beyond, a simulation has diverged
 
 

@@ -2,9 +2,9 @@
 
 ::
 
-    score all effects on what is left --> add the largest gain --> refine all values --> drop what is not needed any more
+    score all effects on what is left --> add the largest gain --> refine all values --> drop what is superfluous
             ^                                                                                   |
-            +---------------------------------- swap tests ------------------------------------+
+            +-----------------------------------------------------------------------------------+
 
 Ranking is by gain, never by the ratio to a threshold.  What stops the search is the ensemble of machines without an
 effect, and materiality against what is left.
@@ -17,8 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import grams, null, refine
+from stagectl.gap import base, columns, grams, null, refine
 from stagectl.gap.candidates import Form, Named
+from stagectl.gap.columns import Direction
 from stagectl.gap.grams import Grams
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.scores import Score, against, hands, scores
@@ -26,6 +27,7 @@ from stagectl.gap.session import Array
 
 MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
+SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms
 RIVAL = 0.7  # of the largest gain: from there on another effect is refined, too, before one is chosen
 
 
@@ -63,23 +65,18 @@ def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict
     """
     both, places = hands(g), [g.of(form.names) for form in forms]
     found: dict[str, list[float]] = {}
-    repeats = _repeats(g)
     for name in null.gains(g.names):
         member = g.names.index(name)
         best = best_of(scores(against(both, member), nuisance, places, forms))
         for effect, score in best.items():
             found.setdefault(effect, []).append(max(score.gain, 1.0))
-    return {effect: _threshold(np.array(gains) * 1.0, repeats) for effect, gains in found.items()}
+    return {effect: _threshold(np.array(gains)) for effect, gains in found.items()}
 
 
-def _threshold(gains: Array, _repeats: float) -> Threshold:
+def _threshold(gains: Array) -> Threshold:
     logs = np.log(gains)
     beyond = float(np.exp(logs.mean() + 3.0 * logs.std()))
-    return Threshold(float(gains.max()), max(float(gains.max()), beyond))
-
-
-def _repeats(g: Grams) -> float:
-    return float(len(g.effort)) / max(len(set(zip(g.experiment.tolist(), g.stroke.tolist(), strict=True))), 1)
+    return Threshold(float(gains.max()), max(float(gains.max()), beyond, SMALLEST))
 
 
 def best_of(found: Sequence[Score]) -> dict[str, Score]:
@@ -94,14 +91,14 @@ def best_of(found: Sequence[Score]) -> dict[str, Score]:
 
 def search(e: Evidence, library: Library, say: Say) -> Selected:
     """The effects that are in the data."""
-    now = refine.start(e)
-    for _ in range(MOST):
-        best = _next(e, library, now)
+    now, dropped = refine.start(e), frozenset[str]()
+    while len(now.effects) < MOST:
+        best = _next(e, library, now, dropped)
         if best is None:
             break
-        now = best
-        say(f"added {now.effects[-1].effect.name}")
-        now = _pruned(e, library, now, say)
+        say(f"added {best.effects[-1].effect.name}")
+        now = _pruned(e, library, best, say)
+        dropped |= {one.effect.name for one in best.effects} - {one.effect.name for one in now.effects}
     return _judged(e, library, now)
 
 
@@ -109,7 +106,7 @@ def _scored(e: Evidence, library: Library, now: Fitted) -> tuple[Grams, list[Sco
     """Every effect that is not in the model yet, on what is left."""
     own = refine.parameters(now)
     found = _joined(e, library, now, own)
-    g = grams.grams(e.runs, found, now.left, "start")
+    g = grams.grams(e.runs, found, now.left, base.START)
     nuisance = [*g.of(refine.nuisances(e)), *g.of(beside(e)), *g.of([one.name for one in own])]
     taken = {one.effect.name for one in now.effects}
     forms = [form for form in library.forms if form.effect.name not in taken]
@@ -118,18 +115,13 @@ def _scored(e: Evidence, library: Library, now: Fitted) -> tuple[Grams, list[Sco
 
 def beside(e: Evidence) -> list[str]:
     """Columns of the friction laws that may stand in for the base's own: form error, not an effect."""
-    names = {one.name for one in e.base.directions}
-    return [name for name in names if name.startswith("bristle_") and name not in ("bristle_size", "bristle_length")]
+    return [one.name for one in e.base.directions if base.is_member(one.name)]
 
 
-def _joined(e: Evidence, library: Library, now: Fitted, own: Sequence[object]) -> list[dict[str, list[Array]]]:
-    from stagectl.gap import columns
-
-    directions = list(own)
-    new = columns.all_columns(now.equipped, e.runs, directions, e.base.noise) if directions else [{} for _ in e.runs]  # type: ignore[arg-type]
-    return [
-        {**base, **candidates, **mine} for base, candidates, mine in zip(e.base.columns, library.columns, new, strict=True)
-    ]
+def _joined(e: Evidence, library: Library, now: Fitted, own: Sequence[Direction]) -> list[dict[str, list[Array]]]:
+    new = columns.all_columns(now.equipped, e.runs, own, e.base.noise)
+    parts = zip(e.base.columns, library.columns, new, strict=True)
+    return [{**nuisance, **candidates, **mine} for nuisance, candidates, mine in parts]
 
 
 def closable(g: Grams) -> tuple[float, float]:
@@ -150,10 +142,10 @@ def _eligible(g: Grams, found: Sequence[Score], library: Library) -> list[Score]
     return sorted(good, key=lambda score: -score.gain)
 
 
-def _next(e: Evidence, library: Library, now: Fitted) -> Fitted | None:
-    """The model with one effect more, or None where no candidate is good enough."""
+def _next(e: Evidence, library: Library, now: Fitted, dropped: frozenset[str]) -> Fitted | None:
+    """The model with one effect more, or None where no candidate is good enough; what was dropped does not return."""
     g, found = _scored(e, library, now)
-    good = _eligible(g, found, library)
+    good = [score for score in _eligible(g, found, library) if score.form.effect.name not in dropped]
     if not good:
         return None
     rivals = [score for score in good if score.gain >= RIVAL * good[0].gain][:3]

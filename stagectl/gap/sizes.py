@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from stagectl.kernels import stage
 FASTEST = 99.5  # percentile of the speed that counts as the largest
 
 
-def scales(session: Session, runs: Sequence[Run]) -> Scales:
-    """What the nominal model and the logs tell of the machine's sizes."""
+def scales(session: Session, runs: Sequence[Run], found: Mapping[str, tuple[float, ...]]) -> Scales:
+    """What the nominal model and the logs tell of the machine's sizes; `found` are orders of the pitch by effect."""
     p = session.stage
     position = np.concatenate([run.mean.rows[:, 1] for run in runs])
     command = np.concatenate([run.mean.rows[:, 0] for run in runs])
@@ -37,5 +37,6 @@ def scales(session: Session, runs: Sequence[Run]) -> Scales:
         pitch=p.mechanics.pitch,
         dt=session.dt,
         session=tuple(sorted({log.start for run in runs for log in run.logs})),
+        orders=found,
         voltage=float(voltage.max()) if drive.back_emf > 0.0 else 0.0,
     )

@@ -57,7 +57,7 @@ def step(p: Tied, x: State, row: tuple[float, float, float], dt: float, substeps
 
 @kernel
 def follow(p: Tied, x: State, inputs: Any, dt: float, substeps: int) -> State:
-    """All periods of `inputs` = (rows (n, 3): command, position, current; out (n, 2): correction, current of the model).
+    """All periods of `inputs` = (rows (n, 3): command, position, current; out (n, 2): correction, model's current).
 
     Fills `out`; returns the state at the end.
     """

@@ -1,0 +1,65 @@
+"""Orders of the pitch in what is left: where to look for cogging, ripple, balls that pass, and the encoder's lines.
+
+A periodogram over the angle, not over time: a machine's orders stand still there while its speed changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stagectl.gap.cuts import KEPT
+from stagectl.gap.runs import Run
+from stagectl.gap.session import Array
+
+HIGHEST = 60  # order
+PEAKS = 3  # of each kind that are tried
+STEP = 0.05  # between orders that need not be whole
+
+
+def orders(runs: Sequence[Run], left: Sequence[list[Array]], pitch: float) -> dict[str, tuple[float, ...]]:
+    """Orders by effect, strongest first, from the whitened effort that is left."""
+    effort, angle, side, current = (np.concatenate(parts) for parts in _samples(runs, left, pitch))
+    whole = np.arange(1.0, HIGHEST + 1.0)
+    between = np.arange(1.3, HIGHEST / 2.0, STEP)
+    between = between[np.abs(between - np.round(between)) > 0.1]
+    return {
+        "cogging": peaks(whole, power(effort, angle, whole)),
+        "current_ripple": peaks(whole, power(effort * current, angle, whole)),
+        "lead_friction": tuple(n for n in peaks(whole, power(effort * side, angle, whole)) if n in (2.0, 3.0)),
+        "ball_pass_ripple": peaks(between, power(effort * side, angle, between), 0.5),
+    }
+
+
+def _samples(runs: Sequence[Run], left: Sequence[list[Array]], pitch: float) -> tuple[list[Array], ...]:
+    """Effort, angle (rad), direction and current (of its largest) where the axis moves well, of every run."""
+    found: tuple[list[Array], ...] = ([], [], [], [])
+    for run, repeats in zip(runs, left, strict=True):
+        position = run.mean.rows[::KEPT, 1]
+        velocity = np.gradient(position, run.mean.dt * KEPT)
+        fast = (np.abs(velocity) > 0.02 * np.abs(velocity).max(initial=0.0)) & (run.weight > 0.0)
+        if np.ptp(position) < pitch:
+            continue
+        current = run.mean.rows[::KEPT, 0]
+        parts = (np.mean(repeats, axis=0)[:, 0], 2.0 * np.pi / pitch * position, np.sign(velocity), current)
+        for store, part in zip(found, parts, strict=True):
+            store.append(part[fast])
+    return tuple(one or [np.zeros(1)] for one in found)
+
+
+def power(signal: Array, angle: Array, grid: Array) -> Array:
+    """Periodogram (k,) of `signal` (n,) over `angle` (n,) rad at the orders `grid` (k,)."""
+    signal = signal - signal.mean()
+    return np.array([np.abs(np.exp(-1j * n * angle) @ signal) ** 2 for n in grid]) / len(signal)
+
+
+def peaks(grid: Array, found: Array, apart: float = 0.0) -> tuple[float, ...]:
+    """The `PEAKS` strongest orders that are `apart` from each other."""
+    chosen: list[float] = []
+    for k in np.argsort(found)[::-1]:
+        if all(abs(grid[k] - other) > apart for other in chosen):
+            chosen.append(float(grid[k]))
+        if len(chosen) == PEAKS:
+            break
+    return tuple(chosen)
