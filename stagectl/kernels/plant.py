@@ -161,7 +161,7 @@ class Noise(NamedTuple):
 
     current: float  # A, added to the motor current during the period
     position: float  # rad | m, added before the encoder rounds
-    delay: float = 0.0  # s, added to the dead time during the period
+    delay: float  # s, added to the dead time during the period
 
 
 SILENT = Noise(0.0, 0.0, 0.0)

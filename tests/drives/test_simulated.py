@@ -41,7 +41,7 @@ def test_a_quick_stop_ends_when_the_axis_stands(sign: float) -> None:
 
 def test_the_noise_has_its_own_sizes_and_repeats() -> None:
     settings = Simulation(current_noise=2.0, encoder_noise=1e-6, seed=5)
-    current, position = zip(*draw(settings, 4000), strict=True)
+    current, position, _ = zip(*draw(settings, 4000), strict=True)
     for values, rms in ((current, 2.0), (position, 1e-6)):
         assert sum(v * v for v in values) / 4000 == pytest.approx(rms**2, rel=0.1)
     one, other = (Plant(linear_stage(), settings, DT) for _ in range(2))

@@ -28,7 +28,7 @@ def driven(p: stage.Stage, x: stage.State, inputs: Any, dt: float, substeps: int
     """Fill rows (n, 2) of measured position and current from inputs = (command (n,), noise (n, 2), ripple, rows)."""
     command, noises, ripple, rows = inputs
     for k in range(len(command)):
-        noise = stage.Noise(noises[k] - ripple * math.sin(x.position) / p.motor.force_constant, 0.0)
+        noise = stage.Noise(noises[k] - ripple * math.sin(x.position) / p.motor.force_constant, 0.0, 0.0)
         rows[k, 0] = stage.measured(p.encoder, x, noise)
         rows[k, 1] = x.current
         x = stage.period(p, x, command[k], noise, dt, substeps)

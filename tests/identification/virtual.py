@@ -46,7 +46,7 @@ def _run(loop: tuple[stage.Stage, feedback.Pid], plant: stage.State, inputs: Any
     closed, ripple, substeps = what
     x = feedback.AT_REST
     for k in range(len(asked)):
-        noise = stage.Noise(noises[k] + ripple * np.sin(plant.position), 0.0)
+        noise = stage.Noise(noises[k] + ripple * np.sin(plant.position), 0.0, 0.0)
         measured = stage.measured(p.encoder, plant, noise)
         terms, x = feedback.step(pid, x, asked[k, 0] - measured)
         command = closed * (terms.proportional + terms.integral + terms.derivative) + asked[k, 1]

@@ -82,7 +82,7 @@ def test_encoder_rounds_to_the_nearest_count() -> None:
     encoder = stage.Encoder(0.25, 0)
     at = stage.at_rest(plant()._replace(encoder=encoder), 0.3)
     assert stage.measured(encoder, at, stage.SILENT) == 0.25
-    assert stage.measured(encoder, at, stage.Noise(0.0, 0.1)) == 0.5
+    assert stage.measured(encoder, at, stage.Noise(0.0, 0.1, 0.0)) == 0.5
     assert stage.counts(encoder, -0.3) == -1.0
 
 

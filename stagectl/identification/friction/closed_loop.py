@@ -121,7 +121,7 @@ def _run(p: stage.Stage, servo: Servo, start: Any, reference: Any, rows: Any, st
     """Fill `rows` (n, 2): measured position and current; `start` is the plant and the servo's two memories."""
     x, last, mean = start
     dt, substeps = steps
-    silent = stage.Noise(0.0, 0.0)
+    silent = stage.Noise(0.0, 0.0, 0.0)
     for k in range(len(reference)):
         measured = stage.measured(p.encoder, x, silent)
         now = 0.5 * (measured + last)
