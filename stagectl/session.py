@@ -98,8 +98,10 @@ def _fresh(what: str) -> Path:
     return next(path for suffix in suffixes if not (path := stem.with_name(stem.name + suffix)).exists())
 
 
-def pretend(motion: Motion, plant: Setup | None = None) -> dict[str, Any]:
+def pretend(motion: Motion, plant: Setup | None = None, start: float = 0.0) -> dict[str, Any]:
     """Simulate the motion, on the stage's model or on another `plant`; the result as JSON values.
+
+    It starts at `start` (s) on the session's clock.
 
     Raises StageError where the plant is an axis of another kind.
     """
@@ -107,7 +109,7 @@ def pretend(motion: Motion, plant: Setup | None = None) -> dict[str, Any]:
 
     if plant is not None:
         _check_plant(motion.setup, plant)
-    samples = simulate(motion.setup, motion.plan, motion.law, plant)
+    samples = simulate(motion.setup, motion.plan, motion.law, plant, start)
     meta = {**motion.meta, "drive": {"drive": "simulated, compiled", "plant": str((plant or motion.setup).path)}}
     motion.recording.parent.mkdir(parents=True, exist_ok=True)
     save(motion.recording, meta, samples, "complete")
@@ -186,7 +188,7 @@ def drive_present(setup: Setup, say: Say) -> Iterator[None]:
         yield
         return
     say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
-    process = virtual.start(setup.path, wire.channel)
+    process = virtual.start(setup.path, wire.channel, setup.file.simulation.seed)
     try:
         yield
     finally:

@@ -14,14 +14,18 @@ from stagectl.kernels.law import Law
 from stagectl.plan import Plan
 
 
-def simulate(setup: Setup, plan: Plan, running: Law, plant: Setup | None = None) -> NDArray[Any]:
-    """Rows (n,) of the run, structured as in a recording; `plant` is the machine where it is not the model."""
+def simulate(setup: Setup, plan: Plan, running: Law, plant: Setup | None = None, start: float = 0.0) -> NDArray[Any]:
+    """Rows (n,) of the run, structured as in a recording; `plant` is the machine where it is not the model.
+
+    It starts at `start` (s) on the session's clock, on which the machine warms up.
+    """
     machine = plant or setup
     count = len(plan.setpoints)
     rows = np.zeros((count, rollout.WIDTH))
     loop = rollout.Loop(running, machine.stage)
     inputs = (plan.setpoints, noise(machine.file.simulation, count, machine.stage.drive.jitter), rows)
-    rollout.closed_loop(loop, stage.at_rest(machine.stage), inputs, setup.dt, machine.file.simulation.substeps)
+    plant_state = stage.at_rest(machine.stage, 0.0, start)
+    rollout.closed_loop(loop, plant_state, inputs, setup.dt, machine.file.simulation.substeps)
     return structured(rows)
 
 

@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from stagectl.cli import comparison, configuration, gap_twin, identification, motion, records, reproduction, tuning
+from stagectl.cli import comparison, configuration, gap, identification, motion, records, reproduction, tuning
 from stagectl.units import StageError
 
 _INTERRUPTED = 130  # typer's exit code for Ctrl-C
@@ -28,10 +28,8 @@ app = typer.Typer(
 )
 for group in (motion, records, identification, comparison, tuning, reproduction):
     group.register(app)
-gap = typer.Typer(help="Where simulator and machine differ, and by which effect.", no_args_is_help=True)
-gap_twin.register(gap)
-app.add_typer(gap, name="gap")
 app.add_typer(configuration.app, name="config")
+app.add_typer(gap.app, name="gap")
 
 
 def main() -> None:

@@ -49,12 +49,12 @@ def learn(
 
     Example: stagectl learn config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --trials 8 --simulate
     """
-    _engine(simulate)
+    engine(simulate)
     from stagectl import trials as many
     from stagectl.recording import learned
     from stagectl.session import prepare
 
-    machine = _machine(stage, simulate, plant, channel)
+    machine = machine_of(stage, simulate, plant, channel)
     folder = many.fresh_folder(f"learn-{trajectory.stem}")
     base = prepare(machine.setup, trajectory, layers_without(without), folder / "trial-1.h5")
     path = output or folder / "learned.h5"
@@ -98,13 +98,13 @@ def compare(
 
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """
-    _engine(simulate)
+    engine(simulate)
     from stagectl import repeats as many
     from stagectl.report.comparison import page
     from stagectl.report.page import write
     from stagectl.trials import Shown, fresh_folder
 
-    machine = _machine(stage, simulate, plant, channel)
+    machine = machine_of(stage, simulate, plant, channel)
     folder, shown = output or fresh_folder(f"compare-{trajectory.stem}"), Shown(console.print, bar)
     asked = many.Asked(trajectory, variants, LAYERS, trials, learned or [])
     ready, courses = many.variants(machine, asked, shown, folder)
@@ -117,7 +117,7 @@ def compare(
     emit({**found, "report": str(written)}, json)
 
 
-def _engine(simulate: bool) -> None:
+def engine(simulate: bool) -> None:
     """Compiled kernels where runs are simulated, else none in this process."""
     if not simulate:
         os.environ["STAGECTL_KERNELS"] = "interpreted"
@@ -129,7 +129,11 @@ def _engine(simulate: bool) -> None:
         console.print("compiling the kernels, once for this version: about ten seconds")
 
 
-def _machine(stage: Path, simulate: bool, plant: Path | None, channel: str | None) -> Any:
+def machine_of(stage: Path, simulate: bool, plant: Path | None, channel: str | None) -> Any:
+    """Where the runs take place.
+
+    Raises StageError for a plant beside a drive.
+    """
     from stagectl.config.stage_file import load_stage
     from stagectl.session import on_channel
     from stagectl.trials import Machine

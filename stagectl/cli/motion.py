@@ -132,6 +132,9 @@ def simulate(
 def virtual_drive(
     stage: StageArgument,
     channel: Channel = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=2**31 - 1, help="Of its noise, instead of the stage file's.")
+    ] = None,
     follow: Annotated[
         bool, typer.Option(hidden=True, help="Leave when the process that started this one dies.")
     ] = False,
@@ -151,6 +154,9 @@ def virtual_drive(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopped.append(number))
     setup = on_channel(_load(stage), channel)
+    if seed is not None:
+        simulation = setup.file.simulation._replace(seed=seed)
+        setup = setup._replace(file=setup.file._replace(simulation=simulation))
     serve(setup, canopen(setup), _tell, lambda: bool(stopped))
 
 

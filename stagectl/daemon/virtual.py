@@ -38,12 +38,13 @@ def answers(wire: Canopen, patience: float = 0.2) -> bool:
         bus.close()
 
 
-def start(stage_file: Path, channel: str) -> subprocess.Popen[str]:
-    """Start ``stagectl virtual-drive`` and wait until it is on the bus.
+def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
+    """Start ``stagectl virtual-drive`` with noise of this `seed` and wait until it is on the bus.
 
     Raises DriveError with what it printed where it is not.
     """
-    command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage_file), "--channel", channel, "--follow"]
+    options = ["--channel", channel, "--seed", str(seed), "--follow"]
+    command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage_file), *options]
     process = subprocess.Popen(  # a session of its own: a Ctrl-C is for the controller, which stops the axis
         command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True, start_new_session=True
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.gap import library_motions as more
+from stagectl.gap import experiment_motions as more
 from stagectl.gap import motions
 from stagectl.gap.experiment import Experiment
 from stagectl.gap.motions import Place, carried, micro, preconditioned, steps
@@ -170,11 +170,11 @@ RECIPES = (
         ("friction_lag", "stribeck", "inertia"),
         lambda p: more.swings(p, 0.1, 1.0, 3.0, 9.0),
     ),
-    Recipe("multisine-low", _LINES.format("low end"), _FAST, lambda p: carried(p, Place(0.05, 21, periods=3.0))),
-    Recipe("multisine-middle", _LINES.format("middle"), _FAST, lambda p: carried(p, Place(0.375, 22, periods=3.0))),
-    Recipe("multisine-high", _LINES.format("high end"), _FAST, lambda p: carried(p, Place(0.7, 23, periods=3.0))),
+    Recipe("resonance-low", _LINES.format("low end"), _FAST, lambda p: carried(p, Place(0.05, 21, periods=3.0))),
+    Recipe("resonance-middle", _LINES.format("middle"), _FAST, lambda p: carried(p, Place(0.375, 22, periods=3.0))),
+    Recipe("resonance-high", _LINES.format("high end"), _FAST, lambda p: carried(p, Place(0.7, 23, periods=3.0))),
     Recipe(
-        "multisine-slow-lines",
+        "resonance-of-the-base",
         "An odd multisine of 5 to 60 Hz on a moving axis: a base that moves, apart from what lies within the axis.",
         ("base_vibration", "compliance", "inertia"),
         lambda p: carried(p, Place(0.375, 24, 0.15, 5.0, 60.0, 3.0)),

@@ -1,4 +1,4 @@
-"""The motions of the library's experiments, beyond those of the battery."""
+"""The motions of the experiments that the next one is chosen from, beyond those of the battery."""
 
 from __future__ import annotations
 

@@ -1,0 +1,70 @@
+"""Verbs about the gap between simulator and machine: record; the others stand in files of their own beside this."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stagectl.cli import gap_twin
+from stagectl.cli.comparison import Plant, Simulate, engine, machine_of
+from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.show import console, emit
+from stagectl.cli.show import progress as bar
+
+app = typer.Typer(
+    help="Where the gap between simulator and machine lies, what causes it, how far it shrinks.", no_args_is_help=True
+)
+for verbs in (gap_twin,):
+    verbs.register(app)
+
+
+@app.command()
+def record(
+    stage: StageArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where the recordings go, or went before.")
+    ] = None,
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="Rounds; what is held out takes two of them.")] = 3,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAMES", help="These experiments alone, separated by commas.")
+    ] = None,
+    simulate: Simulate = False,
+    plant: Plant = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=2**31 - 1, help="Of the noise; else that of the simulated machine's file.")
+    ] = None,
+    channel: Channel = None,
+    json: Json = None,
+) -> None:
+    """Run the recommended battery and what is held out, repeats interleaved, and record it for `gap diagnose`.
+
+    A fault or Ctrl-C ends it with what is done kept; the same command with the same folder goes on.
+
+    Example: stagectl gap record config/ball-screw.yaml --simulate
+    """
+    engine(simulate)
+    from stagectl import campaign as many
+    from stagectl.gap.battery import battery, held_out
+    from stagectl.trials import Shown, fresh_folder
+
+    machine = machine_of(stage, simulate, plant, channel)
+    names = [name.strip() for text in only or () for name in text.split(",") if name.strip()]
+    experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), names)
+    runs, folder = many.schedule(experiments, repeats), output or fresh_folder(f"gap-{stage.stem}")
+    chosen_seed = (machine.plant or machine.setup).file.simulation.seed if seed is None else seed
+    motions = many.laid_out(machine, runs, folder)
+    took = sum(run.experiment.duration for run in runs)
+    console.print(f"{len(runs)} runs of {len(experiments)} experiments, {took / 60.0:.1f} min of motion, to {folder}")
+    found = many.record(
+        many.Campaign(machine, runs, motions, folder, chosen_seed, time.time), Shown(console.print, bar)
+    )
+    if repeats == 1:
+        console.print("one repeat only: what varies by chance cannot be told from the gap; take --repeats 3")
+    if not found["stopped"]:
+        console.print(f"recorded: {folder}; next: stagectl gap diagnose {folder}")
+    emit(found, json)
+    if found["stopped"]:
+        raise typer.Exit(1)
