@@ -9,7 +9,7 @@ from __future__ import annotations
 from stagectl.config.stage_file import Setup
 from stagectl.gap import motions
 from stagectl.gap.experiment import HELD_OUT, Experiment
-from stagectl.gap.scale import Scale, scale_of
+from stagectl.gap.scale import Scale, scale_of, sine_effort
 from stagectl.trajectories import Dwell, Sine, Trajectory
 
 REPEATS, HELD_OUT_REPEATS = 3, 2
@@ -63,14 +63,18 @@ def _sines(p: Scale) -> tuple[Experiment, ...]:
         ),
         _sine(p, "sine-medium", motions.at_speed(p, _speed(p), 1.6), f"Three sines of about one peak speed: {share}."),
         _sine(p, "sine-fast", motions.at_speed(p, 0.8 * _speed(p), 3.2, 4.0), f"The fastest of three sines: {share}."),
-        _made(
-            p,
-            "sine-strong",
-            "A sine near the current limit: what scales with current, and what the drive cannot give.",
-            _STRONG,
-            motions.strong(p, 0.85, 5.0),
-        ),
+        _strong(p),
     )
+
+
+def _strong(p: Scale) -> Experiment:
+    """Near the current limit, or as near as the other limits allow; its words say how near."""
+    motion = motions.strong(p, 0.85, 5.0)
+    share = sine_effort(p, motion.amplitude, motion.frequency) / p.effort
+    words = (
+        f"A sine at {100.0 * share:.0f} % of the current limit: what scales with current, and what a drive cannot give."
+    )
+    return _made(p, "sine-strong", words, _STRONG, motion)
 
 
 def _speed_and_place(p: Scale) -> tuple[Experiment, ...]:

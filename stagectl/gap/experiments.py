@@ -187,7 +187,7 @@ RECIPES = (
     ),
     Recipe(
         "strong-sine",
-        "A sine at nine tenths of the current: what the drive cannot give, and what grows with load.",
+        "A long sine at nine tenths of the current, or of the limit that it meets first: what a drive cannot give.",
         ("current_saturation", "force_constant", "load_friction", "voltage_saturation"),
         lambda p: (motions.strong(p, 0.9, 5.0, 10.0),),
     ),

@@ -76,7 +76,6 @@ def scale_of(setup: Setup) -> Scale:
 def _scale(setup: Setup) -> Scale:
     p, axis, limits = setup.stage, setup.file.axis, setup.file.limits
     per_unit = axis.travel_per_unit
-    pitch = getattr(p.mechanics, "pitch", 2.0 * math.pi)
     return Scale(
         unit=axis.travel_unit,
         low=limits.travel[0] * per_unit,
@@ -88,7 +87,7 @@ def _scale(setup: Setup) -> Scale:
         viscous=p.mechanics.viscous / per_unit,
         inertia=p.mechanics.inertia / per_unit,
         presliding=max(presliding(p.friction), COARSEST * p.encoder.step) * per_unit,
-        pitch=pitch * per_unit,
+        pitch=p.mechanics.pitch * per_unit,
         encoder_step=p.encoder.step * per_unit,
         current_limit=p.drive.current_limit,
         dt=setup.dt,
@@ -135,6 +134,12 @@ def largest_speed(p: Scale, share: float) -> float:
 def largest_amplitude(p: Scale, share: float, frequency: float) -> float:
     """Of a sine that takes this share of the current, and of the limits of speed, acceleration and travel (m)."""
     w = 2.0 * math.pi * frequency
-    per_travel = w * math.hypot(p.inertia * w, p.viscous)
     left = max(share * p.effort - p.resisting, 0.05 * p.effort)
+    per_travel = sine_effort(p, 1.0, frequency) - p.resisting
     return min(share * p.reach, share * p.speed / w, share * p.acceleration / (w * w), left / per_travel)
+
+
+def sine_effort(p: Scale, amplitude: float, frequency: float) -> float:
+    """Largest effort (N m | N) of a sine, ``|J w^2 + i D w| A + T_c``: a bound, as friction peaks with velocity."""
+    w = 2.0 * math.pi * frequency
+    return amplitude * w * math.hypot(p.inertia * w, p.viscous) + p.resisting

@@ -20,18 +20,27 @@ _LONGEST = 118  # characters of a line
 def text_of(experiment: Experiment, comments: tuple[str, ...], unit: str) -> str:
     """YAML of `experiment` below its `comments`; its lengths are in `unit` (m | rad) of travel."""
     told = [f"# {line}" for comment in comments for line in textwrap.wrap(comment, _LONGEST - 2)]
-    entries = _entries(experiment, unit)
-    return "\n".join([*told, *(_line(key, value) for key, value in entries.items())]) + "\n"
+    return "\n".join([*told, *_lines(_entries(experiment, unit))]) + "\n"
 
 
-def _line(key: str, value: Any) -> str:
-    """A field of the file: a list of blocks has a line each, all else stands in one."""
-    if isinstance(value, list) and value and isinstance(value[0], dict):
-        return "\n".join([f"{key}:", *(f"  - {_flow(one)}" for one in value)])
-    if isinstance(value, dict) and any(isinstance(one, list) for one in value.values()):
-        inner = "\n".join(_line(name, one) for name, one in value.items())
-        return f"{key}:\n" + textwrap.indent(inner, "  ")
-    return f"{key}: {_flow(value)}"
+def _lines(block: dict[str, Any]) -> list[str]:
+    """A block field by field; what has parts of its own is indented below its name, all else stands in one line."""
+    found = []
+    for name, value in block.items():
+        if isinstance(value, list) and isinstance(value[0], dict):
+            found += [f"{name}:", *(f"  {line}" for part in value for line in _part(part))]
+        elif isinstance(value, dict) and "parts" in value:
+            found += [f"{name}:", *(f"  {line}" for line in _lines(value))]
+        else:
+            found.append(f"{name}: {_flow(value)}")
+    return found
+
+
+def _part(part: dict[str, Any]) -> list[str]:
+    if "parts" not in part:
+        return [f"- {_flow(part)}"]
+    first, *rest = _lines(part)
+    return [f"- {first}", *(f"  {line}" for line in rest)]
 
 
 def _flow(value: Any) -> str:
