@@ -197,7 +197,7 @@ def driven(setup: Setup, one: Experiment) -> np.ndarray[tuple[int], np.dtype[np.
 
 
 def test_no_fault_on_the_gap_that_is_looked_for(ball_screw: Setup, tmp_path: Path) -> None:
-    """A machine with a quarter more inertia, viscous and Coulomb friction follows, and its current is not at its limit."""
+    """A machine with a quarter more inertia, viscous and Coulomb friction follows, short of its current limit."""
     worse = (
         ("inertia: 0.010", "inertia: 0.0125"),
         ("viscous: 0.14", "viscous: 0.175"),
