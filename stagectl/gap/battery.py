@@ -79,7 +79,7 @@ def _strong(p: Scale) -> Experiment:
 
 def _speed_and_place(p: Scale) -> tuple[Experiment, ...]:
     top = motions.top_speed(p)
-    speeds = motions.stairs(p, motions.logarithmic(top / 40.0, top, 6), 0.8)
+    speeds = motions.stairs(p, motions.logarithmic(top / 40.0, top, 6), 0.7)
     return (
         _made(
             p,

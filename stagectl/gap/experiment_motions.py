@@ -96,7 +96,7 @@ def settling(p: Scale, share: float) -> tuple[Trajectory, ...]:
 
 def warm_up(p: Scale, seconds: float) -> tuple[Trajectory, ...]:
     """Reversals at a brisk speed for so long, as a machine at work does them."""
-    one = motions.there_and_back(p, 0.6 * motions.top_speed(p), 0.8)
+    one = motions.there_and_back(p, 0.6 * motions.top_speed(p), 0.8, 0.8 * p.high)
     return (one._replace(cycles=max(1, round(seconds / one.duration))),)
 
 

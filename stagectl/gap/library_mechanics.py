@@ -19,6 +19,7 @@ from stagectl.kernels.stage import Stage
 
 EFFORT, STIFF, DAMPING = "N m | N", "N m/rad | N/m", "N m s/rad | N s/m"
 FREQUENCIES = (80.0, 120.0, 180.0, 270.0, 400.0, 600.0, 900.0, 1350.0)  # Hz, of a compliance
+CONTACT = 800.0  # Hz, of motor against load while a gap is closed
 MODES = (8.0, 11.0, 15.0, 21.0, 29.0, 40.0, 55.0)  # Hz, of a base
 
 
@@ -173,7 +174,11 @@ def _backlash(p: Stage, v: Values) -> Stage:
     if v["gap"] <= 0.0:
         return p
     changed = p.mechanics.transmission._replace(
-        backlash=v["gap"], load_share=v["load_share"], load_friction=v["load_friction"]
+        backlash=v["gap"],
+        load_share=v["load_share"],
+        load_friction=v["load_friction"],
+        resonance=CONTACT,
+        damping=0.1,
     )
     return put(p, "mechanics.transmission", changed)
 

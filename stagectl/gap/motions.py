@@ -12,6 +12,7 @@ from stagectl.trajectories import CurrentMultisine, Dwell, Excited, Sequence, Si
 REST = 0.1  # s between parts
 TURN = 0.15  # s of one way of the preconditioning reversal
 GENTLE, FIRM = 0.3, 0.7  # shares of limits and current
+WAY = 0.8  # of the stroke, the longest move of the stairs
 SHARPEST = 40  # control periods a step takes at least: what the sampled loop can follow
 
 
@@ -46,13 +47,18 @@ def strong(p: Scale, share: float, frequency: float, periods: float = 4.0) -> Si
 
 def ramp(p: Scale, speed: float) -> float:
     """How fast to get to `speed` (m/s): in a tenth of a second, or as the current beside friction allows (m/s^2)."""
-    return min(speed / 0.1, GENTLE * p.acceleration, largest_acceleration(p, 0.85, speed))
+    return min(speed / 0.1, GENTLE * p.acceleration, largest_acceleration(worse(p), 0.95, speed))
+
+
+def worse(p: Scale) -> Scale:
+    """The same stage with a quarter more of all that resists: a battery must not fault on the gap that it looks for."""
+    return p._replace(inertia=1.25 * p.inertia, viscous=1.25 * p.viscous, resisting=1.25 * p.resisting)
 
 
 def top_speed(p: Scale) -> float:
     """Of the stairs (m/s): 4/15 of the limit, 65 % of the current, and a quarter of a second at it."""
     fastest = min(4.0 / 15.0 * p.speed, largest_speed(p, 0.65))
-    a, way = ramp(p, fastest), 0.8 * p.high
+    a, way = ramp(p, fastest), WAY * p.span
     by_way = 0.5 * a * (math.sqrt(0.0625 + 4.0 * way / a) - 0.25)
     return rounded(min(fastest, by_way))
 
@@ -64,20 +70,21 @@ def logarithmic(low: float, high: float, count: int) -> list[float]:
 
 def transit(p: Scale) -> tuple[float, float]:
     """Speed (m/s) and acceleration (m/s^2) of getting somewhere."""
-    fast = largest_speed(p, 0.6)
-    return fast, largest_acceleration(p, FIRM, fast)
+    fast = largest_speed(p, 0.5)
+    return fast, largest_acceleration(p, 0.62, fast)
 
 
 def stairs(p: Scale, speeds: Many[float], hold: float) -> tuple[Trapezoid, ...]:
     """There and back at each of `speeds` (m/s), held for `hold` (s) where the travel is long enough."""
-    return tuple(there_and_back(p, speed, hold) for speed in speeds)
+    start = move(0.9 * p.low, *transit(p), one_way=True)
+    steps = tuple(there_and_back(p, speed, hold, WAY * p.span) for speed in speeds)
+    return start, *steps, start._replace(distance=-start.distance)
 
 
-def there_and_back(p: Scale, speed: float, hold: float) -> Trapezoid:
-    """At `speed` (m/s) for `hold` (s): over whole pitches where it comes to at least one."""
+def there_and_back(p: Scale, speed: float, hold: float, longest: float) -> Trapezoid:
+    """At `speed` (m/s) for `hold` (s), within `longest` (m): over whole pitches where it comes to at least one."""
     acceleration = ramp(p, speed)
-    ramps = speed * speed / acceleration
-    way = min(speed * hold + ramps, 0.8 * p.high)
+    way = min(speed * hold + speed * speed / acceleration, longest)
     pitches = math.floor(way / p.pitch)
     return move(pitches * p.pitch if pitches else way, speed, acceleration)
 

@@ -58,7 +58,7 @@ def _run(name: str, logs: Sequence[Log], dt: float) -> Run:
 
 
 def standstills(position: Array, dt: float) -> list[tuple[int, int]]:
-    """Spans [begin, end) in which `position` (n,), the reference where it is known, stays within a share of its range."""
+    """Spans [begin, end) in which `position` (n,), the reference where it is known, stays where it is."""
     window = max(round(0.01 / dt), 1)
     change = np.abs(position[window:] - position[:-window])
     still = np.concatenate([change <= 1e-3 * change.max(initial=0.0), np.zeros(window, dtype=bool)])

@@ -150,7 +150,8 @@ def _next(e: Evidence, library: Library, now: Fitted, dropped: frozenset[str]) -
         return None
     rivals = [score for score in good if score.gain >= RIVAL * good[0].gain][:3]
     tried = [refine.refine(e, now.model, [*now.effects, named(score)]) for score in rivals]
-    return min(tried, key=lambda one: one.misfit)
+    better = [one for one in tried if one.misfit < now.misfit]  # not so where it diverged
+    return min(better, key=lambda one: one.misfit, default=None)
 
 
 def named(score: Score) -> Named:
