@@ -85,6 +85,11 @@ def slip(law: Law, mem: Floats, out: Floats, part: int, span: tuple[float, float
     """Normalised force after a displacement; `span` is (displacement, lowest, highest)."""
     dx, low, high = span
     if law.kind == MAXWELL:
+        last = mem[part + law.weights.size - 1]  # the longest element slips last: then all of them do
+        if dx >= 0.0 and high == 1.0 and last == 1.0:
+            return 1.0
+        if dx <= 0.0 and low == -1.0 and last == -1.0:
+            return -1.0
         total = 0.0
         for j in range(law.weights.size):
             stretch = min(max(mem[part + j] + dx * law.inverse_slip[j], low), high)

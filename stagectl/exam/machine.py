@@ -26,7 +26,7 @@ class Law(NamedTuple):
 
     kind: int = MAXWELL
     weights: Floats = np.ones(1)  # (j,), sum 1
-    inverse_slip: Floats = np.ones(1)  # (j,) 1/rad
+    inverse_slip: Floats = np.ones(1)  # (j,) 1/rad, falling: the longest element is the last
     length: float = 1.0  # rad
     exponent: float = 1.0
     breakaway: float = 0.0

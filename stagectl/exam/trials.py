@@ -17,7 +17,7 @@ import numpy as np
 from . import battery, effects_alien, effects_body, effects_drive, effects_friction  # noqa: F401  they enter themselves
 from .battery import HALF_STROKE, REPEATS, Experiment
 from .contact import MEMORY
-from .controller import Loop, Model, designed, prepared
+from .controller import Loop, Model, Rows, designed, prepared
 from .effects import ALIENS, EFFECTS, Around, Rig, applied, draw_of
 from .machine import MAXWELL, Drive, Floats
 from .plant import Noise, Setting, Trace, ideal, noise_of, remanent, silent, simulated
@@ -77,6 +77,7 @@ class Trial(NamedTuple):
     without: tuple[Rig, ...]  # the rig that lacks one of them
     captures: tuple[Capture, ...]
     law: str
+    rows: dict[str, Rows]  # of the documented controller, by experiment
 
 
 def session(experiments: Sequence[Experiment]) -> tuple[Capture, ...]:
@@ -101,17 +102,21 @@ def experiments_of(seed: int, stratum: str, short: bool) -> list[Experiment]:
     return [*battery.recommended(seed), *battery.held_out(seed)]
 
 
-def around(model: Model, loop: Loop, captures: Sequence[Capture]) -> Around:
-    """What realistic sizes hang on: length, peak current and peak speed of the captures for diagnosis."""
+def prepared_rows(model: Model, loop: Loop, captures: Sequence[Capture]) -> dict[str, Rows]:
+    """What the documented controller knows beforehand, by experiment."""
+    experiments = {one.experiment.name: one.experiment for one in captures}
+    return {name: prepared(model, loop, one.reference, one.injection) for name, one in experiments.items()}
+
+
+def around(rows: dict[str, Rows], captures: Sequence[Capture]) -> Around:
+    """What realistic sizes hang on: length, peak current, speed and voltage of the captures for diagnosis."""
     used = [one for one in captures if one.experiment.use == "diagnose"]
-    first = [one.experiment for one in used if one.repeat == 1]
-    speed = max(float(np.abs(np.diff(one.reference)).max()) / PERIOD for one in first)
-    current = voltage = 0.0
-    for one in first:
-        feedforward = prepared(model, loop, one.reference, one.injection).feedforward
-        back_emf = Drive().back_emf * np.gradient(one.reference, PERIOD)
-        current = max(current, float(np.abs(feedforward).max()))
-        voltage = max(voltage, float(np.abs(Drive().resistance * feedforward + back_emf).max()))
+    speed = current = voltage = 0.0
+    for one in (rows[capture.experiment.name] for capture in used if capture.repeat == 1):
+        v = np.gradient(one.reference, PERIOD)
+        speed = max(speed, float(np.abs(v).max()))
+        current = max(current, float(np.abs(one.feedforward).max()))
+        voltage = max(voltage, float(np.abs(Drive().resistance * one.feedforward + Drive().back_emf * v).max()))
     end = used[-1].start + used[-1].experiment.reference.size * PERIOD
     return Around(end, current, speed, voltage, HALF_STROKE)
 
@@ -151,28 +156,26 @@ def offset_of_trial(stratum: str, options: Options, random: np.random.Generator)
     return size if stratum == "null-parameters" or coin else 0.0
 
 
-def run(rig: Rig, model: Model, capture: Capture, noise: Noise, setting: Setting) -> Trace:
-    """One capture on a rig; feedforward and targets come from the documented design."""
-    rows = prepared(model, rig.loop, capture.experiment.reference, capture.experiment.injection)
-    return simulated(rig.machine, rig.loop, rows, noise, setting)
-
-
-def sane(rig: Rig, model: Model, captures: Sequence[Capture], seed: int) -> bool:
+def sane(rig: Rig, rows: dict[str, Rows], captures: Sequence[Capture], seed: int) -> bool:
     """Whether the loop stays in its bounds and calm, jitter and all."""
     for capture in captures:
         one = capture.experiment
         if capture.repeat > 1 or one.name in UNCHECKED:
             continue
-        noise = silent(one.reference.size)._replace(
-            late=noise_of(rig.machine, one.reference.size, np.random.default_rng([seed, 5])).late
-        )
-        trace = run(Rig(ideal(rig.machine), rig.loop), model, capture, noise, Setting(substeps=10, start=capture.start))
+        noise = quiet_noise(rig, one.reference.size, seed)
+        setting = Setting(substeps=10, start=capture.start)
+        trace = simulated(ideal(rig.machine), rig.loop, rows[one.name], noise, setting)
         rough = float(np.sqrt(np.mean(np.diff(trace.command - one.injection) ** 2)))
         if trace.lost or float(np.abs(trace.command).max()) > LARGEST_COMMAND:
             return False
         if one.name in CALM and rough > ROUGHEST_COMMAND:
             return False
     return True
+
+
+def quiet_noise(rig: Rig, n: int, seed: int) -> Noise:
+    """No noise; a bus that jitters still does."""
+    return silent(n)._replace(late=noise_of(rig.machine, n, np.random.default_rng([seed, 5])).late)
 
 
 def with_effects(rig: Rig, names: Sequence[str], scales: Sequence[float], seed: int, where: Around) -> Rig:
@@ -193,13 +196,14 @@ def draw(seed: int, stratum: str, options: Options = Options()) -> Trial:  # noq
     model = believed(machine, random, off)
     loop = designed(model, 40.0, machine.drive.lag)
     captures = session(experiments_of(seed, stratum, options.short))
-    where, plain = around(model, loop, captures), Rig(machine, loop)
+    rows = prepared_rows(model, loop, captures)
+    where, plain = around(rows, captures), Rig(machine, loop)
     drawn = [options.scale if options.scale is not None else float(random.choice([1.0, 2.0])) for _ in names]
     wanted = [size if name in chosen else COMPANION_SCALE for name, size in zip(names, drawn, strict=True)]
     scales = list(wanted)
     for _ in range(ATTEMPTS):
         rig = with_effects(plain, names, scales, seed, where)
-        if sane(rig, model, captures, seed):
+        if sane(rig, rows, captures, seed):
             break
         scales = [SMALLER * scale for scale in scales]
     else:
@@ -212,7 +216,7 @@ def draw(seed: int, stratum: str, options: Options = Options()) -> Trial:  # noq
         Hidden(name, asked, scale, (EFFECTS.get(name) or ALIENS[name]).seen_in, name not in chosen)
         for name, asked, scale in zip(names, wanted, scales, strict=True)
     )
-    return Trial(seed, stratum, rig, model, loop, hidden, tuple(rest), captures, law)
+    return Trial(seed, stratum, rig, model, loop, hidden, tuple(rest), captures, law, rows)
 
 
 def at_rest(trial: Trial, capture: Capture) -> Floats:
@@ -227,8 +231,11 @@ def at_rest(trial: Trial, capture: Capture) -> Floats:
 def noisy(trial: Trial, number: int) -> Trace:
     """Capture `number` as it was recorded."""
     capture, machine = trial.captures[number], trial.rig.machine
-    noise = noise_of(machine, capture.experiment.reference.size, np.random.default_rng([trial.seed, 3, number]))
-    return run(trial.rig, trial.model, capture, noise, Setting(start=capture.start, remanent=at_rest(trial, capture)))
+    rows = trial.rows[capture.experiment.name]
+    noise = noise_of(machine, rows.target.size, np.random.default_rng([trial.seed, 3, number]))
+    return simulated(
+        machine, trial.rig.loop, rows, noise, Setting(start=capture.start, remanent=at_rest(trial, capture))
+    )
 
 
 def stage_trial(trial: Trial, directory: Path) -> None:

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .controller import prepared
 from .effects import Rig
 from .machine import Floats
-from .plant import Noise, Setting, Trace, ideal, noise_of, silent, simulated
+from .plant import Noise, Setting, Trace, ideal, simulated
 from .shadow import command_share, current_share, position_share, reported_share, torque_share
 
 if TYPE_CHECKING:
@@ -59,13 +58,11 @@ def share_of(trial: Trial, number: int, trace: Trace, setting: Setting, noise: N
 
 def quiet_run(trial: Trial, capture: Capture) -> tuple[Trace, list[Floats]]:
     """A capture without noise, and the share of each hidden effect in it."""
-    from .trials import at_rest
+    from .trials import at_rest, quiet_noise
 
-    n = capture.experiment.reference.size
-    late = noise_of(trial.rig.machine, n, np.random.default_rng([trial.seed, 5])).late
-    noise = silent(n)._replace(late=late)
+    rows = trial.rows[capture.experiment.name]
+    noise = quiet_noise(trial.rig, rows.target.size, trial.seed)
     setting = Setting(start=capture.start, remanent=at_rest(trial, capture), fine=bool(trial.hidden))
-    rows = prepared(trial.model, trial.rig.loop, capture.experiment.reference, capture.experiment.injection)
     rig = Rig(ideal(trial.rig.machine), trial.rig.loop)
     trace = simulated(rig.machine, rig.loop, rows, noise, setting)
     shares = [
@@ -77,16 +74,18 @@ def quiet_run(trial: Trial, capture: Capture) -> tuple[Trace, list[Floats]]:
     return trace._replace(fine=np.zeros((0, 4))), shares
 
 
-def places(shares: list[Floats]) -> list[NDArray[np.bool_]]:
-    """Rows where an effect exceeds 20 % of the 95 % quantile of its size, over all captures.
-
-    The quantile is over the rows where it acts at all, for an effect that acts in fewer than 5 % of them.
-    """
+def size_of(shares: list[Floats]) -> float:
+    """95 % quantile of an effect's share over all captures; of the rows where it acts, if they are fewer than 5 %."""
     sizes = np.abs(np.concatenate(shares))
     quantile = float(np.quantile(sizes, QUANTILE))
-    if quantile < 1e-3 * float(sizes.max()):
-        quantile = float(np.quantile(sizes[sizes > 1e-3 * sizes.max()], QUANTILE))
-    return [np.abs(one) > SHARE * quantile for one in shares]
+    least = 1e-3 * float(sizes.max())
+    return quantile if quantile >= least else float(np.quantile(sizes[sizes > least], QUANTILE))
+
+
+def places(shares: list[Floats]) -> list[NDArray[np.bool_]]:
+    """Rows where an effect exceeds 20 % of its size."""
+    size = size_of(shares)
+    return [np.abs(one) > SHARE * size for one in shares]
 
 
 def quiet_captures(trial: Trial) -> list[Capture]:
@@ -94,7 +93,7 @@ def quiet_captures(trial: Trial) -> list[Capture]:
     return [one for one in trial.captures if one.repeat == 1 or drifting(trial)]
 
 
-def description(trial: Trial) -> dict[str, Any]:
+def description(trial: Trial, sizes: list[float]) -> dict[str, Any]:
     """The truth in words and numbers."""
     body, model = trial.rig.machine.body, trial.model
     plain = trial.without[0].machine.body if len(trial.without) == 1 else body
@@ -111,6 +110,7 @@ def description(trial: Trial) -> dict[str, Any]:
                 "realised_scale": one.realised,
                 "seen_in": one.seen_in,
                 "companion": one.companion,
+                "share": sizes[k],
                 "parameters": changes(trial.rig, trial.without[k]),
             }
             for k, one in enumerate(trial.hidden)
@@ -129,7 +129,10 @@ def description(trial: Trial) -> dict[str, Any]:
 
 
 def write_truth(trial: Trial, folder: Path) -> None:
-    """truth.json and truth.npz (position/FILE rad, current/FILE A, where/EFFECT/FILE)."""
+    """truth.json and truth.npz (position/FILE rad, current/FILE A, where/EFFECT/FILE).
+
+    `share` in truth.json is the 95 % quantile of the effect's own torque (N m), current (A) or position (rad).
+    """
     folder.mkdir(parents=True, exist_ok=True)
     arrays: dict[str, Any] = {}
     captures, shares = quiet_captures(trial), []
@@ -137,8 +140,9 @@ def write_truth(trial: Trial, folder: Path) -> None:
         trace, share = quiet_run(trial, capture)
         arrays[f"position/{capture.file}"], arrays[f"current/{capture.file}"] = trace.position, trace.current
         shares.append(share)
+    sizes = [size_of([share[k] for share in shares]) for k in range(len(trial.hidden))]
     for k, one in enumerate(trial.hidden):
         marked = places([share[k] for share in shares])
         arrays |= {f"where/{one.name}/{capture.file}": at for capture, at in zip(captures, marked, strict=True)}
     np.savez(folder / "truth.npz", **arrays)
-    (folder / "truth.json").write_text(json.dumps(description(trial), indent=1), encoding="utf-8")
+    (folder / "truth.json").write_text(json.dumps(description(trial, sizes), indent=1), encoding="utf-8")
