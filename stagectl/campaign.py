@@ -65,18 +65,6 @@ class Campaign(NamedTuple):
     clock: Callable[[], float]  # s since the epoch
 
 
-<<<<<<< HEAD
-def chosen(experiments: tuple[Experiment, ...], names: list[str]) -> tuple[tuple[int, Experiment], ...]:
-    """Those of `names` with their numbers, all where there are none.
-
-    Raises GapError for a name that is none of theirs.
-    """
-    known = [one.name for one in experiments]
-    for name in names:
-        if name not in known:
-            raise GapError(f"--only {name}: no such experiment; there are {', '.join(known)}")
-    return tuple((number, one) for number, one in enumerate(experiments) if not names or one.name in names)
-=======
 def chosen(experiments: tuple[Experiment, ...], only: list[str], skip: list[str]) -> tuple[tuple[int, Experiment], ...]:
     """Those named in `only`, all where it names none, but for those in `skip`; with their numbers in the battery.
 
@@ -90,7 +78,6 @@ def chosen(experiments: tuple[Experiment, ...], only: list[str], skip: list[str]
     if not wanted:
         raise GapError("--skip leaves no experiment to record: skip fewer of them")
     return tuple((number, one) for number, one in enumerate(experiments) if one.name in wanted)
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
 
 
 def schedule(experiments: tuple[tuple[int, Experiment], ...], repeats: int) -> tuple[Run, ...]:
@@ -140,12 +127,8 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
     if stopped:
         shown.say(
             f"{left[made].name}: {stopped}.  {len(done) + made} of {len(campaign.runs)} runs are kept in "
-<<<<<<< HEAD
-            f"{campaign.folder}; the same command with -o {campaign.folder} goes on with {left[made].name}"
-=======
             f"{campaign.folder}; the same command with -o {campaign.folder} goes on with {left[made].name}, and --skip "
             f"{left[made].experiment.name} leaves that experiment out"
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
         )
     kept = [run for run in campaign.runs if _place(campaign, run).is_file()]
     notes = [] if stopped else _identical(campaign, kept)

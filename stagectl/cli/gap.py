@@ -31,12 +31,9 @@ def record(
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAMES", help="These experiments alone, separated by commas.")
     ] = None,
-<<<<<<< HEAD
-=======
     skip: Annotated[
         list[str] | None, typer.Option(metavar="NAMES", help="All but these experiments, separated by commas.")
     ] = None,
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
     simulate: Simulate = False,
     plant: Plant = None,
     seed: Annotated[
@@ -57,12 +54,7 @@ def record(
     from stagectl.trials import Shown, fresh_folder
 
     machine = machine_of(stage, simulate, plant, channel)
-<<<<<<< HEAD
-    names = [name.strip() for text in only or () for name in text.split(",") if name.strip()]
-    experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), names)
-=======
     experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), _names(only), _names(skip))
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
     runs, folder = many.schedule(experiments, repeats), output or fresh_folder(f"gap-{stage.stem}")
     chosen_seed = (machine.plant or machine.setup).file.simulation.seed if seed is None else seed
     motions = many.laid_out(machine, runs, folder)
@@ -78,11 +70,8 @@ def record(
     emit(found, json)
     if found["stopped"]:
         raise typer.Exit(1)
-<<<<<<< HEAD
-=======
 
 
 def _names(options: list[str] | None) -> list[str]:
     """Names from options that may each hold several."""
     return [name.strip() for text in options or () for name in text.split(",") if name.strip()]
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c

@@ -129,10 +129,7 @@ def test_stopped_it_goes_on_where_it_was(
     assert found["left"] == ["sine-strong-2", "check-micro-2", "sine-strong-3"]
     assert f"sine-strong-2: {said}" in err
     assert "2 of 5 runs are kept in there; the same command with -o there goes on with sine-strong-2" in err
-<<<<<<< HEAD
-=======
     assert "--skip sine-strong leaves that experiment out" in err
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
     assert recordings("there") == ["check-micro-1.h5", "sine-strong-1.h5"]
     assert Path("there/unfinished/sine-strong-2.h5").is_file()
     kept = Path("there/sine-strong-1.h5").read_bytes()
@@ -196,11 +193,8 @@ def test_a_virtual_drive_is_told_its_seed(monkeypatch: pytest.MonkeyPatch) -> No
 
 REFUSED = [
     (("--only", "stars"), "--only stars: no such experiment; there are sine-slow, sine-medium, "),
-<<<<<<< HEAD
-=======
     (("--simulate", "--skip", "star"), "--skip star: no such experiment; there are sine-slow, sine-medium, "),
     (("--simulate", *QUICK, "--skip", QUICK[1]), "--skip leaves no experiment to record"),
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
     (("--plant", "noisy.yaml"), "--plant noisy.yaml without --simulate"),
     (("--simulate", "--seed", "7", *QUICK, "-o", "there"), "was recorded with another machine, simulation or seed"),
     (("--simulate", "--plant", STAGE, *QUICK, "-o", "there"), "was recorded with another machine, simulation or seed"),

@@ -138,11 +138,7 @@ def test_an_angle_stays_an_angle(tmp_path: Path) -> None:
         assert load_trajectory(path, axis_of(setup)) == one.trajectory
     named(setup, "stairs").setpoints(setup)
     named(setup, "check-multisine").setpoints(setup)
-<<<<<<< HEAD
-    assert "velocity: 39.6 rad/s, acceleration: 264 rad/s^2" in yaml_of(named(setup, "stairs"))
-=======
     assert "velocity: 40 rad/s, acceleration: " in yaml_of(named(setup, "stairs"))
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
 
 
 def test_sizes_on_stage_a_are_those_of_the_design(ball_screw: Setup) -> None:
@@ -164,14 +160,9 @@ def test_sizes_on_stage_a_are_those_of_the_design(ball_screw: Setup) -> None:
 
 
 def test_the_stairs_reach_their_speeds(ball_screw: Setup) -> None:
-<<<<<<< HEAD
-    """Six of them from 2 to 80 mm/s at equal ratios, each held both ways for a tenth of a second at least."""
-    steps = [part for part in parts(named(ball_screw, "stairs"))[1:] if isinstance(part, Trapezoid)]
-=======
     """Six of them from 2 to 80 mm/s at equal ratios, each held both ways for a quarter of a second at least."""
     moves = [part for part in parts(named(ball_screw, "stairs"))[1:] if isinstance(part, Trapezoid)]
     steps = [move for move in moves if not move.one_way]
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
     speeds = np.array([step.velocity for step in steps])
     np.testing.assert_allclose(speeds[[0, -1]], [2e-3, 80e-3], rtol=0.01)
     np.testing.assert_allclose(np.diff(np.log(speeds)), math.log(40.0) / 5.0, rtol=0.01)
@@ -179,11 +170,7 @@ def test_the_stairs_reach_their_speeds(ball_screw: Setup) -> None:
         t = np.arange(0.0, step.duration, 1e-3)
         velocity = step.at(t).velocity
         for way in (1.0, -1.0):
-<<<<<<< HEAD
-            assert np.sum(np.isclose(velocity, way * step.velocity, rtol=1e-9)) >= 100
-=======
             assert np.sum(np.isclose(velocity, way * step.velocity, rtol=1e-9)) >= 250
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
 
 
 def test_each_begins_with_a_reversal_beyond_presliding(setup: Setup) -> None:
@@ -209,8 +196,6 @@ def driven(setup: Setup, one: Experiment) -> np.ndarray[tuple[int], np.dtype[np.
     return simulate(setup, plan(setup, one.trajectory, controller.feedforward), controller.law)
 
 
-<<<<<<< HEAD
-=======
 def test_no_fault_on_the_gap_that_is_looked_for(ball_screw: Setup, tmp_path: Path) -> None:
     """A machine with a quarter more inertia, viscous and Coulomb friction follows, short of its current limit."""
     worse = (
@@ -227,7 +212,6 @@ def test_no_fault_on_the_gap_that_is_looked_for(ball_screw: Setup, tmp_path: Pat
         assert np.abs(found["command"]).max() < ball_screw.file.drive.current_limit, name
 
 
->>>>>>> 8164e276ad532577e9cc3a390eccec8f4cfd0a5c
 def test_multisines_act_while_the_axis_moves_at_constant_speed(setup: Setup) -> None:
     """At three places, of odd lines in the band, and the axis never turns round under them."""
     places = []
