@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from stagectl.gap import cuts, friction_family, grams, tying
 from stagectl.gap.batch import in_parallel
@@ -182,18 +181,13 @@ def _bounded_step(
 ) -> dict[str, float]:
     """One Gauss-Newton step within what is physical: no negative weight, inertia or damping."""
     names = [one.name for one in free if one.name != START] + ([chosen.name] if chosen is not None else [])
-    places, summed = g.of(names), g.both.sum(axis=0)
-    a, b = summed[np.ix_(places, places)], summed[places, -1]
-    low = np.array([_lowest(model, name) for name in names])
-    scale = np.sqrt(np.diag(a)) + 1e-300
-    q, r = np.linalg.eigh(a / np.outer(scale, scale))
-    root = np.sqrt(np.maximum(q, 1e-9))[:, None] * r.T  # of a correlation matrix: columns of unit length
-    target = (r.T @ (b / scale)) / np.sqrt(np.maximum(q, 1e-9))
-    solved = lsq_linear(root, target, (np.minimum(low * scale, -1e-12), np.full(len(names), np.inf)), method="bvls")
-    return dict(zip(names, (solved.x / scale).tolist(), strict=True))
+    low = np.array([lowest(model, name) for name in names])
+    step = grams.bounded(g.both.sum(axis=0), g.of(names), low, np.full(len(names), np.inf))
+    return dict(zip(names, step.tolist(), strict=True))
 
 
-def _lowest(model: Model, name: str) -> float:
+def lowest(model: Model, name: str) -> float:
+    """How far down a parameter may go: no negative weight, inertia or damping."""
     p = model.stage
     if name.startswith("weight_"):
         return -float(p.friction.operators.weight[int(name.removeprefix("weight_"))])
@@ -207,11 +201,6 @@ def _lowest(model: Model, name: str) -> float:
 def is_member(name: str) -> bool:
     """Whether a direction is a bristle of the family, of which one at most is in the model."""
     return name.startswith("bristle_") and name not in ("bristle_size", "bristle_length")
-
-
-def feasible(model: Model, move: dict[str, float]) -> dict[str, float]:
-    """`move` within what is physical."""
-    return {name: max(step, _lowest(model, name)) for name, step in move.items()}
 
 
 def moved(model: Model, move: dict[str, float], member: Direction | None) -> Model:

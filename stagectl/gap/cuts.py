@@ -21,6 +21,9 @@ from stagectl.gap.session import Array
 from stagectl.gap.tying import Lacking
 
 BAND = 0.2  # of the sampling frequency: 400 Hz at 2 kHz
+# Of the sampling frequency, 40 Hz at 2 kHz: above, the weight falls with the frequency, as what a servo axis makes of
+# an effort does.  Impacts and bounces ring there, whose instants no model foretells.
+ROLL_OFF = 0.02
 KEPT = 2  # every second sample: the band is below half of what is left
 _SEGMENT = 512
 _SMALLEST = 1e-6  # of the largest noise density: a lower one is a lack of data, not of noise
@@ -75,7 +78,7 @@ def _filtered(signal: Array, frequency: Array, gain: Array, dt: float) -> Array:
         return np.zeros(len(signal[::KEPT]))
     mirrored = np.concatenate([signal, signal[::-1]])
     lines = np.fft.rfftfreq(len(mirrored), dt)
-    shape = np.interp(lines, frequency, gain) * _edge(lines, BAND / dt)
+    shape = np.interp(lines, frequency, gain) * _edge(lines, BAND / dt) / np.hypot(1.0, lines * dt / ROLL_OFF)
     filtered: Array = np.fft.irfft(np.fft.rfft(mirrored) * shape, len(mirrored))[:count:KEPT]
     return filtered * np.sqrt(dt / BAND)  # a density of one over the band becomes a variance of one
 

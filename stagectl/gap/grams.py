@@ -12,10 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from stagectl.gap.runs import Run
 from stagectl.gap.session import Array
 
+FLAT = 1e-9  # smallest eigenvalue of the correlations that is believed
 RIDGE = 1e-10  # of each diagonal element: columns that these data cannot tell apart stay finite
 
 
@@ -98,6 +100,19 @@ def fit(g: Array, chosen: Sequence[int], prior: Array | None = None) -> Fit:
     inverse = np.linalg.pinv(a, hermitian=True, rcond=1e-14)
     amplitude = inverse @ b
     return Fit(amplitude, misfit(g, chosen, amplitude), inverse) if chosen else Fit(amplitude, whole, inverse)
+
+
+def bounded(g: Array, chosen: Sequence[int], low: Array, high: Array) -> Array:
+    """Amplitudes (k,) of the least squares within `low` and `high`; zero must lie between them."""
+    places = list(chosen)
+    a, b = g[np.ix_(places, places)], g[places, -1]
+    scale = np.sqrt(np.diag(a)) + 1e-300
+    q, r = np.linalg.eigh(a / np.outer(scale, scale))  # columns of unit length
+    root = np.sqrt(np.maximum(q, FLAT))
+    bounds = (np.minimum(low * scale, -1e-12), np.maximum(high * scale, 1e-12))
+    solved = lsq_linear(root[:, None] * r.T, (r.T @ (b / scale)) / root, bounds, method="bvls")
+    amplitude: Array = solved.x / scale
+    return amplitude
 
 
 def misfit(g: Array, chosen: Sequence[int], amplitude: Array) -> float:

@@ -58,6 +58,8 @@ class Shape(NamedTuple):
     unit: str
     grid: tuple[float, ...]
     refined: bool = True  # False: a choice
+    low: float = 0.0
+    high: float = math.inf
 
 
 class Definition(NamedTuple):
@@ -71,6 +73,7 @@ class Definition(NamedTuple):
     apply: Callable[[Stage, Values], Stage]
     substeps: int = 4  # integration steps a period that its dynamics need
     aging: bool = False  # runs on the session clock: repeats differ by it
+    bent: bool = False  # so far from linear that its columns hold at their typical sizes only
 
 
 def put(p: Any, place: str, value: Any) -> Any:

@@ -19,7 +19,6 @@ from stagectl.kernels.stage import Stage
 
 EFFORT, STIFF, DAMPING = "N m | N", "N m/rad | N/m", "N m s/rad | N s/m"
 FREQUENCIES = (80.0, 120.0, 180.0, 270.0, 400.0, 600.0, 900.0, 1350.0)  # Hz, of a compliance
-CONTACT = 800.0  # Hz, of motor against load while a gap is closed
 MODES = (8.0, 11.0, 15.0, 21.0, 29.0, 40.0, 55.0)  # Hz, of a base
 
 
@@ -140,17 +139,27 @@ def _masses(s: Scales) -> list[Definition]:
             "backlash",
             "mechanics",
             "displacement_since_reversal",
-            (Amplitude("gap", "rad | m", (0.1 * zone, 0.6 * zone), 0.0, 20.0 * zone),),
-            (Shape("load_share", "", (0.3, 0.7), False), Shape("load_friction", "", (1.0, 0.4), False)),
+            (Amplitude("gap", "rad | m", tuple(f * zone for f in (0.04, 0.1, 0.25, 0.6, 1.5)), 0.0, 20.0 * zone),),
+            (
+                Shape("load_share", "", (0.3,), True, 0.02, 0.95),
+                Shape("load_friction", "", (0.9, 0.4), True, 0.01, 1.0),
+                Shape("resonance", "Hz", (800.0,), True, 200.0, 2500.0),
+                Shape("damping", "", (0.1,), True, 0.01, 1.0),
+            ),
             _backlash,
             16,
+            bent=True,
         ),
         Definition(
             "compliance",
             "mechanics",
             "frequency",
             (Amplitude("load_share", "", (0.3,), 0.0, 0.95),),
-            (Shape("resonance", "Hz", FREQUENCIES), Shape("damping", "", (0.02,))),
+            (
+                Shape("resonance", "Hz", FREQUENCIES, True, 50.0, 2500.0),
+                Shape("damping", "", (0.03,), True, 0.002, 1.0),
+                Shape("load_friction", "", (0.8,), True, 0.01, 1.0),
+            ),
             _compliance,
             16,
         ),
@@ -159,7 +168,7 @@ def _masses(s: Scales) -> list[Definition]:
             "mechanics",
             "frequency",
             (Amplitude("ratio", "", (0.05,), 0.0, 1.0),),
-            (Shape("frequency", "Hz", MODES), Shape("damping", "", (0.03,))),
+            (Shape("frequency", "Hz", MODES), Shape("damping", "", (0.03,), True, 0.002, 1.0)),
             lambda p, v: put(
                 p,
                 "mechanics.base",
@@ -177,8 +186,8 @@ def _backlash(p: Stage, v: Values) -> Stage:
         backlash=v["gap"],
         load_share=v["load_share"],
         load_friction=v["load_friction"],
-        resonance=CONTACT,
-        damping=0.1,
+        resonance=v["resonance"],
+        damping=v["damping"],
     )
     return put(p, "mechanics.transmission", changed)
 
@@ -187,6 +196,9 @@ def _compliance(p: Stage, v: Values) -> Stage:
     if v["load_share"] <= 0.0:
         return p
     changed = p.mechanics.transmission._replace(
-        load_share=v["load_share"], resonance=v["resonance"], damping=v["damping"]
+        load_share=v["load_share"],
+        resonance=v["resonance"],
+        damping=v["damping"],
+        load_friction=v["load_friction"],
     )
     return put(p, "mechanics.transmission", changed)

@@ -78,7 +78,9 @@ def refine(e: Evidence, model: Model, effects: Sequence[Named], steps: int = STE
     """The best values of all parameters of `effects` and of the base beside them, from where they stand."""
     residuals = left(e, model, effects)
     now = Fitted(model, tuple(effects), residuals, total(e, residuals))
-    for _ in range(steps):
+    if any(one.effect.bent for one in effects) and np.isfinite(now.misfit):
+        e = e._replace(base=e.base._replace(columns=_columns_beside(e, now)))
+    for _ in range(steps if np.isfinite(now.misfit) else 0):  # it diverged: no step can be told
         after = _step(e, now)
         if after.misfit > now.misfit * (1.0 - SETTLED):
             return after if after.misfit < now.misfit else now
@@ -86,16 +88,29 @@ def refine(e: Evidence, model: Model, effects: Sequence[Named], steps: int = STE
     return now
 
 
+def _columns_beside(e: Evidence, now: Fitted) -> list[dict[str, list[Array]]]:
+    """The base's columns where the effects are in the model: across a gap, friction is not what it was."""
+    substeps = max(one.effect.substeps for one in now.effects)
+    moving = [one._replace(substeps=substeps) for one in e.base.directions if not base.is_member(one.name)]
+
+    def beside(one: Direction) -> Direction:
+        return one._replace(change=lambda _: equipped(one.change(now.model), now.effects))
+
+    found = columns.all_columns(now.equipped, e.runs, [beside(one) for one in moving], e.base.noise)
+    return [{**known, **new} for known, new in zip(e.base.columns, found, strict=True)]
+
+
 def _step(e: Evidence, now: Fitted) -> Fitted:
     own = parameters(now)
     g = tangent(e, now, own)
     nuisance = nuisances(e)
     places = [*g.of(nuisance), *g.of([one.name for one in own])]
-    amplitude = grams.fit(g.both.sum(axis=0), places).amplitude
+    low, high = np.array([(base.lowest(now.model, name), np.inf) for name in nuisance] + _limits(now)).T
+    amplitude = grams.bounded(g.both.sum(axis=0), places, low, high)
     move = dict(zip([*nuisance, *(one.name for one in own)], amplitude.tolist(), strict=True))
     best = now
     for share in (1.0, 0.4, 0.1):
-        model, effects = _moved(e, now, move, share)
+        model, effects = _moved(now, move, share)
         residuals = left(e, model, effects)
         misfit = total(e, residuals)
         if misfit < best.misfit:
@@ -139,20 +154,27 @@ def _replaced(now: Fitted, k: int, parameter: str, step: float) -> Direction:
     return plain._replace(change=lambda m: equipped(m._replace(stage=now.model.stage), others))
 
 
-def _moved(e: Evidence, now: Fitted, move: Mapping[str, float], share: float) -> tuple[Model, tuple[Named, ...]]:
+def _moved(now: Fitted, move: Mapping[str, float], share: float) -> tuple[Model, tuple[Named, ...]]:
     part = {name: share * value for name, value in move.items()}
-    model = base.moved(now.model, base.feasible(now.model, part), None)
+    model = base.moved(now.model, part, None)
     return model, tuple(_shifted(one, part) for one in now.effects)
 
 
+def _limits(now: Fitted) -> list[tuple[float, float]]:
+    """How far each of the effects' parameters may move in one step, in the order of `parameters`."""
+    found = []
+    for one in now.effects:
+        for amplitude in one.effect.amplitudes:
+            value = one.values[amplitude.name]
+            found.append((amplitude.low - value, amplitude.high - value))
+        for shape in one.effect.shapes:
+            if shape.refined:
+                value = one.values[shape.name]
+                low, high = max(value / WIDEST, shape.low), min(value * WIDEST, shape.high)
+                found.append((low - value, high - value))
+    return found
+
+
 def _shifted(one: Named, move: Mapping[str, float]) -> Named:
-    values = dict(one.values)
-    for amplitude in one.effect.amplitudes:
-        wanted = values[amplitude.name] + move[f"{one.effect.name}.{amplitude.name}"]
-        values[amplitude.name] = min(max(wanted, amplitude.low), amplitude.high)
-    for shape in one.effect.shapes:
-        if shape.refined:
-            now = values[shape.name]
-            wanted = now + move[f"{one.effect.name}.{shape.name}"]
-            values[shape.name] = min(max(wanted, now / WIDEST), now * WIDEST)
-    return Named(one.effect, values)
+    moves = {name: move.get(f"{one.effect.name}.{name}", 0.0) for name in one.values}
+    return Named(one.effect, {name: value + moves[name] for name, value in one.values.items()})

@@ -71,14 +71,14 @@ def _reduced(g: Array, nuisance: Sequence[int]) -> _Reduced:
 
 def _score(both: Array, reduced: Sequence[_Reduced], places: tuple[list[int], list[int]], form: Form) -> Score:
     nuisance, at = places
-    whole = _solved(reduced[2].matrix, at)
+    whole = _solved(reduced[2].matrix, at, form)
     if not _admissible(form, whole):
         return Score(form, 0.0, 0.0, tuple(whole), 0.0)
     left = float(reduced[2].matrix[-1, -1])
-    in_sample = float(whole @ reduced[2].matrix[at, -1]) / left if left > 0.0 else 0.0
+    in_sample = 1.0 - grams.misfit(reduced[2].matrix, at, whole) / left if left > 0.0 else 0.0
     drops = []
     for fitted, judged in ((0, 1), (1, 0)):
-        amplitude = _solved(reduced[fitted].matrix, at)
+        amplitude = _solved(reduced[fitted].matrix, at, form)
         # Nuisances as the fitted hand has them, with and without the effect.
         plain = -reduced[fitted].coefficients[:, -1]
         beside = plain + reduced[fitted].coefficients[:, at] @ amplitude
@@ -90,7 +90,9 @@ def _score(both: Array, reduced: Sequence[_Reduced], places: tuple[list[int], li
     return Score(form, gain, worst, tuple(whole), float(np.sqrt(max(in_sample, 0.0))))
 
 
-def _solved(matrix: Array, at: Sequence[int]) -> Array:
+def _solved(matrix: Array, at: Sequence[int], form: Form) -> Array:
+    if form.effect.bent:
+        return np.array(form.typical)
     a = matrix[np.ix_(list(at), list(at))]
     if not np.all(np.diag(a) > 0.0):
         return np.zeros(len(at))
