@@ -142,13 +142,13 @@ def _roughness(p: Lacking) -> Lacking:
     return Lacking(*(np.diff(one, 3, prepend=np.zeros(3)) / np.sqrt(20.0) for one in p))
 
 
-def refit(session: Session, runs: Sequence[Run], nominal: Model) -> Base:
-    """Move the parameters that the model has towards the data."""
+def refit(session: Session, runs: Sequence[Run], nominal: Model, frozen: Sequence[str] = ()) -> Base:
+    """Move the parameters that the model has towards the data; those of the names `frozen` stay."""
     measured = bool(np.isfinite(runs[0].mean.rows[:, 2]).all())
     noise = noise_of(nominal, runs, session.dt)
     model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
     before = [residuals(nominal, run, noise) for run in runs]
-    free = directions(session, model, measured)
+    free = [one for one in directions(session, model, measured) if one.name not in frozen]
     beside = members(nominal.stage.friction)
     found = all_columns(model, runs, [*free, *beside], noise)
     left, total = before, dict.fromkeys((one.name for one in free), 0.0)
@@ -207,9 +207,9 @@ def moved(model: Model, move: dict[str, float], member: Direction | None) -> Mod
     """`model` with each parameter moved by its step."""
     p = model.stage
     mechanics = p.mechanics._replace(
-        inertia=p.mechanics.inertia + move["inertia"],
-        viscous=max(p.mechanics.viscous + move["viscous"], 0.0),
-        bias=p.mechanics.bias + move["bias"],
+        inertia=p.mechanics.inertia + move.get("inertia", 0.0),
+        viscous=max(p.mechanics.viscous + move.get("viscous", 0.0), 0.0),
+        bias=p.mechanics.bias + move.get("bias", 0.0),
     )
     operators = p.friction.operators
     weights = np.array([max(w + move[weight(k)], 0.0) for k, w in enumerate(operators.weight)])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from stagectl.gap import library_drive, library_friction, library_mechanics, library_sensor
 from stagectl.gap.columns import Direction, Model
-from stagectl.gap.library import Definition, Scales
+from stagectl.gap.library import Aging, Definition, Scales, coulomb, scaled
+from stagectl.gap.session import Array
+from stagectl.kernels.stage import Stage
 
 
 class Form(NamedTuple):
@@ -58,16 +60,39 @@ def _forms(effect: Definition) -> list[Form]:
 
 def directions(form: Form) -> list[Direction]:
     """The columns of `form`: one amplitude at a time, at its typical size."""
+    if form.effect.aging is not None:
+        return _aging(form, form.effect.aging)
     return [
         direction(Named(form.effect, form.values([0.0] * len(form.typical))), one.name, size, name)
         for one, size, name in zip(form.effect.amplitudes, form.typical, form.names, strict=True)
     ]
 
 
+def _aging(form: Form, aging: Aging) -> list[Direction]:
+    """Columns of what runs on the session clock: those of the parameter that it scales, times a factor of time."""
+
+    def factor(clock: Array) -> Array:
+        found: Array = aging.factor(form.shape, clock)
+        return found
+
+    return [
+        Direction(name, SCALED[aging.of[one.name]], STEP, factor=factor)
+        for one, name in zip(form.effect.amplitudes, form.names, strict=True)
+    ]
+
+
+def _scaled(change: Callable[[Stage, Mapping[str, float]], Stage]) -> Callable[[Model], Model]:
+    return lambda m: m._replace(stage=change(m.stage, {"size": STEP}))
+
+
+STEP = 0.1  # of a scaled parameter
+SCALED = {"coulomb": _scaled(coulomb), "viscous": _scaled(scaled("mechanics.viscous"))}
+
+
 def direction(at: Named, parameter: str, step: float, name: str) -> Direction:
     """The model with one parameter of an effect moved by `step` from where it is."""
     changed = Named(at.effect, {**at.values, parameter: at.values[parameter] + step})
-    return Direction(name, lambda m: equipped(m, [changed]), step, at.effect.substeps, at.effect.aging)
+    return Direction(name, lambda m: equipped(m, [changed]), step, at.effect.substeps)
 
 
 def equipped(p: Model, effects: Sequence[Named]) -> Model:

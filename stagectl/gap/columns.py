@@ -37,7 +37,7 @@ class Direction(NamedTuple):
     change: Callable[[Model], Model]
     size: float  # of the change; the column is per unit of it
     substeps: int = tying.SUBSTEPS
-    aging: bool = False  # runs on the session clock: a column of its own for each repeat
+    factor: Callable[[Array], Array] | None = None  # of the session clock (n,) s: on the column of `change`
     load: float = 0.0  # share of the friction's limit with which the runs begin
 
 
@@ -84,23 +84,25 @@ def residuals_of(
 
 def columns(p: Model, run: Run, directions: Sequence[Direction], noise: cuts.Whitener) -> dict[str, list[Array]]:
     """Whitened (m, 2) of each direction by its name: one for all repeats, or one each where it runs on the clock."""
-    needed = {(one.substeps, one.aging) for one in directions}
-    base = {(substeps, aging): _along(p, run, substeps, aging) for substeps, aging in needed}
-    return {
-        one.name: [
-            rested(run, _difference(after, before, one.size, noise, run.mean.dt))
-            for after, before in zip(
-                _along(one.change(p), run, one.substeps, one.aging, one.load),
-                base[one.substeps, one.aging],
-                strict=True,
-            )
-        ]
-        for one in directions
-    }
+    cache: dict[object, Array] = {}
+    base = {substeps: lacks(p, run.mean, substeps) for substeps in {one.substeps for one in directions}}
+
+    def simulated(one: Direction) -> Array:
+        key = one.name if one.factor is None else one.change
+        if key not in cache:
+            after = lacks(one.change(p), run.mean, one.substeps, one.load)
+            cache[key] = rested(run, _difference(after, base[one.substeps], one.size, noise, run.mean.dt))
+        return cache[key]
+
+    return {one.name: _on_the_clock(run, simulated(one), one.factor) for one in directions}
 
 
-def _along(p: Model, run: Run, substeps: int, aging: bool, load: float = 0.0) -> list[Lacking]:
-    return [lacks(p, path, substeps, load) for path in (run.paths if aging else (run.mean,))]
+def _on_the_clock(run: Run, column: Array, factor: Callable[[Array], Array] | None) -> list[Array]:
+    """One column for all repeats, or for each the column times its factor: what drifts is slow beside the tracker."""
+    if factor is None:
+        return [column]
+    clock = run.mean.dt * cuts.KEPT * np.arange(len(column))
+    return [column * factor(path.start + clock)[:, None] for path in run.paths]
 
 
 def _difference(after: Lacking, before: Lacking, size: float, noise: cuts.Whitener, dt: float) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-_EFFECTS: Mapping[str, str] = {
+EFFECTS: Mapping[str, str] = {
     "inertia": "inertia",
     "force_constant": "force constant",
     "viscous": "viscous friction",
@@ -53,7 +53,7 @@ _COORDINATES: Mapping[str, str] = {
 
 def effect(name: str) -> str:
     """``viscous asymmetry`` for ``viscous_asymmetry``; a name that is not known is shown as it is, with blanks."""
-    return _EFFECTS.get(name, name.replace("_", " "))
+    return EFFECTS.get(name, name.replace("_", " "))
 
 
 def coordinate(name: str) -> str:

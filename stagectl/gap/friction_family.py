@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.optimize import nnls
 
 from stagectl.gap.session import Array
 from stagectl.kernels import friction, friction_bristle, stage
 
-ELEMENTS = 12
+ELEMENTS = 9
 BELOW, ABOVE = 0.4, 3.0  # of the nominal law's shortest and longest slip: how far the family reaches
-CLOSE = 0.25  # log of the ratio below which two slips are one
+CLOSE = 0.4  # log of the ratio below which two slips are one
 EXPONENTS = (0.5, 1.0, 2.0)
 LENGTHS = (0.04, 0.12, 0.35)  # of the rolling zone: range of a bristle, T_c over its stiffness
 
@@ -64,6 +65,16 @@ def spread(nominal: stage.Friction) -> stage.Friction:
     elements = sorted([*own, *((slip, 0.0) for slip in apart)])
     operators = friction.bundle([weight for _, weight in elements], [slip for slip, _ in elements])
     return nominal._replace(operators=operators)
+
+
+def as_operators(p: stage.Friction) -> stage.Friction:
+    """`p` as stop operators alone, by their reversal curve: what a stage file can hold."""
+    zone = length(p)
+    slips = np.geomspace(0.01 * zone, 2.0 * zone, 2 * ELEMENTS)
+    place = np.geomspace(1e-3 * zone, 4.0 * zone, 300)
+    weights = nnls(2.0 * np.minimum(place[:, None] / (2.0 * slips), 1.0), reversal(p, place))[0]
+    kept = weights > 0.0
+    return p._replace(operators=friction.bundle(weights[kept], slips[kept]), bristle=friction_bristle.NEUTRAL)
 
 
 def bristles(nominal: stage.Friction) -> list[friction_bristle.Bristle]:

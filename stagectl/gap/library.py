@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from stagectl.kernels import friction
 from stagectl.kernels.stage import Stage
 
@@ -62,6 +64,13 @@ class Shape(NamedTuple):
     high: float = math.inf
 
 
+class Aging(NamedTuple):
+    """How an effect runs on the session clock: a factor on what a scaled parameter does, as slow as it is."""
+
+    of: Mapping[str, str]  # parameter that each amplitude scales: coulomb | viscous
+    factor: Callable[[Values, Any], Any]  # of the shapes and of the session clock (n,) s
+
+
 class Definition(NamedTuple):
     """An effect as the diagnosis knows it."""
 
@@ -72,7 +81,7 @@ class Definition(NamedTuple):
     shapes: tuple[Shape, ...]
     apply: Callable[[Stage, Values], Stage]
     substeps: int = 4  # integration steps a period that its dynamics need
-    aging: bool = False  # runs on the session clock: repeats differ by it
+    aging: Aging | None = None  # runs on the session clock: repeats differ by it
     bent: bool = False  # so far from linear that its columns hold at their typical sizes only
 
 
@@ -122,6 +131,11 @@ def coulomb(p: Stage, v: Values) -> Stage:
     operators = rolling._replace(weight=rolling.weight * factor)
     changed = bristle._replace(coulomb=bristle.coulomb * factor, stiffness=bristle.stiffness * factor)
     return p._replace(friction=p.friction._replace(operators=operators, bristle=changed))
+
+
+def cold(v: Values, t: Any) -> Any:
+    """``exp(-t / time)``: what is left of the cold at the session clock `t` (n,) s."""
+    return np.exp(-t / v["time"])
 
 
 def stretched(p: Stage, v: Values) -> Stage:

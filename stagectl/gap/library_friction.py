@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from stagectl.gap.library import Amplitude, Definition, Scales, Shape, Values, added, harmonic, put
+from stagectl.gap.library import Aging, Amplitude, Definition, Scales, Shape, Values, added, cold, harmonic, put
 from stagectl.kernels.stage import Stage
+
+STATIONS = 24  # instants at which a step of the friction is looked for
 
 
 def definitions(s: Scales) -> list[Definition]:
@@ -104,7 +106,7 @@ def _of_place(s: Scales) -> list[Definition]:
 
 
 def _of_time(s: Scales) -> list[Definition]:
-    stations = s.session[1:]
+    stations = _thinned(s.session[1:])
     found = [
         Definition(
             "thermal_coulomb",
@@ -113,7 +115,7 @@ def _of_time(s: Scales) -> list[Definition]:
             (Amplitude("rise", "", (0.1,), -0.9, 5.0),),
             (Shape("time", "s", (30.0, 100.0, 300.0, 1000.0)),),
             lambda p, v: put(p, "friction.warming", p.friction.warming._replace(rise=v["rise"], time=v["time"])),
-            aging=True,
+            aging=Aging({"rise": "coulomb"}, cold),
         )
     ]
     if stations:
@@ -125,10 +127,17 @@ def _of_time(s: Scales) -> list[Definition]:
                 (Amplitude("coulomb", "", (0.1,), -0.9, 5.0), Amplitude("viscous", "", (0.1,), -0.9, 5.0)),
                 (Shape("at", "s", stations, False),),
                 _stepped,
-                aging=True,
+                aging=Aging({"coulomb": "coulomb", "viscous": "viscous"}, lambda v, t: (t >= v["at"]) * 1.0),
             )
         )
     return found
+
+
+def _thinned(stations: tuple[float, ...]) -> tuple[float, ...]:
+    """At most `STATIONS` of them, evenly: a step in between is told by its neighbours, too."""
+    if len(stations) <= STATIONS:
+        return stations
+    return tuple(stations[round(k * (len(stations) - 1) / (STATIONS - 1))] for k in range(STATIONS))
 
 
 def _stepped(p: Stage, v: Values) -> Stage:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from stagectl.gap.library import (
+    Aging,
     Amplitude,
     Definition,
     Scales,
     Shape,
     Values,
     added,
+    cold,
     coulomb,
     harmonic,
     put,
@@ -97,7 +99,7 @@ def _viscous(s: Scales) -> list[Definition]:
             lambda p, v: put(
                 p, "mechanics.viscous_warming", p.mechanics.viscous_warming._replace(rise=v["rise"], time=v["time"])
             ),
-            aging=True,
+            aging=Aging({"rise": "viscous"}, cold),
         ),
     ]
 
@@ -147,7 +149,6 @@ def _masses(s: Scales) -> list[Definition]:
                 Shape("damping", "", (0.1,), True, 0.01, 1.0),
             ),
             _backlash,
-            16,
             bent=True,
         ),
         Definition(
@@ -161,7 +162,6 @@ def _masses(s: Scales) -> list[Definition]:
                 Shape("load_friction", "", (0.8,), True, 0.01, 1.0),
             ),
             _compliance,
-            16,
         ),
         Definition(
             "base_vibration",
@@ -174,7 +174,6 @@ def _masses(s: Scales) -> list[Definition]:
                 "mechanics.base",
                 p.mechanics.base._replace(ratio=v["ratio"], frequency=v["frequency"], damping=v["damping"]),
             ),
-            8,
         ),
     ]
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from stagectl.gap import base, columns, grams
 from stagectl.gap.base import Base
-from stagectl.gap.candidates import Named, direction, equipped
+from stagectl.gap.candidates import SCALED, STEP, Named, direction, equipped
 from stagectl.gap.columns import Direction, Model
+from stagectl.gap.library import Aging, Values
 from stagectl.gap.runs import Run
 from stagectl.gap.session import Array
 
@@ -52,7 +53,7 @@ def left(e: Evidence, model: Model, effects: Sequence[Named]) -> list[list[Array
     """Whitened residual of each run and repeat under `model` with `effects`."""
     whole = equipped(model, effects)
     substeps = max([one.effect.substeps for one in effects], default=4)
-    if any(one.effect.aging for one in effects):
+    if any(one.effect.aging is not None for one in effects):
         return columns.residuals_of(whole, e.runs, e.base.noise, substeps)
     means = columns.mean_residuals(whole, e.runs, e.base.noise, substeps)
     return [[mean + one for one in repeats] for mean, repeats in zip(means, e.deviations, strict=True)]
@@ -137,12 +138,35 @@ def parameters(now: Fitted) -> list[Direction]:
     """
     found = []
     for k, one in enumerate(now.effects):
+        if one.effect.aging is not None:
+            found += _drifting(one, one.effect.aging)
+            continue
         for amplitude in one.effect.amplitudes:
             step = 0.1 * max(abs(one.values[amplitude.name]), 0.3 * abs(amplitude.typical[0]))
             found.append(_replaced(now, k, amplitude.name, step))
         for shape in one.effect.shapes:
             if shape.refined:
                 found.append(_replaced(now, k, shape.name, 0.05 * one.values[shape.name]))
+    return found
+
+
+def _drifting(one: Named, aging: Aging) -> list[Direction]:
+    """The same for what runs on the session clock: factors of time on the columns of what it scales."""
+    name, values = one.effect.name, dict(one.values)
+    found = [
+        Direction(f"{name}.{x.name}", SCALED[aging.of[x.name]], STEP, factor=lambda t: aging.factor(values, t))
+        for x in one.effect.amplitudes
+    ]
+    for shape in one.effect.shapes:
+        if shape.refined:  # an amplitude times the change of its factor
+            first, more = one.effect.amplitudes[0].name, {**values, shape.name: 1.05 * values[shape.name]}
+            scale = values[first] / (0.05 * values[shape.name])
+
+            def factor(t: Array, more: Values = more, scale: float = scale) -> Array:
+                changed: Array = scale * (aging.factor(more, t) - aging.factor(values, t))
+                return changed
+
+            found.append(Direction(f"{name}.{shape.name}", SCALED[aging.of[first]], STEP, factor=factor))
     return found
 
 

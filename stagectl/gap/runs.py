@@ -8,12 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.gap import friction_family
 from stagectl.gap.cuts import KEPT
 from stagectl.gap.session import Array, Log, Session
 from stagectl.gap.tying import Path, mean_path, path_of
 
 SHORTEST = 0.1  # s, of a half stroke: faster reversals are taken together
 LONGEST = 1.0  # s: a longer one is cut again, or a slow scan would be one cluster
+WIPED = 3.0  # of the rolling zone: so far in one direction, and every element slips
 REST = 0.04  # s of standstill that count as one
 EDGE = 0.02  # s at both ends, where the filter has no neighbour
 
@@ -35,22 +37,34 @@ class Run(NamedTuple):
         return len(self.mean.rows)
 
 
+def known_from(position: Array, zone: float) -> int:
+    """Row from which the friction's state is known whatever it was before: the axis has gone through its zone.
+
+    0 where it never does: then the state of the whole run is a nuisance.
+    """
+    gone = np.maximum.accumulate(position) - np.minimum.accumulate(position)
+    beyond = np.flatnonzero(gone > WIPED * zone)
+    return int(beyond[0]) if len(beyond) else 0
+
+
 def runs(session: Session, held_out: bool = False) -> list[Run]:
     """The experiments of `session`, those held out or the others."""
     found: dict[str, list[Log]] = {}
     for log in session.logs:
         if log.held_out == held_out:
             found.setdefault(log.experiment, []).append(log)
-    return [_run(name, logs, session.dt) for name, logs in found.items()]
+    zone = friction_family.length(session.stage.friction)
+    return [_run(name, logs, session.dt, zone) for name, logs in found.items()]
 
 
-def _run(name: str, logs: Sequence[Log], dt: float) -> Run:
+def _run(name: str, logs: Sequence[Log], dt: float, zone: float) -> Run:
     rows = min(log.rows for log in logs)
     paths = tuple(path._replace(rows=path.rows[:rows]) for path in (path_of(log, dt) for log in logs))
     mean = mean_path(list(paths))
     valid = np.logical_and.reduce([log.valid[:rows] for log in logs])
     edge = round(EDGE / dt)
     valid[:edge] = valid[rows - edge :] = False
+    valid[: known_from(mean.rows[:, 1], zone)] = False
     cluster = half_strokes(mean.rows[:, 1], dt)
     still = standstills(mean.rows[:, 1] if logs[0].reference is None else logs[0].reference[:rows], dt)
     rests = tuple((-(-begin // KEPT), -(-end // KEPT)) for begin, end in still)

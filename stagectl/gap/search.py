@@ -52,6 +52,7 @@ class Selected(NamedTuple):
     fitted: Fitted
     alternatives: Mapping[str, Mapping[str, float]]  # of each effect: gain of others in its place, relative to it
     gains: Mapping[str, float]  # of each effect when it alone is left out
+    rivals: Mapping[str, Mapping[str, Named]]  # the same others, with their values
     rejected: tuple[Score, ...]  # the best of what was not taken, at the end
 
 
@@ -148,7 +149,7 @@ def _next(e: Evidence, library: Library, now: Fitted, dropped: frozenset[str]) -
     good = [score for score in _eligible(g, found, library) if score.form.effect.name not in dropped]
     if not good:
         return None
-    rivals = [score for score in good if score.gain >= RIVAL * good[0].gain][:3]
+    rivals = [score for score in good if score.gain >= RIVAL * good[0].gain][:2]
     tried = [refine.refine(e, now.model, [*now.effects, named(score)]) for score in rivals]
     better = [one for one in tried if one.misfit < now.misfit]  # not so where it diverged
     return min(better, key=lambda one: one.misfit, default=None)
@@ -167,13 +168,14 @@ def _pruned(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
         rest = [other for other in now.effects if other is not one]
         less = refine.refine(e, now.model, rest, 1)
         limit = library.thresholds[one.effect.name].limit if one.effect.name in library.thresholds else 0.0
-        if less.misfit - now.misfit < max(limit, MATERIAL * (less.misfit - _floor(e))):
+        if less.misfit - now.misfit < max(limit, MATERIAL * (less.misfit - floor(e))):
             say(f"dropped {one.effect.name}")
             return _pruned(e, library, less, say)
     return now
 
 
-def _floor(e: Evidence) -> float:
+def floor(e: Evidence) -> float:
+    """Sum of squares that repeats differ by."""
     repeats = [len(one) for one in e.deviations]
     pairs = zip(e.deviations, e.runs, repeats, strict=True)
     return sum(
@@ -185,7 +187,7 @@ def _floor(e: Evidence) -> float:
 
 def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
     """Swap tests on every effect, and the best of what was left out."""
-    alternatives, gains = {}, {}
+    alternatives, gains, rivals = {}, {}, {}
     for one in now.effects:
         rest = tuple(other for other in now.effects if other is not one)
         less = Fitted(now.model, rest, refine.left(e, now.model, rest), 0.0)
@@ -195,5 +197,6 @@ def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
         alternatives[one.effect.name] = {
             name: score.gain / own for name, score in found.items() if name != one.effect.name and own > 0.0
         }
-    found = sorted(best_of(_scored(e, library, now)[1]).values(), key=lambda score: -score.gain)
-    return Selected(now, alternatives, gains, tuple(found[:5]))
+        rivals[one.effect.name] = {name: named(score) for name, score in found.items() if score.gain > 0.0}
+    rest_ = sorted(best_of(_scored(e, library, now)[1]).values(), key=lambda score: -score.gain)
+    return Selected(now, alternatives, gains, rivals, tuple(rest_[:5]))

@@ -1,0 +1,81 @@
+"""The verb `gap diagnose`: where the gap lies, which effect causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stagectl.cli.motion import Json
+from stagectl.cli.show import console, emit
+
+Folder = Annotated[
+    list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
+]
+StageFile = Annotated[
+    Path | None, typer.Option("--stage", metavar="STAGE.yaml", help="The model, where the logs carry none.")
+]
+Exclude = Annotated[
+    list[str] | None, typer.Option("--exclude", metavar="NAMES", help="Effects that must not be candidates.")
+]
+Predictions = Annotated[
+    Path | None,
+    typer.Option("--predictions", metavar="DIR", help="A CSV for each held-out capture, from the improved simulator."),
+]
+Report = Annotated[
+    Path | None, typer.Option("--report", metavar="FILE.html", help="Where the page goes, else into the folder.")
+]
+Full = Annotated[bool, typer.Option("--full", help="A larger null ensemble: minutes instead of seconds.")]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where diagnosis.json goes, else into the folder.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb to the group."""
+    app.command("diagnose")(diagnose)
+
+
+def diagnose(
+    folder: Folder,
+    json: Json = None,
+    stage: StageFile = None,
+    exclude: Exclude = None,
+    predictions: Predictions = None,
+    report: Report = None,
+    output: Output = None,
+    full: Full = False,
+) -> None:
+    """Say where the gap between simulator and machine lies, which effect causes it, and how far it shrinks.
+
+    Example: stagectl gap diagnose recordings/gap-ball-screw --json -
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our own threads use both cores already
+    from stagectl.cli.gap_show import show
+    from stagectl.config.stage_file import load_stage
+    from stagectl.gap import diagnose as pipeline
+    from stagectl.gap import folder as folders
+    from stagectl.gap.library_names import excluded
+    from stagectl.gap.predictions import write
+    from stagectl.gap.stored import as_json, save
+    from stagectl.report import gap as page
+    from stagectl.report.page import write as write_page
+
+    options = pipeline.Options(excluded(exclude or []), full)
+    session = folders.load(folder, load_stage(stage) if stage is not None else None)
+    with console.status("reading") as status:
+        done = pipeline.diagnose(session, options, status.update)
+    target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)
+    target.mkdir(parents=True, exist_ok=True)
+    stored = save(done.found, target)
+    if predictions is not None:
+        write(session, done.improved, predictions)
+    path = report or target / "diagnosis.html"
+    write_page(page.page(done.found, str(target), []), path)
+    if json is not None:
+        emit(as_json(done.found), json)
+    if json is None or str(json) != "-":
+        show(done.found, target)
+        console.print(f"{path}\n{stored}")

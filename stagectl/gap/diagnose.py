@@ -1,0 +1,315 @@
+"""The pipeline: one session in, one answer out.  Each step is a file of its own; this one only hands on.
+
+::
+
+    session -> runs -> [A controller] -> base refit -> candidates, null ensemble -> search -> names, shifts
+            -> where -> shrink on held-out runs -> next experiment -> Found
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap import base, candidates, columns, grams, null, refine, search, shifts, shrink, sizes, verdict, where
+from stagectl.gap.candidates import equipped
+from stagectl.gap.columns import Model
+from stagectl.gap.controller import Parity, parity
+from stagectl.gap.following import propose
+from stagectl.gap.found import NAMED, NOISE, UNEXPLAINED, Effect, Found, Gap, Next, Shape
+from stagectl.gap.orders import orders
+from stagectl.gap.refine import Evidence, Fitted
+from stagectl.gap.runs import runs
+from stagectl.gap.search import Library, Selected
+from stagectl.gap.session import Array, Log, Session
+from stagectl.gap.told import sentence
+from stagectl.kernels.stage import Stage
+
+Say = Callable[[str], None]  # what is being done
+MEMBERS = {False: 12, True: 40}  # of the null ensemble, on the fast and the full path
+SEED = 20100
+
+
+class Options(NamedTuple):
+    """How a diagnosis is made."""
+
+    excluded: tuple[str, ...] = ()  # effects that must not be candidates
+    full: bool = False
+    advice: bool = True  # whether the next experiment is looked for
+
+
+class Diagnosis(NamedTuple):
+    """The answer, and the model that it leads to."""
+
+    found: Found
+    improved: Stage  # nominal with all that was found
+
+
+class Clock:
+    """Seconds of each step, and what is being done."""
+
+    def __init__(self, say: Say) -> None:
+        self._say, self._began, self._name = say, time.monotonic(), ""
+        self.steps: list[tuple[str, float]] = []
+
+    def __call__(self, name: str) -> None:
+        """The step `name` begins."""
+        now = time.monotonic()
+        if self._name:
+            self.steps.append((self._name, now - self._began))
+        self._name, self._began = name, now
+        if name:
+            self._say(name)
+
+
+def diagnose(session: Session, options: Options, say: Say) -> Diagnosis:
+    """Where the gap lies, which effect causes it, and how far it shrinks.
+
+    Raises GapError where the session has nothing that a diagnosis could start from.
+    """
+    clock = Clock(say)
+    clock("controller: the command recomputed")
+    agreement = parity(session)
+    if agreement.checked and not agreement.agrees:
+        return Diagnosis(_controller(session, agreement), session.stage)
+    if reason := unidentifiable(session):
+        return Diagnosis(_blank(session, "not-identifiable", reason), session.stage)
+    clock("base model refitted")
+    training = runs(session)
+    refitted = base.refit(session, training, columns.model_of(session, session.stage), options.excluded)
+    evidence = refine.evidence(training, refitted)
+    clock("effects simulated along the measured paths")
+    library = candidates_of(session, evidence, options)
+    clock("search")
+    selected = search.search(evidence, library, say)
+    clock("parameters")
+    before = closable(evidence, refitted.before)
+    moved = shifts.shifts(session, evidence, selected.fitted, before)
+    named = verdict.named_effects(session, evidence, selected, library)
+    clock("where")
+    unknown = where.unknown(evidence, selected.fitted, before)
+    clock("held-out runs simulated")
+    effects = [*verdict.shifted(session, moved, selected.fitted), *named]
+    effects = [one for one in effects if one.name not in options.excluded]
+    improved = improved_stage(selected.fitted, unknown)
+    found = _assembled(session, evidence, selected, effects, (unknown, improved))
+    clock("next experiment")
+    following = _following(session, found, selected, evidence) if options.advice else None
+    clock("")
+    found = found._replace(next_experiment=following, seconds=tuple(clock.steps))
+    return Diagnosis(found._replace(sentence=sentence(found)), improved)
+
+
+def unidentifiable(session: Session) -> str:
+    """Why nothing can be told from `session`; empty where something can."""
+    training = [log for log in session.logs if not log.held_out]
+    if not training:
+        return "every log is held out: there is none to find anything in; mark some `use: diagnose`"
+    if all(log.command is None and log.current is None for log in training):
+        return (
+            "no log holds a current or a command: without a force, no motion tells inertia from friction; log the "
+            "current, or name its column"
+        )
+    return ""
+
+
+def candidates_of(session: Session, e: Evidence, options: Options) -> Library:
+    """All effects with their columns on these data, and what the null ensemble gives each."""
+    seen = orders(e.runs, e.base.after, session.stage.mechanics.pitch)
+    effects = candidates.library(sizes.scales(session, e.runs, seen))
+    forms = candidates.forms(candidates.without(effects, options.excluded))
+    directions = [one for form in forms for one in candidates.directions(form)]
+    without = null.members(e.base.model, MEMBERS[options.full], SEED)
+    found = columns.all_columns(e.base.model, e.runs, [*directions, *without], e.base.noise)
+    joined = [{**own, **new} for own, new in zip(e.base.columns, found, strict=True)]
+    g = grams.grams(e.runs, joined, e.base.after, base.START)
+    nuisance = [*g.of(refine.nuisances(e)), *g.of(search.beside(e))]
+    limits = search.thresholds(g, nuisance, forms)
+    kept = [{name: one for name, one in new.items() if not name.startswith(null.PREFIX)} for new in found]
+    return Library(tuple(forms), kept, limits)
+
+
+def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:
+    """Sum of squares above the floor of repeats."""
+    return max(refine.total(e, list(residuals)) - search.floor(e), 1e-300)
+
+
+def _assembled(
+    session: Session, e: Evidence, selected: Selected, effects: list[Effect], result: tuple[Shape | None, Stage]
+) -> Found:
+    now, (unknown, improved) = selected.fitted, result
+    judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
+    loop = session.law is not None and all(log.setpoints is not None for log in judged)
+    told = (_closed if loop else _open)(session, e, selected, improved, judged)
+    shared = _with_shares(effects, told.shares)
+    named = [one for one in shared if one.probability >= NAMED]
+    return Found(
+        verdict=_name(named, unknown),
+        sentence="",
+        effects=tuple(shared),
+        gap=told.gap,
+        gaps=told.gaps,
+        blocks=where.blocks(session, e, now),
+        coordinates=tuple(where.coordinates(session, e)),
+        captures=tuple(where.spans(session, e, now)),
+        shares=tuple(told.shares.items()),
+        unknown=unknown,
+        traces=tuple(told.traces),
+        notes=session.notes if any(log.held_out for log in session.logs) else (*session.notes, _SAME),
+        cannot_tell=session.cannot_tell,
+        kind=session.kind,
+        travel_per_unit=session.travel_per_unit,
+        travel_unit=session.travel_unit,
+    )
+
+
+_SAME = "no log is held out: the gap is judged on the runs that chose the effects, so the closure is too good"
+
+
+def _name(named: Sequence[Effect], unknown: Shape | None) -> str:
+    effects = [one for one in named if not one.parameter]
+    if effects:
+        return "effects+unknown" if unknown is not None else "effects"
+    if unknown is not None:
+        return "unknown"
+    return "parameters" if named else "none"
+
+
+def _with_shares(effects: Sequence[Effect], shares: dict[str, float]) -> list[Effect]:
+    """Effects with their shares of the closable gap; parameters divide theirs by what each takes of the misfit."""
+    whole = max(1.0 - shares.get(NOISE, 0.0), 1e-9)
+    total = sum(one.share for one in effects if one.parameter) or 1.0
+    parameters = shares.get("parameters", 0.0) / whole
+    return [
+        one._replace(share=parameters * one.share / total if one.parameter else shares.get(one.name, 0.0) / whole)
+        for one in effects
+    ]
+
+
+class _Told(NamedTuple):
+    gap: Gap
+    gaps: dict[str, Gap]
+    shares: dict[str, float]  # of the squared gap before; with the floor they sum to one
+    traces: list[shrink.Trace]
+
+
+def _closed(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> _Told:
+    """The gap of the held-out runs in closed loop."""
+    now, dt = selected.fitted, session.dt
+    before, after = (shrink.predicted(session, p, judged) for p in (session.stage, improved))
+    judged = shrink.counted(session, judged)
+    training = shrink.counted(session, [log for log in session.logs if not log.held_out])
+    inside = [shrink.predicted(session, p, training) for p in (session.stage, improved)]
+    found = {}
+    for channel in shrink.CHANNELS:
+        unit = "A" if channel == "current" else ("m" if session.kind == "linear" else "rad")
+        expected = shrink.gap(
+            *(shrink.squares(training, rows, channel, dt) for rows in inside), shrink.floor(training, channel, dt), unit
+        ).closure
+        found[channel] = shrink.gap(
+            *(shrink.squares(judged, rows, channel, dt) for rows in (before, after)),
+            shrink.floor(judged, channel, dt),
+            unit,
+            expected,
+        )
+    position = found.pop("position")
+
+    def remaining(members: frozenset[str]) -> float:
+        model = now.model if "parameters" in members else _as_nominal(session, now.model)
+        stage = equipped(model, [one for one in now.effects if one.effect.name in members]).stage
+        return float(shrink.squares(judged, shrink.predicted(session, stage, judged), "position", dt).gap.sum())
+
+    players = ["parameters", *(one.effect.name for one in now.effects)]
+    shares = _shares(shrink.shapley(players, remaining), position)
+    if session.logs[0].current is None:
+        found.pop("current")
+    found.pop("tracking")
+    traces = shrink.traces(judged, before, after, position.floor, dt)
+    return _Told(position, found, shares, traces)
+
+
+def _as_nominal(session: Session, model: Model) -> Model:
+    return columns.model_of(session, session.stage)._replace(tracker=model.tracker)
+
+
+def _shares(taken: dict[str, float], gap: Gap) -> dict[str, float]:
+    """Shares of the squared gap before: parameters, effects, what is left, what repeats differ by."""
+    count = sum(taken.values())
+    whole = gap.before**2
+    scale = (gap.before**2 - gap.after**2) / count if abs(count) > 0.0 else 0.0
+    noise = min(gap.floor**2 / whole, 1.0) if whole > 0.0 else 1.0
+    shares = (
+        {name: value * scale / whole for name, value in taken.items()} if whole > 0.0 else dict.fromkeys(taken, 0.0)
+    )
+    return {**shares, UNEXPLAINED: 1.0 - noise - sum(shares.values()), NOISE: noise}
+
+
+def _open(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> _Told:
+    """The gap of the effort along the measured path, where no loop can be simulated."""
+    now, dt = selected.fitted, session.dt
+    held = bool(judged and judged[0].held_out)
+    paths = runs(session, held)
+    unit = "N" if session.kind == "linear" else "N m"
+
+    def left(model: Model) -> shrink.Squares:
+        return shrink.effort(model, paths, e.base.noise, dt)
+
+    nominal = columns.model_of(session, session.stage)
+    after = left(now.model._replace(stage=improved))
+    least = shrink.effort_floor(now.model, paths, e.base.noise, dt)
+    gap = shrink.gap(left(nominal), after, least, unit)
+
+    def remaining(members: frozenset[str]) -> float:
+        model = now.model if "parameters" in members else nominal
+        return float(left(equipped(model, [one for one in now.effects if one.effect.name in members])).gap.sum())
+
+    players = ["parameters", *(one.effect.name for one in now.effects)]
+    shares = _shares(shrink.shapley(players, remaining), gap)
+    return _Told(gap, {}, shares, [])
+
+
+def _following(session: Session, found: Found, selected: Selected, e: Evidence) -> Next | None:
+    """What separates the effects named from what explains the data as well."""
+    ambiguous = [one for one in found.effects if one.alternatives and one.probability >= NAMED and not one.parameter]
+    models = {"nominal": session.stage} if not ambiguous else {}
+    for one in ambiguous[:1]:
+        models[one.name] = selected.fitted.equipped.stage
+        models.update(verdict.rivals(e, selected, one))
+    return propose(session, models, found.gap.floor)
+
+
+def _controller(session: Session, agreement: Parity) -> Found:
+    found = _blank(session, "controller", agreement.words)
+    return found._replace(blocks={"controller": 1.0, "drive": 0.0, "mechanics": 0.0, "sensor": 0.0})
+
+
+def _blank(session: Session, name: str, reason: str) -> Found:
+    unit = "m" if session.kind == "linear" else "rad"
+    gap = Gap(np.nan, np.nan, np.nan, unit, np.nan, np.nan, np.nan)
+    found = Found(
+        name,
+        "",
+        (),
+        gap,
+        {},
+        {"controller": None, "drive": None, "mechanics": None, "sensor": None},
+        (),
+        (),
+        (),
+        reason=reason,
+        notes=session.notes,
+        cannot_tell=session.cannot_tell,
+        kind=session.kind,
+        travel_per_unit=session.travel_per_unit,
+        travel_unit=session.travel_unit,
+    )
+    return found._replace(sentence=sentence(found))
+
+
+def improved_stage(now: Fitted, unknown: Shape | None) -> Stage:
+    """The nominal stage with all that was found in it: what `--predictions` runs."""
+    stage = now.equipped.stage
+    return stage if unknown is None else stage._replace(residual=where.as_table(unknown))

@@ -1,0 +1,167 @@
+"""From fits to names: effects with their probabilities, their rivals, their values and their intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from stagectl.gap import base, fields, friction_family, refine, symmetries
+from stagectl.gap.candidates import Named, equipped
+from stagectl.gap.found import Effect, Fields, Value
+from stagectl.gap.library import Definition
+from stagectl.gap.refine import Evidence, Fitted
+from stagectl.gap.search import Library, Selected
+from stagectl.gap.session import GapError, Session
+from stagectl.gap.shifts import Shift, common
+from stagectl.kernels.stage import Stage
+
+AS_GOOD = 0.9  # of an effect's own gain: what takes as much explains these data as well
+SHARPNESS = 8.0  # how fast a rival's weight falls with what it lacks of the gain
+STEEPNESS = 1.2  # of the probability over the logarithm of gain to limit
+
+
+def named_effects(session: Session, e: Evidence, selected: Selected, library: Library) -> list[Effect]:
+    """The effects of the search, the surest gains first."""
+    now = selected.fitted
+    deviation = deviations(e, now)
+    found = [_effect(session, now, one, selected, library, deviation) for one in now.effects]
+    order = {one.effect.name: selected.gains[one.effect.name] for one in now.effects}
+    return sorted(found, key=lambda one: -order[one.name])
+
+
+def deviations(e: Evidence, now: Fitted) -> dict[str, float]:
+    """Standard deviations of the effects' parameters, ``effect.parameter``, over half strokes."""
+    own = refine.parameters(now)
+    if not own:
+        return {}
+    return base.robust(refine.tangent(e, now, own), [*refine.nuisances(e), *(one.name for one in own)])
+
+
+def _effect(
+    session: Session,
+    now: Fitted,
+    one: Named,
+    selected: Selected,
+    library: Library,
+    deviation: Mapping[str, float],
+) -> Effect:
+    name = one.effect.name
+    rivals = {other: share for other, share in selected.alternatives[name].items() if share > 0.0}
+    certain = symmetries.alternatives(name, symmetries.EXACT)
+    close = tuple(other for other, share in sorted(rivals.items(), key=lambda x: -x[1]) if share >= AS_GOOD)
+    rest = [other for other in now.effects if other is not one]
+    return Effect(
+        name=name,
+        alternatives=tuple(dict.fromkeys([*certain, *close])),
+        probability=probability(selected.gains[name], library.thresholds[name].limit, list(rivals.values())),
+        share=0.0,
+        parameters=parameters(one, deviation, session.kind),
+        block=one.effect.block,
+        fields=changed(equipped(now.model, rest).stage, now.equipped.stage),
+        coordinate=one.effect.coordinate,
+    )
+
+
+def probability(gain: float, limit: float, rivals: Sequence[float]) -> float:
+    """That this effect is there, and that it is this one and none of its rivals (gains relative to its own)."""
+    there = 1.0 / (1.0 + (limit / max(gain, 1e-300)) ** STEEPNESS)
+    this = 1.0 / (1.0 + sum(min(share, 1.0) ** SHARPNESS for share in rivals))
+    return there * this
+
+
+def changed(before: Stage, after: Stage) -> Fields:
+    """Fields of the stage file that an effect changes; a friction that no law has is taken as stop operators."""
+    try:
+        return fields.fields_of(before, after)
+    except GapError:
+        law = friction_family.as_operators(after.friction)
+        return fields.fields_of(before, after._replace(friction=law))
+
+
+def parameters(one: Named, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
+    """Values with intervals, a sine and a cosine as amplitude and phase."""
+    values = dict(one.values)
+    spread = {name: 1.96 * deviation.get(f"{one.effect.name}.{name}", 0.0) for name in values}
+    units = _units(one.effect, kind)
+    if "sine" in values and "cosine" in values:
+        return _harmonic(values, spread, units)
+    return {name: Value(x, x - spread[name], x + spread[name], units[name]) for name, x in values.items()}
+
+
+def _harmonic(values: dict[str, float], spread: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Value]:
+    sine, cosine = values.pop("sine"), values.pop("cosine")
+    size, width = math.hypot(sine, cosine), math.hypot(spread["sine"], spread["cosine"])
+    phase, turn = math.atan2(cosine, sine), min(width / max(size, 1e-300), math.pi)
+    rest = {name: Value(x, x - spread[name], x + spread[name], units[name]) for name, x in values.items()}
+    return {
+        "amplitude": Value(size, max(size - width, 0.0), size + width, units["sine"]),
+        "phase": Value(phase, phase - turn, phase + turn, "rad"),
+        **rest,
+    }
+
+
+def _units(effect: Definition, kind: str) -> dict[str, str]:
+    parts = {one.name: [unit.strip() for unit in one.unit.split("|")] for one in (*effect.amplitudes, *effect.shapes)}
+    return {name: both[-1] if kind == "linear" else both[0] for name, both in parts.items()}
+
+
+def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Effect]:
+    """The parameters that are off, by name; a common scale of all of them is that of the force constant."""
+    scale = common(found)
+    if scale is not None:
+        rest = [one for one in found if one.sure and one.name not in ("inertia", "viscous", "coulomb")]
+        return [_force_constant(session, scale), *(_shifted(session, one, now) for one in rest)]
+    sure = sorted((one for one in found if one.sure), key=lambda one: -one.share)
+    return [_shifted(session, one, now) for one in sure]
+
+
+def _force_constant(session: Session, shift: Shift) -> Effect:
+    value = session.stage.motor.force_constant * (1.0 + shift.change)
+    return Effect(
+        "force_constant",
+        (*symmetries.alternatives("force_constant", symmetries.EXACT), "inertia", "viscous", "coulomb"),
+        0.9,
+        shift.share,
+        {"change": shift.value},
+        fields=(("motor.force_constant", value),),
+        parameter=True,
+    )
+
+
+def _shifted(session: Session, one: Shift, now: Fitted) -> Effect:
+    sizes = {"inertia": "acceleration", "viscous": "speed", "coulomb": "direction"}
+    certainty = 1.0 / (1.0 + (4.0 * max(one.deviation, 1e-6) / abs(one.change)) ** 2)
+    width = 1.96 * one.deviation
+    values = {one.name: one.value, "change": Value(one.change, one.change - width, one.change + width, "")}
+    return Effect(
+        one.name,
+        ("coulomb_asymmetry",) if one.name == "bias" and one.share < 0.02 else (),
+        certainty,
+        one.share,
+        values,
+        block="sensor" if one.name == "time_shift" else "mechanics",
+        fields=_parameter_fields(session, one, now),
+        parameter=True,
+        coordinate=sizes.get(one.name, "none"),
+    )
+
+
+def _parameter_fields(session: Session, one: Shift, now: Fitted) -> Fields:
+    if one.name in ("inertia", "viscous", "bias"):
+        return ((f"mechanics.{one.name}", one.value.value),)
+    if one.name in ("coulomb", "presliding"):
+        law = now.model.stage.friction
+        return changed(session.stage, session.stage._replace(friction=law))
+    return ()
+
+
+def rivals(e: Evidence, selected: Selected, one: Effect) -> dict[str, Stage]:
+    """Models in which another effect stands in the place of `one`, each refined to explain the same data."""
+    now = selected.fitted
+    rest = [other for other in now.effects if other.effect.name != one.name]
+    found = {}
+    for name in one.alternatives:
+        if name in selected.rivals.get(one.name, {}):
+            other = refine.refine(e, now.model, [*rest, selected.rivals[one.name][name]], 2)
+            found[name] = other.equipped.stage
+    return found
