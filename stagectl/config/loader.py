@@ -219,7 +219,8 @@ class Reader:
         if quantity is not None:
             return f"{quantity.meaning}, in {self._unit(quantity)}".removesuffix(", in ")
         if hasattr(hint, "_fields"):
-            return f"a block of {', '.join(hint._fields)}"
+            needed = [field for field in hint._fields if field not in hint._field_defaults]
+            return f"a block of {', '.join(needed or hint._fields)}"
         return next((extra for extra in get_args(hint)[1:] if isinstance(extra, str)), "required")
 
 
