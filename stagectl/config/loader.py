@@ -108,7 +108,8 @@ class Reader:
             elif word in entries:
                 self.refuse(key, f"{_under(name, word)} stands twice")
             elif word not in known:
-                self.refuse(key, f"{_under(name, word)} is not known{_nearest(word, known)}")
+                near = _nearest(word, known) if len(self.errors) < MOST_ERRORS else ""  # the search is slow
+                self.refuse(key, f"{_under(name, word)} is not known{near}")
             else:
                 entries[word] = value
         return entries
