@@ -108,7 +108,8 @@ class Reader:
             elif word in entries:
                 self.refuse(key, f"{_under(name, word)} stands twice")
             elif word not in known:
-                self.refuse(key, f"{_under(name, word)} is not known{_nearest(word, known)}")
+                near = _nearest(word, known) if len(self.errors) < MOST_ERRORS else ""  # the search is slow
+                self.refuse(key, f"{_under(name, word)} is not known{near}")
             else:
                 entries[word] = value
         return entries
@@ -219,7 +220,8 @@ class Reader:
         if quantity is not None:
             return f"{quantity.meaning}, in {self._unit(quantity)}".removesuffix(", in ")
         if hasattr(hint, "_fields"):
-            return f"a block of {', '.join(hint._fields)}"
+            needed = [field for field in hint._fields if field not in hint._field_defaults]
+            return f"a block of {', '.join(needed or hint._fields)}"
         return next((extra for extra in get_args(hint)[1:] if isinstance(extra, str)), "required")
 
 

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import yaml
 
+from .controller import Loop, Model
 from .machine import Floats
 from .plant import Trace
 from .reference import PERIOD
@@ -19,6 +20,14 @@ if TYPE_CHECKING:
     from .trials import Capture, Trial
 
 ACCURACY = "nominal values may be off by 10 to 15 percent; the force constant is meant to be right"
+DRIVE: dict[str, float | None] = {
+    "current_loop_s": 0.000159,
+    "delay_samples": 1,
+    "resistance_ohm": 1.1,
+    "back_emf_V_per_unit_s": 0.48,
+    "current_limit_A": None,
+    "voltage_limit_V": None,
+}
 
 
 def write_csv(path: Path, columns: dict[str, Floats]) -> None:
@@ -65,58 +74,55 @@ def floats(values: Floats) -> list[float]:
 
 def nominal(trial: Trial) -> dict[str, Any]:
     """The user's model and the documented controller."""
-    model, loop = trial.model, trial.loop
+    model = trial.model
+    friction = {
+        "law": "stop-operator",
+        "weight": floats(model.weight),
+        "slip": floats(model.slip),
+        "coulomb": float(model.weight.sum()),
+    }
+    return {"stage": _stage(model), "friction": friction, "drive": DRIVE, "controller": _controller(model, trial.loop)}
+
+
+def _stage(model: Model) -> dict[str, Any]:
     return {
-        "stage": {
-            "kind": "ball-screw",
-            "position_unit": "rad",
-            "torque_unit": "Nm",
-            "force_constant": model.force_constant,
-            "inertia": model.inertia,
-            "viscous": model.viscous,
-            "travel_per_unit_mm": 1.9098593171,
-            "pitch": 6.283185307,
-            "encoder_step": 5.99211e-06,
-            "encoder_periods_per_pitch": 2048,
-            "accuracy": ACCURACY,
-        },
-        "friction": {
-            "law": "stop-operator",
-            "weight": floats(model.weight),
-            "slip": floats(model.slip),
-            "coulomb": float(model.weight.sum()),
-        },
-        "drive": {
-            "current_loop_s": 0.000159,
-            "delay_samples": 1,
-            "resistance_ohm": 1.1,
-            "back_emf_V_per_unit_s": 0.48,
-            "current_limit_A": None,
-            "voltage_limit_V": None,
-        },
-        "controller": {
-            "Ts": loop.period,
-            "bandwidth_Hz": loop.bandwidth,
-            "Kp": loop.kp,
-            "Ki": loop.ki,
-            "Kd": loop.kd,
-            "derivative_pole": loop.pole,
-            "discretisation": "tustin",
-            "model_inertia": model.inertia,
-            "model_viscous": model.viscous,
-            "model_force_constant": model.force_constant,
-            "friction_weight": floats(model.weight),
-            "friction_slip": floats(model.slip),
-            "feedforward_advance_s": loop.advance,
-            "friction_advance_s": loop.friction_advance,
-            "measurement_delay_samples": 0,
-            "frame_samples": 2,
-            "reference_interpolation": "quintic spline (not-a-knot) through all samples of the reference column, "
-            "constant outside",
-            "states_at_first_row": "integrator, derivative filter and previous error zero; friction operators zero "
-            "at the first reference sample",
-            "anti_windup": "none",
-        },
+        "kind": "ball-screw",
+        "position_unit": "rad",
+        "torque_unit": "Nm",
+        "force_constant": model.force_constant,
+        "inertia": model.inertia,
+        "viscous": model.viscous,
+        "travel_per_unit_mm": 1.9098593171,
+        "pitch": 6.283185307,
+        "encoder_step": 5.99211e-06,
+        "encoder_periods_per_pitch": 2048,
+        "accuracy": ACCURACY,
+    }
+
+
+def _controller(model: Model, loop: Loop) -> dict[str, Any]:
+    return {
+        "Ts": loop.period,
+        "bandwidth_Hz": loop.bandwidth,
+        "Kp": loop.kp,
+        "Ki": loop.ki,
+        "Kd": loop.kd,
+        "derivative_pole": loop.pole,
+        "discretisation": "tustin",
+        "model_inertia": model.inertia,
+        "model_viscous": model.viscous,
+        "model_force_constant": model.force_constant,
+        "friction_weight": floats(model.weight),
+        "friction_slip": floats(model.slip),
+        "feedforward_advance_s": loop.advance,
+        "friction_advance_s": loop.friction_advance,
+        "measurement_delay_samples": 0,
+        "frame_samples": 2,
+        "reference_interpolation": "quintic spline (not-a-knot) through all samples of the reference column, "
+        "constant outside",
+        "states_at_first_row": "integrator, derivative filter and previous error zero; friction operators zero "
+        "at the first reference sample",
+        "anti_windup": "none",
     }
 
 

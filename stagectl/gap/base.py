@@ -9,7 +9,7 @@ be named for what another law of the family explains.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -70,7 +70,7 @@ def _mechanics(m: Model, **added: float) -> Model:
     return m._replace(stage=m.stage._replace(mechanics=changed))
 
 
-def _friction(m: Model, **parts: object) -> Model:
+def _friction(m: Model, **parts: Any) -> Model:
     return m._replace(stage=m.stage._replace(friction=m.stage.friction._replace(**parts)))
 
 
@@ -123,12 +123,12 @@ def noise_of(model: Model, runs: Sequence[Run], dt: float) -> cuts.Whitener:
     return cuts.whitener(differences, _least(runs, model), dt)
 
 
-def _least(runs: Sequence[Run], model: Model) -> Lacking:
-    """A ten-thousandth of what drives the axis."""
+def _least(runs: Sequence[Run], model: Model) -> tuple[float, float]:
+    """A ten-thousandth of what drives the axis: effort (N m | N) and current (A)."""
     current = np.concatenate([run.mean.rows[:, 0] for run in runs])
     rms = 1e-4 * float(np.sqrt(np.nanmean(current * current)))
-    measured = np.isfinite(runs[0].mean.rows[:, 2]).all()
-    return Lacking(np.float64(rms * model.stage.motor.force_constant), np.float64(rms if measured else 0.0))
+    measured = bool(np.isfinite(runs[0].mean.rows[:, 2]).all())
+    return rms * model.stage.motor.force_constant, rms if measured else 0.0
 
 
 def _deviations(each: list[Lacking]) -> list[Lacking]:

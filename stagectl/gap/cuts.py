@@ -12,6 +12,7 @@ residuals and candidates pass the same filter.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -37,14 +38,15 @@ class Whitener(NamedTuple):
     current: Array  # (f,) per A; zero where no current is measured
 
 
-def whitener(differences: list[Lacking], smallest: Lacking, dt: float) -> Whitener:
+def whitener(differences: list[Lacking], smallest: tuple[float, float], dt: float) -> Whitener:
     """From single noise records: the differences between repeats over sqrt 2.
 
-    `smallest` holds the least standard deviations to believe in: a simulated drive has no noise of its own.
+    `smallest` holds the least standard deviations to believe in, of effort and current: a simulated drive has no noise
+    of its own.
     """
     frequency, effort = density([one.effort for one in differences], dt)
     current = density([one.current for one in differences], dt)[1]
-    least = [2.0 * dt * float(one) ** 2 for one in smallest]
+    least = [2.0 * dt * one * one for one in smallest]
     return Whitener(frequency, _inverse(np.maximum(effort, least[0])), _inverse(np.maximum(current, least[1])))
 
 
@@ -77,12 +79,13 @@ def _filtered(signal: Array, frequency: Array, gain: Array, dt: float) -> Array:
     if not gain.any() or not signal.any():
         return np.zeros(len(signal[::KEPT]))
     mirrored = np.concatenate([signal, signal[::-1]])
-    lines = np.fft.rfftfreq(len(mirrored), dt)
+    lines = np.asarray(np.fft.rfftfreq(len(mirrored), dt), dtype=np.float64)
     shape = np.interp(lines, frequency, gain) * _edge(lines, BAND / dt) / np.hypot(1.0, lines * dt / ROLL_OFF)
     filtered: Array = np.fft.irfft(np.fft.rfft(mirrored) * shape, len(mirrored))[:count:KEPT]
-    return filtered * np.sqrt(dt / BAND)  # a density of one over the band becomes a variance of one
+    return filtered * math.sqrt(dt / BAND)  # a density of one over the band becomes a variance of one
 
 
 def _edge(lines: Array, limit: float) -> Array:
     """One within the band, falling to zero over its last tenth."""
-    return np.clip((limit - lines) / (0.1 * limit), 0.0, 1.0)
+    edge: Array = np.clip((limit - lines) / (0.1 * limit), 0.0, 1.0)
+    return edge

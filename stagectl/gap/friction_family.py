@@ -50,7 +50,8 @@ def _bristle(p: friction_bristle.Bristle, displacement: Array) -> Array:
     for step in np.diff(place):
         z = friction_bristle.bent(p._replace(stribeck=friction.Stribeck(), damping=0.0), z, 1.0, float(step), 1.0)[1]
         found.append(p.stiffness * z + p.coulomb)
-    return np.interp(displacement, place[1:], np.array(found))
+    curve: Array = np.interp(displacement, place[1:], np.array(found))
+    return curve
 
 
 def spread(nominal: stage.Friction) -> stage.Friction:

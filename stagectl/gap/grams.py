@@ -47,7 +47,11 @@ def grams(
 ) -> Grams:
     """The matrices of all half strokes; `own` is a column that each run has its own amplitude of, taken out first."""
     names = tuple(name for name in columns[0] if name != own)
-    effort, current, floor, experiment, stroke = [], [], [], [], []
+    effort: list[Array] = []
+    current: list[Array] = []
+    floor: list[tuple[float, float]] = []
+    experiment: list[int] = []
+    stroke: list[int] = []
     for number, (run, found, left) in enumerate(zip(runs, columns, residuals, strict=True)):
         mean, repeats = np.mean(left, axis=0), len(left)
         spread = [(one - mean) * np.sqrt(repeats / max(repeats - 1, 1)) for one in left]
@@ -97,7 +101,7 @@ def fit(g: Array, chosen: Sequence[int], prior: Array | None = None) -> Fit:
     chosen = list(chosen)
     a, b, whole = g[np.ix_(chosen, chosen)], g[chosen, -1], float(g[-1, -1])
     a = a + np.diag(RIDGE * np.diag(a) + 1e-300 + (prior if prior is not None else 0.0))
-    inverse = np.linalg.pinv(a, hermitian=True, rcond=1e-14)
+    inverse = np.asarray(np.linalg.pinv(a, hermitian=True, rcond=1e-14), dtype=np.float64)
     amplitude = inverse @ b
     return Fit(amplitude, misfit(g, chosen, amplitude), inverse) if chosen else Fit(amplitude, whole, inverse)
 

@@ -88,18 +88,18 @@ def test_every_line_of_a_trajectory_broken_in_every_way(machine: Path, ball_scre
 
 @pytest.mark.parametrize("case", list(files((CONFIG / "ball-screw.yaml").read_text())), ids=lambda case: case.name)
 def test_whole_files_as_a_stage(machine: Path, case: Case) -> None:
-    began = time.monotonic()
+    began = time.process_time()  # what other programs take is not the loader's
     attempt(load_stage, machine / "stage.yaml", case)
-    assert time.monotonic() - began < 3.0
+    assert time.process_time() - began < 3.0
 
 
 @pytest.mark.parametrize(
     "case", list(files((CONFIG / "trajectories" / "sine-2um.yaml").read_text())), ids=lambda case: case.name
 )
 def test_whole_files_as_a_trajectory(machine: Path, ball_screw: Setup, case: Case) -> None:
-    began = time.monotonic()
+    began = time.process_time()  # what other programs take is not the loader's
     attempt(lambda path: load_trajectory(path, axis_of(ball_screw)), machine / "trajectory.yaml", case)
-    assert time.monotonic() - began < 3.0
+    assert time.process_time() - began < 3.0
 
 
 ODD = st.sampled_from(

@@ -95,15 +95,18 @@ def test_files_that_are_none(ball_screw: Setup, tmp_path: Path) -> None:
     made(ball_screw, tmp_path / "b.h5")  # one of ours may be written over
 
 
-def test_a_folder_says_what_it_lacks_and_holds_the_observer(ball_screw: Setup, tmp_path: Path) -> None:
-    """The added current is no column of a folder; the observer stands in nominal.yaml."""
+def test_a_folder_holds_the_learned_current_and_the_observer(ball_screw: Setup, tmp_path: Path) -> None:
+    """The added current stands in a file of its own, which captures.yaml names; the observer in nominal.yaml."""
     control = ball_screw.file.control._replace(layers=("ptc", "observer"))
     motion = prepare(
         ball_screw._replace(file=ball_screw.file._replace(control=control)), SINE, NOTHING, tmp_path / "r.h5"
     )
     pretend(with_current(motion, np.full(len(motion.plan.setpoints), 0.1)))
-    found = export([open_recording(tmp_path / "r.h5")], "folder", tmp_path / "there")[0]
-    assert any("the learned current that was added to the command is left out" in note for note in found.notes)
-    controller = yaml.safe_load((tmp_path / "there" / "nominal.yaml").read_text())["controller"]
+    folder = export([open_recording(tmp_path / "r.h5")], "folder", tmp_path / "there")[0].path
+    (capture,) = yaml.safe_load((folder / "captures.yaml").read_text())["captures"]
+    added = np.loadtxt(folder / capture["injection"], delimiter=",", skiprows=1)
+    rows = len((folder / capture["file"]).read_text().splitlines()) - 1
+    np.testing.assert_array_equal(added[:, 1], np.full(rows, 0.1))
+    controller = yaml.safe_load((folder / "nominal.yaml").read_text())["controller"]
     assert controller["observer_gains"][2] == motion.law.observer.disturbance
     assert controller["observer_model"]["share"] == pytest.approx(1.0 - 0.159 / 0.5)
