@@ -33,7 +33,7 @@ PROMISING = 12  # experiments that are simulated
 FINALISTS = 3  # ... and refitted
 CLEAR = 10.0  # sigma that one run of the experiment should give
 HIDDEN = 1.0  # sigma below which all motions look alike
-LONGEST = 100.0  # s, of an experiment that is simulated
+LONGEST = 60.0  # s, of an experiment that is simulated
 BEYOND = 1.1  # of what the logs have shown: from there on it is said
 _ROLLING = frozenset({"presliding", "backlash", "cable_hysteresis"})  # friction's own curve may imitate them
 _COLD = "thermal_viscous"  # experiments that bear on it are run with the machine cold
@@ -74,7 +74,7 @@ def propose(session: Session, models: Models, floor: float, seen: Collection[str
 
 def _best(session: Session, space: Room, models: Models, floor: float, known: Collection[str]) -> Trial | None:
     noise = predicted.noise_of(session, floor)
-    smooth = {name: _stepless(model) for name, model in models.items()}
+    smooth = {name: _stepless(models[name]) for name in sorted(models, key=lambda name: _slow(models[name]))}
     chosen = promising([one for one in experiments.made(space.scale) if one.name not in known], tuple(models))
     tried = in_parallel(lambda one: _tried(_bench(session, space, noise, one), one, smooth), chosen)
     return max(_refitted(finalists(tried, space), smooth), key=lambda one: one.rate, default=None)
@@ -85,22 +85,30 @@ def _stepless(p: Stage) -> Stage:
     return p._replace(encoder=p.encoder._replace(step=0.0))
 
 
+def _slow(p: Stage) -> bool:
+    """Whether a resonance within the axis makes its simulation slow: such a model is not the one that is refitted."""
+    return p.mechanics.transmission.load_share > 0.0
+
+
 def promising(known: Sequence[Experiment], names: Collection[str]) -> list[Experiment]:
     """The experiments that bear on most of these effects, the shorter first where they bear on as many."""
     short = [one for one in known if one.duration <= LONGEST]
-    return sorted(short, key=lambda one: (-len(set(one.effects) & set(names)), one.duration))[:PROMISING]
+    bearing = [one for one in short if set(one.effects) & set(names)]
+    return sorted(bearing or short, key=lambda one: (-len(set(one.effects) & set(names)), one.duration))[:PROMISING]
 
 
 def _bench(session: Session, space: Room, noise: Noise, one: Experiment) -> Bench:
     ends = [log.start + log.rows * session.dt for log in session.logs]
+    rows = laid_out(session, space, one)
     return Bench(
-        laid_out(session, space, one),
+        rows,
         space.law,
         noise,
         space.start,
         0.0 if _COLD in one.effects else max(ends),
         session.dt,
         predicted.measured(session),
+        predicted.rests_of(rows, session.dt),
     )
 
 
@@ -117,7 +125,7 @@ def _tried(bench: Bench, one: Experiment, models: Models) -> Trial:
 
 def _plain(bench: Bench, model: Stage) -> Tangent:
     at = predicted.told(bench, model)
-    return Tangent(model, at.lines, np.zeros((0, len(at.lines))), at.current)
+    return Tangent(model, at.values, np.zeros((0, len(at.values))), at.current)
 
 
 def _smallest(distances: Sequence[float]) -> float:
@@ -132,19 +140,24 @@ def finalists(tried: Sequence[Trial], space: Room) -> list[Trial]:
 
 
 def _refitted(chosen: Sequence[Trial], models: Models) -> list[Trial]:
-    """`chosen` with every model refitted to every other's prediction."""
+    """`chosen` with each model refitted in earnest to the predictions of those after it."""
     weights = bool(_ROLLING & set(models))
     ready = {name: hiding.spread(model) if weights else model for name, model in models.items()}
     free = {name: hiding.nuisances(model, weights) for name, model in ready.items()}
+    last = list(ready)[-1]
     tasks = list(itertools.product(range(len(chosen)), ready))
-    found = in_parallel(lambda task: hiding.tangent(chosen[task[0]].bench, ready[task[1]], free[task[1]]), tasks)
-    at = dict(zip(tasks, found, strict=True))
+
+    def at(task: tuple[int, str]) -> Tangent:
+        number, name = task
+        return hiding.tangent(chosen[number].bench, ready[name], [] if name == last else free[name])
+
+    known = dict(zip(tasks, in_parallel(at, tasks), strict=True))
 
     def apart(pair: tuple[int, str, str]) -> float:
         number, one, truth = pair
-        return hiding.refitted(chosen[number].bench, at[number, one], free[one], at[number, truth].value)
+        return hiding.apart(chosen[number].bench, known[number, one], free[one], known[number, truth].value)
 
-    pairs = [(k, one, truth) for k in range(len(chosen)) for one, truth in itertools.permutations(ready, 2)]
+    pairs = [(k, one, truth) for k in range(len(chosen)) for one, truth in itertools.combinations(ready, 2)]
     distances = dict(zip(pairs, in_parallel(apart, pairs), strict=True))
     return [
         trial._replace(separation=_smallest([distance for pair, distance in distances.items() if pair[0] == k]))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stagectl.gap import friction_family, library, predicted
 from stagectl.gap.predicted import Bench, told
@@ -20,7 +21,9 @@ from stagectl.kernels.stage import Stage
 
 STEPS = 8  # of the refit
 FARTHEST = 0.5  # that a nuisance may move in one step, in its own size (most: a log of the ratio)
-SETTLED = 0.98  # of the distance: a step that leaves more is the last one
+GROUPS = 8  # of elements of the friction law
+SHORT = 3.0  # times what a refit leaves of a machine that it could meet
+SETTLED = 0.98  # of the distance: a step that leaves more of it is the last one
 _RIDGE = 1e-10
 
 
@@ -69,14 +72,15 @@ def _added(p: Stage, place: str, amount: float) -> Stage:
 
 
 def _weights(p: Stage, coulomb: float) -> list[Nuisance]:
-    count = len(p.friction.operators.weight)
-    return [Nuisance(f"weight_{k}", _weight(k, coulomb), 0.02) for k in range(count)]
+    """Neighbouring elements together, so that there are no more than `GROUPS`."""
+    parts = np.array_split(np.arange(len(p.friction.operators.weight)), GROUPS)
+    return [Nuisance(f"weights_{k}", _weighted(part, coulomb), 0.02) for k, part in enumerate(parts) if len(part)]
 
 
-def _weight(k: int, coulomb: float) -> Callable[[Stage, float], Stage]:
+def _weighted(part: NDArray[np.int64], coulomb: float) -> Callable[[Stage, float], Stage]:
     def moved(m: Stage, a: float) -> Stage:
         changed = m.friction.operators.weight.copy()
-        changed[k] = max(changed[k] + a * coulomb, 0.0)
+        changed[part] = np.maximum(changed[part] + a * coulomb / len(part), 0.0)
         return m._replace(friction=m.friction._replace(operators=m.friction.operators._replace(weight=changed)))
 
     return moved
@@ -90,8 +94,8 @@ def spread(p: Stage) -> Stage:
 def tangent(bench: Bench, model: Stage, free: Sequence[Nuisance]) -> Tangent:
     """The prediction of `model` and its sensitivities to `free`, by differences."""
     at = told(bench, model)
-    slopes = [(told(bench, one.moved(model, one.step)).lines - at.lines) / one.step for one in free]
-    return Tangent(model, at.lines, np.array([*slopes, predicted.late(bench, at.lines)]), at.current)
+    slopes = [(told(bench, one.moved(model, one.step)).values - at.values) / one.step for one in free]
+    return Tangent(model, at.values, np.array([*slopes, predicted.late(bench, at.values)]), at.current)
 
 
 def linear(p: Tangent, truth: Array) -> float:
@@ -100,26 +104,35 @@ def linear(p: Tangent, truth: Array) -> float:
     return float(np.linalg.norm(lacks - _step(p.slopes, lacks) @ p.slopes))
 
 
+def apart(bench: Bench, p: Tangent, free: Sequence[Nuisance], truth: Array) -> float:
+    """Distance (sigma) of `truth` from the best refit of `p`, less what the refit itself leaves.
+
+    Around standstill a prediction is no smooth function of its nuisances, and a refit stops short.  How far, a machine
+    tells that differs from `p` in nuisances alone, by as much as `truth` seems to.
+    """
+    moved = np.clip(_step(p.slopes, truth - p.value), -FARTHEST, FARTHEST)
+    own = told(bench, _moved(p.model, free, moved), moved[-1] * bench.dt).values
+    left, short = refitted(bench, p, free, truth), refitted(bench, p, free, own)
+    return max(left - SHORT * short, 0.0)
+
+
 def refitted(bench: Bench, p: Tangent, free: Sequence[Nuisance], truth: Array) -> float:
     """Distance (sigma) of `truth` from the best refit of `p`: Gauss-Newton, its slopes updated by Broyden's rule."""
     place, value, slopes = np.zeros(len(p.slopes)), p.value, p.slopes.copy()
-    best = float(np.linalg.norm(truth - value))
+    best, share = float(np.linalg.norm(truth - value)), 1.0
     for _ in range(STEPS):
         step = _step(slopes, truth - value)
-        step *= min(1.0, FARTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-300))
-        after = told(bench, _moved(p.model, free, place + step), (place + step)[-1] * bench.dt).lines
+        step *= share * min(1.0, FARTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-300))
+        after = told(bench, _moved(p.model, free, place + step), (place + step)[-1] * bench.dt).values
         distance = float(np.linalg.norm(truth - after))
-        if not math.isfinite(distance):
-            break
-        size = float(step @ step)
-        if size > 0.0:
-            slopes += np.outer(step / size, after - value - step @ slopes)
-        if distance < best:
-            place, value = place + step, after
+        if math.isfinite(distance):
+            slopes += np.outer(step / max(float(step @ step), 1e-300), after - value - step @ slopes)
+        if not distance < best:
+            share *= 0.3
+            continue
         if distance > SETTLED * best:
-            best = min(best, distance)
-            break
-        best = distance
+            return distance
+        place, value, best, share = place + step, after, distance, 1.0
     return best
 
 

@@ -2,7 +2,7 @@
 
 ::
 
-    model, setpoints --> closed loop --> position, current --> spectra / noise spectra --> (m,) real numbers
+    model, setpoints --> closed loop --> position, current --> filtered by 1/sqrt(noise density) --> (m,) numbers
 
 The sum of squares between two such predictions is their distance in sigma, squared: the noncentrality that a test
 between both models will have (Atkinson and Fedorov, Biometrika 62(1), 1975: T-optimality).
@@ -18,11 +18,13 @@ import numpy as np
 from scipy.signal import welch
 
 from stagectl.gap import cuts
+from stagectl.gap.cuts import KEPT
+from stagectl.gap.runs import standstills, without_rests
 from stagectl.gap.session import Array, Log, Session
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.law import Law
 
-SUBSTEPS = 4  # a period; what resonates divides its steps further by itself
+SUBSTEPS = 2  # a period; what resonates divides its steps further by itself
 SEGMENT = 2048  # rows of one spectrum of the noise
 _LEAST = 1e-4  # of the rms of a signal: a lower noise is not believed
 _LEVEL = 1e-6  # of the largest density, where there is no noise at all
@@ -46,12 +48,13 @@ class Bench(NamedTuple):
     clock: float  # s, session clock of the first row
     dt: float  # s
     measured: bool  # the logs hold a measured current; else the command stands for it
+    rests: tuple[tuple[int, int], ...] = ()  # kept samples between which the reference stands
 
 
 class Told(NamedTuple):
     """What a model predicts."""
 
-    lines: Array  # (m,) in standard deviations; not finite where the simulation diverged
+    values: Array  # (m,) position, then current, in standard deviations; not finite where the simulation diverged
     current: float  # A, largest
 
 
@@ -128,37 +131,38 @@ def told(p: Bench, model: stage.Stage, shift: float = 0.0) -> Told:
     rollout.closed_loop(rollout.Loop(p.law, model), plant, inputs, p.dt, SUBSTEPS)
     position = rows[:, rollout.COLUMNS.index("measured")] - p.setpoints[:, 0]
     current = rows[:, rollout.COLUMNS.index("measured_current" if p.measured else "current")]
-    lines = np.concatenate(
-        [_whitened(p, position, p.noise.position, 0.0), _whitened(p, current, p.noise.current, shift)]
-    )
-    return Told(lines, float(np.abs(current).max()))
+    if not (np.isfinite(position).all() and np.isfinite(current).all()):
+        return Told(np.full(2 * len(rows[::KEPT]), np.nan), math.inf)
+    columns = [_whitened(p, position, p.noise.position, 0.0), _whitened(p, current, p.noise.current, shift)]
+    return Told(without_rests(np.stack(columns, axis=1), p.rests).T.ravel(), float(np.abs(current).max()))
 
 
 def _whitened(p: Bench, signal: Array, density: Array, late: float) -> Array:
-    """Lines of the band, real and imaginary parts; white noise of that density would give each a variance of one.
+    """Every second sample (m,) of the signal, filtered so that noise of that density would have a variance of one.
 
-    Above the roll-off they count less, as in the cuts of the diagnosis: impacts ring there at instants that no model
+    Above the roll-off it counts less, as in the cuts of the diagnosis: impacts ring there at instants that no model
     foretells.
     """
-    count = len(signal)
-    frequency = np.fft.rfftfreq(count, p.dt)
-    band = frequency <= cuts.BAND / p.dt
-    frequency = frequency[band]
-    one_sided = np.interp(frequency, p.noise.frequency, density) * (count / (4.0 * p.dt))
-    weight = np.exp(-2j * math.pi * late * frequency) / np.hypot(1.0, frequency * p.dt / cuts.ROLL_OFF)
-    lines = np.fft.rfft(signal)[band] * weight / np.sqrt(one_sided)
-    return np.concatenate([lines.real, lines.imag])
+    frequency = np.fft.rfftfreq(len(signal), p.dt)
+    gain = np.sqrt(2.0 * KEPT * p.dt / np.interp(frequency, p.noise.frequency, density))
+    gain = gain * (frequency <= cuts.BAND / p.dt) / np.hypot(1.0, frequency * p.dt / cuts.ROLL_OFF)
+    turned = gain * np.exp(-2j * math.pi * late * frequency)
+    filtered: Array = np.fft.irfft(np.fft.rfft(signal) * turned, len(signal))[::KEPT]
+    return filtered
 
 
-def late(p: Bench, lines: Array) -> Array:
-    """Change of a prediction's `lines` (m,) by a current that is logged one period later: ``-j w dt`` times it.
+def late(p: Bench, values: Array) -> Array:
+    """Change of a prediction (m,) by a current that is logged one period later: less its slope.
 
     Nothing where no current is measured, as then it has no clock of its own.
     """
-    frequency = np.fft.rfftfreq(len(p.setpoints), p.dt)
-    turn = 2.0 * math.pi * p.dt * frequency[frequency <= cuts.BAND / p.dt]
-    real, imaginary = lines[2 * len(turn) : 3 * len(turn)], lines[3 * len(turn) :]
-    still = np.zeros(2 * len(turn))
-    if not p.measured:
-        return np.zeros(len(lines))
-    return np.concatenate([still, turn * imaginary, -turn * real])
+    half = len(values) // 2
+    found = np.zeros(len(values))
+    if p.measured:
+        found[half:] = -np.gradient(values[half:]) / KEPT
+    return found
+
+
+def rests_of(setpoints: Array, dt: float) -> tuple[tuple[int, int], ...]:
+    """Kept samples between which the reference of `setpoints` (n, 8) stands."""
+    return tuple((-(-begin // KEPT), -(-end // KEPT)) for begin, end in standstills(setpoints[:, 0], dt))
