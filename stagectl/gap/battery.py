@@ -25,7 +25,11 @@ _STRONG = ("current_saturation", "voltage_saturation", "force_constant", "load_f
 
 def battery(setup: Setup) -> tuple[Experiment, ...]:
     """What finds the effects: about 80 s of motion on a stage of 100 mm."""
-    p = scale_of(setup)
+    return made(scale_of(setup))
+
+
+def made(p: Scale) -> tuple[Experiment, ...]:
+    """The same, made for a stage of this scale."""
     return (*_sines(p), *_speed_and_place(p), *_micro(p), *_steps(p), *_multisines(p))
 
 

@@ -36,7 +36,11 @@ def library(setup: Setup) -> tuple[Experiment, ...]:
 
     Raises GapError where the stage has no room or no current to move.
     """
-    p = scale_of(setup)
+    return made(scale_of(setup))
+
+
+def made(p: Scale) -> tuple[Experiment, ...]:
+    """All of them, made for a stage of this scale."""
     return tuple(_experiment(p, recipe) for recipe in RECIPES)
 
 

@@ -82,13 +82,18 @@ def standstills(position: Array, dt: float) -> list[tuple[int, int]]:
 
 
 def rested(run: Run, signal: Array) -> Array:
-    """`signal` (m, 2) without its slow course at standstill.
+    """`signal` (m, 2) without its slow course at standstill."""
+    return without_rests(signal, run.rests)
+
+
+def without_rests(signal: Array, rests: Sequence[tuple[int, int]]) -> Array:
+    """`signal` (m, k) without its slow course between the samples of each of `rests`.
 
     What friction holds at rest is not determined by the motion: it relaxes under vibrations smaller than a count,
     each law in its own way.  A cubic takes that away; what rings after a stop stays.
     """
     signal = signal.copy()
-    for begin, end in run.rests:
+    for begin, end in rests:
         part = signal[begin:end]
         basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(part)), 4))[0]
         signal[begin:end] = part - basis @ (basis.T @ part)

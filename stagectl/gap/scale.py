@@ -56,17 +56,24 @@ def scale_of(setup: Setup) -> Scale:
 
     Raises GapError where it has no room to move both ways, or not the current to.
     """
-    found = _scale(setup)
+    return checked(_scale(setup), str(setup.path))
+
+
+def checked(found: Scale, place: str) -> Scale:
+    """`found`, which `place` describes, where its axis can move.
+
+    Raises GapError where it has no room to move both ways, or not the current to.
+    """
     if not found.reach > max(LEAST_REACH * found.span, 8.0 * found.presliding):
         raise GapError(
-            f"limits.travel = [{found.low:g}, {found.high:g}] {found.unit} in {setup.path}; the experiments move both "
+            f"limits.travel = [{found.low:g}, {found.high:g}] {found.unit} in {place}; the experiments move both "
             f"ways from where the axis stands, so both ends must be at least "
             f"{max(LEAST_REACH * found.span, 8.0 * found.presliding):.3g} {found.unit} away from 0: count the travel "
             "from a place within the stroke, and start there"
         )
     if not WORKING * found.effort > found.resisting:
         raise GapError(
-            f"drive.current_limit = {found.current_limit:g} A in {setup.path} gives an effort of {found.effort:g}; "
+            f"drive.current_limit = {found.current_limit:g} A in {place} gives an effort of {found.effort:g}; "
             f"friction and bias alone take {found.resisting:g}, and at least {found.resisting / WORKING:.3g} is needed "
             "to move freely: raise the limit, or correct the model's friction"
         )
