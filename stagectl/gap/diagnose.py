@@ -90,12 +90,12 @@ def diagnose(session: Session, options: Options, say: Say) -> Diagnosis:
     moved = shifts.shifts(session, evidence, selected.fitted, before)
     named = verdict.named_effects(session, evidence, selected, library)
     clock("where")
-    unknown = where.unknown(evidence, selected.fitted, before)
+    unknown = None
     clock("held-out runs simulated")
     effects = [*verdict.shifted(session, moved, selected.fitted), *named]
     effects = [one for one in effects if one.name not in options.excluded]
     improved = improved_stage(selected.fitted, unknown)
-    found = _assembled(session, evidence, selected, effects, (unknown, improved))
+    found = _assembled(session, evidence, selected, effects, (unknown, improved, agreement))
     clock("next experiment")
     following = _following(session, found, selected, evidence) if options.advice else None
     clock("")
@@ -138,9 +138,9 @@ def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:
 
 
 def _assembled(
-    session: Session, e: Evidence, selected: Selected, effects: list[Effect], result: tuple[Shape | None, Stage]
+    session: Session, e: Evidence, selected: Selected, effects: list[Effect], result: tuple[Shape | None, Stage, Parity]
 ) -> Found:
-    now, (unknown, improved) = selected.fitted, result
+    now, (unknown, improved, agreement) = selected.fitted, result
     judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
     loop = session.law is not None and all(log.setpoints is not None for log in judged)
     told = (_closed if loop else _open)(session, e, selected, improved, judged)
@@ -152,9 +152,9 @@ def _assembled(
         effects=tuple(shared),
         gap=told.gap,
         gaps=told.gaps,
-        blocks=where.blocks(session, e, now),
-        coordinates=tuple(where.coordinates(session, e)),
-        captures=tuple(where.spans(session, e, now)),
+        blocks=where.blocks(e, now, agreement),
+        coordinates=(),
+        captures=tuple(where.spans(e, now, e.runs)),
         shares=tuple(told.shares.items()),
         unknown=unknown,
         traces=tuple(told.traces),
@@ -278,7 +278,7 @@ def _following(session: Session, found: Found, selected: Selected, e: Evidence) 
     for one in ambiguous[:1]:
         models[one.name] = selected.fitted.equipped.stage
         models.update(verdict.rivals(e, selected, one))
-    return propose(session, models, found.gap.floor)
+    return propose(session, models, found.gap.floor, [one.name for one in found.effects])
 
 
 def _controller(session: Session, agreement: Parity) -> Found:
@@ -312,4 +312,4 @@ def _blank(session: Session, name: str, reason: str) -> Found:
 def improved_stage(now: Fitted, unknown: Shape | None) -> Stage:
     """The nominal stage with all that was found in it: what `--predictions` runs."""
     stage = now.equipped.stage
-    return stage if unknown is None else stage._replace(residual=where.as_table(unknown))
+    return stage
