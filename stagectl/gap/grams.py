@@ -110,7 +110,10 @@ def bounded(g: Array, chosen: Sequence[int], low: Array, high: Array) -> Array:
     """Amplitudes (k,) of the least squares within `low` and `high`; zero must lie between them."""
     places = list(chosen)
     a, b = g[np.ix_(places, places)], g[places, -1]
-    scale = np.sqrt(np.diag(a)) + 1e-300
+    if not np.isfinite(a).all():  # a candidate has diverged: no step can be told
+        return np.zeros(len(places))
+    scale = np.sqrt(np.diag(a))
+    scale = np.where(scale > 0.0, scale, 1.0)  # a column that these data do not have
     q, r = np.linalg.eigh(a / np.outer(scale, scale))  # columns of unit length
     root = np.sqrt(np.maximum(q, FLAT))
     bounds = (np.minimum(low * scale, -1e-12), np.maximum(high * scale, 1e-12))

@@ -64,6 +64,7 @@ def _reduced(g: Array, nuisance: Sequence[int]) -> _Reduced:
     n = list(nuisance)
     a = g[np.ix_(n, n)] + np.diag(grams.RIDGE * g[n, n] + 1e-300)
     scale = np.sqrt(np.diag(a))
+    scale = np.where(scale > 0.0, scale, 1.0)
     coefficients = np.linalg.pinv(a / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ (g[n] / scale[:, None])
     coefficients = coefficients / scale[:, None]
     return _Reduced(g - g[:, n] @ coefficients, coefficients)
