@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from stagectl.simulation import simulate
 from stagectl.trajectories import Trajectory
 
 Tracked = Callable[..., Any]
+Command = Callable[..., tuple[int, str, str]]
 ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "config"
 
@@ -26,6 +28,21 @@ CONFIG = ROOT / "config"
 def ball_screw() -> Setup:
     """Stage A as the repository ships it."""
     return load_stage(CONFIG / "ball-screw.yaml")
+
+
+@pytest.fixture
+def command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Command:
+    """``command("config", "check", path)``: (exit code, standard output, standard error), in this process."""
+    from stagectl.cli import main
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["stagectl", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capsys.readouterr()
+        return int(ended.value.code or 0), out, err
+
+    return run
 
 
 def varied(setup: Setup, **changes: Any) -> Setup:

@@ -135,13 +135,15 @@ def start_moving(tmp_path: Path, name: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "stagectl", "run", str(STAGE), str(CONFIG / "trajectories" / "sine-0.8hz.yaml")]
     command += ["--channel", str(tmp_path / "bus"), "-o", str(path)]
     process = subprocess.Popen(command, cwd=ROOT, start_new_session=True, stderr=subprocess.DEVNULL)
-    end = time.monotonic() + 20.0
-    while time.monotonic() < end:
+    end = time.monotonic() + 60.0  # the machine is shared; a run that has ended is not waited for
+    while time.monotonic() < end and process.poll() is None:
         with contextlib.suppress(Exception):
             if len(open_recording(path).samples) > 4 * BLOCK:
                 return process
         time.sleep(0.05)
-    raise AssertionError("the motion did not start")
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    raise AssertionError(f"the motion did not start: exit {process.wait(timeout=10)}")
 
 
 def members(group: int) -> dict[str, int]:

@@ -101,7 +101,7 @@ def _on_the_clock(run: Run, column: Array, factor: Callable[[Array], Array] | No
     """One column for all repeats, or for each the column times its factor: what drifts is slow beside the tracker."""
     if factor is None:
         return [column]
-    clock = run.mean.dt * cuts.KEPT * np.arange(len(column))
+    clock = run.mean.dt * cuts.KEPT * np.arange(len(column), dtype=np.float64)
     return [column * factor(path.start + clock)[:, None] for path in run.paths]
 
 

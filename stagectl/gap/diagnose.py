@@ -19,7 +19,7 @@ from stagectl.gap.candidates import equipped
 from stagectl.gap.columns import Model
 from stagectl.gap.controller import Parity, parity
 from stagectl.gap.following import propose
-from stagectl.gap.found import NAMED, NOISE, UNEXPLAINED, Effect, Found, Gap, Next, Shape
+from stagectl.gap.found import NAMED, NOISE, UNEXPLAINED, Effect, Found, Gap, Next, Shape, Trace
 from stagectl.gap.orders import orders
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.runs import runs
@@ -193,7 +193,7 @@ class _Told(NamedTuple):
     gap: Gap
     gaps: dict[str, Gap]
     shares: dict[str, float]  # of the squared gap before; with the floor they sum to one
-    traces: list[shrink.Trace]
+    traces: list[Trace]
 
 
 def _closed(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> _Told:
@@ -206,15 +206,10 @@ def _closed(session: Session, e: Evidence, selected: Selected, improved: Stage, 
     found = {}
     for channel in shrink.CHANNELS:
         unit = "A" if channel == "current" else ("m" if session.kind == "linear" else "rad")
-        expected = shrink.gap(
-            *(shrink.squares(training, rows, channel, dt) for rows in inside), shrink.floor(training, channel, dt), unit
-        ).closure
-        found[channel] = shrink.gap(
-            *(shrink.squares(judged, rows, channel, dt) for rows in (before, after)),
-            shrink.floor(judged, channel, dt),
-            unit,
-            expected,
-        )
+        first, last = (shrink.squares(training, rows, channel, dt) for rows in inside)
+        expected = shrink.gap(first, last, shrink.floor(training, channel, dt), unit).closure
+        first, last = (shrink.squares(judged, rows, channel, dt) for rows in (before, after))
+        found[channel] = shrink.gap(first, last, shrink.floor(judged, channel, dt), unit, expected)
     position = found.pop("position")
 
     def remaining(members: frozenset[str]) -> float:

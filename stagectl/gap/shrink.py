@@ -27,10 +27,10 @@ CHANNELS = ("position", "tracking", "current")
 
 
 class Squares(NamedTuple):
-    """Sums of squares of each half stroke (c,), one model; `count` samples each."""
+    """Sums of squares of each half stroke (c,), one model."""
 
     gap: Array
-    count: Array
+    samples: Array  # of each
 
 
 def by_experiment(logs: Sequence[Log]) -> dict[str, list[Log]]:
@@ -121,7 +121,7 @@ def _pieces(log: Log, dt: float) -> list[slice]:
 
 def gap(before: Squares, after: Squares, least: Squares, unit: str, expected: float | None = None) -> Gap:
     """The gap of one channel, with the interval of its closure over resampled half strokes."""
-    count = max(float(before.count.sum()), 1.0)
+    count = max(float(before.samples.sum()), 1.0)
     rms = [math.sqrt(float(one.gap.sum()) / count) for one in (before, after, least)]
     source = np.random.default_rng(1)
     picks = source.integers(0, len(before.gap), (RESAMPLED, len(before.gap)))
@@ -169,17 +169,18 @@ def traces(
         if log.experiment in seen:
             continue
         seen.add(log.experiment)
-        time = dt * np.arange(log.rows)
+        time = dt * np.arange(log.rows, dtype=np.float64)
         reference = log.reference if log.reference is not None else log.position
-        differences = (-_difference(log, rows, "position") for rows in (old, new))
-        found.append(Trace(log.name, time, reference, *differences, least))
+        first, last = (-_difference(log, rows, "position") for rows in (old, new))
+        found.append(Trace(log.name, time, reference, first, last, least))
     return found
 
 
 def effort(p: Model, runs: Sequence[Run], noise: cuts.Whitener, dt: float) -> Squares:
     """Effort that the model lacks along the runs, in the band of the cuts, summed over half strokes (N m | N)."""
     plain = noise._replace(effort=np.ones_like(noise.effort), current=np.zeros_like(noise.current))
-    sums, counts = [], []
+    sums: list[float] = []
+    counts: list[float] = []
     for run, repeats in zip(runs, columns.residuals_of(p, runs, plain), strict=True):
         scale = math.sqrt(cuts.BAND / dt)  # back from unit density to the signal's own size
         for one in repeats:
@@ -197,7 +198,8 @@ def _by_stroke(run: Run, signal: Array, sums: list[float], counts: list[float]) 
 def effort_floor(p: Model, runs: Sequence[Run], noise: cuts.Whitener, dt: float) -> Squares:
     """What repeats differ by in that effort; zeros where nothing was repeated."""
     plain = noise._replace(effort=np.ones_like(noise.effort), current=np.zeros_like(noise.current))
-    sums, counts = [], []
+    sums: list[float] = []
+    counts: list[float] = []
     for run, repeats in zip(runs, columns.residuals_of(p, runs, plain), strict=True):
         mean, count = np.mean(repeats, axis=0), len(repeats)
         scale = math.sqrt(cuts.BAND / dt * count / max(count - 1, 1))

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from stagectl.gap import base, fields, friction_family, refine, symmetries
 from stagectl.gap.candidates import Named, equipped
 from stagectl.gap.found import Effect, Fields, Value
-from stagectl.gap.library import Definition
+from stagectl.gap.library import Amplitude, Definition, Shape
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.search import Library, Selected
 from stagectl.gap.session import GapError, Session
@@ -64,8 +64,8 @@ def _effect(
 
 def probability(gain: float, limit: float, rivals: Sequence[float]) -> float:
     """That this effect is there, and that it is this one and none of its rivals (gains relative to its own)."""
-    there = 1.0 / (1.0 + (limit / max(gain, 1e-300)) ** STEEPNESS)
-    this = 1.0 / (1.0 + sum(min(share, 1.0) ** SHARPNESS for share in rivals))
+    there: float = 1.0 / (1.0 + (limit / max(gain, 1e-300)) ** STEEPNESS)
+    this: float = 1.0 / (1.0 + sum(min(share, 1.0) ** SHARPNESS for share in rivals))
     return there * this
 
 
@@ -101,7 +101,8 @@ def _harmonic(values: dict[str, float], spread: Mapping[str, float], units: Mapp
 
 
 def _units(effect: Definition, kind: str) -> dict[str, str]:
-    parts = {one.name: [unit.strip() for unit in one.unit.split("|")] for one in (*effect.amplitudes, *effect.shapes)}
+    declared: list[Amplitude | Shape] = [*effect.amplitudes, *effect.shapes]
+    parts = {one.name: [unit.strip() for unit in one.unit.split("|")] for one in declared}
     return {name: both[-1] if kind == "linear" else both[0] for name, both in parts.items()}
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from stagectl.recording.hdf5 import open_recording
-from tests.conftest import CONFIG, ROOT
+from tests.conftest import CONFIG, ROOT, Command
 
 STAGE = CONFIG / "ball-screw.yaml"
 MOTION = "{type: sine, amplitude: 5 mm, frequency: 1.6 Hz, periods: 4, ramp: 1}"
@@ -69,12 +69,7 @@ def compiler_in(process: int) -> bool:
     return "llvmlite" in Path(f"/proc/{process}/maps").read_text()
 
 
-def watched(*words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "stagectl", "gap", *map(str, words)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
-
-
-def test_the_twin_names_what_is_off_and_its_death_changes_nothing(tmp_path: Path) -> None:
+def test_the_twin_names_what_is_off_and_its_death_changes_nothing(command: Command, tmp_path: Path) -> None:
     with stiffer_machine(tmp_path) as channel:
         run = started(tmp_path, channel, "whole.h5")
         loop = child(run.pid, "stagectl.daemon.loop")
@@ -101,19 +96,19 @@ def test_the_twin_names_what_is_off_and_its_death_changes_nothing(tmp_path: Path
     assert "ended early (exit -9): the motion did not need it" in said_killed
     for column in ("measured", "command", "current"):
         assert np.array_equal(whole[column], cut[column]), column
-    _verbs_show_it(tmp_path)
+    _verbs_show_it(command, tmp_path)
 
 
-def _verbs_show_it(folder: Path) -> None:
-    shown = watched("watch", folder / "whole.twin.json", "--once")
-    assert shown.returncode == 0, shown.stderr
-    assert "C mechanics" in shown.stderr
-    assert "viscous +20 %" in shown.stderr
-    lines = watched("watch", folder / "whole.twin.json", "--lines")
-    assert json.loads(lines.stdout.splitlines()[0])["verdict"] == "effects"
-    gone = watched("watch", folder / "none.twin.json")
-    assert gone.returncode == 2
-    assert "a run with --twin writes one" in gone.stderr
-    few = watched("drift", folder / "slow.jsonl")
-    assert few.returncode == 2
-    assert "has 1 lines; at least 3" in few.stderr
+def _verbs_show_it(command: Command, folder: Path) -> None:
+    code, _, said = command("gap", "watch", folder / "whole.twin.json", "--once")
+    assert code == 0, said
+    assert "C mechanics" in said
+    assert "viscous +20 %" in said
+    _, lines, _ = command("gap", "watch", folder / "whole.twin.json", "--lines")
+    assert json.loads(lines.splitlines()[0])["verdict"] == "effects"
+    code, _, said = command("gap", "watch", folder / "none.twin.json")
+    assert code == 2
+    assert "a run with --twin writes one" in said
+    code, _, said = command("gap", "drift", folder / "slow.jsonl")
+    assert code == 2
+    assert "has 1 lines; at least 3" in said
