@@ -148,14 +148,23 @@ def untracked(effort: Array, p: Model, dt: float) -> Array:
     ``T = C P / (1 + C P)`` of the tracker C and a free mass P with its damping, divided out up to where T is small.
     """
     lines = np.fft.rfftfreq(2 * len(effort))
-    response = _tracked(p, np.exp(2j * np.pi * lines), dt)
-    inverse = np.conj(response) / (np.abs(response) ** 2 + LEAST_TRACKED**2)
-    mirrored = np.concatenate([effort, effort[::-1]])
-    acted: Array = np.fft.irfft(np.fft.rfft(mirrored) * inverse, len(mirrored))[: len(effort)]
-    return acted * (1.0 + LEAST_TRACKED**2)
+    response = _response(p, np.exp(2j * np.pi * lines), dt)
+    inverse: NDArray[np.complex128] = np.conj(response) / (np.abs(response) ** 2 + LEAST_TRACKED**2)
+    return _passed(effort, inverse) * (1.0 + LEAST_TRACKED**2)
 
 
-def _tracked(p: Model, z: NDArray[np.complex128], dt: float) -> NDArray[np.complex128]:
+def tracked(effort: Array, p: Model, dt: float) -> Array:
+    """`effort` (n,) as the tracker answers it: the other way round."""
+    return _passed(effort, _response(p, np.exp(2j * np.pi * np.fft.rfftfreq(2 * len(effort))), dt))
+
+
+def _passed(signal: Array, response: NDArray[np.complex128]) -> Array:
+    mirrored = np.concatenate([signal, signal[::-1]])
+    found: Array = np.fft.irfft(np.fft.rfft(mirrored) * response, len(mirrored))[: len(signal)]
+    return found
+
+
+def _response(p: Model, z: NDArray[np.complex128], dt: float) -> NDArray[np.complex128]:
     c, m = p.tracker, p.stage.mechanics
     z = np.where(z == 1.0, 1.0 + 1e-9, z)
     controller = c.proportional + c.integral * (z + 1.0) / (z - 1.0) + c.derivative * (z - 1.0) / (z - c.decay)
@@ -171,7 +180,7 @@ def _mass(m: Mechanics, z: NDArray[np.complex128], dt: float) -> NDArray[np.comp
     rate = m.viscous / m.inertia
     a, gain = np.exp(-rate * dt), 1.0 / m.viscous
     velocity = (1.0 - a) / (z - a)  # times gain
-    moved = (dt - (1.0 - a) / rate) / (z - 1.0) + (1.0 - a) / rate * velocity / (z - 1.0)
+    moved: NDArray[np.complex128] = (dt - (1.0 - a) / rate + (1.0 - a) / rate * velocity) / (z - 1.0)
     return gain * moved
 
 
