@@ -37,11 +37,13 @@ def coordinates(e: Evidence, size: Scales) -> tuple[Coordinate, ...]:
     columns = smoothers.columns_of(ground, e.runs, (motions, size), {EVEN: all_, ODD: all_})
     clock = smoothers.clock_columns(ground, e.runs, motions)
     found = {"frequency": _banded(e)}
+    floor = floor_of_means(e)
     for one in all_:
-        g = gathered(e, columns, e.base.after, [n for part in (EVEN, ODD) for n in smoothers.names(one, part)])
-        found[one.coordinate] = max(_share(g, e, chosen) for chosen in _variants(one))
+        g = gathered(e, columns, means(e.base.after), [n for part in (EVEN, ODD) for n in smoothers.names(one, part)])
+        found[one.coordinate] = max(_share(g, e, chosen, floor) for chosen in _variants(one))
     if any(len(run.logs) > 1 for run in e.runs):
-        found[TIME] = _share(gathered(e, clock, e.base.after, list(clock[0])), e, list(clock[0]), aging=True)
+        g = gathered(e, clock, e.base.after, list(clock[0]))
+        found[TIME] = _share(g, e, list(clock[0]), g.floor.sum(axis=0), aging=True)
     return tuple(Coordinate(name, share) for name, share in sorted(found.items(), key=lambda pair: -pair[1]))
 
 
@@ -63,14 +65,28 @@ def nuisances(e: Evidence) -> list[str]:
     return [*refine.nuisances(e), *search.beside(e)]
 
 
-def _share(g: Grams, e: Evidence, names: Sequence[str], aging: bool = False) -> float:
+def means(residuals: Sequence[list[Array]]) -> list[list[Array]]:
+    """Of the repeats of each run: what does not run on the clock is the same in all."""
+    return [[np.mean(repeats, axis=0)] for repeats in residuals]
+
+
+def floor_of_means(e: Evidence) -> Array:
+    """(2,) sum of squares that the repeats' noise leaves in their means, of effort and current."""
+    found = np.zeros(2)
+    for run, repeats in zip(e.runs, e.deviations, strict=True):
+        noise = np.sum((run.weight[:, None] * np.stack(repeats)) ** 2, axis=(0, 1))
+        found += noise / max(len(repeats) * (len(repeats) - 1), 1)
+    return found
+
+
+def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: bool = False) -> float:
     """Both cuts by themselves: one function of effort and one of current."""
     gain = closable = 0.0
     for cut, part in enumerate((g.effort, g.current)):
         both = hands(g._replace(effort=part, current=np.zeros_like(part)))
         before, after = foretold(both, g.of(nuisances(e)), g.of(names))
         gain += max(before - after, 0.0)
-        closable += max(before - float(g.floor[:, cut].sum()), 0.0)
+        closable += max(before - float(floor[cut]), 0.0)
     # What repeats differ by counts as floor, but where a drift foretells it.
     closable += gain if aging else 0.0
     return min(gain / closable, 1.0) if closable > 0.0 else 0.0

@@ -27,6 +27,7 @@ ORDERS = 12  # of the pitch, beside those that stand out
 EVEN, ODD, INERTIAL, LOOP = "even", "odd", "inertial", "loop"
 ALL = (EVEN, ODD, INERTIAL, LOOP)  # EVEN + ODD: any function of coordinate and direction
 TIME = "time"
+OF_A_DRIVE = ("current", "speed", "acceleration")  # coordinates that a current may depend on
 
 
 class Motion(NamedTuple):
@@ -132,11 +133,15 @@ class Ground(NamedTuple):
     model: Model
     noise: cuts.Whitener
 
-    def column(self, run: Run, signal: Array) -> Array:
-        """Whitened (m, 2) of `signal` (n,), as an effort (N m | N) and as a current (A)."""
-        dt = run.mean.dt
-        lacks = Lacking(where.tracked(signal, self.model, dt), signal)
-        return rested(run, cuts.whitened(self.noise, lacks, dt))
+    def bring(self, run: Run) -> Callable[[Array, bool], Array]:
+        """Whitened (m, 2) of signals (n,) along `run`, as an effort (N m | N) and, if asked, as a current (A)."""
+        answer, nothing = where.tracking(self.model, run.rows, run.mean.dt), np.zeros(run.rows)
+
+        def column(signal: Array, current: bool) -> Array:
+            lacks = Lacking(answer(signal), signal if current else nothing)
+            return rested(run, cuts.whitened(self.noise, lacks, run.mean.dt))
+
+        return column
 
 
 def names(one: Smoother, part: str) -> list[str]:
@@ -154,11 +159,12 @@ def columns_of(
     def found(pair: tuple[Run, Motion]) -> dict[str, list[Array]]:
         run, m = pair
         columns: dict[str, list[Array]] = {}
+        bring = ground.bring(run)
         for part, chosen in parts.items():
             side = factor(part, m, size)
             for one in chosen:
-                signals = one.basis(one.place(m)) * side
-                columns |= {name: [ground.column(run, x)] for name, x in zip(names(one, part), signals, strict=True)}
+                signals, drive = one.basis(one.place(m)) * side, one.coordinate in OF_A_DRIVE
+                columns |= {name: [bring(x, drive)] for name, x in zip(names(one, part), signals, strict=True)}
         return columns
 
     return in_parallel(found, list(zip(runs, motions, strict=True)))
@@ -175,8 +181,9 @@ def clock_columns(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]
     for run, m in zip(runs, motions, strict=True):
         clock = np.array([(log.start - middle) / span for log in run.logs])
         columns: dict[str, list[Array]] = {}
+        bring = ground.bring(run)
         for name, signal in (("side", np.sign(m.velocity)), ("velocity", m.velocity)):
-            column = ground.column(run, signal)
+            column = bring(signal, False)
             for power in (1, 2):
                 curve = clock**power
                 columns[f"{TIME}.{name}.{power}"] = [column * x for x in (curve - curve.mean()).tolist()]

@@ -5,7 +5,7 @@ The coordinate in which it lies is the matter of `coordinates`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +28,8 @@ OPEN = 0.2  # of the 95 % quantile of an effect's own contribution: from there o
 QUANTILE = 0.95
 ABOVE = 3.0  # standard deviations of the repeats: the same where no effect is known
 SMOOTH = 0.01  # s, over which a residual is averaged before it is judged
-CLOSED = 0.02  # s: a shorter closure between two open spans is no closure
-SHORTEST = 0.005  # s, of an open span
+CLOSED = 0.0015  # s: a shorter closure is none; longer ones are where a quick effect changes its sign
+SHORTEST = 0.001  # s, of an open span
 LEAST_TRACKED = 0.1  # of the tracker's response: what it follows less is not brought back
 
 Flags = NDArray[np.bool_]
@@ -149,13 +149,14 @@ def untracked(effort: Array, p: Model, dt: float) -> Array:
     """
     lines = np.fft.rfftfreq(2 * len(effort))
     response = _response(p, np.exp(2j * np.pi * lines), dt)
-    inverse: NDArray[np.complex128] = np.conj(response) / (np.abs(response) ** 2 + LEAST_TRACKED**2)
+    inverse = (np.conj(response) / (np.abs(response) ** 2 + LEAST_TRACKED**2)).astype(np.complex128)
     return _passed(effort, inverse) * (1.0 + LEAST_TRACKED**2)
 
 
-def tracked(effort: Array, p: Model, dt: float) -> Array:
-    """`effort` (n,) as the tracker answers it: the other way round."""
-    return _passed(effort, _response(p, np.exp(2j * np.pi * np.fft.rfftfreq(2 * len(effort))), dt))
+def tracking(p: Model, count: int, dt: float) -> Callable[[Array], Array]:
+    """The other way round, for many: what the tracker answers to an effort of `count` rows."""
+    response = _response(p, np.exp(2j * np.pi * np.fft.rfftfreq(2 * count)), dt)
+    return lambda effort: _passed(effort, response)
 
 
 def _passed(signal: Array, response: NDArray[np.complex128]) -> Array:
