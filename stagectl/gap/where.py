@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
 from stagectl.gap import columns, refine, tying
 from stagectl.gap.batch import in_parallel
@@ -147,7 +148,7 @@ def untracked(effort: Array, p: Model, dt: float) -> Array:
 
     ``T = C P / (1 + C P)`` of the tracker C and a free mass P with its damping, divided out up to where T is small.
     """
-    lines = np.fft.rfftfreq(2 * len(effort))
+    lines = np.fft.rfftfreq(2 * _half(len(effort)))
     response = _response(p, np.exp(2j * np.pi * lines), dt)
     inverse = (np.conj(response) / (np.abs(response) ** 2 + LEAST_TRACKED**2)).astype(np.complex128)
     return _passed(effort, inverse) * (1.0 + LEAST_TRACKED**2)
@@ -155,14 +156,20 @@ def untracked(effort: Array, p: Model, dt: float) -> Array:
 
 def tracking(p: Model, count: int, dt: float) -> Callable[[Array], Array]:
     """The other way round, for many: what the tracker answers to an effort of `count` rows."""
-    response = _response(p, np.exp(2j * np.pi * np.fft.rfftfreq(2 * count)), dt)
+    response = _response(p, np.exp(2j * np.pi * np.fft.rfftfreq(2 * _half(count))), dt)
     return lambda effort: _passed(effort, response)
 
 
 def _passed(signal: Array, response: NDArray[np.complex128]) -> Array:
-    mirrored = np.concatenate([signal, signal[::-1]])
-    found: Array = np.fft.irfft(np.fft.rfft(mirrored) * response, len(mirrored))[: len(signal)]
+    rows = 2 * _half(len(signal))
+    mirrored = np.concatenate([signal, signal[::-1], np.full(rows - 2 * len(signal), signal[0])])
+    found: Array = np.fft.irfft(np.fft.rfft(mirrored) * response, rows)[: len(signal)]
     return found
+
+
+def _half(count: int) -> int:
+    """Rows of a signal and what fills it up to a length that transforms fast."""
+    return int(next_fast_len(count))
 
 
 def _response(p: Model, z: NDArray[np.complex128], dt: float) -> NDArray[np.complex128]:
