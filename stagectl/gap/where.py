@@ -5,11 +5,12 @@ The coordinate in which it lies is the matter of `coordinates`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
 from stagectl.gap import columns, refine, tying
 from stagectl.gap.batch import in_parallel
@@ -28,8 +29,8 @@ OPEN = 0.2  # of the 95 % quantile of an effect's own contribution: from there o
 QUANTILE = 0.95
 ABOVE = 3.0  # standard deviations of the repeats: the same where no effect is known
 SMOOTH = 0.01  # s, over which a residual is averaged before it is judged
-CLOSED = 0.02  # s: a shorter closure between two open spans is no closure
-SHORTEST = 0.005  # s, of an open span
+CLOSED = 0.0015  # s: a shorter closure is none; longer ones are where a quick effect changes its sign
+SHORTEST = 0.001  # s, of an open span
 LEAST_TRACKED = 0.1  # of the tracker's response: what it follows less is not brought back
 
 Flags = NDArray[np.bool_]
@@ -147,15 +148,31 @@ def untracked(effort: Array, p: Model, dt: float) -> Array:
 
     ``T = C P / (1 + C P)`` of the tracker C and a free mass P with its damping, divided out up to where T is small.
     """
-    lines = np.fft.rfftfreq(2 * len(effort))
-    response = _tracked(p, np.exp(2j * np.pi * lines), dt)
-    inverse = np.conj(response) / (np.abs(response) ** 2 + LEAST_TRACKED**2)
-    mirrored = np.concatenate([effort, effort[::-1]])
-    acted: Array = np.fft.irfft(np.fft.rfft(mirrored) * inverse, len(mirrored))[: len(effort)]
-    return acted * (1.0 + LEAST_TRACKED**2)
+    lines = np.fft.rfftfreq(2 * _half(len(effort)))
+    response = _response(p, np.exp(2j * np.pi * lines), dt)
+    inverse = (np.conj(response) / (np.abs(response) ** 2 + LEAST_TRACKED**2)).astype(np.complex128)
+    return _passed(effort, inverse) * (1.0 + LEAST_TRACKED**2)
 
 
-def _tracked(p: Model, z: NDArray[np.complex128], dt: float) -> NDArray[np.complex128]:
+def tracking(p: Model, count: int, dt: float) -> Callable[[Array], Array]:
+    """The other way round, for many: what the tracker answers to an effort of `count` rows."""
+    response = _response(p, np.exp(2j * np.pi * np.fft.rfftfreq(2 * _half(count))), dt)
+    return lambda effort: _passed(effort, response)
+
+
+def _passed(signal: Array, response: NDArray[np.complex128]) -> Array:
+    rows = 2 * _half(len(signal))
+    mirrored = np.concatenate([signal, signal[::-1], np.full(rows - 2 * len(signal), signal[0])])
+    found: Array = np.fft.irfft(np.fft.rfft(mirrored) * response, rows)[: len(signal)]
+    return found
+
+
+def _half(count: int) -> int:
+    """Rows of a signal and what fills it up to a length that transforms fast."""
+    return int(next_fast_len(count))
+
+
+def _response(p: Model, z: NDArray[np.complex128], dt: float) -> NDArray[np.complex128]:
     c, m = p.tracker, p.stage.mechanics
     z = np.where(z == 1.0, 1.0 + 1e-9, z)
     controller = c.proportional + c.integral * (z + 1.0) / (z - 1.0) + c.derivative * (z - 1.0) / (z - c.decay)
@@ -171,7 +188,7 @@ def _mass(m: Mechanics, z: NDArray[np.complex128], dt: float) -> NDArray[np.comp
     rate = m.viscous / m.inertia
     a, gain = np.exp(-rate * dt), 1.0 / m.viscous
     velocity = (1.0 - a) / (z - a)  # times gain
-    moved = (dt - (1.0 - a) / rate) / (z - 1.0) + (1.0 - a) / rate * velocity / (z - 1.0)
+    moved: NDArray[np.complex128] = (dt - (1.0 - a) / rate + (1.0 - a) / rate * velocity) / (z - 1.0)
     return gain * moved
 
 

@@ -1,0 +1,133 @@
+"""In which coordinate the gap lies: what a smooth function of one coordinate alone foretells of it.
+
+Functions are fitted on one half of the half strokes, beside all parameters of the base, and judged on the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import welch
+
+from stagectl.gap import base, grams, refine, search, smoothers
+from stagectl.gap.cuts import KEPT
+from stagectl.gap.found import Coordinate
+from stagectl.gap.grams import Grams
+from stagectl.gap.library import Scales
+from stagectl.gap.refine import Evidence
+from stagectl.gap.scores import hands
+from stagectl.gap.session import Array
+from stagectl.gap.smoothers import EVEN, ODD, TIME, Smoother
+
+STIFF = 1e-3  # of the best seen function: what draws one that is hardly seen towards zero
+WIDTH = 1.5  # octaves of the band in which a gap lies "in frequency"
+LOWEST = 5.0  # Hz: below lie the motions themselves
+
+
+def coordinates(e: Evidence, size: Scales) -> tuple[Coordinate, ...]:
+    """Share of the base's excess over the repeats' floor that each coordinate foretells, largest first.
+
+    Of a coordinate count functions even and odd in the direction of motion, and both, whichever foretells most.
+    Frequency counts by the share of the excess in its best band.
+    """
+    motions = [smoothers.motion(run, size) for run in e.runs]
+    ground = smoothers.Ground(e.base.model, e.base.noise)
+    all_ = smoothers.smoothers(size, motions)
+    columns = smoothers.columns_of(ground, e.runs, (motions, size), {EVEN: all_, ODD: all_})
+    clock = smoothers.clock_columns(ground, e.runs, motions)
+    found = {"frequency": _banded(e)}
+    floor = floor_of_means(e)
+    for one in all_:
+        g = gathered(e, columns, means(e.base.after), [n for part in (EVEN, ODD) for n in smoothers.names(one, part)])
+        found[one.coordinate] = max(_share(g, e, chosen, floor) for chosen in _variants(one))
+    if any(len(run.logs) > 1 for run in e.runs):
+        g = gathered(e, clock, e.base.after, list(clock[0]))
+        found[TIME] = _share(g, e, list(clock[0]), g.floor.sum(axis=0), aging=True)
+    return tuple(Coordinate(name, share) for name, share in sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def _variants(one: Smoother) -> list[list[str]]:
+    even, odd = (smoothers.names(one, part) for part in (EVEN, ODD))
+    return [even, odd, [*even, *odd]]
+
+
+def gathered(
+    e: Evidence, columns: Sequence[dict[str, list[Array]]], left: Sequence[list[Array]], names: Sequence[str]
+) -> Grams:
+    """Matrices of the base's columns, of `names` among `columns`, and of what is `left`."""
+    joined = [{**own, **{name: new[name] for name in names}} for own, new in zip(e.base.columns, columns, strict=True)]
+    return grams.grams(e.runs, joined, left, base.START)
+
+
+def nuisances(e: Evidence) -> list[str]:
+    """What moves beside every function: the base's parameters, and the other laws of friction."""
+    return [*refine.nuisances(e), *search.beside(e)]
+
+
+def means(residuals: Sequence[list[Array]]) -> list[list[Array]]:
+    """Of the repeats of each run: what does not run on the clock is the same in all."""
+    return [[np.mean(repeats, axis=0)] for repeats in residuals]
+
+
+def floor_of_means(e: Evidence) -> Array:
+    """(2,) sum of squares that the repeats' noise leaves in their means, of effort and current."""
+    found = np.zeros(2)
+    for run, repeats in zip(e.runs, e.deviations, strict=True):
+        noise = np.sum((run.weight[:, None] * np.stack(repeats)) ** 2, axis=(0, 1))
+        found += noise / max(len(repeats) * (len(repeats) - 1), 1)
+    return found
+
+
+def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: bool = False) -> float:
+    """Both cuts by themselves: one function of effort and one of current."""
+    gain = closable = 0.0
+    for cut, part in enumerate((g.effort, g.current)):
+        both = hands(g._replace(effort=part, current=np.zeros_like(part)))
+        before, after = foretold(both, g.of(nuisances(e)), g.of(names))
+        gain += max(before - after, 0.0)
+        closable += max(before - float(floor[cut]), 0.0)
+    # What repeats differ by counts as floor, but where a drift foretells it.
+    closable += gain if aging else 0.0
+    return min(gain / closable, 1.0) if closable > 0.0 else 0.0
+
+
+def foretold(both: Array, nuisance: Sequence[int], own: Sequence[int]) -> tuple[float, float]:
+    """Sums of squares left on the hand that was not fitted, both ways: without the columns `own`, and with them."""
+    before = after = 0.0
+    for fitted, judged in ((both[0], both[1]), (both[1], both[0])):
+        for chosen in (list(nuisance), [*nuisance, *own]):
+            left = grams.misfit(judged, chosen, smooth(fitted, chosen, len(nuisance)))
+            before, after = (before + left, after) if len(chosen) == len(nuisance) else (before, after + left)
+    return before, after
+
+
+def smooth(g: Array, chosen: Sequence[int], free: int) -> Array:
+    """Amplitudes (k,) of `chosen` columns, all but the first `free` drawn towards zero where they are hardly seen."""
+    size = np.diag(g)[list(chosen)].copy()
+    own = size[free:]
+    prior = np.concatenate([np.zeros(free), np.full(len(own), STIFF * float(own.max(initial=0.0)))])
+    scale = 1.0 / np.sqrt(size + prior + 1e-300)
+    a = g[np.ix_(list(chosen), list(chosen))] + np.diag(prior)
+    inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=1e-10, hermitian=True)
+    amplitude: Array = scale * (inverse @ (scale * g[list(chosen), -1]))
+    return amplitude
+
+
+def _banded(e: Evidence) -> float:
+    """Largest share of the excess within `WIDTH` octaves above `LOWEST`."""
+    total: Array | None = None
+    frequency = np.zeros(1)
+    for run, repeats, deviations in zip(e.runs, e.base.after, e.deviations, strict=True):
+        mean = run.weight[:, None] * np.mean(repeats, axis=0)
+        noise = [run.weight[:, None] * one for one in deviations]
+        segment = min(1024, *(len(each.mean.rows) // KEPT for each in e.runs))
+        frequency, power = welch(mean, 1.0 / (run.mean.dt * KEPT), nperseg=segment, axis=0)
+        spread = sum(welch(one, nperseg=segment, fs=1.0 / (run.mean.dt * KEPT), axis=0)[1] for one in noise)
+        clean = (power - spread / max(len(noise) * (len(noise) - 1), 1)).sum(axis=1) * len(mean)
+        total = clean if total is None else total + clean
+    assert total is not None  # a session has runs
+    whole = float(total.sum())
+    starts = frequency[(frequency >= LOWEST) & (frequency * 2.0**WIDTH <= frequency[-1])]
+    bands = [float(total[(frequency >= f) & (frequency < f * 2.0**WIDTH)].sum()) for f in starts]
+    return min(max(max(bands, default=0.0) / whole, 0.0), 1.0) if whole > 0.0 else 0.0

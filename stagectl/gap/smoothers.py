@@ -1,0 +1,191 @@
+"""Smooth functions of one coordinate, brought to the ground of the residuals: what an unknown gap is tried with.
+
+A function is a sum of hats over the coordinate, of sines over the pitch.  Each may work even or odd in the direction of
+motion, or with the acceleration: a friction over the position is the position's odd part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from stagectl.gap import cuts, where
+from stagectl.gap.batch import in_parallel
+from stagectl.gap.columns import Model
+from stagectl.gap.library import Scales
+from stagectl.gap.runs import Run, rested
+from stagectl.gap.session import Array
+from stagectl.gap.tying import Lacking
+
+WINDOW = 0.012  # s, over which velocity and acceleration are taken
+STILL = 1e-3  # of the largest speed: below, there is no direction
+BACK = 0.1  # of the rolling zone: a shorter way back is no reversal, as in the table of the stage model
+ORDERS = 12  # of the pitch, beside those that stand out
+EVEN, ODD, INERTIAL, LOOP = "even", "odd", "inertial", "loop"
+ALL = (EVEN, ODD, INERTIAL, LOOP)  # EVEN + ODD: any function of coordinate and direction
+TIME = "time"
+OF_A_DRIVE = ("current", "speed", "acceleration")  # coordinates that a current may depend on
+
+
+class Motion(NamedTuple):
+    """The course of one run, (n,) each."""
+
+    position: Array  # rad | m
+    velocity: Array  # rad/s | m/s
+    acceleration: Array  # rad/s^2 | m/s^2
+    since: Array  # rad | m, from the last reversal, without sign
+    current: Array  # A, of the command
+
+
+class Smoother(NamedTuple):
+    """Functions of one coordinate."""
+
+    coordinate: str
+    place: Callable[[Motion], Array]  # the coordinate of a run
+    basis: Callable[[Array], Array]  # (n,) to (k, n)
+    low: float  # of the coordinate
+    high: float
+
+
+def motion(run: Run, size: Scales) -> Motion:
+    """The course of `run` along the mean of its repeats."""
+    position, dt = run.mean.rows[:, 1], run.mean.dt
+    window = min(2 * max(round(0.5 * WINDOW / dt), 2) + 1, len(position) - 1 + len(position) % 2)
+    velocity, acceleration = (savgol_filter(position, window, 3, deriv=k, delta=dt) for k in (1, 2))
+    since = since_reversal(position, BACK * size.length)
+    return Motion(position, velocity, acceleration, since, run.mean.rows[:, 0])
+
+
+def since_reversal(position: Array, back: float) -> Array:
+    """Distance (n,) from the last reversal; a turn counts once the way back exceeds `back` (rad | m)."""
+    turned = furthest = float(position[0])
+    side = 0.0
+    found = np.empty(len(position))
+    for k, x in enumerate(position.tolist()):
+        ahead = x - furthest
+        if ahead * side > 0.0:
+            furthest = x
+        elif abs(ahead) > back:
+            turned = furthest if side else turned
+            furthest, side = x, 1.0 if ahead > 0.0 else -1.0
+        found[k] = abs(x - turned)
+    return found
+
+
+def hats(nodes: Array) -> Callable[[Array], Array]:
+    """Triangles over `nodes` (k,), flat beyond the ends; together they are one."""
+    each = np.eye(len(nodes))
+    return lambda x: np.stack([np.interp(x, nodes, one) for one in each])
+
+
+def waves(pitch: float, orders: Sequence[float]) -> Callable[[Array], Array]:
+    """Sine and cosine of each order of the pitch."""
+
+    def basis(x: Array) -> Array:
+        angle = 2.0 * np.pi / pitch * np.multiply.outer(np.asarray(orders), x)
+        return np.concatenate([np.sin(angle), np.cos(angle)])
+
+    return basis
+
+
+def smoothers(size: Scales, motions: Sequence[Motion]) -> list[Smoother]:
+    """One for each coordinate of a motion, on grids that suit this machine's sizes; time has its own."""
+    # Friction changes over decades of speed, and of the way since a reversal.
+    speeds = np.concatenate([[0.0], np.geomspace(0.002, 1.0, 11)]) * size.speed
+    ways = np.concatenate([[0.0], size.length * np.geomspace(0.03, 3.0, 10)])
+    ways = np.concatenate([ways, np.geomspace(6.0 * size.length, max(size.stroke, 12.0 * size.length), 4)])
+    largest = float(np.percentile(np.concatenate([np.abs(one.acceleration) for one in motions]), 99.9))
+    places = np.linspace(size.centre - size.stroke, size.centre + size.stroke, 25)
+    accelerations, currents = np.linspace(-largest, largest, 11), np.linspace(-size.current, size.current, 15)
+    orders = sorted({*range(1, ORDERS + 1), *(n for n in size.orders.get("cogging", ()) if n > ORDERS)})
+    return [
+        _over("speed", lambda m: np.abs(m.velocity), speeds),
+        _over("acceleration", lambda m: m.acceleration, accelerations),
+        Smoother("direction", lambda m: m.velocity, lambda x: np.ones((1, len(x))), -size.speed, size.speed),
+        _over("displacement_since_reversal", lambda m: m.since, ways),
+        _over("position", lambda m: m.position, places),
+        Smoother("position_mod_pitch", lambda m: m.position, waves(size.pitch, orders), 0.0, size.pitch),
+        _over("current", lambda m: m.current, currents),
+    ]
+
+
+def _over(name: str, place: Callable[[Motion], Array], nodes: Array) -> Smoother:
+    return Smoother(name, place, hats(nodes), float(nodes[0]), float(nodes[-1]))
+
+
+def factor(part: str, m: Motion, size: Scales) -> Array:
+    """(n,) what a function is multiplied by; LOOP: which way the speed changes, with the sign of the velocity."""
+    side = np.where(np.abs(m.velocity) > STILL * size.speed, np.sign(m.velocity), 0.0)
+    if part == EVEN:
+        return np.ones(len(side))
+    if part == ODD:
+        return side
+    scale = float(np.abs(m.acceleration).max(initial=0.0)) or 1.0
+    return m.acceleration / scale if part == INERTIAL else np.tanh(5.0 * m.acceleration / scale)
+
+
+class Ground(NamedTuple):
+    """What brings an effort along a path to the ground of the residuals."""
+
+    model: Model
+    noise: cuts.Whitener
+
+    def bring(self, run: Run) -> Callable[[Array, bool], Array]:
+        """Whitened (m, 2) of signals (n,) along `run`, as an effort (N m | N) and, if asked, as a current (A)."""
+        answer, nothing = where.tracking(self.model, run.rows, run.mean.dt), np.zeros(run.rows)
+
+        def column(signal: Array, current: bool) -> Array:
+            lacks = Lacking(answer(signal), signal if current else nothing)
+            return rested(run, cuts.whitened(self.noise, lacks, run.mean.dt))
+
+        return column
+
+
+def names(one: Smoother, part: str) -> list[str]:
+    """Names of the columns of one part."""
+    count = len(one.basis(np.zeros(1)))
+    return [f"{one.coordinate}.{part}.{k}" for k in range(count)]
+
+
+def columns_of(
+    ground: Ground, runs: Sequence[Run], of: tuple[Sequence[Motion], Scales], parts: Mapping[str, Sequence[Smoother]]
+) -> list[dict[str, list[Array]]]:
+    """Columns of each run for the smoothers of each part, over all cores."""
+    motions, size = of
+
+    def found(pair: tuple[Run, Motion]) -> dict[str, list[Array]]:
+        run, m = pair
+        columns: dict[str, list[Array]] = {}
+        bring = ground.bring(run)
+        for part, chosen in parts.items():
+            side = factor(part, m, size)
+            for one in chosen:
+                signals, drive = one.basis(one.place(m)) * side, one.coordinate in OF_A_DRIVE
+                columns |= {name: [bring(x, drive)] for name, x in zip(names(one, part), signals, strict=True)}
+        return columns
+
+    return in_parallel(found, list(zip(runs, motions, strict=True)))
+
+
+def clock_columns(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]) -> list[dict[str, list[Array]]]:
+    """Time as a coordinate: what friction and damping change by from repeat to repeat of one experiment.
+
+    Only differences between repeats count: over an experiment's own duration time is what the experiment is.
+    """
+    starts = np.array([log.start for run in runs for log in run.logs])
+    middle, span = float(starts.mean()), max(float(np.ptp(starts)), 1e-9)
+    found = []
+    for run, m in zip(runs, motions, strict=True):
+        clock = np.array([(log.start - middle) / span for log in run.logs])
+        columns: dict[str, list[Array]] = {}
+        bring = ground.bring(run)
+        for name, signal in (("side", np.sign(m.velocity)), ("velocity", m.velocity)):
+            column = bring(signal, False)
+            for power in (1, 2):
+                curve = clock**power
+                columns[f"{TIME}.{name}.{power}"] = [column * x for x in (curve - curve.mean()).tolist()]
+        found.append(columns)
+    return found
