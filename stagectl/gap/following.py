@@ -67,7 +67,7 @@ def propose(session: Session, models: Models, floor: float, seen: Collection[str
     """
     space = room(session)
     if len(models) < 2:
-        return coverage.advised(session, space)
+        return _uncovered(session, space, floor)
     best = _best(session, space, models, floor, {*seen, *(log.experiment for log in session.logs)})
     if best is None or best.separation < HIDDEN:
         return _by_hand(tuple(models))
@@ -154,7 +154,7 @@ def _plain(bench: Bench, model: Stage) -> Tangent:
 
 def _smallest(distances: Sequence[float]) -> float:
     """Zero where a simulation has diverged: nothing can be said of such an experiment."""
-    return min(distances) if all(map(math.isfinite, distances)) else 0.0
+    return min(distances, default=0.0) if all(map(math.isfinite, distances)) else 0.0
 
 
 def finalists(tried: Sequence[Trial], space: Room) -> list[Trial]:
@@ -212,18 +212,32 @@ def exceeding(p: Trial, space: Room) -> list[str]:
 
 
 def _next(space: Room, best: Trial, names: tuple[str, ...]) -> Next:
-    one = best.experiment
-    return Next(one.name, f"{one.name}.yaml", names, best.separation, one.duration, _words(space, best), yaml_of(one))
-
-
-def _words(space: Room, best: Trial) -> str:
-    """What it does, how often, and what to heed."""
-    said = [best.experiment.separates, _often(best.separation), *space.heeds()]
-    if beyond := exceeding(best, space):
-        said.append(f"It goes beyond what the logs have shown, to {' and '.join(beyond)}: see that the machine may.")
+    words = [best.experiment.separates, _often(best.separation), *_heeds(space, best)]
     if _COLD in best.experiment.effects:
-        said.append("Run it with the machine cold, then again.")
-    return "  ".join(said)
+        words.append("Run it with the machine cold, then again.")
+    return _made(best, names, words)
+
+
+def _uncovered(session: Session, space: Room, floor: float) -> Next | None:
+    """The experiment for what no run has shown, put to the nominal model only to see how hard it is."""
+    found = coverage.advised(session, space)
+    if found is None:
+        return None
+    one, lacking = found
+    trial = _tried(_bench(session, space, predicted.noise_of(session, floor), one), one, {"nominal": session.stage})
+    return _made(trial, (), [lacking, one.separates, *_heeds(space, trial)])
+
+
+def _made(p: Trial, names: tuple[str, ...], words: Sequence[str]) -> Next:
+    one = p.experiment
+    return Next(one.name, f"{one.name}.yaml", names, p.separation, one.duration, "  ".join(words), yaml_of(one))
+
+
+def _heeds(space: Room, p: Trial) -> list[str]:
+    """What whoever runs it must know."""
+    beyond = " and ".join(exceeding(p, space))
+    said = [f"It goes beyond what the logs have shown, to {beyond}: see that the machine may."] if beyond else []
+    return [*space.heeds(), *said]
 
 
 def _often(separation: float) -> str:

@@ -259,3 +259,24 @@ def test_logs_that_never_move_are_refused(session: Session) -> None:
     still = [log._replace(position=0.0 * log.position, reference=0.0 * log.position) for log in session.logs]
     with pytest.raises(GapError, match=r"no log of .* moves: .* record one sine"):
         following.propose(session._replace(logs=tuple(still)), {}, NAN)
+
+
+def test_a_one_sided_record_starts_in_the_middle(session: Session) -> None:
+    """Logs that go up from where they begin leave no room downwards; the middle does, and the words say so."""
+    up = [log._replace(position=log.position + 5.236, reference=log.position + 5.236) for log in session.logs]
+    begins = [log._replace(reference=np.concatenate([[0.0], log.position[1:]])) for log in up]
+    found = room.room(session._replace(logs=tuple(begins)))
+    assert found.start == pytest.approx(5.236, rel=1e-3)
+    assert found.heeds()[0].startswith("Start in the middle of the travel, at 10")
+
+
+def test_a_gentle_record_asks_to_see_that_the_machine_may(session: Session) -> None:
+    """Stairs need more current than logs that crept: the words say how much."""
+    gentle = [
+        log._replace(command=0.01 * log.command, current=0.01 * log.current)
+        for log in session.logs
+        if log.command is not None and log.current is not None
+    ]
+    found = following.propose(session._replace(logs=tuple(gentle)), {}, NAN)
+    assert found is not None and found.name == "stairs"
+    assert "It goes beyond what the logs have shown, to " in found.words and " A (the logs: 0.1" in found.words
