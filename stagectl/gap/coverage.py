@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap import battery, scale
-from stagectl.gap.experiment import Experiment, yaml_of
-from stagectl.gap.found import Next
+from stagectl.gap.experiment import Experiment
 from stagectl.gap.room import WINDOW, Room
 from stagectl.gap.runs import REST, standstills
 from stagectl.gap.session import Array, Log, Session
@@ -46,19 +45,13 @@ def uncovered(session: Session) -> tuple[str, ...]:
     return tuple(words for words, _ in _gaps(session))
 
 
-def advised(session: Session, space: Room) -> Next | None:
-    """The experiment of the battery for the first of `uncovered`; None where everything was shown."""
+def advised(session: Session, space: Room) -> tuple[Experiment, str] | None:
+    """The experiment of the battery for the first of `uncovered`, which is told with it; None where all was shown."""
     gaps = _gaps(session)
     if not gaps:
         return None
     words, name = gaps[0]
-    one = next(one for one in battery.made(space.scale) if one.name == name)
-    return _next(one, words, space)
-
-
-def _next(one: Experiment, words: str, space: Room) -> Next:
-    said = "  ".join([f"{words[0].upper()}{words[1:]}.", one.separates, *space.heeds()])
-    return Next(one.name, f"{one.name}.yaml", (), 0.0, one.duration, said, yaml_of(one))
+    return next(one for one in battery.made(space.scale) if one.name == name), f"{words[0].upper()}{words[1:]}."
 
 
 def _gaps(session: Session) -> list[tuple[str, str]]:

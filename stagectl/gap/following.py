@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from stagectl.kernels.stage import Stage
 
 PROMISING = 12  # experiments that are simulated
 FINALISTS = 3  # ... and refitted
+MOTION, MOTION_REFITTED = 90.0, 30.0  # s of machine time that they may take together
 CLEAR = 10.0  # sigma that one run of the experiment should give
 HIDDEN = 1.0  # sigma below which all motions look alike
 LONGEST = 60.0  # s, of an experiment that is simulated
@@ -39,6 +40,7 @@ _ROLLING = frozenset({"presliding", "backlash", "cable_hysteresis"})  # friction
 _COLD = "thermal_viscous"  # experiments that bear on it are run with the machine cold
 
 Models = Mapping[str, Stage]
+T = TypeVar("T")
 
 
 class Trial(NamedTuple):
@@ -65,7 +67,7 @@ def propose(session: Session, models: Models, floor: float, seen: Collection[str
     """
     space = room(session)
     if len(models) < 2:
-        return coverage.advised(session, space)
+        return _uncovered(session, space, floor)
     best = _best(session, space, models, floor, {*seen, *(log.experiment for log in session.logs)})
     if best is None or best.separation < HIDDEN:
         return _by_hand(tuple(models))
@@ -74,15 +76,26 @@ def propose(session: Session, models: Models, floor: float, seen: Collection[str
 
 def _best(session: Session, space: Room, models: Models, floor: float, known: Collection[str]) -> Trial | None:
     noise = predicted.noise_of(session, floor)
-    smooth = {name: _stepless(models[name]) for name in sorted(models, key=lambda name: _slow(models[name]))}
+    smooth = _stepless(models)
     chosen = promising([one for one in experiments.made(space.scale) if one.name not in known], tuple(models))
     tried = in_parallel(lambda one: _tried(_bench(session, space, noise, one), one, smooth), chosen)
     return max(_refitted(finalists(tried, space), smooth), key=lambda one: one.rate, default=None)
 
 
-def _stepless(p: Stage) -> Stage:
-    """Without the encoder's steps: two simulations that round in other rows differ by noise of their own."""
-    return p._replace(encoder=p.encoder._replace(step=0.0))
+def _stepless(models: Models) -> dict[str, Stage]:
+    """Without the steps of command and encoder that all share: two simulations that round apart differ by chance.
+
+    First those that are quick to simulate, as it is they that are refitted.
+    """
+    shared = len({(p.drive.current_quantum, p.encoder.step) for p in models.values()}) == 1
+    return {
+        name: _smooth(models[name]) if shared else models[name]
+        for name in sorted(models, key=lambda name: _slow(models[name]))
+    }
+
+
+def _smooth(p: Stage) -> Stage:
+    return p._replace(drive=p.drive._replace(current_quantum=0.0), encoder=p.encoder._replace(step=0.0))
 
 
 def _slow(p: Stage) -> bool:
@@ -94,7 +107,18 @@ def promising(known: Sequence[Experiment], names: Collection[str]) -> list[Exper
     """The experiments that bear on most of these effects, the shorter first where they bear on as many."""
     short = [one for one in known if one.duration <= LONGEST]
     bearing = [one for one in short if set(one.effects) & set(names)]
-    return sorted(bearing or short, key=lambda one: (-len(set(one.effects) & set(names)), one.duration))[:PROMISING]
+    ranked = sorted(bearing or short, key=lambda one: (-len(set(one.effects) & set(names)), one.duration))
+    return _within(ranked, [one.duration for one in ranked], PROMISING, MOTION)
+
+
+def _within(ranked: Sequence[T], durations: Sequence[float], most: int, seconds: float) -> list[T]:
+    """The first of `ranked`, at least one, as many as take `seconds` of motion together."""
+    total = itertools.accumulate(durations)
+    return [
+        one
+        for k, (one, until) in enumerate(zip(ranked, total, strict=True))
+        if k < most and (k == 0 or until <= seconds)
+    ]
 
 
 def _bench(session: Session, space: Room, noise: Noise, one: Experiment) -> Bench:
@@ -130,13 +154,14 @@ def _plain(bench: Bench, model: Stage) -> Tangent:
 
 def _smallest(distances: Sequence[float]) -> float:
     """Zero where a simulation has diverged: nothing can be said of such an experiment."""
-    return min(distances) if all(map(math.isfinite, distances)) else 0.0
+    return min(distances, default=0.0) if all(map(math.isfinite, distances)) else 0.0
 
 
 def finalists(tried: Sequence[Trial], space: Room) -> list[Trial]:
     """The best by what they tell a second; beyond what the logs have shown only where nothing else is clear."""
     within = [one for one in tried if one.separation > CLEAR and not exceeding(one, space)]
-    return sorted(within or tried, key=lambda one: -one.rate)[:FINALISTS]
+    ranked = sorted(within or tried, key=lambda one: -one.rate)
+    return _within(ranked, [one.experiment.duration for one in ranked], FINALISTS, MOTION_REFITTED)
 
 
 def _refitted(chosen: Sequence[Trial], models: Models) -> list[Trial]:
@@ -155,7 +180,7 @@ def _refitted(chosen: Sequence[Trial], models: Models) -> list[Trial]:
 
     def apart(pair: tuple[int, str, str]) -> float:
         number, one, truth = pair
-        return hiding.apart(chosen[number].bench, known[number, one], free[one], known[number, truth].value)
+        return hiding.refitted(chosen[number].bench, known[number, one], free[one], known[number, truth].value)
 
     pairs = [(k, one, truth) for k in range(len(chosen)) for one, truth in itertools.combinations(ready, 2)]
     distances = dict(zip(pairs, in_parallel(apart, pairs), strict=True))
@@ -187,18 +212,32 @@ def exceeding(p: Trial, space: Room) -> list[str]:
 
 
 def _next(space: Room, best: Trial, names: tuple[str, ...]) -> Next:
-    one = best.experiment
-    return Next(one.name, f"{one.name}.yaml", names, best.separation, one.duration, _words(space, best), yaml_of(one))
-
-
-def _words(space: Room, best: Trial) -> str:
-    """What it does, how often, and what to heed."""
-    said = [best.experiment.separates, _often(best.separation), *space.heeds()]
-    if beyond := exceeding(best, space):
-        said.append(f"It goes beyond what the logs have shown, to {' and '.join(beyond)}: see that the machine may.")
+    words = [best.experiment.separates, _often(best.separation), *_heeds(space, best)]
     if _COLD in best.experiment.effects:
-        said.append("Run it with the machine cold, then again.")
-    return "  ".join(said)
+        words.append("Run it with the machine cold, then again.")
+    return _made(best, names, words)
+
+
+def _uncovered(session: Session, space: Room, floor: float) -> Next | None:
+    """The experiment for what no run has shown, put to the nominal model only to see how hard it is."""
+    found = coverage.advised(session, space)
+    if found is None:
+        return None
+    one, lacking = found
+    trial = _tried(_bench(session, space, predicted.noise_of(session, floor), one), one, {"nominal": session.stage})
+    return _made(trial, (), [lacking, one.separates, *_heeds(space, trial)])
+
+
+def _made(p: Trial, names: tuple[str, ...], words: Sequence[str]) -> Next:
+    one = p.experiment
+    return Next(one.name, f"{one.name}.yaml", names, p.separation, one.duration, "  ".join(words), yaml_of(one))
+
+
+def _heeds(space: Room, p: Trial) -> list[str]:
+    """What whoever runs it must know."""
+    beyond = " and ".join(exceeding(p, space))
+    said = [f"It goes beyond what the logs have shown, to {beyond}: see that the machine may."] if beyond else []
+    return [*space.heeds(), *said]
 
 
 def _often(separation: float) -> str:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap import friction_family, library, predicted
+from stagectl.gap import friction_family, grams, library, predicted
 from stagectl.gap.predicted import Bench, told
 from stagectl.gap.session import Array
 from stagectl.kernels import stage
@@ -22,9 +22,9 @@ from stagectl.kernels.stage import Stage
 STEPS = 8  # of the refit
 FARTHEST = 0.5  # that a nuisance may move in one step, in its own size (most: a log of the ratio)
 GROUPS = 8  # of elements of the friction law
-SHORT = 3.0  # times what a refit leaves of a machine that it could meet
+SHORT = 0.02  # of a distance: a refit that leaves less may have stopped short
+SHORTER = 0.3  # of a step that led nowhere
 SETTLED = 0.98  # of the distance: a step that leaves more of it is the last one
-_RIDGE = 1e-10
 
 
 class Nuisance(NamedTuple):
@@ -104,45 +104,36 @@ def linear(p: Tangent, truth: Array) -> float:
     return float(np.linalg.norm(lacks - _step(p.slopes, lacks) @ p.slopes))
 
 
-def apart(bench: Bench, p: Tangent, free: Sequence[Nuisance], truth: Array) -> float:
-    """Distance (sigma) of `truth` from the best refit of `p`, less what the refit itself leaves.
-
-    Around standstill a prediction is no smooth function of its nuisances, and a refit stops short.  How far, a machine
-    tells that differs from `p` in nuisances alone, by as much as `truth` seems to.
-    """
-    moved = np.clip(_step(p.slopes, truth - p.value), -FARTHEST, FARTHEST)
-    own = told(bench, _moved(p.model, free, moved), moved[-1] * bench.dt).values
-    left, short = refitted(bench, p, free, truth), refitted(bench, p, free, own)
-    return max(left - SHORT * short, 0.0)
-
-
 def refitted(bench: Bench, p: Tangent, free: Sequence[Nuisance], truth: Array) -> float:
-    """Distance (sigma) of `truth` from the best refit of `p`: Gauss-Newton, its slopes updated by Broyden's rule."""
+    """Distance (sigma) of `truth` from the best refit of `p`: Gauss-Newton, its slopes updated by Broyden's rule.
+
+    Zero where nearly all of it is hidden: around standstill a prediction is no smooth function of its nuisances, and
+    a refit stops short of the last per cent.
+    """
     place, value, slopes = np.zeros(len(p.slopes)), p.value, p.slopes.copy()
-    best, share = float(np.linalg.norm(truth - value)), 1.0
+    whole = float(np.linalg.norm(truth - value))
+    best, share = whole, 1.0
     for _ in range(STEPS):
-        step = _step(slopes, truth - value)
-        step *= share * min(1.0, FARTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-300))
+        step = share * _step(slopes, truth - value)
         after = told(bench, _moved(p.model, free, place + step), (place + step)[-1] * bench.dt).values
         distance = float(np.linalg.norm(truth - after))
         if math.isfinite(distance):
             slopes += np.outer(step / max(float(step @ step), 1e-300), after - value - step @ slopes)
         if not distance < best:
-            share *= 0.3
+            share *= SHORTER
             continue
-        if distance > SETTLED * best:
-            return distance
+        settled = distance > SETTLED * best
         place, value, best, share = place + step, after, distance, 1.0
-    return best
+        if settled:
+            break
+    return best if best > SHORT * whole else 0.0
 
 
 def _step(slopes: Array, lacks: Array) -> Array:
-    """Least squares (k,) by columns of unit length."""
-    size = np.sqrt(np.sum(slopes * slopes, axis=1)) + 1e-300
-    unit = slopes / size[:, None]
-    matrix = unit @ unit.T
-    found: Array = np.linalg.solve(matrix + _RIDGE * np.eye(len(matrix)), unit @ lacks) / size
-    return found
+    """Least squares (k,) with no nuisance farther than it may move at once."""
+    columns = np.vstack([slopes, lacks])
+    farthest = np.full(len(slopes), FARTHEST)
+    return grams.bounded(columns @ columns.T, range(len(slopes)), -farthest, farthest)
 
 
 def _moved(p: Stage, free: Sequence[Nuisance], place: Array) -> Stage:

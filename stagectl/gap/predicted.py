@@ -65,7 +65,7 @@ def noise_of(session: Session, floor: float) -> Noise:
     segment = min([SEGMENT, *(log.rows for log in session.logs)])
     position = _density([_deviations(each, "position") for each in repeated], session.dt, segment)
     current = _density([_deviations(each, _signal(session)) for each in repeated], session.dt, segment)
-    frequency = np.asarray(np.fft.rfftfreq(segment, session.dt), dtype=np.float64)
+    frequency: Array = np.arange(segment // 2 + 1, dtype=np.float64) / (segment * session.dt)
     step = session.stage.encoder.step / math.sqrt(12.0)
     if not repeated and math.isfinite(floor):
         step = max(step, floor)

@@ -34,7 +34,7 @@ class Seen(NamedTuple):
 
     low: float  # rad | m
     high: float
-    begins: float  # where most logs begin
+    begins: float  # where most logs begin, by their reference
     speed: float  # rad/s | m/s
     acceleration: float  # rad/s^2 | m/s^2
     current: float  # A
@@ -73,7 +73,7 @@ def seen(session: Session) -> Seen:
     """
     positions = [log.position for log in session.logs]
     low, high = min(float(x.min()) for x in positions), max(float(x.max()) for x in positions)
-    begins = float(np.median([x[0] for x in positions]))
+    begins = float(np.median([(log.position if log.reference is None else log.reference)[0] for log in session.logs]))
     rates = np.array([_rates(log, session.dt) for log in session.logs])
     speed, acceleration = (float(one) for one in rates.max(axis=0))
     if not (high > low and speed > 0.0):

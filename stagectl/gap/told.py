@@ -161,7 +161,8 @@ def advice(found: Found) -> list[str]:
     apart = " from ".join(words.effect(name) for name in one.separates[:2])
     rest = [words.effect(name) for name in one.separates[2:]]
     told = f"tells {apart}" + (f" (and {', '.join(rest)})" if rest else "") if apart else "shows what no run has shown"
-    lines = [f"Next experiment: {one.name}. It {told} by {one.separation_sigma:.3g} sigma in {_machine(one.duration)}."]
+    how_far = f" by {one.separation_sigma:.3g} sigma" if one.separation_sigma > 0.0 else ""
+    lines = [f"Next experiment: {one.name}. It {told}{how_far} in {_machine(one.duration)}."]
     return [*lines, one.words] if one.words else lines
 
 

@@ -1,0 +1,61 @@
+"""`gap next`: the proposed trajectory as a file, and how to run it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import typer
+
+from stagectl.cli import gap_next
+from stagectl.gap.found import Next
+from stagectl.gap.session import GapError
+from stagectl.gap.stored import save
+from tests.gap.examples import found
+
+TEXT = "type: sine\namplitude: 5 mm\nfrequency: 2 Hz\n"
+MOTION = Next("micro-sweep", "micro-sweep.yaml", ("backlash", "presliding"), 31.4, 18.2, "Micro-sines.", TEXT)
+HAND = Next("added mass", "", ("inertia", "force_constant"), 0.0, 900.0, "Weigh a mass.")
+
+
+def following(folder: Path, proposed: Next | None, *options: str) -> int:
+    save(found("effects", next_experiment=proposed), folder)
+    app = typer.Typer()
+    gap_next.register(app)
+    app.callback()(lambda: None)
+    return int(app(["next", str(folder), *options], standalone_mode=False) or 0)
+
+
+def test_the_file_and_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert following(tmp_path, MOTION) == 0
+    assert (tmp_path / "micro-sweep.yaml").read_text() == TEXT
+    told = capsys.readouterr().err
+    assert "tells backlash from presliding friction by 31.4 sigma in 18 s" in told
+    path = tmp_path / "micro-sweep.yaml"
+    assert f"stagectl run STAGE.yaml {path} --output {tmp_path / 'micro-sweep-1.h5'}" in told
+    assert f"stagectl gap diagnose {tmp_path}" in told
+    assert following(tmp_path, MOTION) == 0  # again: the file is the same
+
+
+def test_a_folder_from_elsewhere_gets_a_capture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "captures.yaml").write_text("captures: []\n")
+    assert following(tmp_path, MOTION, "-o", str(tmp_path / "other.yaml")) == 0
+    assert (tmp_path / "other.yaml").read_text() == TEXT and not (tmp_path / "micro-sweep.yaml").exists()
+    assert f"add the log to {tmp_path / 'captures.yaml'}" in capsys.readouterr().err
+
+
+def test_nothing_of_the_user_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "micro-sweep.yaml").write_text("mine\n")
+    with pytest.raises(GapError, match=r"micro-sweep.yaml exists and holds something else: .* with -o"):
+        following(tmp_path, MOTION)
+    assert (tmp_path / "micro-sweep.yaml").read_text() == "mine\n"
+
+
+def test_by_hand_and_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert following(tmp_path, HAND) == 0
+    told = capsys.readouterr().err
+    assert "tells inertia from force constant in 15 min" in told and "Weigh a mass." in told
+    assert following(tmp_path, HAND, "-o", str(tmp_path / "a.yaml")) == 1
+    assert not (tmp_path / "a.yaml").exists()
+    assert following(tmp_path, None) == 0
+    assert "no experiment is proposed" in capsys.readouterr().err
