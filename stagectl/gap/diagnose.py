@@ -18,14 +18,18 @@ from stagectl.gap import base, candidates, columns, grams, null, refine, search,
 from stagectl.gap.candidates import equipped
 from stagectl.gap.columns import Model
 from stagectl.gap.controller import Parity, parity
+from stagectl.gap.coordinates import coordinates
 from stagectl.gap.following import propose
 from stagectl.gap.found import NAMED, NOISE, UNEXPLAINED, Effect, Found, Gap, Next, Shape, Trace
+from stagectl.gap.library import Scales
 from stagectl.gap.orders import orders
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.runs import runs
 from stagectl.gap.search import Library, Selected
 from stagectl.gap.session import Array, Log, Session
 from stagectl.gap.told import sentence
+from stagectl.gap.unknown import as_table
+from stagectl.gap.unknown import unknown as find_unknown
 from stagectl.kernels.stage import Stage
 
 Say = Callable[[str], None]  # what is being done
@@ -82,7 +86,8 @@ def diagnose(session: Session, options: Options, say: Say) -> Diagnosis:
     refitted = base.refit(session, training, columns.model_of(session, session.stage), options.excluded)
     evidence = refine.evidence(training, refitted)
     clock("effects simulated along the measured paths")
-    library = candidates_of(session, evidence, options)
+    size = sizes.scales(session, training, orders(training, refitted.after, session.stage.mechanics.pitch))
+    library = candidates_of(evidence, size, options)
     clock("search")
     selected = search.search(evidence, library, say)
     clock("parameters")
@@ -90,7 +95,7 @@ def diagnose(session: Session, options: Options, say: Say) -> Diagnosis:
     moved = shifts.shifts(session, evidence, selected.fitted, before)
     named = verdict.named_effects(session, evidence, selected, library)
     clock("where")
-    unknown = None
+    unknown = find_unknown(evidence, selected.fitted, library, size)
     clock("held-out runs simulated")
     effects = [*verdict.shifted(session, moved, selected.fitted), *named]
     effects = [one for one in effects if one.name not in options.excluded]
@@ -116,11 +121,9 @@ def unidentifiable(session: Session) -> str:
     return ""
 
 
-def candidates_of(session: Session, e: Evidence, options: Options) -> Library:
+def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     """All effects with their columns on these data, and what the null ensemble gives each."""
-    seen = orders(e.runs, e.base.after, session.stage.mechanics.pitch)
-    effects = candidates.library(sizes.scales(session, e.runs, seen))
-    forms = candidates.forms(candidates.without(effects, options.excluded))
+    forms = candidates.forms(candidates.without(candidates.library(size), options.excluded))
     directions = [one for form in forms for one in candidates.directions(form)]
     without = null.members(e.base.model, MEMBERS[options.full], SEED)
     found = columns.all_columns(e.base.model, e.runs, [*directions, *without], e.base.noise)
@@ -153,7 +156,7 @@ def _assembled(
         gap=told.gap,
         gaps=told.gaps,
         blocks=where.blocks(e, now, agreement),
-        coordinates=(),
+        coordinates=coordinates(e, sizes.scales(session, e.runs, {})),
         captures=tuple(where.spans(e, now, e.runs)),
         shares=tuple(told.shares.items()),
         unknown=unknown,
@@ -307,4 +310,4 @@ def _blank(session: Session, name: str, reason: str) -> Found:
 def improved_stage(now: Fitted, unknown: Shape | None) -> Stage:
     """The nominal stage with all that was found in it: what `--predictions` runs."""
     stage = now.equipped.stage
-    return stage
+    return stage if unknown is None else stage._replace(residual=as_table(unknown))

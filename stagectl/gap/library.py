@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from stagectl.kernels import friction
 from stagectl.kernels.stage import Stage
 
 Values = Mapping[str, float]
+Block = TypeVar("Block")  # a NamedTuple of parameters
 
 
 class Scales(NamedTuple):
@@ -85,10 +86,12 @@ class Definition(NamedTuple):
     bent: bool = False  # so far from linear that its columns hold at their typical sizes only
 
 
-def put(p: Any, place: str, value: Any) -> Any:
+def put(p: Block, place: str, value: Any) -> Block:
     """`p` with the field at the dotted `place` replaced."""
     name, _, rest = place.partition(".")
-    return p._replace(**{name: put(getattr(p, name), rest, value) if rest else value})
+    block: Any = p
+    changed: Block = block._replace(**{name: put(getattr(p, name), rest, value) if rest else value})
+    return changed
 
 
 def get(p: Any, place: str) -> Any:

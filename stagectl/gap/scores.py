@@ -97,7 +97,7 @@ def _solved(matrix: Array, at: Sequence[int], form: Form) -> Array:
     a = matrix[np.ix_(list(at), list(at))]
     if not np.all(np.diag(a) > 0.0):
         return np.zeros(len(at))
-    return np.linalg.lstsq(a, matrix[list(at), -1], rcond=1e-12)[0]
+    return np.asarray(np.linalg.lstsq(a, matrix[list(at), -1], rcond=1e-12)[0], dtype=np.float64)
 
 
 def _admissible(form: Form, amplitude: Array) -> bool:

@@ -27,6 +27,7 @@ from stagectl.gap.session import Array
 
 MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
+ALONE = 0.1  # the same where nothing was repeated: there is no floor, and form error counts as gap
 SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms
 RIVAL = 0.7  # of the largest gain: from there on another effect is refined, too, before one is chosen
 
@@ -131,12 +132,17 @@ def closable(g: Grams) -> tuple[float, float]:
     return float(both - g.floor.sum()), float(current - g.floor[:, 1].sum())
 
 
-def _eligible(g: Grams, found: Sequence[Score], library: Library) -> list[Score]:
+def material(e: Evidence) -> float:
+    """Share of what is left that an effect must take."""
+    return MATERIAL if any(len(one) > 1 for one in e.deviations) else ALONE
+
+
+def _eligible(e: Evidence, g: Grams, found: Sequence[Score], library: Library) -> list[Score]:
     whole, drive = closable(g)
     good = []
     for score in best_of(found).values():
         effect = score.form.effect
-        least = MATERIAL * (drive if effect.block == "drive" else whole)
+        least = material(e) * (drive if effect.block == "drive" else whole)
         limit = library.thresholds[effect.name].limit if effect.name in library.thresholds else 0.0
         if score.gain > max(limit, least, 0.0) and score.worst > 0.0:
             good.append(score)
@@ -146,7 +152,7 @@ def _eligible(g: Grams, found: Sequence[Score], library: Library) -> list[Score]
 def _next(e: Evidence, library: Library, now: Fitted, dropped: frozenset[str]) -> Fitted | None:
     """The model with one effect more, or None where no candidate is good enough; what was dropped does not return."""
     g, found = _scored(e, library, now)
-    good = [score for score in _eligible(g, found, library) if score.form.effect.name not in dropped]
+    good = [score for score in _eligible(e, g, found, library) if score.form.effect.name not in dropped]
     if not good:
         return None
     rivals = [score for score in good if score.gain >= RIVAL * good[0].gain][:2]
@@ -168,7 +174,7 @@ def _pruned(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
         rest = [other for other in now.effects if other is not one]
         less = refine.refine(e, now.model, rest, 1)
         limit = library.thresholds[one.effect.name].limit if one.effect.name in library.thresholds else 0.0
-        if less.misfit - now.misfit < max(limit, MATERIAL * (less.misfit - floor(e))):
+        if less.misfit - now.misfit < max(limit, material(e) * (less.misfit - floor(e))):
             say(f"dropped {one.effect.name}")
             return _pruned(e, library, less, say)
     return now

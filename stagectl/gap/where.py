@@ -189,7 +189,8 @@ def _mass(m: Mechanics, z: NDArray[np.complex128], dt: float) -> NDArray[np.comp
     a, gain = np.exp(-rate * dt), 1.0 / m.viscous
     velocity = (1.0 - a) / (z - a)  # times gain
     moved: NDArray[np.complex128] = (dt - (1.0 - a) / rate + (1.0 - a) / rate * velocity) / (z - 1.0)
-    return gain * moved
+    mass: NDArray[np.complex128] = gain * moved
+    return mass
 
 
 def _open_by_residual(e: Evidence, now: Fitted, runs: Sequence[Run]) -> list[list[Flags]]:
