@@ -132,7 +132,7 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     nuisance = [*g.of(refine.nuisances(e)), *g.of(search.beside(e))]
     limits = search.thresholds(g, nuisance, forms)
     kept = [{name: one for name, one in new.items() if not name.startswith(null.PREFIX)} for new in found]
-    return Library(tuple(forms), kept, limits)
+    return Library(tuple(forms), kept, limits, g)
 
 
 def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:

@@ -27,6 +27,7 @@ from stagectl.gap.session import Array
 
 MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
+OF_ALL = 0.01  # of the closable gap that the base refit left: less is the form of something else
 ALONE = 0.1  # the same where nothing was repeated: there is no floor, and form error counts as gap
 SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms
 RIVAL = 0.7  # of the largest gain: from there on another effect is refined, too, before one is chosen
@@ -45,6 +46,7 @@ class Library(NamedTuple):
     forms: tuple[Form, ...]
     columns: list[dict[str, list[Array]]]  # of each run
     thresholds: Mapping[str, Threshold]  # by effect
+    first: Grams  # of what the base refit left
 
 
 class Selected(NamedTuple):
@@ -142,7 +144,8 @@ def _eligible(e: Evidence, g: Grams, found: Sequence[Score], library: Library) -
     good = []
     for score in best_of(found).values():
         effect = score.form.effect
-        least = material(e) * (drive if effect.block == "drive" else whole)
+        first = closable(library.first)[1 if effect.block == "drive" else 0]
+        least = max(material(e) * (drive if effect.block == "drive" else whole), OF_ALL * first)
         limit = library.thresholds[effect.name].limit if effect.name in library.thresholds else 0.0
         if score.gain > max(limit, least, 0.0) and score.worst > 0.0:
             good.append(score)

@@ -17,7 +17,8 @@ from stagectl.kernels.stage import Stage
 
 AS_GOOD = 0.9  # of an effect's own gain: what takes as much explains these data as well
 SHARPNESS = 8.0  # how fast a rival's weight falls with what it lacks of the gain
-STEEPNESS = 1.2  # of the probability over the logarithm of gain to limit
+STEEPNESS = 1.5  # with which doubt falls as the gain rises beyond its limit
+EVEN = 0.55  # least share of a found effect against its rivals
 
 
 def named_effects(session: Session, e: Evidence, selected: Selected, library: Library) -> list[Effect]:
@@ -48,12 +49,12 @@ def _effect(
     name = one.effect.name
     rivals = {other: share for other, share in selected.alternatives[name].items() if share > 0.0}
     certain = symmetries.alternatives(name, symmetries.EXACT)
-    close = tuple(other for other, share in sorted(rivals.items(), key=lambda x: -x[1]) if share >= AS_GOOD)
+    close = tuple(other for other, share in sorted(rivals.items(), key=lambda x: -x[1]) if share >= AS_GOOD and other not in symmetries.WIDER.get(name, ()))
     rest = [other for other in now.effects if other is not one]
     return Effect(
         name=name,
         alternatives=tuple(dict.fromkeys([*certain, *close])),
-        probability=probability(selected.gains[name], library.thresholds[name].limit, list(rivals.values())),
+        probability=probability(selected.gains[name], library.thresholds[name].limit, rivals, name),
         share=0.0,
         parameters=parameters(one, deviation, session.kind),
         block=one.effect.block,
@@ -62,11 +63,15 @@ def _effect(
     )
 
 
-def probability(gain: float, limit: float, rivals: Sequence[float]) -> float:
-    """That this effect is there, and that it is this one and none of its rivals (gains relative to its own)."""
-    there: float = 1.0 / (1.0 + (limit / max(gain, 1e-300)) ** STEEPNESS)
-    this: float = 1.0 / (1.0 + sum(min(share, 1.0) ** SHARPNESS for share in rivals))
-    return there * this
+def probability(gain: float, limit: float, rivals: Mapping[str, float], name: str) -> float:
+    """That this effect is there, and that it is this one and none of its rivals (gains relative to its own).
+
+    The search takes the best, so that it keeps at least an even chance against them all.
+    """
+    there = 1.0 - 0.5 * min(limit / max(gain, 1e-300), 1.0) ** STEEPNESS
+    wider = symmetries.WIDER.get(name, frozenset())  # what holds this effect as a special case is no rival to it
+    this = 1.0 / (1.0 + sum(min(share, 1.0) ** SHARPNESS for other, share in rivals.items() if other not in wider))
+    return there * max(this, EVEN)
 
 
 def changed(before: Stage, after: Stage) -> Fields:

@@ -56,7 +56,7 @@ def backlash(p: Stage, gap: float) -> Stage:
     changed = p.mechanics.transmission._replace(
         backlash=gap, load_share=0.3, load_friction=0.9, resonance=800.0, damping=0.1
     )
-    return library.put(p, "mechanics.transmission", changed)  # type: ignore[no-any-return]
+    return library.put(p, "mechanics.transmission", changed)
 
 
 def rivals(p: Stage) -> dict[str, Stage]:

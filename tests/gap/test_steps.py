@@ -1,0 +1,143 @@
+"""The steps of the diagnosis one by one: closed forms and properties, no whole pipeline."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stagectl.config.stage_file import load_stage
+from stagectl.gap import cuts, friction_family, grams, orders, shrink, tying
+from stagectl.gap.runs import half_strokes, known_from, standstills
+from stagectl.gap.tying import Lacking, Path as Measured
+from stagectl.kernels import feedback, stage, tied
+
+SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")
+
+
+def _driven(p: stage.Stage, amplitude: float = 3.0, seconds: float = 1.0) -> Measured:
+    """The stage in open loop under a current sine, sampled as a log is."""
+    n = round(seconds / SETUP.dt)
+    command = amplitude * np.sin(2.0 * math.pi * 2.0 * SETUP.dt * np.arange(n))
+    rows, x = np.empty((n, 3)), stage.at_rest(p)
+    for k in range(n):
+        rows[k] = command[k], x.position, x.current
+        x = stage.period(p, x, float(command[k]), stage.SILENT, SETUP.dt, 10)
+    return Measured(rows, 0.0, SETUP.dt)
+
+
+def _tied(p: stage.Stage) -> tied.Tied:
+    return tied.Tied(p, tying.tracker(SETUP.stage, SETUP.dt))
+
+
+def test_a_true_model_lacks_nothing() -> None:
+    lacks = tying.lacking(_tied(SETUP.stage), _driven(SETUP.stage), 10)
+    assert np.abs(lacks.effort).max() < 1e-9
+    assert np.abs(lacks.current).max() < 1e-12
+
+
+def test_a_constant_effort_is_told_as_it_is() -> None:
+    p = SETUP.stage
+    machine = p._replace(mechanics=p.mechanics._replace(bias=0.2))
+    lacks = tying.lacking(_tied(p), _driven(machine), 10)
+    assert np.median(lacks.effort[len(lacks.effort) // 2 :]) == pytest.approx(0.2, rel=0.02)
+
+
+def test_what_two_changes_lack_adds_up() -> None:
+    p = SETUP.stage
+    path = _driven(p)
+    damped = p._replace(mechanics=p.mechanics._replace(viscous=1.2 * p.mechanics.viscous))
+    heavy = p._replace(mechanics=p.mechanics._replace(inertia=1.1 * p.mechanics.inertia))
+    both = damped._replace(mechanics=damped.mechanics._replace(inertia=heavy.mechanics.inertia))
+    one, two, three = (tying.lacking(_tied(x), path, 10).effort for x in (damped, heavy, both))
+    assert np.linalg.norm(three - one - two) < 0.02 * np.linalg.norm(three)
+
+
+def test_the_tracker_does_not_change_with_the_candidate() -> None:
+    gains = feedback.place_poles(SETUP.stage.mechanics, SETUP.stage.motor.force_constant, tying.BANDWIDTH / SETUP.dt)
+    assert tying.tracker(SETUP.stage, SETUP.dt) == feedback.discretised(gains, SETUP.dt)
+
+
+def test_whitened_noise_is_flat() -> None:
+    source = np.random.default_rng(7)
+    noise = [Lacking(0.03 * source.standard_normal(20000), 0.01 * source.standard_normal(20000)) for _ in range(3)]
+    found = cuts.whitener(noise, (0.0, 0.0), SETUP.dt)
+    flat = found._replace(effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / cuts.ROLL_OFF))
+    white = cuts.whitened(flat, noise[0], SETUP.dt)[:, 0]
+    assert 0.85 < white.var() < 1.15
+
+
+def test_bounded_least_squares() -> None:
+    source = np.random.default_rng(3)
+    x = source.standard_normal((400, 3))
+    r = x @ np.array([2.0, -1.0, 0.5])
+    z = np.column_stack([x, r])
+    free = grams.bounded(z.T @ z, [0, 1, 2], np.full(3, -np.inf), np.full(3, np.inf))
+    assert free == pytest.approx([2.0, -1.0, 0.5], abs=1e-9)
+    held = grams.bounded(z.T @ z, [0, 1, 2], np.zeros(3), np.full(3, np.inf))
+    assert held[1] == pytest.approx(0.0, abs=1e-9) and held[0] > 1.5
+    assert grams.misfit(z.T @ z, [0, 1, 2], free) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_column_that_the_data_do_not_have_moves_nothing() -> None:
+    z = np.column_stack([np.arange(5.0), np.zeros(5), 2.0 * np.arange(5.0)])
+    found = grams.bounded(z.T @ z, [0, 1], np.full(2, -np.inf), np.full(2, np.inf))
+    assert found == pytest.approx([2.0, 0.0], abs=1e-6)
+
+
+def test_half_strokes_of_a_sine() -> None:
+    t = 0.001 * np.arange(4000)
+    number = half_strokes(np.sin(2.0 * math.pi * t), 0.001)  # four periods of one second
+    assert 8 <= number.max() + 1 <= 10
+    assert np.all(np.diff(number) >= 0)
+
+
+def test_standstills_are_found() -> None:
+    t = 0.001 * np.arange(1000)
+    position = np.where(t < 0.3, t, np.where(t < 0.7, 0.3, t - 0.4))
+    ((begin, end),) = standstills(position, 0.001)
+    assert begin == pytest.approx(300, abs=12) and end == pytest.approx(700, abs=12)
+
+
+def test_the_friction_is_known_once_its_zone_is_gone_through() -> None:
+    assert known_from(np.linspace(0.0, 1.0, 101), 0.1) == 31  # three zones
+    assert known_from(np.zeros(10), 0.1) == 0
+
+
+def test_the_family_holds_the_nominal_law_exactly() -> None:
+    p = SETUP.stage.friction
+    place = np.geomspace(1e-5, 1e-1, 50)
+    wide = friction_family.spread(p)
+    assert friction_family.reversal(wide, place) == pytest.approx(friction_family.reversal(p, place), abs=1e-12)
+    assert len(wide.operators.weight) > len(p.operators.weight)
+
+
+def test_a_law_as_stop_operators_keeps_its_curve() -> None:
+    p = SETUP.stage.friction
+    place = np.geomspace(1e-5, 1e-1, 50)
+    plain = friction_family.as_operators(p)
+    assert friction_family.reversal(plain, place) == pytest.approx(friction_family.reversal(p, place), abs=0.02)
+
+
+def test_an_order_of_the_pitch_is_found() -> None:
+    angle = np.linspace(0.0, 40.0, 4000)
+    whole = np.arange(1.0, 20.0)
+    signal = np.sin(7.0 * angle + 0.3) + 0.2 * np.random.default_rng(1).standard_normal(4000)
+    assert orders.peaks(whole, orders.power(signal, angle, whole))[0] == 7.0
+
+
+def test_shapley_shares_the_whole() -> None:
+    worth = {"": 10.0, "a": 4.0, "b": 7.0, "ab": 2.0}
+    found = shrink.shapley(["a", "b"], lambda members: worth["".join(sorted(members))])
+    assert found["a"] + found["b"] == pytest.approx(8.0)
+    assert found == pytest.approx({"a": 5.5, "b": 2.5})
+
+
+def test_closure_counts_above_the_floor() -> None:
+    ones = np.ones(20)
+    one = [shrink.Squares(value * ones, 10.0 * ones) for value in (101.0, 2.0, 1.0)]
+    gap = shrink.gap(one[0], one[1], one[2], "rad")
+    assert gap.closure == pytest.approx(0.99) and gap.low == pytest.approx(0.99) and gap.high == pytest.approx(0.99)
+    assert gap.before == pytest.approx(math.sqrt(10.1))
