@@ -128,11 +128,12 @@ def _tabled(one: Foretold) -> bool:
 
 
 def _shape(e: Evidence, now: Fitted, new: list[dict[str, list[Array]]], best: Foretold) -> Shape:
-    """Force over the coordinate, all parameters as they are: what the data-based term is to add."""
+    """Force over the coordinate, fitted beside the base's parameters: those have taken a part of it upon themselves."""
     one = best.smoother
     own = [name for part in best.parts for name in smoothers.names(one, part)]
     g = gathered(e, new, means(now.left), own)
-    amplitude = smooth(g.effort.sum(axis=0), g.of(own), 0)
+    beside = g.of(refine.nuisances(e))
+    amplitude = smooth(g.effort.sum(axis=0), [*beside, *g.of(own)], len(beside))[len(beside) :]
     split = dict(zip(best.parts, np.split(amplitude, len(best.parts)), strict=True))
     grid, force = _force(one, split)
     shape = Shape(one.coordinate, grid, force, min(best.share, 1.0))
@@ -157,6 +158,15 @@ def _fields(shape: Shape) -> tuple[tuple[str, str | float | tuple[float, ...]], 
         ("residual.step", p.step),
         ("residual.values", tuple(float(one) for one in p.values)),
     )
+
+
+def with_shape(e: Evidence, now: Fitted, shape: Shape) -> Fitted:
+    """`now` with the table of `shape` in its model, and all other parameters refitted beside it.
+
+    Without that refit the gap may widen: a base that had bent towards the unknown must bend back.
+    """
+    stage = now.model.stage._replace(residual=as_table(shape))
+    return refine.refine(e, now.model._replace(stage=stage), now.effects)
 
 
 def as_table(shape: Shape) -> effects.Table:
