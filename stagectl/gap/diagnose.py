@@ -23,13 +23,13 @@ from stagectl.gap.following import propose
 from stagectl.gap.found import NAMED, NOISE, UNEXPLAINED, Effect, Found, Gap, Next, Shape, Trace
 from stagectl.gap.library import Scales
 from stagectl.gap.orders import orders
-from stagectl.gap.refine import Evidence, Fitted
+from stagectl.gap.refine import Evidence
 from stagectl.gap.runs import runs
 from stagectl.gap.search import Library, Selected
 from stagectl.gap.session import Array, Log, Session
 from stagectl.gap.told import sentence
-from stagectl.gap.unknown import as_table
 from stagectl.gap.unknown import unknown as find_unknown
+from stagectl.gap.unknown import with_shape
 from stagectl.kernels.stage import Stage
 
 Say = Callable[[str], None]  # what is being done
@@ -99,7 +99,8 @@ def diagnose(session: Session, options: Options, say: Say) -> Diagnosis:
     clock("held-out runs simulated")
     effects = [*verdict.shifted(session, moved, selected.fitted), *named]
     effects = [one for one in effects if one.name not in options.excluded]
-    improved = improved_stage(selected.fitted, unknown)
+    fitted = selected.fitted if unknown is None else with_shape(evidence, selected.fitted, unknown)
+    improved = fitted.equipped.stage
     found = _assembled(session, evidence, selected, effects, (unknown, improved, agreement))
     clock("next experiment")
     following = _following(session, found, selected, evidence) if options.advice else None
@@ -131,8 +132,7 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     g = grams.grams(e.runs, joined, e.base.after, base.START)
     nuisance = [*g.of(refine.nuisances(e)), *g.of(search.beside(e))]
     limits = search.thresholds(g, nuisance, forms)
-    kept = [{name: one for name, one in new.items() if not name.startswith(null.PREFIX)} for new in found]
-    return Library(tuple(forms), kept, limits, g)
+    return Library(tuple(forms), found, limits, g)
 
 
 def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:
@@ -305,9 +305,3 @@ def _blank(session: Session, name: str, reason: str) -> Found:
         travel_unit=session.travel_unit,
     )
     return found._replace(sentence=sentence(found))
-
-
-def improved_stage(now: Fitted, unknown: Shape | None) -> Stage:
-    """The nominal stage with all that was found in it: what `--predictions` runs."""
-    stage = now.equipped.stage
-    return stage if unknown is None else stage._replace(residual=as_table(unknown))

@@ -29,6 +29,8 @@ MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
 OF_ALL = 0.01  # of the closable gap that the base refit left: less is the form of something else
 ALONE = 0.1  # the same where nothing was repeated: there is no floor, and form error counts as gap
+DOMINANT = 0.3  # relative drop from which an effect is judged by it alone
+BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
 SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms
 RIVAL = 0.7  # of the largest gain: from there on another effect is refined, too, before one is chosen
 
@@ -38,6 +40,7 @@ class Threshold(NamedTuple):
 
     largest: float  # gain of the sum of squares
     limit: float  # gain beyond which it counts as found
+    share: float  # largest relative drop that it gives on both hands; well beyond it counts as found, too
 
 
 class Library(NamedTuple):
@@ -65,22 +68,21 @@ Say = Callable[[str], None]
 def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict[str, Threshold]:
     """The gains of every effect on every machine of the null ensemble, and the limit beyond them.
 
-    The limit is the largest of them, and no less than mean plus three standard deviations of their logarithms.
+    The limit lies beyond the largest of them.
     """
     both, places = hands(g), [g.of(form.names) for form in forms]
-    found: dict[str, list[float]] = {}
+    found: dict[str, list[tuple[float, float]]] = {}
     for name in null.gains(g.names):
         member = g.names.index(name)
         best = best_of(scores(against(both, member), nuisance, places, forms))
         for effect, score in best.items():
-            found.setdefault(effect, []).append(max(score.gain, 1.0))
+            found.setdefault(effect, []).append((max(score.gain, 1.0), score.worst))
     return {effect: _threshold(np.array(gains)) for effect, gains in found.items()}
 
 
-def _threshold(gains: Array) -> Threshold:
-    logs = np.log(gains)
-    beyond = float(np.exp(logs.mean() + 3.0 * logs.std()))
-    return Threshold(float(gains.max()), max(float(gains.max()), beyond, SMALLEST))
+def _threshold(found: Array) -> Threshold:
+    gain, share = found.max(axis=0)
+    return Threshold(float(gain), max(BEYOND * float(gain), SMALLEST), float(share))
 
 
 def best_of(found: Sequence[Score]) -> dict[str, Score]:
@@ -146,8 +148,9 @@ def _eligible(e: Evidence, g: Grams, found: Sequence[Score], library: Library) -
         effect = score.form.effect
         first = closable(library.first)[1 if effect.block == "drive" else 0]
         least = max(material(e) * (drive if effect.block == "drive" else whole), OF_ALL * first)
-        limit = library.thresholds[effect.name].limit if effect.name in library.thresholds else 0.0
-        if score.gain > max(limit, least, 0.0) and score.worst > 0.0:
+        known = library.thresholds[effect.name]
+        beyond = score.gain > known.limit or score.worst > max(BEYOND * known.share, DOMINANT)
+        if beyond and score.gain > max(least, SMALLEST) and score.worst > 0.0:
             good.append(score)
     return sorted(good, key=lambda score: -score.gain)
 

@@ -10,7 +10,10 @@ EXACT: tuple[frozenset[str], ...] = (
     frozenset({"dead_time", "jitter"}),
 )
 # What holds an effect as a special case, and so explains all that it does.
-WIDER: dict[str, frozenset[str]] = {"stribeck": frozenset({"friction_lag"}), "lead_friction": frozenset({"ball_pass_ripple"})}
+WIDER: dict[str, frozenset[str]] = {
+    "stribeck": frozenset({"friction_lag"}),
+    "lead_friction": frozenset({"ball_pass_ripple"}),
+}
 # What has the same effect under a condition on the data.
 WITHOUT_CURRENT = frozenset({"bias", "current_offset"})
 ONE_SPEED = frozenset({"bias", "coulomb_asymmetry"})

@@ -49,11 +49,15 @@ def _effect(
     name = one.effect.name
     rivals = {other: share for other, share in selected.alternatives[name].items() if share > 0.0}
     certain = symmetries.alternatives(name, symmetries.EXACT)
-    close = tuple(other for other, share in sorted(rivals.items(), key=lambda x: -x[1]) if share >= AS_GOOD and other not in symmetries.WIDER.get(name, ()))
+    close = tuple(
+        other
+        for other, share in sorted(rivals.items(), key=lambda x: -x[1])
+        if share >= AS_GOOD and other not in symmetries.WIDER.get(name, ())
+    )
     rest = [other for other in now.effects if other is not one]
     return Effect(
         name=name,
-        alternatives=tuple(dict.fromkeys([*certain, *close])),
+        alternatives=tuple(dict.fromkeys([*certain, *close, *(("bias",) if name == "coulomb_asymmetry" else ())])),
         probability=probability(selected.gains[name], library.thresholds[name].limit, rivals, name),
         share=0.0,
         parameters=parameters(one, deviation, session.kind),
@@ -68,10 +72,10 @@ def probability(gain: float, limit: float, rivals: Mapping[str, float], name: st
 
     The search takes the best, so that it keeps at least an even chance against them all.
     """
-    there = 1.0 - 0.5 * min(limit / max(gain, 1e-300), 1.0) ** STEEPNESS
+    there: float = 1.0 - 0.5 * min(limit / max(gain, 1e-300), 1.0) ** STEEPNESS
     wider = symmetries.WIDER.get(name, frozenset())  # what holds this effect as a special case is no rival to it
     this = 1.0 / (1.0 + sum(min(share, 1.0) ** SHARPNESS for other, share in rivals.items() if other not in wider))
-    return there * max(this, EVEN)
+    return float(there * max(this, EVEN))
 
 
 def changed(before: Stage, after: Stage) -> Fields:
@@ -141,7 +145,7 @@ def _shifted(session: Session, one: Shift, now: Fitted) -> Effect:
     values = {one.name: one.value, "change": Value(one.change, one.change - width, one.change + width, "")}
     return Effect(
         one.name,
-        ("coulomb_asymmetry",) if one.name == "bias" and one.share < 0.02 else (),
+        _rivals_of_shift(session, one.name),
         certainty,
         one.share,
         values,
@@ -150,6 +154,13 @@ def _shifted(session: Session, one: Shift, now: Fitted) -> Effect:
         parameter=True,
         coordinate=sizes.get(one.name, "none"),
     )
+
+
+def _rivals_of_shift(session: Session, name: str) -> tuple[str, ...]:
+    """What the same shift may be as well."""
+    unmeasured = any(log.current is None or log.command is None for log in session.logs)
+    sets = [symmetries.ONE_SPEED, *([symmetries.WITHOUT_CURRENT] if unmeasured else [])]
+    return symmetries.alternatives(name, sets)
 
 
 def _parameter_fields(session: Session, one: Shift, now: Fitted) -> Fields:

@@ -141,7 +141,7 @@ def _colour(name: str) -> str:
 
 def telling(found: Found) -> Trace | None:
     """The held-out run with the largest gap before."""
-    return max(found.traces, key=lambda one: float(np.mean(np.square(one.before))), default=None)
+    return max(found.traces, key=lambda one: float(np.nanmean(np.square(one.before))), default=None)
 
 
 def window(one: Trace, length: float = WINDOW) -> slice:
@@ -149,9 +149,10 @@ def window(one: Trace, length: float = WINDOW) -> slice:
     rows = int(np.searchsorted(one.time - one.time[0], length))
     if rows >= len(one.time):
         return slice(None)
-    energy = np.concatenate([[0.0], np.cumsum(np.square(one.before))])
+    before = np.nan_to_num(one.before)  # rows that do not count are not drawn
+    energy = np.concatenate([[0.0], np.cumsum(np.square(before))])
     begin = int(np.argmax(energy[rows:] - energy[:-rows]))
-    weight = np.square(one.before[begin : begin + rows])
+    weight = np.square(before[begin : begin + rows])
     middle = begin + int(np.average(np.arange(rows), weights=weight + _FLAT * np.max(weight) + 1e-300))
     begin = min(max(middle - rows // 2, 0), len(one.time) - rows)
     return slice(begin, begin + rows)
@@ -257,7 +258,7 @@ def coordinate_scale(name: str, values: Array, found: Found) -> _Scale:
 
 def _prefixed(values: Array | Sequence[float], plain: _Scale) -> _Scale:
     """With the prefix in which the largest of `values` reads well."""
-    largest = plain.factor * float(np.max(np.abs(values), initial=0.0))
+    largest = plain.factor * float(np.nanmax(np.abs(values), initial=0.0))
     for power, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n")):
         if largest * power >= 1.0 or largest < _FLAT:
             return _Scale(plain.factor * power, f"{prefix}{plain.unit}")

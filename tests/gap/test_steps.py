@@ -11,7 +11,8 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.gap import cuts, friction_family, grams, orders, shrink, tying
 from stagectl.gap.runs import half_strokes, known_from, standstills
-from stagectl.gap.tying import Lacking, Path as Measured
+from stagectl.gap.tying import Lacking
+from stagectl.gap.tying import Path as Measured
 from stagectl.kernels import feedback, stage, tied
 
 SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")

@@ -1,0 +1,77 @@
+"""The whole pipeline on machines of the exam: another integrator, other friction laws, wider shapes of the effects."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.csv
+import pytest
+
+from stagectl.exam.trials import Options as Drawn
+from stagectl.exam.trials import draw, stage_trial
+from stagectl.gap import diagnose, folder, predictions
+from stagectl.gap.found import Found
+from stagectl.gap.session import Session
+from stagectl.gap.stored import as_json
+
+
+def _trial(place: Path, seed: int, stratum: str, **left: Any) -> tuple[Session, dict[str, Any]]:
+    stage_trial(draw(seed, stratum, Drawn(short=True, **left)), place)
+    truth: dict[str, Any] = json.loads((place / "sealed" / "truth.json").read_text())
+    return folder.load([place / "captures"]), truth
+
+
+def _named(found: Found) -> list[str]:
+    return [one.name for one in found.effects if one.probability >= 0.5 and not one.parameter]
+
+
+def test_one_hidden_effect(tmp_path: Path) -> None:
+    session, truth = _trial(tmp_path, 3, "single", effects=("viscous_asymmetry",), scale=2.0)
+    done = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None)
+    found = done.found
+    assert found.verdict == "effects" and _named(found) == ["viscous_asymmetry"]
+    assert found.gap.closure > 0.8 and abs(found.gap.closure - (found.gap.predicted or 0.0)) < 0.1
+    assert sum(share for _, share in found.shares) == pytest.approx(1.0, abs=1e-6)
+    inertia = truth["true"]["inertia"]
+    assert done.improved.mechanics.inertia == pytest.approx(inertia, rel=0.01)
+    assert set(as_json(found)) >= {"verdict", "effects", "gap", "where", "next_experiment"}
+    _check_predictions(session, done, tmp_path / "predictions")
+
+
+def _check_predictions(session: Session, done: diagnose.Diagnosis, place: Path) -> None:
+    """Anyone can recompute the gap from the files."""
+    paths = predictions.write(session, done.improved, place)
+    held = [log for log in session.logs if log.held_out]
+    assert [path.name for path in paths] == [log.name for log in held]
+    first = pyarrow.csv.read_csv(paths[0]).to_pydict()
+    difference = held[0].position - np.array(first["position_rad"])
+    assert np.sqrt(np.mean(difference[1000:] ** 2)) < 1.5 * done.found.gap.before
+
+
+def test_another_friction_law_is_no_effect(tmp_path: Path) -> None:
+    session, _ = _trial(tmp_path, 2, "null-law")
+    found = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).found
+    assert _named(found) == []
+    assert found.verdict in ("none", "parameters")
+
+
+def test_a_wrong_controller_ends_the_search(tmp_path: Path) -> None:
+    session, _ = _trial(tmp_path, 5, "null-exact")
+    assert session.law is not None
+    pid = session.law.feedback
+    wrong = session._replace(law=session.law._replace(feedback=pid._replace(integral=0.5 * pid.integral)))
+    found = diagnose.diagnose(wrong, diagnose.Options(advice=False), lambda _: None).found
+    assert found.verdict == "controller" and found.effects == ()
+    assert "integral" in found.reason
+
+
+def test_logs_without_a_force_tell_nothing(tmp_path: Path) -> None:
+    session, _ = _trial(tmp_path, 5, "null-exact")
+    bare = tuple(log._replace(command=None, current=None) for log in session.logs)
+    found = diagnose.diagnose(
+        session._replace(logs=bare, law=None), diagnose.Options(advice=False), lambda _: None
+    ).found
+    assert found.verdict == "not-identifiable" and "current" in found.reason
