@@ -50,6 +50,21 @@
               +--> cli/identification.py  table and JSON      report/  a page with the method's figures
               +--> config/patch.py   `--write`: the stage file's values change, its comments stay
 
+**The way of one diagnosis**, from logs of a machine to what the model lacks::
+
+    recordings, a folder of captures, a log
+              |
+    [12] gap/folder.py     a Session: logs on their periods, nominal model, deployed law, what cannot be told
+    [13] gap/controller.py cut A: the command recomputed     gap/tying.py, cuts.py   cuts B and C, whitened by repeats
+    [14] gap/base.py       what the model has already, refitted; the friction law is a family, friction_family.py
+    [15] gap/library*.py   every effect: its place in kernels/plant.py, its sizes    gap/columns.py  what each does
+    [16] gap/grams.py      all data as one small matrix a half stroke       gap/null.py  machines without any effect
+    [17] gap/search.py     scores.py, refine.py: which effects, with which values
+    [18] gap/verdict.py    names, rivals, intervals; shifts.py   where.py, coordinates.py, unknown.py   where it lies
+    [19] gap/shrink.py     held-out runs, before and after       gap/following.py  the experiment that separates
+              v
+         gap/found.py      the answer: report/gap.py draws it, gap/patch.py writes it into the stage file
+
     gap/twin.py       the model beside the axis while it runs: `run --twin`, `gap watch`, `gap drift`
     tuning/           gains for a bandwidth and a margin, from the identified model, into the stage file
     comparison.py     layers against each other, repeats interleaved; trials.py runs them, and the learning
