@@ -18,7 +18,7 @@ from stagectl.gap.session import Array, Session
 from stagectl.kernels import stage
 
 SURE = 4.0  # standard deviations
-MATERIAL = 0.01  # of the closable misfit before the refit
+MATERIAL = 0.005  # of the closable misfit before the refit
 LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02, "time_shift": 0.1}
 COMMON = 0.006  # spread of the logarithms of J, D and T_c within which their shift is one common scale
 
@@ -40,7 +40,7 @@ def shifts(session: Session, e: Evidence, now: Fitted, before: float) -> list[Sh
     g = refine.tangent(e, now, own)
     names = [*refine.nuisances(e), *(one.name for one in own)]
     deviation = base.robust(g, names)
-    returned = _returned(g, names, _moves(session, now))
+    returned = _returned(g, refine.nuisances(e), _moves(session, now))
     found = [
         _plain(session, now, name, deviation[name], returned.get(name, 0.0) / before)
         for name in ("inertia", "viscous", "bias", "time_shift")
@@ -67,7 +67,7 @@ def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
 
 
 def _returned(g: grams.Grams, names: Sequence[str], moves: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Misfit that comes back when one parameter goes back and all others may follow."""
+    """Misfit that comes back when one parameter goes back and all others of the model may follow."""
     summed = g.both.sum(axis=0)
     found = {}
     for name, move in moves.items():
@@ -117,7 +117,7 @@ def _friction(session: Session, now: Fitted, deviation: float, share: float) -> 
     ]
     before, after = half_way(p), half_way(q)
     length = _unit("rad | m", session.kind)
-    stretch = _shift("presliding", (after, before), (0.03 * before, before), 1.0, length)
+    stretch = _shift("presliding", (after, before), (0.03 * before, before), 1.01 * MATERIAL, length)
     return [*found, stretch]
 
 

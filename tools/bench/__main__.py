@@ -19,6 +19,7 @@ from pathlib import Path
 
 import cycle
 import engines
+import gap
 import identification
 import processes
 import simulator
@@ -48,6 +49,7 @@ def main() -> None:
     rows = [*simulator.rows(factors, table), *engines.rows(rounds), *_on_the_bus(2 if chosen.quick else 5)]
     with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
         rows += identification.rows(Path(folder), 1 if chosen.quick else 3, memory=not chosen.quick)
+        rows += gap.rows(Path(folder) / "gap", 3 if chosen.quick else 9)
     machine = f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}, {platform.release()}"
     _show(rows)
     _show_tracking(table, factors)
