@@ -26,7 +26,7 @@ from stagectl.gap.orders import orders
 from stagectl.gap.refine import Evidence
 from stagectl.gap.runs import runs
 from stagectl.gap.search import Library, Selected
-from stagectl.gap.session import Array, Log, Session
+from stagectl.gap.session import Array, GapError, Log, Session
 from stagectl.gap.told import sentence
 from stagectl.gap.unknown import unknown as find_unknown
 from stagectl.gap.unknown import with_shape
@@ -103,9 +103,10 @@ def diagnose(session: Session, options: Options, say: Say) -> Diagnosis:
     improved = fitted.equipped.stage
     found = _assembled(session, evidence, selected, effects, (unknown, improved, agreement))
     clock("next experiment")
-    following = _following(session, found, selected, evidence) if options.advice else None
+    if options.advice:
+        found = _advised(session, found, selected, evidence)
     clock("")
-    found = found._replace(next_experiment=following, seconds=tuple(clock.steps))
+    found = found._replace(seconds=tuple(clock.steps))
     return Diagnosis(found._replace(sentence=sentence(found)), improved)
 
 
@@ -269,6 +270,14 @@ def _open(session: Session, e: Evidence, selected: Selected, improved: Stage, ju
     return _Told(gap, {}, shares, [])
 
 
+def _advised(session: Session, found: Found, selected: Selected, e: Evidence) -> Found:
+    """The answer with the next experiment; where none can be laid out, a note says why."""
+    try:
+        return found._replace(next_experiment=_following(session, found, selected, e))
+    except GapError as error:
+        return found._replace(notes=(*found.notes, f"no next experiment: {error}"))
+
+
 def _following(session: Session, found: Found, selected: Selected, e: Evidence) -> Next | None:
     """What separates the effects named from what explains the data as well."""
     ambiguous = [one for one in found.effects if one.alternatives and one.probability >= NAMED and not one.parameter]
@@ -276,7 +285,7 @@ def _following(session: Session, found: Found, selected: Selected, e: Evidence) 
     for one in ambiguous[:1]:
         models[one.name] = selected.fitted.equipped.stage
         models.update(verdict.rivals(e, selected, one))
-    return propose(session, models, found.gap.floor, [one.name for one in found.effects])
+    return propose(session, models, found.gap.floor)
 
 
 def _controller(session: Session, agreement: Parity) -> Found:
