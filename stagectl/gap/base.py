@@ -233,10 +233,16 @@ def _added(
 
 def robust(g: grams.Grams, names: Sequence[str]) -> dict[str, float]:
     """Standard deviations by the sandwich over half strokes: what is left is no white noise."""
+    variances = np.diag(covariance(g, names))
+    return dict(zip(names, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
+
+
+def covariance(g: grams.Grams, names: Sequence[str]) -> Array:
+    """Covariance (k, k) of the amplitudes of `names`, by the same sandwich."""
     places, summed = g.of(names), g.both.sum(axis=0)
     a = summed[np.ix_(places, places)]
-    inverse = np.linalg.pinv(a + np.diag(1e-12 * np.diag(a) + 1e-300), hermitian=True)
+    inverse = grams.inverse(a)
     best = inverse @ summed[places, -1]
     scores = np.array([one[places, -1] - one[np.ix_(places, places)] @ best for one in g.both])
-    covariance = inverse @ (scores.T @ scores) @ inverse
-    return dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+    found: Array = inverse @ (scores.T @ scores) @ inverse
+    return found

@@ -106,6 +106,14 @@ def fit(g: Array, chosen: Sequence[int], prior: Array | None = None) -> Fit:
     return Fit(amplitude, misfit(g, chosen, amplitude), inverse) if chosen else Fit(amplitude, whole, inverse)
 
 
+def inverse(a: Array) -> Array:
+    """Pseudo-inverse of normal equations (k, k) whose columns have units of their own."""
+    scale = np.sqrt(np.diag(a))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    found: Array = np.linalg.pinv(a / np.outer(scale, scale), rcond=FLAT, hermitian=True) / np.outer(scale, scale)
+    return found
+
+
 def bounded(g: Array, chosen: Sequence[int], low: Array, high: Array) -> Array:
     """Amplitudes (k,) of the least squares within `low` and `high`; zero must lie between them."""
     places = list(chosen)

@@ -179,8 +179,7 @@ def _pruned(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
     for one in now.effects[:-1]:
         rest = [other for other in now.effects if other is not one]
         less = refine.refine(e, now.model, rest, 1)
-        limit = library.thresholds[one.effect.name].limit if one.effect.name in library.thresholds else 0.0
-        if less.misfit - now.misfit < max(limit, material(e) * (less.misfit - floor(e))):
+        if less.misfit - now.misfit < max(SMALLEST, material(e) * (less.misfit - floor(e))):
             say(f"dropped {one.effect.name}")
             return _pruned(e, library, less, say)
     return now

@@ -47,7 +47,8 @@ def shifts(session: Session, e: Evidence, now: Fitted, before: float) -> list[Sh
         if name in deviation
     ]
     weights = [name for name in names if name.startswith("weight_")]
-    coulomb_sd = float(np.sqrt(sum(deviation[name] ** 2 for name in weights)))
+    places = [names.index(name) for name in weights]
+    coulomb_sd = float(np.sqrt(max(base.covariance(g, names)[np.ix_(places, places)].sum(), 0.0)))
     return [*found, *_friction(session, now, coulomb_sd, returned.get("coulomb", 0.0) / before)]
 
 
@@ -78,8 +79,7 @@ def _returned(g: grams.Grams, names: Sequence[str], moves: Mapping[str, Mapping[
         others = g.of([one for one in names if one not in move])
         column = summed @ moved
         whole = float(moved @ column)
-        a = summed[np.ix_(others, others)]
-        rest = float(column[others] @ np.linalg.lstsq(a, column[others], rcond=1e-10)[0])
+        rest = float(column[others] @ grams.inverse(summed[np.ix_(others, others)]) @ column[others])
         found[name] = max(whole - rest, 0.0)
     return found
 
