@@ -14,19 +14,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import base, candidates, columns, grams, null, refine, search, shifts, shrink, sizes, verdict, where
-from stagectl.gap.candidates import equipped
-from stagectl.gap.columns import Model
+from stagectl.gap import (
+    base,
+    candidates,
+    closing,
+    columns,
+    grams,
+    null,
+    refine,
+    search,
+    shifts,
+    sizes,
+    verdict,
+    where,
+)
 from stagectl.gap.controller import Parity, parity
 from stagectl.gap.coordinates import coordinates
 from stagectl.gap.following import propose
-from stagectl.gap.found import NAMED, NOISE, UNEXPLAINED, Effect, Found, Gap, Next, Shape, Trace
+from stagectl.gap.found import NAMED, NOISE, Effect, Found, Gap, Next, Shape
 from stagectl.gap.library import Scales
 from stagectl.gap.orders import orders
 from stagectl.gap.refine import Evidence
 from stagectl.gap.runs import runs
 from stagectl.gap.search import Library, Selected
-from stagectl.gap.session import Array, GapError, Log, Session
+from stagectl.gap.session import Array, GapError, Session
 from stagectl.gap.told import sentence
 from stagectl.gap.unknown import unknown as find_unknown
 from stagectl.gap.unknown import with_shape
@@ -147,7 +158,7 @@ def _assembled(
     now, (unknown, improved, agreement) = selected.fitted, result
     judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
     loop = session.law is not None and all(log.setpoints is not None for log in judged)
-    told = (_closed if loop else _open)(session, e, selected, improved, judged)
+    told = (closing.closed if loop else closing.along_the_path)(session, e, selected, improved, judged)
     shared = _with_shares(effects, told.shares)
     named = [one for one in shared if one.probability >= NAMED]
     return Found(
@@ -191,83 +202,6 @@ def _with_shares(effects: Sequence[Effect], shares: dict[str, float]) -> list[Ef
         one._replace(share=parameters * one.share / total if one.parameter else shares.get(one.name, 0.0) / whole)
         for one in effects
     ]
-
-
-class _Told(NamedTuple):
-    gap: Gap
-    gaps: dict[str, Gap]
-    shares: dict[str, float]  # of the squared gap before; with the floor they sum to one
-    traces: list[Trace]
-
-
-def _closed(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> _Told:
-    """The gap of the held-out runs in closed loop."""
-    now, dt = selected.fitted, session.dt
-    before, after = (shrink.predicted(session, p, judged) for p in (session.stage, improved))
-    judged = shrink.counted(session, judged)
-    training = shrink.counted(session, [log for log in session.logs if not log.held_out])
-    inside = [shrink.predicted(session, p, training) for p in (session.stage, improved)]
-    found = {}
-    for channel in shrink.CHANNELS:
-        unit = "A" if channel == "current" else ("m" if session.kind == "linear" else "rad")
-        first, last = (shrink.squares(training, rows, channel, dt) for rows in inside)
-        expected = shrink.gap(first, last, shrink.floor(training, channel, dt), unit).closure
-        first, last = (shrink.squares(judged, rows, channel, dt) for rows in (before, after))
-        found[channel] = shrink.gap(first, last, shrink.floor(judged, channel, dt), unit, expected)
-    position = found.pop("position")
-
-    def remaining(members: frozenset[str]) -> float:
-        model = now.model if "parameters" in members else _as_nominal(session, now.model)
-        stage = equipped(model, [one for one in now.effects if one.effect.name in members]).stage
-        return float(shrink.squares(judged, shrink.predicted(session, stage, judged), "position", dt).gap.sum())
-
-    players = ["parameters", *(one.effect.name for one in now.effects)]
-    shares = _shares(shrink.shapley(players, remaining), position)
-    if session.logs[0].current is None:
-        found.pop("current")
-    found.pop("tracking")
-    traces = shrink.traces(judged, before, after, position.floor, dt)
-    return _Told(position, found, shares, traces)
-
-
-def _as_nominal(session: Session, model: Model) -> Model:
-    return columns.model_of(session, session.stage)._replace(tracker=model.tracker)
-
-
-def _shares(taken: dict[str, float], gap: Gap) -> dict[str, float]:
-    """Shares of the squared gap before: parameters, effects, what is left, what repeats differ by."""
-    count = sum(taken.values())
-    whole = gap.before**2
-    scale = (gap.before**2 - gap.after**2) / count if abs(count) > 0.0 else 0.0
-    noise = min(gap.floor**2 / whole, 1.0) if whole > 0.0 else 1.0
-    shares = (
-        {name: value * scale / whole for name, value in taken.items()} if whole > 0.0 else dict.fromkeys(taken, 0.0)
-    )
-    return {**shares, UNEXPLAINED: 1.0 - noise - sum(shares.values()), NOISE: noise}
-
-
-def _open(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> _Told:
-    """The gap of the effort along the measured path, where no loop can be simulated."""
-    now, dt = selected.fitted, session.dt
-    held = bool(judged and judged[0].held_out)
-    paths = runs(session, held)
-    unit = "N" if session.kind == "linear" else "N m"
-
-    def left(model: Model) -> shrink.Squares:
-        return shrink.effort(model, paths, e.base.noise, dt)
-
-    nominal = columns.model_of(session, session.stage)
-    after = left(now.model._replace(stage=improved))
-    least = shrink.effort_floor(now.model, paths, e.base.noise, dt)
-    gap = shrink.gap(left(nominal), after, least, unit)
-
-    def remaining(members: frozenset[str]) -> float:
-        model = now.model if "parameters" in members else nominal
-        return float(left(equipped(model, [one for one in now.effects if one.effect.name in members])).gap.sum())
-
-    players = ["parameters", *(one.effect.name for one in now.effects)]
-    shares = _shares(shrink.shapley(players, remaining), gap)
-    return _Told(gap, {}, shares, [])
 
 
 def _advised(session: Session, found: Found, selected: Selected, e: Evidence) -> Found:

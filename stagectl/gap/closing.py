@@ -1,0 +1,95 @@
+"""How far the gap closes, and which share of it each part of the answer takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from stagectl.gap import columns, shrink
+from stagectl.gap.candidates import equipped
+from stagectl.gap.columns import Model
+from stagectl.gap.found import NOISE, UNEXPLAINED, Gap, Trace
+from stagectl.gap.refine import Evidence
+from stagectl.gap.runs import runs
+from stagectl.gap.search import Selected
+from stagectl.gap.session import Log, Session
+from stagectl.kernels.stage import Stage
+
+
+class Told(NamedTuple):
+    """The gap before and after, and who takes which share of it."""
+
+    gap: Gap
+    gaps: dict[str, Gap]
+    shares: dict[str, float]  # of the squared gap before; with the floor they sum to one
+    traces: list[Trace]
+
+
+def closed(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> Told:
+    """The gap of the held-out runs in closed loop."""
+    now, dt = selected.fitted, session.dt
+    before, after = (shrink.predicted(session, p, judged) for p in (session.stage, improved))
+    judged = shrink.counted(session, judged)
+    training = shrink.counted(session, [log for log in session.logs if not log.held_out])
+    inside = [shrink.predicted(session, p, training) for p in (session.stage, improved)]
+    found = {}
+    for channel in shrink.CHANNELS:
+        unit = "A" if channel == "current" else ("m" if session.kind == "linear" else "rad")
+        first, last = (shrink.squares(training, rows, channel, dt) for rows in inside)
+        expected = shrink.gap(first, last, shrink.floor(training, channel, dt), unit).closure
+        first, last = (shrink.squares(judged, rows, channel, dt) for rows in (before, after))
+        found[channel] = shrink.gap(first, last, shrink.floor(judged, channel, dt), unit, expected)
+    position = found.pop("position")
+
+    def remaining(members: frozenset[str]) -> float:
+        model = now.model if "parameters" in members else _as_nominal(session, now.model)
+        stage = equipped(model, [one for one in now.effects if one.effect.name in members]).stage
+        return float(shrink.squares(judged, shrink.predicted(session, stage, judged), "position", dt).gap.sum())
+
+    players = ["parameters", *(one.effect.name for one in now.effects)]
+    shares = _shares(shrink.shapley(players, remaining), position)
+    if session.logs[0].current is None:
+        found.pop("current")
+    found.pop("tracking")
+    traces = shrink.traces(judged, before, after, position.floor, dt)
+    return Told(position, found, shares, traces)
+
+
+def _as_nominal(session: Session, model: Model) -> Model:
+    return columns.model_of(session, session.stage)._replace(tracker=model.tracker)
+
+
+def _shares(taken: dict[str, float], gap: Gap) -> dict[str, float]:
+    """Shares of the squared gap before: parameters, effects, what is left, what repeats differ by."""
+    count = sum(taken.values())
+    whole = gap.before**2
+    scale = (gap.before**2 - gap.after**2) / count if abs(count) > 0.0 else 0.0
+    noise = min(gap.floor**2 / whole, 1.0) if whole > 0.0 else 1.0
+    shares = (
+        {name: value * scale / whole for name, value in taken.items()} if whole > 0.0 else dict.fromkeys(taken, 0.0)
+    )
+    return {**shares, UNEXPLAINED: 1.0 - noise - sum(shares.values()), NOISE: noise}
+
+
+def along_the_path(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> Told:
+    """The gap of the effort along the measured path, where no loop can be simulated."""
+    now, dt = selected.fitted, session.dt
+    held = bool(judged and judged[0].held_out)
+    paths = runs(session, held)
+    unit = "N" if session.kind == "linear" else "N m"
+
+    def left(model: Model) -> shrink.Squares:
+        return shrink.effort(model, paths, e.base.noise, dt)
+
+    nominal = columns.model_of(session, session.stage)
+    after = left(now.model._replace(stage=improved))
+    least = shrink.effort_floor(now.model, paths, e.base.noise, dt)
+    gap = shrink.gap(left(nominal), after, least, unit)
+
+    def remaining(members: frozenset[str]) -> float:
+        model = now.model if "parameters" in members else nominal
+        return float(left(equipped(model, [one for one in now.effects if one.effect.name in members])).gap.sum())
+
+    players = ["parameters", *(one.effect.name for one in now.effects)]
+    shares = _shares(shrink.shapley(players, remaining), gap)
+    return Told(gap, {}, shares, [])
