@@ -27,7 +27,7 @@ class Told(NamedTuple):
 
 def closed(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> Told:
     """The gap of the held-out runs in closed loop."""
-    now, dt = selected.fitted, session.dt
+    now, dt, nominal = selected.fitted, session.dt, columns.model_of(session, session.stage)
     before, after = (shrink.predicted(session, p, judged) for p in (session.stage, improved))
     judged = shrink.counted(session, judged)
     training = shrink.counted(session, [log for log in session.logs if not log.held_out])
@@ -42,7 +42,7 @@ def closed(session: Session, e: Evidence, selected: Selected, improved: Stage, j
     position = found.pop("position")
 
     def remaining(members: frozenset[str]) -> float:
-        model = now.model if "parameters" in members else _as_nominal(session, now.model)
+        model = now.model if "parameters" in members else nominal
         stage = equipped(model, [one for one in now.effects if one.effect.name in members]).stage
         return float(shrink.squares(judged, shrink.predicted(session, stage, judged), "position", dt).gap.sum())
 
@@ -53,10 +53,6 @@ def closed(session: Session, e: Evidence, selected: Selected, improved: Stage, j
     found.pop("tracking")
     traces = shrink.traces(judged, before, after, position.floor, dt)
     return Told(position, found, shares, traces)
-
-
-def _as_nominal(session: Session, model: Model) -> Model:
-    return columns.model_of(session, session.stage)._replace(tracker=model.tracker)
 
 
 def _shares(taken: dict[str, float], gap: Gap) -> dict[str, float]:

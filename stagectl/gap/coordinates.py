@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from stagectl.gap import base, grams, refine, search, smoothers
+from stagectl.gap import base, grams, search, smoothers
 from stagectl.gap.cuts import KEPT
 from stagectl.gap.found import Coordinate
 from stagectl.gap.grams import Grams
@@ -60,11 +60,6 @@ def gathered(
     return grams.grams(e.runs, joined, left, base.START)
 
 
-def nuisances(e: Evidence) -> list[str]:
-    """What moves beside every function: the base's parameters, and the other laws of friction."""
-    return [*refine.nuisances(e), *search.beside(e)]
-
-
 def means(residuals: Sequence[list[Array]]) -> list[list[Array]]:
     """Of the repeats of each run: what does not run on the clock is the same in all."""
     return [[np.mean(repeats, axis=0)] for repeats in residuals]
@@ -84,7 +79,7 @@ def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: boo
     gain = closable = 0.0
     for cut, part in enumerate((g.effort, g.current)):
         both = hands(g._replace(effort=part, current=np.zeros_like(part)))
-        before, after = foretold(both, g.of(nuisances(e)), g.of(names))
+        before, after = foretold(both, g.of(search.nuisances(e)), g.of(names))
         gain += max(before - after, 0.0)
         closable += max(before - float(floor[cut]), 0.0)
     # What repeats differ by counts as floor, but where a drift foretells it.

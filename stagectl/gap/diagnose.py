@@ -112,7 +112,7 @@ def diagnose(session: Session, options: Options, say: Say) -> Diagnosis:
     effects = [one for one in effects if one.name not in options.excluded]
     fitted = selected.fitted if unknown is None else with_shape(evidence, selected.fitted, unknown)
     improved = fitted.equipped.stage
-    found = _assembled(session, evidence, selected, effects, (unknown, improved, agreement))
+    found = _assembled(session, evidence, selected, effects, (unknown, improved, agreement, size))
     clock("next experiment")
     if options.advice:
         found = _advised(session, found, selected, evidence)
@@ -142,9 +142,8 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     found = columns.all_columns(e.base.model, e.runs, [*directions, *without], e.base.noise)
     joined = [{**own, **new} for own, new in zip(e.base.columns, found, strict=True)]
     g = grams.grams(e.runs, joined, e.base.after, base.START)
-    nuisance = [*g.of(refine.nuisances(e)), *g.of(search.beside(e))]
-    limits = search.thresholds(g, nuisance, forms)
-    return Library(tuple(forms), found, limits, g)
+    limits = search.thresholds(g, g.of(search.nuisances(e)), forms)
+    return Library(tuple(forms), found, limits, search.closable(g))
 
 
 def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:
@@ -153,9 +152,13 @@ def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:
 
 
 def _assembled(
-    session: Session, e: Evidence, selected: Selected, effects: list[Effect], result: tuple[Shape | None, Stage, Parity]
+    session: Session,
+    e: Evidence,
+    selected: Selected,
+    effects: list[Effect],
+    result: tuple[Shape | None, Stage, Parity, Scales],
 ) -> Found:
-    now, (unknown, improved, agreement) = selected.fitted, result
+    now, (unknown, improved, agreement, size) = selected.fitted, result
     judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
     loop = session.law is not None and all(log.setpoints is not None for log in judged)
     told = (closing.closed if loop else closing.along_the_path)(session, e, selected, improved, judged)
@@ -168,7 +171,7 @@ def _assembled(
         gap=told.gap,
         gaps=told.gaps,
         blocks=where.blocks(e, now, agreement),
-        coordinates=coordinates(e, sizes.scales(session, e.runs, {})),
+        coordinates=coordinates(e, size._replace(orders={})),
         captures=tuple(where.spans(e, now, e.runs)),
         shares=tuple(told.shares.items()),
         unknown=unknown,

@@ -93,17 +93,15 @@ class Fit(NamedTuple):
 
     amplitude: Array  # (k,) in the order asked for
     misfit: float  # sum of squares left
-    covariance: Array  # (k, k) for a noise of one
 
 
-def fit(g: Array, chosen: Sequence[int], prior: Array | None = None) -> Fit:
-    """Least squares on a summed matrix `g`; `prior` (k,) is 1/sd^2 of each amplitude about zero."""
+def fit(g: Array, chosen: Sequence[int]) -> Fit:
+    """Least squares on a summed matrix `g`."""
     chosen = list(chosen)
-    a, b, whole = g[np.ix_(chosen, chosen)], g[chosen, -1], float(g[-1, -1])
-    a = a + np.diag(RIDGE * np.diag(a) + 1e-300 + (prior if prior is not None else 0.0))
-    inverse = np.asarray(np.linalg.pinv(a, hermitian=True, rcond=1e-14), dtype=np.float64)
-    amplitude = inverse @ b
-    return Fit(amplitude, misfit(g, chosen, amplitude), inverse) if chosen else Fit(amplitude, whole, inverse)
+    a, b = g[np.ix_(chosen, chosen)], g[chosen, -1]
+    a = a + np.diag(RIDGE * np.diag(a) + 1e-300)
+    amplitude = np.asarray(np.linalg.pinv(a, hermitian=True, rcond=1e-14), dtype=np.float64) @ b
+    return Fit(amplitude, misfit(g, chosen, amplitude))
 
 
 def inverse(a: Array) -> Array:

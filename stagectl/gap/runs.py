@@ -47,12 +47,17 @@ def known_from(position: Array, zone: float) -> int:
     return int(beyond[0]) if len(beyond) else 0
 
 
+def by_experiment(logs: Sequence[Log]) -> dict[str, list[Log]]:
+    """Repeats side by side."""
+    found: dict[str, list[Log]] = {}
+    for log in logs:
+        found.setdefault(log.experiment, []).append(log)
+    return found
+
+
 def runs(session: Session, held_out: bool = False) -> list[Run]:
     """The experiments of `session`, those held out or the others."""
-    found: dict[str, list[Log]] = {}
-    for log in session.logs:
-        if log.held_out == held_out:
-            found.setdefault(log.experiment, []).append(log)
+    found = by_experiment([log for log in session.logs if log.held_out == held_out])
     zone = friction_family.length(session.stage.friction)
     return [_run(name, logs, session.dt, zone) for name, logs in found.items()]
 

@@ -17,13 +17,6 @@ from stagectl.gap.grams import Grams
 from stagectl.gap.session import Array
 
 
-class Hands(NamedTuple):
-    """Two halves of the data, as summed matrices whose last row and column is one residual."""
-
-    first: Array  # (p + 1, p + 1)
-    second: Array
-
-
 def hands(g: Grams) -> Array:
     """(2, p + 1, p + 1): even and odd half strokes of every experiment; repeats go with their half stroke."""
     both, even = g.both, g.stroke % 4 < 2  # two by two: there and back stay together
@@ -43,7 +36,6 @@ class Score(NamedTuple):
     gain: float  # of the sum of squares, judged on the other hand; both hands together
     worst: float  # the smaller relative drop of the two
     amplitudes: tuple[float, ...]  # from all data
-    cosine: float  # sqrt of the share of the remaining misfit that it explains in sample
 
 
 def scores(both: Array, nuisance: Sequence[int], places: Sequence[Sequence[int]], forms: Sequence[Form]) -> list[Score]:
@@ -74,9 +66,7 @@ def _score(both: Array, reduced: Sequence[_Reduced], places: tuple[list[int], li
     nuisance, at = places
     whole = _solved(reduced[2].matrix, at, form)
     if not _admissible(form, whole):
-        return Score(form, 0.0, 0.0, tuple(whole), 0.0)
-    left = float(reduced[2].matrix[-1, -1])
-    in_sample = 1.0 - grams.misfit(reduced[2].matrix, at, whole) / left if left > 0.0 else 0.0
+        return Score(form, 0.0, 0.0, tuple(whole))
     drops = []
     for fitted, judged in ((0, 1), (1, 0)):
         amplitude = _solved(reduced[fitted].matrix, at, form)
@@ -88,7 +78,7 @@ def _score(both: Array, reduced: Sequence[_Reduced], places: tuple[list[int], li
         drops.append((before - after, before))
     gain = sum(drop for drop, _ in drops)
     worst = min(drop / before for drop, before in drops)
-    return Score(form, gain, worst, tuple(whole), float(np.sqrt(max(in_sample, 0.0))))
+    return Score(form, gain, worst, tuple(whole))
 
 
 def _solved(matrix: Array, at: Sequence[int], form: Form) -> Array:

@@ -49,7 +49,7 @@ class Library(NamedTuple):
     forms: tuple[Form, ...]
     columns: list[dict[str, list[Array]]]  # of each run
     thresholds: Mapping[str, Threshold]  # by effect
-    first: Grams  # of what the base refit left
+    first: tuple[float, float]  # closable misfit that the base refit left: of both cuts, of the drive's
 
 
 class Selected(NamedTuple):
@@ -59,7 +59,6 @@ class Selected(NamedTuple):
     alternatives: Mapping[str, Mapping[str, float]]  # of each effect: gain of others in its place, relative to it
     gains: Mapping[str, float]  # of each effect when it alone is left out
     rivals: Mapping[str, Mapping[str, Named]]  # the same others, with their values
-    rejected: tuple[Score, ...]  # the best of what was not taken, at the end
 
 
 Say = Callable[[str], None]
@@ -113,15 +112,15 @@ def _scored(e: Evidence, library: Library, now: Fitted) -> tuple[Grams, list[Sco
     own = refine.parameters(now)
     found = _joined(e, library, now, own)
     g = grams.grams(e.runs, found, now.left, base.START)
-    nuisance = [*g.of(refine.nuisances(e)), *g.of(beside(e)), *g.of([one.name for one in own])]
+    nuisance = g.of([*nuisances(e), *(one.name for one in own)])
     taken = {one.effect.name for one in now.effects}
     forms = [form for form in library.forms if form.effect.name not in taken]
     return g, scores(hands(g), nuisance, [g.of(form.names) for form in forms], forms)
 
 
-def beside(e: Evidence) -> list[str]:
-    """Columns of the friction laws that may stand in for the base's own: form error, not an effect."""
-    return [one.name for one in e.base.directions if base.is_member(one.name)]
+def nuisances(e: Evidence) -> list[str]:
+    """What moves beside every candidate: the base's parameters, and the friction laws that may stand in for its own."""
+    return [*refine.nuisances(e), *(one.name for one in e.base.directions if base.is_member(one.name))]
 
 
 def _joined(e: Evidence, library: Library, now: Fitted, own: Sequence[Direction]) -> list[dict[str, list[Array]]]:
@@ -132,8 +131,8 @@ def _joined(e: Evidence, library: Library, now: Fitted, own: Sequence[Direction]
 
 def closable(g: Grams) -> tuple[float, float]:
     """Sum of squares left above what repeats differ by, of both cuts together and of the drive's alone."""
-    both, current = g.both[:, -1, -1].sum(), g.current[:, -1, -1].sum()
-    return float(both - g.floor.sum()), float(current - g.floor[:, 1].sum())
+    effort, current = g.effort[:, -1, -1].sum(), g.current[:, -1, -1].sum()
+    return float(effort + current - g.floor.sum()), float(current - g.floor[:, 1].sum())
 
 
 def material(e: Evidence) -> float:
@@ -142,12 +141,11 @@ def material(e: Evidence) -> float:
 
 
 def _eligible(e: Evidence, g: Grams, found: Sequence[Score], library: Library) -> list[Score]:
-    whole, drive = closable(g)
-    good = []
+    left, good = closable(g), []
     for score in best_of(found).values():
         effect = score.form.effect
-        first = closable(library.first)[1 if effect.block == "drive" else 0]
-        least = max(material(e) * (drive if effect.block == "drive" else whole), OF_ALL * first)
+        cut = 1 if effect.block == "drive" else 0
+        least = max(material(e) * left[cut], OF_ALL * library.first[cut])
         known = library.thresholds[effect.name]
         beyond = score.gain > known.limit or score.worst > max(BEYOND * known.share, DOMINANT)
         if beyond and score.gain > max(least, SMALLEST) and score.worst > 0.0:
@@ -197,7 +195,7 @@ def floor(e: Evidence) -> float:
 
 
 def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
-    """Swap tests on every effect, and the best of what was left out."""
+    """Swap tests on every effect."""
     alternatives, gains, rivals = {}, {}, {}
     for one in now.effects:
         rest = tuple(other for other in now.effects if other is not one)
@@ -209,5 +207,4 @@ def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
             name: score.gain / own for name, score in found.items() if name != one.effect.name and own > 0.0
         }
         rivals[one.effect.name] = {name: named(score) for name, score in found.items() if score.gain > 0.0}
-    rest_ = sorted(best_of(_scored(e, library, now)[1]).values(), key=lambda score: -score.gain)
-    return Selected(now, alternatives, gains, rivals, tuple(rest_[:5]))
+    return Selected(now, alternatives, gains, rivals)

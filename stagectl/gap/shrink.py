@@ -18,7 +18,7 @@ from stagectl.gap import columns, cuts, friction_family
 from stagectl.gap.columns import Model
 from stagectl.gap.found import Gap, Trace
 from stagectl.gap.rollouts import closed_all, column
-from stagectl.gap.runs import Run, half_strokes, known_from
+from stagectl.gap.runs import Run, by_experiment, half_strokes, known_from
 from stagectl.gap.session import Array, Log, Session
 from stagectl.kernels.stage import Stage
 
@@ -31,14 +31,6 @@ class Squares(NamedTuple):
 
     gap: Array
     samples: Array  # of each
-
-
-def by_experiment(logs: Sequence[Log]) -> dict[str, list[Log]]:
-    """Repeats side by side."""
-    found: dict[str, list[Log]] = {}
-    for log in logs:
-        found.setdefault(log.experiment, []).append(log)
-    return found
 
 
 def predicted(session: Session, stage: Stage, logs: Sequence[Log]) -> list[Array]:

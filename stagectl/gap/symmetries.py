@@ -17,8 +17,6 @@ WIDER: dict[str, frozenset[str]] = {
 # What has the same effect under a condition on the data.
 WITHOUT_CURRENT = frozenset({"bias", "current_offset"})
 ONE_SPEED = frozenset({"bias", "coulomb_asymmetry"})
-FEW_SPEEDS = frozenset({"viscous_nonlinear", "stribeck"})
-WARM = frozenset({"thermal_viscous", "viscous"})
 
 
 def alternatives(name: str, sets: Iterable[frozenset[str]]) -> tuple[str, ...]:

@@ -108,7 +108,7 @@ def _foretold(
     wanted = [*members, *beside, *(name for part in parts for name in smoothers.names(one, part))]
     g = gathered(e, joined, means(now.left), wanted)
     g = g._replace(current=np.zeros_like(g.current))
-    nuisance = g.of([*coordinates.nuisances(e), *beside])
+    nuisance = g.of([*search.nuisances(e), *beside])
     floor = float(coordinates.floor_of_means(e)[0])
     return [_judged(g, one, chosen, (nuisance, members, floor)) for chosen in variants]
 
