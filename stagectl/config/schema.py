@@ -101,8 +101,8 @@ def _block(hint: Any, tag: str = "", name: str = "", optional: bool = False) -> 
     properties = {field: _of(hints[field]) for field in kind._fields}
     required = [field for field in kind._fields if field not in kind._field_defaults]
     if tag:
-        properties = {tag: {"const": name}, **properties}
-        required = required if optional else [tag, *required]
+        properties = {**properties, tag: {"const": name}}
+        required = required if optional else list(dict.fromkeys([tag, *required]))
     summary = (kind.__doc__ or "").split("\n")[0]
     block = {"type": "object", "description": summary, "properties": properties, "additionalProperties": False}
     return {**block, "required": required} if required else block

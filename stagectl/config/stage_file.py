@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -12,17 +13,20 @@ from stagectl import design, learning
 from stagectl.compensation.forms import FORMS, Model
 from stagectl.config.effects_file import Residual, effects_that_cannot_be, table_of
 from stagectl.config.friction_laws import LAWS, Dahl, Lugre, Operators, Rolling, friction_of
-from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
+from stagectl.config.homing import Homing
+from stagectl.config.limits import Limits
+from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged
+from stagectl.config.machine_file import load_axis
 from stagectl.config.source import node_at
-from stagectl.drives import bus
-from stagectl.drives.drive import Canopen
+from stagectl.drives import bus, odrive, slcan
+from stagectl.drives.drive import Canopen, Odrive
+from stagectl.drives.faults import BLOCKS
 from stagectl.drives.simulated import Simulation
 from stagectl.kernels import plant, stage
 from stagectl.kernels.drive_effects import Reported
 from stagectl.kernels.effects import Harmonic
 from stagectl.units import LINEAR, ROTARY, Quantity
 
-Positive = "(0, 1e6]"
 OWN = Path(__file__).parents[2] / "config"  # of the checkout
 WIDEST = 1e6  # of the slips of a friction's elements
 OBJECTS = range(0x1000_00, 0x1_0000_00)  # index_subindex; below are the data types of CiA 301
@@ -64,7 +68,9 @@ class Drive(NamedTuple):
 
     current_lag: Annotated[float, Quantity("s", "[0, 0.1]", "time constant of the current loop")]
     current_limit: Annotated[float, Quantity("A", "(0, 1e4]", "largest current, of drive and law alike")]
-    wire: Annotated[Canopen | InProcess, Tagged("kind", {"canopen": Canopen, "simulated": InProcess})]
+    wire: Annotated[
+        Canopen | Odrive | InProcess, Tagged("kind", {"canopen": Canopen, "odrive": Odrive, "simulated": InProcess})
+    ]
     delay_samples: Annotated[int, Quantity("", "[0, 7]", "control periods between command and action, nd")] = 1
     dead_time: plant.DeadTime = 0.0
     jitter: plant.Jitter = 0.0
@@ -77,21 +83,22 @@ class Drive(NamedTuple):
     telemetry: Reported = Reported()
 
 
-class Limits(NamedTuple):
-    """What no trajectory may exceed and no motion leave."""
-
-    travel: Annotated[tuple[float, float], Quantity("rad | m", "[-1e6, 1e6]", "lowest and highest position")]
-    speed: Annotated[float, Quantity("rad/s | m/s", Positive, "largest speed")]
-    acceleration: Annotated[float, Quantity("rad/s^2 | m/s^2", Positive, "largest acceleration")]
-    following_error: Annotated[float, Quantity("rad | m", Positive, "largest error before a quick stop")]
-
-
 class Realtime(NamedTuple):
     """How the loop's process asks the kernel for punctuality; what is not permitted is said, not hidden."""
 
     priority: Annotated[int, Quantity("", "[0, 99]", "SCHED_FIFO priority; 0: ordinary scheduling")] = 80
     cpu: Annotated[int | None, Quantity("", "[0, 4095]", "number of the CPU the loop is pinned to")] = None
     late_limit: Annotated[int, Quantity("", "[1, 1000000]", "late cycles in a row that cause a quick stop")] = 10
+    spin: Annotated[float, Quantity("s", "[0, 1e-3]", "how long before each period the loop stays awake")] = 0.0
+    feedback_age: Annotated[int, Quantity("", "[1, 1000]", "control periods that a position may be old")] = 3
+
+
+class VirtualDrive(NamedTuple):
+    """What a virtual drive does that a sound one does not; a real drive reads none of it."""
+
+    faults: Annotated[
+        tuple[Annotated[Any, Tagged("fault", BLOCKS)], ...], "what fails, counted from Operation enabled on"
+    ] = ()
 
 
 class StageFile(NamedTuple):
@@ -108,11 +115,13 @@ class StageFile(NamedTuple):
         design.Settings, Tagged("law", {"pid": design.Control, "cascade": design.CascadeControl}, default="pid")
     ]
     limits: Limits
+    homing: Homing = Homing()
     compensation: Annotated[Any, Tagged("form", FORMS)] = Model()
     realtime: Realtime = Realtime()
     simulation: Simulation = Simulation()
     learning: learning.Settings = learning.Settings()
     residual: Residual | None = None
+    virtual_drive: VirtualDrive = VirtualDrive()
 
 
 class Setup(NamedTuple):
@@ -129,11 +138,11 @@ class Setup(NamedTuple):
 
 
 def load_stage(path: Path, judged: bool = True) -> Setup:
-    """Read a stage file; not `judged`, its loop may be one that must not run: who tunes it begins there.
+    """Read a stage file, or an axis of one (``xy.yaml#x``); not `judged`, its loop may be one that must not run.
 
     Raises ConfigError with every error, and DesignError where the loop it describes is refused.
     """
-    file: StageFile = load(path, _read if judged else _read_unjudged)
+    file: StageFile = load_axis(path, _read if judged else _read_unjudged)
     wire = file.drive.wire
     if isinstance(wire, Canopen):
         eds = str(_eds(wire.eds, path))
@@ -192,6 +201,13 @@ def _check_parts(file: StageFile) -> list[str]:
     low, high = (end * axis.travel_per_unit for end in file.limits.travel)
     if low >= high:
         wrong.append(f"limits.travel = [{low:g}, {high:g}] {axis.travel_unit}; the first must be below the second")
+    if file.homing.wrong:
+        wrong.append(file.homing.wrong)
+    at_rest, moving = file.limits.following_error_at_rest, file.limits.following_error
+    if at_rest is not None and at_rest > moving:
+        wrong.append(
+            f"limits.following_error_at_rest = {at_rest:g}; must be at most limits.following_error, {moving:g}"
+        )
     wrong += effects_that_cannot_be(file)
     rolling = file.friction
     if isinstance(rolling, Rolling) and not rolling.shortest <= rolling.longest <= WIDEST * rolling.shortest:
@@ -203,6 +219,8 @@ def _check_parts(file: StageFile) -> list[str]:
 
 def _check_wire(file: StageFile, path: Path) -> list[str]:
     wire = file.drive.wire
+    if isinstance(wire, Odrive):
+        return [*_check_turns(file), *odrive.refused(wire, file.control.period)]
     if not isinstance(wire, Canopen):
         return []
     wrong = []
@@ -212,12 +230,18 @@ def _check_wire(file: StageFile, path: Path) -> list[str]:
         wrong += _check_objects(f"drive.wire.{name}", pdo, needed)
     if wire.heartbeat_timeout <= wire.heartbeat:
         wrong.append(f"drive.wire.heartbeat_timeout = {wire.heartbeat_timeout:g} s; must exceed heartbeat")
-    if 0.0 < wire.rpdo_timeout <= file.control.period:
-        wrong.append(f"drive.wire.rpdo_timeout = {wire.rpdo_timeout:g} s; must exceed control.period, or be 0 s: off")
+    if 0.0 < (silence := wire.rpdo_timeout) <= file.control.period:
+        wrong.append(f"drive.wire.rpdo_timeout = {silence:g} s; must exceed control.period, or be 0 s: off")
+    wrong += slcan.refused(wire, file.control.period)
     load_share = bus.load(1.0 / file.control.period, wire.bitrate, (0, 8, 8))
     if load_share > wire.bus_load_limit:
         wrong.append(_overload(file, wire, load_share))
     return wrong
+
+
+def _check_turns(file: StageFile) -> list[str]:
+    wrong = ["axis.kind = linear; an ODrive counts turns: must be rotary"] if file.axis.kind == LINEAR else []
+    return wrong if file.drive.delay_samples else [*wrong, "drive.delay_samples = 0; over a line it is at least 1"]
 
 
 def _eds(name: str, stage_file: Path) -> Path:
@@ -227,10 +251,7 @@ def _eds(name: str, stage_file: Path) -> Path:
 
 
 def _exists(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # too long a name, or a folder that may not be entered
-        return False
+    return os.path.isfile(path)  # unlike `Path.is_file` also for too long a name, and in a folder that is forbidden
 
 
 def _check_objects(name: str, pdo: tuple[int, ...], needed: int) -> list[str]:

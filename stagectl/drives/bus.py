@@ -127,8 +127,7 @@ class Embedded(_SocketBus):
         self._path = self.folder / f"{os.getpid()}-{next(_serial)}-{os.urandom(3).hex()}{_SUFFIX}"
         if len(os.fsencode(self._path)) > _PATH_LIMIT:
             raise BusError(
-                f"channel = {channel!r}: the socket's path {self._path} has"
-                f" {len(os.fsencode(self._path))} bytes;"
+                f"channel = {channel!r}: the socket's path {self._path} has {len(os.fsencode(self._path))} bytes;"
                 f" must lie in [1, {_PATH_LIMIT}] (AF_UNIX); choose a shorter channel name or folder"
             )
         reader = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -236,11 +235,12 @@ class PythonCan:
 
         self._can = can
         try:
-            self._bus: Any = can.Bus(interface=interface, channel=channel, bitrate=round(bitrate))
+            # slcan reads its line with a time-out of its own, which a look at an empty queue would wait for
+            line: Any = {"timeout": 0.0002, "sleep_after_open": 0.1} if interface == "slcan" else {}
+            self._bus: Any = can.Bus(interface=interface, channel=channel, bitrate=round(bitrate), **line)
         except (can.CanError, ImportError, OSError, ValueError) as error:
             raise BusError(
-                f"interface = {interface}, channel = {channel!r}: {error}; 'python -m can.viewer -i"
-                f" {interface}"
+                f"interface = {interface}, channel = {channel!r}: {error}; 'python -m can.viewer -i {interface}"
                 f" -c {channel}' shows whether python-can reaches it"
             ) from error
 

@@ -14,15 +14,17 @@ from __future__ import annotations
 import contextlib
 import math
 import struct
-import time
 
 from stagectl.drives import cia402
 from stagectl.drives.bus import Bus, frame
 from stagectl.drives.canopen_pdo import CommandPdo, FeedbackPdo
-from stagectl.drives.canopen_setup import MASTER, Setup
+from stagectl.drives.canopen_power import Standstill, Walk
+from stagectl.drives.canopen_setup import MASTER, NOT_OFFERED, Setup
+from stagectl.drives.canopen_stop import FAILED, Braking, Failure, Pace, Repeated
 from stagectl.drives.canopen_words import CAUSES, WHAT, emergency_words, hint, state_words
 from stagectl.drives.cia402 import State
-from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback
+from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
 from stagectl.drives.wire import Network, Partner, load_eds
 
 _SYNC = frame(0x080)
@@ -32,104 +34,117 @@ _ENABLED_MASK, _ENABLED = State.OPERATION_ENABLED.value
 _ENABLE_TIME = 5.0  # s in which Operation enabled must be reached
 _STOP_TIME = 10.0  # s after which a quick stop is given up
 _LOST_TIME = 1.0  # s of the same, once the drive answers no more
-_STANDS = 100  # cycles without motion that count as standing still
-_STANDING = 1e-4  # s of the ramp's deceleration: speed below which an axis counts as standing
-_RESET_CYCLES = 8  # cycles between the edges of the fault reset, for drives that look slowly
+_BACKLOG = 64  # frames that are cleared away before a SYNC
 _STOPPED = (State.SWITCH_ON_DISABLED, State.READY, State.SWITCHED_ON, State.FAULT, State.NOT_READY)
-
-
-class _Standstill:
-    """Whether the position stays within `tolerance` (rad | m) for so many cycles, noise or not."""
-
-    def __init__(self, tolerance: float) -> None:
-        self._tolerance, self._anchor, self._cycles = tolerance, math.nan, 0
-
-    def stands(self, position: float) -> bool:
-        if abs(position - self._anchor) <= self._tolerance:
-            self._cycles += 1
-        else:
-            self._anchor, self._cycles = position, 0
-        return self._cycles >= _STANDS
 
 
 class CanopenDrive:
     """The drive protocol over a bus; see `stagectl.drives.drive.Drive`."""
 
-    def __init__(self, settings: Canopen, bus: Bus, encoder_step: float, dt: float) -> None:
+    def __init__(self, settings: Canopen, bus: Bus, encoder_step: float, dt: float, *, clock: Clock = WALL) -> None:
         """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
 
         Raises DriveError with what the drive refused and the next step.
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
+        self._clock, self._now, self._pace = clock, clock.now, Pace(dt)
         od = load_eds(settings.eds, settings.node)
         self._command, self._answer = CommandPdo(settings, od), FeedbackPdo(settings, od)
-        self._network = Network(bus)
+        self._network = Network(bus, clock)
         self._node = Partner(settings.node, od)
         self._network[settings.node] = self._node
-        self._controlword = 0
+        self._walk = Walk(Power.OFF, self._standstill())
         self._heartbeat_cycles = max(1, round(settings.heartbeat / dt))
         self._cycle = 0  # cycles until our next heartbeat
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
         self._serving = False  # enabled, and not asked to stop
+        self._walking = False  # on the way to it
         self._emergency: tuple[int, int, bytes] | None = None  # code, error register, vendor's bytes
         self._heard = math.nan  # s, monotonic, when the drive's heartbeat was last heard
         self._problem = ""  # ours, in words
         self._closed = False
-        self._overdue = False  # an answer is missing and may still come
-        setup = Setup(settings, self._node, encoder_step)
-        setup.run()
+        self._rebooted = False  # since it was configured
+        self._silent = False  # no answer to the last SYNC
+        self._braking = Braking(self._pace, settings.quick_stop_deceleration)
+        setup = Setup(settings, self._node, encoder_step, clock)
+        try:
+            setup.run()
+        except OSError as error:
+            raise DriveError(
+                f"the bus {settings.interface} {settings.channel} failed while node {settings.node} was being"
+                f" configured: {error}; see 'ip -details link', bring it up, then start again"
+            ) from error
         self._told = setup.told
+        name = cia402.OPTIONS[cia402.ABORT_CONNECTION][0]
+        ignored = (NOT_OFFERED, cia402.option(cia402.ABORT_CONNECTION, 0))
+        self._stops_alone = setup.told[name] not in ignored  # when it is taken out of operation
 
     def enable(self) -> Feedback:
         """Walk the state machine to Operation enabled at zero current, from whatever state.
 
         The cycle must go on at once afterwards: the drive's time-outs run.  Raises DriveError.
         """
-        self._problem, self._emergency, self._reason = "", None, None
-        due = time.monotonic()
-        deadline, cycle = due + _ENABLE_TIME, 0
-        still = self._standstill()
-        while time.monotonic() < deadline:
+        self.ask(Power.ON)
+        due = self._now()
+        deadline = due + _ENABLE_TIME
+        while self._now() < deadline:
             now = self.sample()
-            state = cia402.state(now.statusword)
-            stands = still.stands(now.position)
-            if now.fault is not Fault.FEEDBACK_LOST:
-                self._controlword = _towards_enabled(state, cycle, stands)
             if now.fault is Fault.NONE:
-                self._serving = True
                 return now
-            if state is State.OPERATION_ENABLED:
-                self._emergency = None  # an old one: the drive runs, and would not with an error present
             self.apply(0.0)
-            cycle += 1
             due = self._rest(due)
         raise DriveError(self._hangs())
+
+    def ask(self, power: Power) -> None:
+        """Bring the drive to `power` with the periods that follow."""
+        self._walk = Walk(power, self._standstill())
+        self._braking = Braking(self._pace, self._settings.quick_stop_deceleration)
+        self._serving, self._walking = False, power is Power.ON
+        if power is Power.ON:
+            self._problem, self._emergency, self._reason = "", None, None
 
     def sample(self) -> Feedback:
         """SYNC, and the drive's answer to it; never raises."""
         try:
-            if self._overdue:
-                self._drain()
+            self._drain()
             self._bus.send(_SYNC)
             raw = self._await_answer(self._settings.feedback_timeout)
         except OSError as error:
             return self._failed(Fault.BUS, f"the bus failed: {error}")
+        self._silent = raw is None
+        self._supervise()
         if raw is None:
-            self._overdue = True
-            return self._failed(Fault.FEEDBACK_LOST, "")
+            return self._failed(Fault.REBOOTED if self._rebooted else Fault.FEEDBACK_LOST, "")
         statusword, counts, current = self._answer.decode(raw)
+        self._pace.add(counts * self._step)
         fault = Fault.NONE
-        if self._emergency is not None:
+        if self._rebooted:
+            fault = Fault.REBOOTED
+        elif self._emergency is not None:
             fault = Fault.EMERGENCY
+        elif self._serving and self._now() - self._heard > self._settings.heartbeat_timeout:  # never heard: NaN
+            fault, self._problem = Fault.FEEDBACK_LOST, "its heartbeat has stopped while its answers go on"
         elif statusword & _ENABLED_MASK != _ENABLED or self._problem:
             fault = Fault.DRIVE_FAULT
-        return self._noted(Feedback(counts * self._step, current, statusword, fault))
+        now = Feedback(counts * self._step, current, statusword, fault)
+        return self._noted(self._walked(now) if self._walking else now)
+
+    def _supervise(self) -> None:
+        """A stop that does not stop: an axis that gets faster loses its power, a silent drive is left to itself."""
+        if self._walk.power is not Power.QUICK_STOP:
+            return
+        failure = self._braking.step(self._silent)
+        if failure is Failure.DEAF and self._stops_alone:
+            self._manage(cia402.NMT_PRE_OPERATIONAL)
+        if failure in FAILED:
+            self._problem = FAILED[failure]
+            self._walk = Walk(Power.OFF, self._standstill())
 
     def apply(self, current: float) -> None:
         """Send the command (A); never raises: what went wrong is in the next `sample`."""
         try:
-            self._bus.send(self._command.encode(self._controlword, current))
+            self._bus.send(self._command.encode(self._walk.controlword, current))
             if self._cycle <= 0:
                 self._cycle = self._heartbeat_cycles
                 self._bus.send(_HEARTBEAT)
@@ -142,18 +157,19 @@ class CanopenDrive:
 
     def quick_stop(self) -> Feedback:
         """Quick stop by the drive's own ramp, until it stands, its power is off, or ten seconds are over."""
-        self._controlword, self._serving = cia402.Command.QUICK_STOP.controlword, False
-        due = time.monotonic()
-        deadline, still = due + _STOP_TIME, self._standstill()
-        while time.monotonic() < deadline:
+        self.ask(Power.QUICK_STOP)
+        due = self._now()
+        deadline, still, off = due + _STOP_TIME, self._standstill(), Repeated()
+        while self._now() < deadline:
             self.apply(0.0)
             now = self.sample()
             state = cia402.state(now.statusword)
-            if now.fault is Fault.BUS or state in _STOPPED:
-                break  # nothing can be sent: the drive's own time-outs stop it; or its power is off
-            if now.fault is Fault.FEEDBACK_LOST:
-                deadline = min(deadline, time.monotonic() + _LOST_TIME)
-            elif still.stands(now.position) and state is State.QUICK_STOP_ACTIVE:
+            if now.fault is Fault.BUS:
+                break  # nothing can be sent: the drive's own time-outs stop it
+            over = off.certain(state in _STOPPED and not self._silent) or state is State.QUICK_STOP_ACTIVE
+            if self._silent:
+                deadline = min(deadline, self._now() + _LOST_TIME)
+            elif still.stands(now.position) and over:  # a statusword alone is not believed: to leave cuts the power
                 break
             due = self._rest(due)
         return self._last
@@ -173,7 +189,7 @@ class CanopenDrive:
         if self._emergency is not None:
             said.append(emergency_words(self._emergency))
         if not math.isnan(self._heard):
-            said.append(f"last heartbeat of the drive {time.monotonic() - self._heard:.2f} s ago")
+            said.append(f"last heartbeat of the drive {self._now() - self._heard:.2f} s ago")
         return "; ".join(said) + f". {CAUSES[last.fault]}"
 
     def close(self) -> None:
@@ -181,25 +197,30 @@ class CanopenDrive:
         if self._closed:
             return
         self._closed = True
-        self._controlword = cia402.Command.DISABLE_VOLTAGE.controlword
+        self.ask(Power.OFF)
         with contextlib.suppress(OSError):  # on a dead bus nothing is left to be said
             self.apply(0.0)
             self._bus.send(_SYNC)  # the RPDO acts with it
-            self._bus.send(frame(0, bytes([cia402.NMT_PRE_OPERATIONAL, self._settings.node])))
+            self._manage(cia402.NMT_PRE_OPERATIONAL)
         with contextlib.suppress(OSError):
             self._bus.close()
+
+    def _manage(self, command: int) -> None:
+        """Send a command of the network management to the drive."""
+        with contextlib.suppress(OSError):
+            self._bus.send(frame(0, bytes([command, self._settings.node])))
 
     def _await_answer(self, timeout: float) -> bytes | None:
         """The TPDO, taking up whatever comes before it; None after `timeout` seconds."""
         receive, head = self._bus.receive, self._answer.head
+        deadline = self._now() + timeout  # before the first frame: what comes in between must not prolong the wait
         raw = receive(timeout)
         if raw is None or raw[:5] == head:
             return raw
-        deadline = time.monotonic() + timeout
         while raw is None or raw[:5] != head:
             if raw is not None:
                 self._take(raw)
-            left = deadline - time.monotonic()
+            left = deadline - self._now()
             if left <= 0.0:
                 return None
             raw = receive(left)
@@ -212,16 +233,21 @@ class CanopenDrive:
             code, register, vendor = _EMERGENCY.unpack(raw)
             self._emergency = (code, register, vendor) if code & 0xFF00 else None
         elif identifier == 0x700 + self._settings.node:
-            self._heard = time.monotonic()
+            self._heard = self._now()
+            self._rebooted = self._rebooted or raw[8] == cia402.INITIALISING
+            if self._serving and raw[8] & 0x7F == cia402.PRE_OPERATIONAL:
+                self._problem = "it has left the operational state"
         elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
             wanted = self._answer.head[4]
             self._problem = f"its TPDO has {raw[4]} bytes, must have {wanted}; did another master map it?"
 
     def _drain(self) -> None:
-        """Late answers must not be taken for the next one."""
-        while (raw := self._bus.receive(0.0)) is not None:
+        """A late or doubled answer must not be taken for the next one; a babbling node must not hold us up."""
+        for _ in range(_BACKLOG):
+            raw = self._bus.receive(0.0)
+            if raw is None:
+                break
             self._take(raw)
-        self._overdue = False
 
     def _failed(self, fault: Fault, problem: str) -> Feedback:
         self._problem = problem or self._problem
@@ -233,14 +259,22 @@ class CanopenDrive:
             self._reason, self._serving = now, False
         return now
 
-    def _standstill(self) -> _Standstill:
-        travel = self._settings.quick_stop_deceleration * _STANDING * _STANDS * self._dt
-        return _Standstill(max(2.0 * self._step, travel))
+    def _walked(self, now: Feedback) -> Feedback:
+        """A step towards Operation enabled; once there, no fault later leads there again by itself."""
+        state = self._walk.step(now)
+        self._serving = now.fault is Fault.NONE
+        self._walking = not self._serving
+        if state is State.OPERATION_ENABLED:
+            self._emergency = None  # an old one: the drive runs, and would not with an error present
+        return now
+
+    def _standstill(self) -> Standstill:
+        return Standstill.of_ramp(self._settings.quick_stop_deceleration, self._step, self._dt)
 
     def _rest(self, due: float) -> float:
         """Sleep to the end of the period that began at `due`; start of the next one."""
-        due = max(due + self._dt, time.monotonic() - self._dt)
-        time.sleep(max(due - time.monotonic(), 0.0))
+        due = max(due + self._dt, self._now() - self._dt)
+        self._clock.sleep(max(due - self._now(), 0.0))
         return due
 
     def _hangs(self) -> str:
@@ -252,12 +286,3 @@ class CanopenDrive:
             " s: it hangs in"
             f" {state_words(last.statusword)}; {problem}{told}. {hint(last)}"
         )
-
-
-def _towards_enabled(state: State, cycle: int, stands: bool) -> int:
-    """Controlword of the next step; a fault is reset by edges, a quick stop left when the axis stands."""
-    if state is State.FAULT and cycle // _RESET_CYCLES % 2 == 0:
-        return 0
-    if state is State.QUICK_STOP_ACTIVE and stands:
-        return cia402.Command.DISABLE_VOLTAGE.controlword
-    return cia402.TOWARDS_ENABLED[state].controlword

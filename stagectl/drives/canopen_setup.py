@@ -6,18 +6,22 @@ offered; anything else that is missing or refused is an error which names the ob
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
 from stagectl.drives import cia402
+from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.wire import Partner
 
 MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) knows it
 NOT_OFFERED = "not offered by this drive"
 _ANSWER_TIME = 5.0  # s in which a drive that is just booting must answer
+# A drive that boots swallows the first request, which is soon put again.  Once it answers, an object that it keeps in
+# flash may take it most of a second (canopen #25, CanOpenSTM32 #89); nothing has power yet, nothing waits for it.
+_KNOCK_TIME, _SDO_TIME = 0.3, 1.0  # s for one answer
+_TRIES = 3  # of a request whose frame, or whose answer, is lost; a late answer is not taken for another: see `wire`
 _MODE_TIME = 1.0  # s in which 0x6061 must follow 0x6060
 _INVALID, _NO_REMOTE = 0x8000_0000, 0x4000_0000  # bits of a PDO's COB-ID
 _ABSENT = (cia402.NO_OBJECT, cia402.NO_SUBINDEX)
@@ -27,10 +31,11 @@ _EVENT_TIMER = 5  # subindex of an RPDO's deadline
 class Setup:
     """One pass of configuration; `told` collects what the drive said."""
 
-    def __init__(self, settings: Canopen, node: Partner, encoder_step: float) -> None:
+    def __init__(self, settings: Canopen, node: Partner, encoder_step: float, clock: Clock = WALL) -> None:
         """`encoder_step` (rad | m) is one count of the drive's position."""
         self._settings, self._node, self._step = settings, node, encoder_step
         self.told: dict[str, str] = {}
+        self._now = clock.now
 
     def run(self) -> None:
         """Configure the drive and start its PDOs.  Raises DriveError."""
@@ -94,14 +99,15 @@ class Setup:
 
     def _wait_for_answer(self) -> None:
         s = self._settings
-        deadline = time.monotonic() + _ANSWER_TIME
+        deadline = self._now() + _ANSWER_TIME
+        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = _KNOCK_TIME, 1
         while True:
             self._node.nmt.send_command(cia402.NMT_PRE_OPERATIONAL)
             try:
                 kind = self._upload(cia402.DEVICE_TYPE, 0)
                 break
             except SdoCommunicationError as error:
-                if time.monotonic() > deadline:
+                if self._now() > deadline:
                     raise DriveError(
                         f"node {s.node} does not answer on {s.interface} {s.channel} in {_ANSWER_TIME:.0f} s; is"
                         " the drive powered, are node id and bit rate right, the bus terminated? (virtual: is"
@@ -109,6 +115,7 @@ class Setup:
                     ) from error
             except SdoError as error:
                 raise self._refused("read", cia402.DEVICE_TYPE, 0, error) from error
+        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = _SDO_TIME, _TRIES
         if kind & 0xFFFF != cia402.PROFILE:
             raise DriveError(
                 f"node {s.node}: device type 0x1000 = 0x{kind:08X} is profile {kind & 0xFFFF}; must be"
@@ -189,16 +196,17 @@ class Setup:
         )
 
     def _set_stops(self) -> None:
-        counts = round(self._settings.quick_stop_deceleration / self._step)
+        scale = self._settings.deceleration_scale
+        counts = round(self._settings.quick_stop_deceleration / (scale or self._step))
+        unit = f"counts of {scale:.4g}" if scale else "counts/s^2"
         if not 1 <= counts < 2**32:
             raise DriveError(
                 f"quick_stop_deceleration = {self._settings.quick_stop_deceleration:g} is {counts}"
-                " counts/s^2; must"
-                f" lie in [1, {2**32 - 1}] counts/s^2 (0x6085); change it, or the drive's unit of"
-                " acceleration"
+                f" {unit}; must lie in [1, {2**32 - 1}] (0x6085); change it, or the drive's unit of"
+                " acceleration and deceleration_scale"
             )
         offered = self.write(counts, cia402.QUICK_STOP_DECELERATION, optional=True)
-        self.told["quick stop ramp (0x6085)"] = f"{counts} counts/s^2" if offered else NOT_OFFERED
+        self.told["quick stop ramp (0x6085)"] = f"{counts} {unit}" if offered else NOT_OFFERED
         for index, (name, _) in cia402.OPTIONS.items():
             code = self.offered(index)
             self.told[name] = NOT_OFFERED if code is None else cia402.option(index, code)
@@ -212,9 +220,9 @@ class Setup:
                 " it must be enabled in the drive, or another drive be used"
             )
         self.write(cia402.CYCLIC_SYNCHRONOUS_TORQUE, cia402.MODE)
-        deadline = time.monotonic() + _MODE_TIME
+        deadline = self._now() + _MODE_TIME
         while (mode := self.read(cia402.MODE_DISPLAY)) != cia402.CYCLIC_SYNCHRONOUS_TORQUE:
-            if time.monotonic() > deadline:
+            if self._now() > deadline:
                 raise DriveError(
                     f"node {self._settings.node}: mode of operation stays {mode} (0x6061); must become"
                     f" {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic synchronous torque); is another mode forced"

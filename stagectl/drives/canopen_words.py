@@ -12,6 +12,7 @@ WHAT = {
     Fault.DRIVE_FAULT: "the drive is not in Operation enabled any more",
     Fault.EMERGENCY: "the drive sent an emergency",
     Fault.BUS: "the bus failed",
+    Fault.REBOOTED: "the drive booted in mid operation",
 }
 CAUSES = {
     Fault.NONE: "Nothing to be done",
@@ -29,6 +30,10 @@ CAUSES = {
         "Probable causes are in the drive's manual under this code. Remove the cause, then start"
         " the run again: it"
         " resets the fault"
+    ),
+    Fault.REBOOTED: (
+        "Probable causes: a dip of its supply, its watchdog, or an NMT reset. Its configuration is gone with it."
+        " Check the supply, then start the run again: it configures the drive anew"
     ),
     Fault.BUS: (
         "Probable causes: interface down or bus off. See 'ip -details link', bring it up again,"

@@ -29,11 +29,22 @@ class Fault(enum.IntEnum):
     DRIVE_FAULT = 2  # the drive reports a fault or left Operation enabled by itself
     EMERGENCY = 3  # EMCY frame (CiA 301)
     BUS = 4  # the bus itself failed
+    REBOOTED = 5  # the drive's boot-up message in mid operation (CiA 301): its power or its firmware failed
     FOLLOWING_ERROR = 10  # the loop's own reasons, from here on
     TRAVEL = 11
     SPEED = 12
     LATE = 13
     OPERATOR = 14
+    BRAKING = 15  # braking now no longer ends within the travel
+    CURRENT = 16  # measured beyond what the drive may give
+    OVERLOAD = 17  # I2t
+    STALE = 18  # the position is older than it may be
+    JUMP = 19  # of the encoder
+    FREEZE = 20  # of the encoder, or an axis that is blocked
+    STARVED = 21  # the setpoints ran out in mid motion
+    UNATTENDED = 22  # the process that gives the orders is gone
+    HOMING = 23  # no home within the distance it may take
+    PARTNER = 24  # another axis of the group has stopped
 
 
 class Feedback(NamedTuple):
@@ -43,6 +54,15 @@ class Feedback(NamedTuple):
     current: float  # A, measured by the drive; NaN where it reports none
     statusword: int  # CiA 402 statusword; other drives map theirs onto it
     fault: Fault
+    age: float = 0.0  # s, of the position: 0 where it is latched with the cycle
+
+
+class Power(enum.Enum):
+    """What a drive shall be brought to, period by period, while its cycle goes on."""
+
+    ON = "Operation enabled at zero current"
+    QUICK_STOP = "stopped by its own ramp"
+    OFF = "no voltage"
 
 
 class Drive(Protocol):
@@ -59,6 +79,12 @@ class Drive(Protocol):
 
     def apply(self, current: float) -> None:
         """Hand over the current command (A, positive current moves the axis to positive positions)."""
+
+    def ask(self, power: Power) -> None:
+        """Bring the drive to `power` with the periods that follow; `sample` and `apply` go on meanwhile.
+
+        Power.ON has come when `sample` reports no fault.
+        """
 
     def quick_stop(self) -> Feedback:
         """Let the drive stop the axis by its own ramp; returns when it stands or the stop's time is over."""
@@ -101,3 +127,19 @@ class Canopen(NamedTuple):
     feedback_timeout: Annotated[float, Quantity("s", "(0, 60]", "longest wait for the answer to SYNC")] = 0.5
     reset: Annotated[Literal["none", "communication", "node"], "what the drive resets when we connect (NMT)"] = "none"
     bus_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of the bus that the cycle may take")] = 0.8
+    deceleration_scale: Annotated[
+        float,
+        Quantity("rad/s^2 | m/s^2", "[0, 1e6]", "one count of the ramp 0x6085; 0: an encoder count a second squared"),
+    ] = 0.0
+
+
+class Odrive(NamedTuple):
+    """An ODrive in torque mode over its ASCII protocol, on a serial line or USB."""
+
+    port: Annotated[str, "serial port, such as /dev/ttyACM0; a virtual drive makes it"]
+    torque_constant: Annotated[float, Quantity("N m/A", "(0, 1e3]", "of the drive's own motor configuration")]
+    baud: Annotated[float, Quantity("bit/s", "[9600, 12e6]", "of the line; USB runs at its own speed")] = 115200.0
+    axis: Annotated[int, Quantity("", "[0, 1]", "which of the drive's axes")] = 0
+    watchdog: Annotated[float, Quantity("s", "[0, 10]", "silence after which the drive stops; 0: off")] = 0.1
+    feedback_timeout: Annotated[float, Quantity("s", "(0, 60]", "longest wait for an answer")] = 0.05
+    line_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of a period that the line may take")] = 0.8

@@ -13,16 +13,19 @@ count) or ``wall`` (real time).  A drive that stops by itself needs no SYNC: the
 from __future__ import annotations
 
 import struct
-import time
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Callable, Iterable
+from typing import Any, Literal
 
 import canopen
 
 from stagectl.drives import cia402, node_pdo
 from stagectl.drives.bus import Bus
+from stagectl.drives.clock import WALL, Clock, Skewed
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.faulty_bus import FaultyBus
 from stagectl.drives.node_axis import Axis, Stop
+from stagectl.drives.node_deeds import Machine, Repeats
+from stagectl.drives.node_faults import Faults
 from stagectl.drives.node_objects import Objects
 from stagectl.drives.node_watch import Lost, Watchdog
 from stagectl.drives.simulated import Plant
@@ -49,16 +52,21 @@ class VirtualNode:
         report: Callable[[str], None],
         *,
         distance: Callable[[float], str] | None = None,
+        time: Clock = WALL,
+        faults: Iterable[Any] = (),
     ) -> None:
         """Build the node from `settings.eds` around `plant`, whose own delay line must hold nd - 1 periods.
 
         `quick_stop_gain` (A s/rad | A s/m) is that of the drive's own stop; `report` takes one line in plain
-        words, with distances as `distance` writes them (rad | m -> text).  Raises DriveError.
+        words, with distances as `distance` writes them (rad | m -> text).  `faults` are blocks of
+        `stagectl.drives.faults`.  Raises DriveError.
         """
         _check(plant, dt)
-        self._settings, self._bus, self._dt, self._report = settings, bus, dt, report
+        self._clock = Skewed(time)
+        self._settings, self._dt, self._report = settings, dt, report
+        self._bus = FaultyBus(bus, self._clock.now, plant.simulation.seed)
         self._wall, self._distance = clock == "wall", distance or self._counts
-        self._network = Network(bus)
+        self._network = Network(self._bus, self._clock)
         self._node: canopen.LocalNode = canopen.LocalNode(settings.node, load_eds(settings.eds, settings.node))
         self._network[settings.node] = self._node
         self.axis = Axis(plant, quick_stop_gain, self._stopped)
@@ -67,19 +75,29 @@ class VirtualNode:
         self._command = Watchdog(cia402.RPDO_LOST, "no cyclic command (RPDO) from the controller")
         self._pending: dict[bytes, tuple[node_pdo.Rpdo, bytes]] = {}
         self._syncs = 0
-        self._plant_time = self._synced = self._looked = time.monotonic()
+        self._plant_time = self._synced = self._looked = self._clock.now()
+        machine = Machine(self._bus, self.axis, self.objects, self._clock, dt, self.trip, self._reboot, Repeats())
+        self.faults = Faults(machine, report)
+        self.faults.standing(faults)
         self._configure()
 
     def run(self, until: Callable[[], bool]) -> None:
         """Boot, then serve the bus until `until` returns True."""
-        self._boot()
+        self.boot()
         while not until():
-            raw = self._bus.receive(_TICK)
-            if raw is not None:
-                self._take(raw)
-            now = time.monotonic()
-            if now - self._looked >= _TICK:
-                self._look()
+            self.turn()
+
+    def turn(self) -> None:
+        """Take one frame, if there is one within a millisecond, and look at the clocks when it is time."""
+        raw = self._bus.receive(_TICK)
+        if raw is not None:
+            self._take(raw)
+        if self._clock.now() - self._looked >= _TICK:
+            self._look()
+
+    def now(self) -> float:
+        """The drive's own time (s)."""
+        return self._clock.now()
 
     def trip(self, code: int) -> None:
         """An error inside the drive: emergency `code`, fault reaction, Fault."""
@@ -92,11 +110,18 @@ class VirtualNode:
         """Whether the network management lets PDOs through."""
         return bool(self._node.nmt.state == "OPERATIONAL")
 
-    def _boot(self) -> None:
+    def boot(self) -> None:
+        """As after power-on: the boot-up message, then pre-operational."""
         self._node.nmt.state = "INITIALISING"  # sends the boot-up message
         self._node.nmt.state = "PRE-OPERATIONAL"
-        self._plant_time = self._looked = time.monotonic()
+        self._plant_time = self._looked = self._clock.now()
         self._configure()
+
+    def _reboot(self) -> None:
+        """Boot with the defaults of the object dictionary, the machine staying where it is."""
+        self._heartbeat.disarm()
+        self.objects.restore(self._settings)
+        self.boot()
 
     def _configure(self) -> None:
         """Compile what the object dictionary says; again whenever it was written."""
@@ -130,7 +155,7 @@ class VirtualNode:
     def _sync(self) -> None:
         if not self.operational:
             return
-        now = time.monotonic()
+        now = self._clock.now()
         if self._wall:
             self._catch_up(now)
         else:
@@ -183,7 +208,8 @@ class VirtualNode:
             self.objects.restore(self._settings, communication_only)
             if not communication_only:
                 self.axis.restart()
-            self._boot()
+                self.faults.renew()
+            self.boot()
         self._configure()
 
     def _look(self) -> None:
@@ -193,13 +219,20 @@ class VirtualNode:
             if raw is None:
                 break
             self._take(raw)
-        now = self._looked = time.monotonic()
+        now = self._looked = self._clock.now()
+        self.faults.look(now)
+        if self.objects.changed:
+            self._configure()
         self._network.tick(now)
         if self.axis.state is not cia402.State.OPERATION_ENABLED:
             self._command.disarm()
         for lost in (self._heartbeat.check(now), self._command.check(now)):
             if lost is not None:
                 self._partner_lost(lost)
+        self._follow(now)
+
+    def _follow(self, now: float) -> None:
+        """Let the plant follow the clock where no SYNC moves it."""
         if self._wall or (self.axis.stopping and now - self._synced > _PATIENCE):
             self._catch_up(now)
         elif not self.axis.stopping:
@@ -228,7 +261,7 @@ class VirtualNode:
         self.axis.connection_lost()
 
     def _hear(self, partner: Watchdog) -> None:
-        if not partner.alive(time.monotonic()):
+        if not partner.alive(self._clock.now()):
             return
         fault = self.axis.state in (cia402.State.FAULT, cia402.State.FAULT_REACTION_ACTIVE)
         if not (fault or self._heartbeat.tripped or self._command.tripped):

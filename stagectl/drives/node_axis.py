@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from stagectl.drives import cia402
 from stagectl.drives.cia402 import Command, State
+from stagectl.drives.node_sensor import Actuator, Sensor, Undo
 from stagectl.drives.simulated import Plant
 
 _VOLTAGE, _REMOTE, _FOLLOWS = 0x0010, 0x0200, 0x1000  # bits of the statusword besides the state
@@ -46,6 +47,7 @@ class Axis:
     def __init__(self, plant: Plant, gain: float, stopped: Callable[[Stop], None]) -> None:
         """`gain` of the stop's velocity loop (A s/rad | A s/m); `stopped` is told when a stop is over."""
         self.plant, self._gain, self._stopped = plant, gain, stopped
+        self.sensor, self._actuator, self._sto = Sensor(plant), Actuator(), False
         self.options = Options(2, 2, 3, 1.0, math.inf)
         self.state = State.SWITCH_ON_DISABLED
         self.mode = 0
@@ -82,6 +84,8 @@ class Axis:
         if command is None:
             return
         target = cia402.TRANSITIONS.get((self.state, command))
+        if self._sto and target in _POWERED:
+            return
         if target is State.QUICK_STOP_ACTIVE:
             self.quick_stop()
         elif self.state is State.QUICK_STOP_ACTIVE and command is Command.ENABLE_OPERATION:
@@ -95,7 +99,7 @@ class Axis:
         obeys = self.state is State.OPERATION_ENABLED and self.mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
         limit = self.options.current_limit
         self.applied = min(max(self.target, -limit), limit) if obeys else 0.0
-        self.plant.command(self.applied)
+        self.plant.command(self._actuator(self.applied))
 
     def advance(self, seconds: float) -> None:
         """Let time go on by a period or less, under the applied command or the drive's own stop."""
@@ -103,7 +107,7 @@ class Axis:
             self.plant.drift(seconds)
             return
         self._reference = _towards_zero(self._reference, self.options.deceleration * seconds)
-        self.plant.command(self._gain * (self._reference - self.plant.state.velocity))
+        self.plant.command(self._actuator(self._gain * (self._reference - self.sensor.velocity)))
         self.plant.drift(seconds)
         self._watch_stop(seconds)
 
@@ -140,6 +144,25 @@ class Axis:
         self.mode = self.controlword = 0
         self.plant.restart()
 
+    def power_cycled(self) -> None:
+        """As after power-on, the machine staying where it is and coasting on."""
+        self._enter(State.SWITCH_ON_DISABLED)
+        self.mode = self.controlword = 0
+
+    def open_sto(self) -> Undo:
+        """Safe torque off: no power until the answer is called."""
+        self._sto = True
+        self._enter(State.SWITCH_ON_DISABLED)
+
+        def close() -> None:
+            self._sto = False
+
+        return close
+
+    def distort(self, distortion: Callable[[float], float]) -> Undo:
+        """Distort the motor's current until the answer is called."""
+        return self._actuator.distort(distortion)
+
     def _cut(self) -> None:
         self._enter(State.SWITCH_ON_DISABLED)
 
@@ -151,12 +174,12 @@ class Axis:
 
     def _brake(self, after: State) -> None:
         self._after_stop = after
-        self._began, self._reference = self.plant.state.position, self.plant.state.velocity
+        self._began, self._reference = self.plant.state.position, self.sensor.velocity
         self._elapsed = self._still = 0.0
         self._limit = abs(self._reference) / self.options.deceleration + _STOP_LIMIT
 
     def _watch_stop(self, dt: float) -> None:
-        velocity = self.plant.state.velocity
+        velocity = self.sensor.velocity
         self._elapsed += dt
         standing = self.options.deceleration * _STANDING + self.plant.p.encoder.step / _STANDS
         still = self._reference == 0.0 and abs(velocity) < standing

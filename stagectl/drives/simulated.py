@@ -6,11 +6,11 @@ import math
 import random
 from typing import Annotated, Literal, NamedTuple
 
-from stagectl.drives.drive import Fault, Feedback
+from stagectl.drives.drive import Fault, Feedback, Power
 from stagectl.kernels import stage
 from stagectl.units import Quantity
 
-OPERATION_ENABLED = 0x0027
+OPERATION_ENABLED, SWITCHED_ON = 0x0027, 0x0023
 
 
 class Simulation(NamedTuple):
@@ -128,11 +128,19 @@ class Simulated:
 
     def sample(self) -> Feedback:
         """Measured position and motor current now."""
-        return Feedback(self.plant.position, self.plant.current, OPERATION_ENABLED, Fault.NONE)
+        statusword, fault = (OPERATION_ENABLED, Fault.NONE) if self.plant.powered else (SWITCHED_ON, Fault.DRIVE_FAULT)
+        return Feedback(self.plant.position, self.plant.current, statusword, fault)
 
     def apply(self, current: float) -> None:
         """Hold `current` for one period; the model's own delay line adds nd periods."""
         self.plant.advance(current)
+
+    def ask(self, power: Power) -> None:
+        """Power the stage, or cut it: it has no ramp of its own, friction stops it."""
+        if power is Power.ON:
+            self.enable()
+        else:
+            self.plant.powered = False
 
     def quick_stop(self) -> Feedback:
         """Cut the current and let friction stop the axis: at most ten simulated seconds."""

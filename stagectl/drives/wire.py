@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import configparser
 import struct
-import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -17,16 +16,17 @@ from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoCommunicationError
 
 from stagectl.drives.bus import EXTENDED, REMOTE, Bus, frame, parse
+from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError
 
 
 class Periodic:
     """A frame that `Network.tick` repeats until stopped; what the library calls a periodic task."""
 
-    def __init__(self, owner: list[Periodic], identifier: int, data: bytes, period: float) -> None:
-        self._owner, self.identifier, self.data, self.period = owner, identifier, data, period
-        self.due = time.monotonic() + period
-        owner.append(self)
+    def __init__(self, network: Network, identifier: int, data: bytes, period: float) -> None:
+        self._owner, self.identifier, self.data, self.period = network.periodic, identifier, data, period
+        self.due = network.clock.now() + period
+        self._owner.append(self)
 
     def update(self, data: Iterable[int]) -> None:
         """Send other bytes from now on."""
@@ -41,11 +41,11 @@ class Periodic:
 class Network(canopen.Network):
     """A network of the library whose frames go by our bus."""
 
-    def __init__(self, wire: Bus) -> None:
+    def __init__(self, wire: Bus, clock: Clock = WALL) -> None:
         super().__init__()
-        self.wire = wire
+        self.wire, self.clock = wire, clock
         self.malformed = 0  # frames that the library cannot read
-        self._periodic: list[Periodic] = []
+        self.periodic: list[Periodic] = []
 
     def send_message(self, can_id: int, data: Iterable[int], remote: bool = False) -> None:
         """Send one frame now."""
@@ -54,11 +54,11 @@ class Network(canopen.Network):
     def send_periodic(self, can_id: int, data: Iterable[int], period: float, remote: bool = False) -> Any:
         """Send one frame now and then every `period` seconds, as long as `tick` is called."""
         self.send_message(can_id, data, remote)
-        return Periodic(self._periodic, can_id, bytes(data), period)
+        return Periodic(self, can_id, bytes(data), period)
 
     def tick(self, now: float) -> None:
         """Send what is due at `now` (monotonic clock, s)."""
-        for task in self._periodic:
+        for task in self.periodic:
             if now >= task.due:
                 self.wire.send(frame(task.identifier, task.data))
                 task.due = max(task.due + task.period, now)
@@ -69,7 +69,7 @@ class Network(canopen.Network):
         if identifier & (REMOTE | EXTENDED):
             return
         try:
-            self.notify(identifier, bytearray(data), time.monotonic())
+            self.notify(identifier, bytearray(data), self.clock.now())
         except struct.error:  # shorter than its protocol says
             self.malformed += 1
 
@@ -82,22 +82,40 @@ class Network(canopen.Network):
         return True
 
 
+_BEGINS, _ANSWERS = (1, 2), (2, 3, 4)  # top three bits of a request that begins a transfer; of what answers one
+
+
 class PumpedSdo(SdoClient):
     """An SDO client that reads the bus itself while it waits for its answer."""
 
+    _asked: bytes | None = None  # index and subindex of the transfer that begins
+
+    def send_request(self, request: Any) -> None:
+        """Send a request, and know what it was about."""
+        self._asked = bytes(request[1:4]) if request[0] >> 5 in _BEGINS else None
+        super().send_request(request)  # type: ignore[no-untyped-call]
+
     def read_response(self) -> bytes:
         """The server's answer.  Raises SdoAbortedError or SdoCommunicationError."""
-        deadline = time.monotonic() + self.RESPONSE_TIMEOUT
-        while self.responses.empty():
-            left = deadline - time.monotonic()
+        network: Any = self.network
+        deadline = network.clock.now() + self.RESPONSE_TIMEOUT
+        while not self._answered():
+            left = deadline - network.clock.now()
             if left <= 0.0:
                 raise SdoCommunicationError("No SDO response received")
-            self.network.pump(left)  # type: ignore[attr-defined]
+            network.pump(left)
         return bytes(super().read_response())  # type: ignore[no-untyped-call]
+
+    def _answered(self) -> bool:
+        """Whether the answer is there; a late one to a request that was given up is not it."""
+        waiting = self.responses.queue
+        while waiting and self._asked is not None and waiting[0][0] >> 5 in _ANSWERS and waiting[0][1:4] != self._asked:
+            waiting.popleft()
+        return bool(waiting)
 
     def abort(self, abort_code: int = 0x0800_0000) -> None:
         """Tell the server that the transfer is over; the caller gets an error of its own to report."""
-        self.send_request(b"\x80\0\0\0" + abort_code.to_bytes(4, "little"))  # type: ignore[no-untyped-call]
+        self.send_request(b"\x80\0\0\0" + abort_code.to_bytes(4, "little"))
 
 
 class Partner(canopen.RemoteNode):

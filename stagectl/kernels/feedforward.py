@@ -102,9 +102,8 @@ def commands(p: Held, start: Desired, end: Desired) -> tuple[float, float]:
 @kernel
 def setpoints(p: Feedforward, foreseen: Foreseen, stops: Any, rows: Any) -> None:
     """Fill `rows` (n, 8), the fields of `law.Setpoint`; n is even, `stops` the relaxed friction operators."""
-    rows[:, 0] = foreseen.reference
-    rows[:, 4] = foreseen.late[:-2, 1]
-    rows[:, 7] = 1.0
+    for k in range(len(rows)):
+        rows[k, 0], rows[k, 4], rows[k, 7] = foreseen.reference[k], foreseen.late[k, 1], 1.0
     for k in range(0, len(rows), 2):
         _frame(p, foreseen, k, rows)
     if p.with_friction:

@@ -61,12 +61,26 @@ def settled(p: StopOperators, s: Any, load: float, limit: float = 1.0) -> float:
 
     A load beyond their sum lets all of them slip: the axis will not stand.
     """
-    low, high = 0.0, 2.0 * limit * max(p.slip)
+    return stops(p, s, math.copysign(_given_way(p, abs(load), float(limit)), load), limit) if load else 0.0
+
+
+@kernel
+def _given_way(p: StopOperators, load: float, limit: float) -> float:
+    """Displacement (rad | m) after which relaxed operators carry `load` (N m | N), by bisection."""
+    longest = 0.0
+    for j in range(len(p.slip)):
+        longest = max(longest, p.slip[j])
+    low, high = 0.0, 2.0 * limit * longest
     for _ in range(100):
         middle = 0.5 * (low + high)
-        carried = sum(a * min(limit, middle * r) for a, r in zip(p.weight, p.rate, strict=True))
-        low, high = (middle, high) if carried < abs(load) else (low, middle)
-    return stops(p, s, math.copysign(high, load), limit) if load else 0.0
+        carried = 0.0
+        for j in range(len(p.weight)):
+            carried += p.weight[j] * min(limit, middle * p.rate[j])
+        if carried < load:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 @kernel

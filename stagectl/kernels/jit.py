@@ -7,7 +7,8 @@ The same source runs in two ways and gives the same bits:
   of plain floats costs a few microseconds.  ``STAGECTL_KERNELS=interpreted`` selects it.
 
 Kernels are NamedTuple in, NamedTuple out.  They use `math` only, multiply instead of `**`, and keep floats
-float: an int in a float's place would compile a second version, in the middle of a cycle.
+float: an int in a float's place would compile a second version, in the middle of a cycle.  Arrays come from the
+caller: no kernel makes one, nor assigns a slice.
 """
 
 from __future__ import annotations
@@ -63,7 +64,9 @@ else:
     import numba  # after its cache directory is known
     import numpy
 
-    _compile = functools.partial(numba.njit, cache=_cached, nogil=True)  # two rollouts side by side in two threads
+    # Two rollouts run side by side in two threads (nogil).  No kernel allocates: without reference counts and with
+    # every call inlined, a period costs a third.
+    _compile = functools.partial(numba.njit, cache=_cached, nogil=True, forceinline=True, _nrt=False)
 
     def kernel(function: Callable[P, R]) -> Callable[P, R]:
         """Compiled by numba at the first call, kept on disk under the hash of all kernels."""

@@ -51,7 +51,8 @@ def closed_loop(p: Loop, plant: stage.State, inputs: Any, dt: float, substeps: i
         measured = stage.measured(p.stage.encoder, plant, noise)
         output, x = law.step(p.law, x, setpoint, measured)
         rows[k, 0] = k * dt
-        rows[k, 1:_OUTPUT] = r
+        for j, wanted in enumerate(setpoint):
+            rows[k, 1 + j] = wanted
         for j, term in enumerate(output):
             rows[k, _OUTPUT + j] = term
         rows[k, _OBSERVED] = measured

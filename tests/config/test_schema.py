@@ -28,7 +28,7 @@ def test_it_is_a_schema_and_pure_json(name: str) -> None:
     assert json.loads(json.dumps(schema, allow_nan=False)) == schema
 
 
-@pytest.mark.parametrize("path", sorted(CONFIG.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(set(CONFIG.glob("*.yaml")) - {CONFIG / "xy.yaml"}), ids=lambda path: path.stem)
 def test_shipped_stages_are_good(path: Path) -> None:
     assert found("stage", path.read_text()) == []
 

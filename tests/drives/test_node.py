@@ -13,11 +13,12 @@ import canopen
 import pytest
 from canopen.profiles.p402 import BaseNode402
 
-from stagectl.drives.bus import Embedded, frame, parse
+from stagectl.drives.bus import frame, parse
 from stagectl.drives.cia402 import State
 from stagectl.drives.drive import DriveError
 from stagectl.drives.node import VirtualNode
 from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.timeline import End, Timeline
 from stagectl.kernels import stage
 from tests.drives.workbench import DT, STEP, SYNC, Script, Workbench, linear_stage
 
@@ -267,69 +268,64 @@ def test_a_reset_boots_again_with_the_defaults(bench: Workbench, script: Script)
     assert (node.axis.state, node.axis.mode, node.axis.plant.position_counts) == (State.SWITCH_ON_DISABLED, 0, 0)
 
 
-def cycle(bus: Embedded, seconds: float, heartbeat: bool, command: bool) -> None:
+def cycle(bus: End, time: Timeline, seconds: float, heartbeat: bool, command: bool) -> None:
     """Be a controller that keeps the axis moving to and fro."""
-    end, n = time.monotonic() + seconds, 0
-    while time.monotonic() < end:
+    for n in range(round(seconds / 0.002)):
         bus.send(SYNC)
-        bus.receive(0.1)
         if command:
             bus.send(rpdo(15, 50_000 if n % 100 < 50 else -50_000))
         if heartbeat and n % 5 == 0:
             bus.send(frame(0x77F, b"\x05"))
-        n += 1
         time.sleep(0.002)
-
-
-def wait_for(condition: Callable[[], bool], seconds: float = 3.0) -> float:
-    """Seconds until `condition` holds."""
-    began = time.monotonic()
-    while not condition():
-        assert time.monotonic() - began < seconds, "it did not happen"
-        time.sleep(0.001)
-    return time.monotonic() - began
 
 
 @pytest.mark.parametrize(("clock", "dies"), [("wall", True), ("sync", True), ("wall", False)])
 def test_without_heartbeat_it_stops_by_itself(bench: Workbench, clock: str, dies: bool) -> None:
-    node = bench.running(clock)
-    bus = bench.bus()
+    node, bus, time = bench.timed(clock)
     ramp = write(0x6085, 0, round(2.0 / STEP), 4)
     for step in (write(0x1016, 1, 0x7F_0000 | 60, 4), ramp, *enabled()):
         bus.send(step)
-        bus.receive(0.2)
-    cycle(bus, 0.13, heartbeat=True, command=True)
-    assert node.axis.state is State.OPERATION_ENABLED
-    if not dies:
-        cycle(bus, 0.09, heartbeat=False, command=True)  # commands go on, the heartbeat does not
-    noticed = wait_for(lambda: bool(bench.said))
-    assert noticed < 0.5
-    wait_for(lambda: len(bench.said) > 1)
+        time.sleep(0.001)
+    cycle(bus, time, 0.13, heartbeat=True, command=True)
+    assert node.axis.state is State.OPERATION_ENABLED and bench.said == []
+    heard = time.now() - 0.01  # with the last but fourth of the cycles
+    time.sleep(0.049) if dies else cycle(bus, time, 0.048, heartbeat=False, command=True)
+    assert bench.said == []  # not before its time
+    time.sleep(0.004) if dies else cycle(bus, time, 0.004, heartbeat=False, command=True)  # commands go on
+    (said,) = bench.said
+    silence = int(said.split()[6])
+    assert said == f"no heartbeat from the controller for {silence} ms (time-out 60 ms): quick stop"
+    assert 60 <= silence <= 62
+    assert time.now() - heard < 0.064
+    time.sleep(0.5)
     assert node.axis.state is State.SWITCH_ON_DISABLED
-    silence = int(bench.said[0].split()[6])
-    assert bench.said[0] == (f"no heartbeat from the controller for {silence} ms (time-out 60 ms): quick stop")
-    assert 60 <= silence < 300  # the machine is shared
     assert bench.said[1].startswith("stands after ")
     assert abs(int(bench.said[1].split()[5])) * STEP < 0.05
     emergencies = [parse(raw) for raw in iter(lambda: bus.receive(0.0), None) if parse(raw)[0] == 0x085]
-    if dies:
-        assert emergencies[0][1].hex(" ") == "30 81 10 00 00 00 00 00"
+    assert emergencies[0][1].hex(" ") == "30 81 10 00 00 00 00 00"
 
 
 def test_without_commands_it_stops_by_itself(bench: Workbench) -> None:
-    node = bench.running("wall")
-    bus = bench.bus()
+    node, bus, time = bench.timed("wall")
     for step in (write(0x1400, 5, 50, 2), *enabled()):
         bus.send(step)
-        bus.receive(0.2)
-    cycle(bus, 0.1, heartbeat=True, command=True)
+        time.sleep(0.001)
+    cycle(bus, time, 0.1, heartbeat=True, command=True)
     assert (node.axis.state, bench.said) == (State.OPERATION_ENABLED, [])
-    cycle(bus, 0.04, heartbeat=True, command=False)
+    cycle(bus, time, 0.046, heartbeat=True, command=False)
     assert bench.said == []  # not before its time
-    cycle(bus, 0.15, heartbeat=True, command=False)
+    cycle(bus, time, 0.006, heartbeat=True, command=False)
     assert bench.said[0].startswith("no cyclic command (RPDO) from the controller for 5")
     assert node.objects.error_code == 0x8250
     assert node.axis.state in (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED)
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> None:
+    """Until `condition` holds."""
+    began = time.monotonic()
+    while not condition():
+        assert time.monotonic() - began < seconds, "it did not happen"
+        time.sleep(0.001)
 
 
 def test_the_stock_library_takes_it_for_a_drive(bench: Workbench) -> None:

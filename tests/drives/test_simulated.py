@@ -33,7 +33,7 @@ def test_a_quick_stop_ends_when_the_axis_stands(sign: float) -> None:
     speed, began = drive.plant.state.velocity, drive.plant.state.position
     assert speed * sign > 0.2
     now = drive.quick_stop()
-    assert now.fault is Fault.NONE
+    assert now.fault is Fault.DRIVE_FAULT  # it has no power any more, and says so
     # friction alone: 5 N and 5 N s/m against 10 kg
     assert (now.position - began) * sign == pytest.approx(speed**2 / (2 * 0.5), rel=0.2)
     assert abs(drive.plant.state.velocity) < 1e-3

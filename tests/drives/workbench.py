@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.drives.bus import Embedded, frame
+from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen
 from stagectl.drives.node import VirtualNode
 from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.timeline import End, Timeline, Wire
 from stagectl.kernels import friction, stage
 
 EDS = Path(__file__).parents[2] / "config" / "drives" / "stagectl-virtual.eds"
@@ -68,11 +70,21 @@ class Workbench:
         self._stack.callback(bus.close)
         return bus
 
-    def node(self, bus: Any = None, clock: Any = "sync", **changes: Any) -> VirtualNode:
+    def node(self, bus: Any = None, clock: Any = "sync", time: Clock = WALL, **changes: Any) -> VirtualNode:
         """A virtual drive, not running yet."""
         plant = Plant(linear_stage(), Simulation(substeps=4), DT)
         bus = bus or self.bus()
-        return VirtualNode(self.settings(**changes), plant, bus, clock, DT, GAIN, self.said.append)
+        return VirtualNode(self.settings(**changes), plant, bus, clock, DT, GAIN, self.said.append, time=time)
+
+    def timed(self, clock: Any = "sync") -> tuple[VirtualNode, End, Timeline]:
+        """A virtual drive that has booted, our end of its bus, and the time that both go by, which nobody waits for."""
+        time = Timeline()
+        ours, theirs = Wire(time, 1e6).ends
+        node = self.node(theirs, clock, time)
+        theirs.woken_by(node.turn)
+        node.boot()
+        time.every(0.001, node.turn)
+        return node, ours, time
 
     def running(self, clock: Any = "sync", **changes: Any) -> VirtualNode:
         """A virtual drive in a thread, until the end of the test."""

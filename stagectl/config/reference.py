@@ -1,0 +1,147 @@
+"""Every entry of a configuration file: unit, range, default and meaning, from the types that the loader reads."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import types
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
+
+from stagectl.config.loader import Tagged, fields_of
+from stagectl.config.stage_file import StageFile
+from stagectl.config.trajectory_file import EXPERIMENTS, Entry
+from stagectl.units import Quantity, quantity_of
+
+REQUIRED = "required"
+
+
+class Row(NamedTuple):
+    """One entry of a block."""
+
+    key: str
+    takes: str  # kind of value, with its unit
+    interval: str  # admissible, SI; empty where there is none
+    default: str
+    meaning: str
+
+
+class Block(NamedTuple):
+    """One block, by the dotted name under which it stands."""
+
+    name: str  # empty: the file itself
+    choice: str  # ``law: rolling`` where the block is one of several
+    meaning: str
+    rows: tuple[Row, ...]
+
+
+def stage_blocks() -> list[Block]:
+    """All blocks of a stage file, outer ones first."""
+    return list(_blocks(StageFile, "", "", "The whole file."))
+
+
+def trajectory_blocks() -> list[Block]:
+    """All types of a trajectory file."""
+    found = []
+    for name, kind in EXPERIMENTS.items():
+        found += list(_blocks(kind, "", f"type: {name}", _summary(kind)))
+    return found
+
+
+def _blocks(hint: Any, name: str, choice: str, meaning: str) -> Iterator[Block]:
+    kind, quantity = _inner(hint), quantity_of(hint)
+    hints = fields_of(Annotated[kind, quantity] if quantity else kind)
+    rows = tuple(_row(field, hints[field], kind._field_defaults) for field in kind._fields)
+    yield Block(name, choice, meaning, rows)
+    for field in kind._fields:
+        inner = f"{name}.{field}" if name else field
+        yield from _within(hints[field], inner)
+
+
+def _within(hint: Any, name: str) -> Iterator[Block]:
+    if hint == Entry:
+        return
+    item = _item(hint)
+    tag = _tag(item)
+    if tag is not None:
+        for chosen, kind in tag.blocks.items():
+            if tag.key != "type" or kind not in EXPERIMENTS.values():
+                yield from _blocks(kind, name, f"{tag.key}: {chosen}", _summary(kind))
+    elif hasattr(_inner(item), "_fields"):
+        yield from _blocks(item, name, "", _summary(_inner(item)))
+
+
+def _item(hint: Any) -> Any:
+    """What a list holds; anything else is itself."""
+    plain = _inner(hint)
+    return get_args(plain)[0] if get_origin(plain) is tuple else hint
+
+
+def _row(field: str, hint: Any, defaults: dict[str, Any]) -> Row:
+    quantity = quantity_of(hint)
+    words = next((extra for extra in _extras(hint) if isinstance(extra, str)), "")
+    if not words and hasattr(_inner(hint), "_fields"):
+        words = _summary(hint)
+    default = _shown(defaults[field], quantity) if field in defaults else REQUIRED
+    interval = f"{quantity.interval}" if quantity else ""
+    return Row(field, _takes(hint, quantity), interval, default, quantity.meaning if quantity else words)
+
+
+def _takes(hint: Any, quantity: Quantity | None) -> str:
+    plain, tag = _inner(hint), _tag(hint)
+    if hint == Entry or (tag is not None and tag.key == "type"):
+        return "a motion or a current, see the trajectory file"
+    if get_origin(plain) is tuple:
+        inner = get_args(plain)[0]
+        return f"list of {_takes(Annotated[inner, quantity] if quantity else inner, quantity)}"
+    if tag is not None:
+        return f"block with `{tag.key}`: {', '.join(tag.blocks)}"
+    return "block" if hasattr(plain, "_fields") else _scalar(plain, quantity)
+
+
+def _scalar(plain: Any, quantity: Quantity | None) -> str:
+    if get_origin(plain) is Literal:
+        return " | ".join(f"`{word}`" for word in get_args(plain))
+    if plain in (bool, str):
+        return "text" if plain is str else "`true` | `false`"
+    if quantity is not None and quantity.unit:
+        return " | ".join(part.strip() for part in quantity.unit.split("|"))
+    return "whole number" if plain is int else "number"
+
+
+def _shown(value: Any, quantity: Quantity | None) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and math.isinf(value):
+        return "inf"
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return "block of defaults"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(f"{one:#x}" if isinstance(one, int) else str(one) for one in value) + "]"
+    if isinstance(value, int) and value > 0xFFFF:
+        return f"{value:#x}"
+    unit = quantity.unit.split("|")[0].strip() if quantity else ""
+    return f"{value:.10g} {unit}".strip() if isinstance(value, int | float) else str(value)
+
+
+def _summary(kind: Any) -> str:
+    return (inspect.getdoc(_inner(kind)) or "").split("\n")[0].replace("``", "`")
+
+
+def _extras(hint: Any) -> tuple[Any, ...]:
+    return get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+
+
+def _tag(hint: Any) -> Tagged | None:
+    return next((extra for extra in _extras(hint) if isinstance(extra, Tagged)), None)
+
+
+def _inner(hint: Any) -> Any:
+    """The type itself, without what stands beside it, and without None."""
+    plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if get_origin(plain) in (Union, types.UnionType):
+        kinds = [kind for kind in get_args(plain) if kind is not type(None)]
+        plain = _inner(kinds[0]) if len(kinds) == 1 else kinds[0]
+    return plain

@@ -1,0 +1,52 @@
+"""Time from outside: the wall clock, and clocks that run at a rate of their own."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """A monotonic clock that one can wait on."""
+
+    def now(self) -> float:
+        """Seconds since any fixed instant."""
+
+    def sleep(self, seconds: float) -> None:
+        """Let so much of its time go by."""
+
+
+class Wall:
+    """The machine's own monotonic clock."""
+
+    def now(self) -> float:
+        """Monotonic time (s)."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Sleep so long."""
+        time.sleep(seconds)
+
+
+WALL = Wall()
+
+
+class Skewed:
+    """A clock that runs `rate` seconds in one second of its base; the rate may change at any time."""
+
+    def __init__(self, base: Clock) -> None:
+        self._base, self._rate = base, 1.0
+        self._since = self._shown = base.now()
+
+    def now(self) -> float:
+        """Time of this clock (s)."""
+        return self._shown + self._rate * (self._base.now() - self._since)
+
+    def sleep(self, seconds: float) -> None:
+        """Let so much of this clock's time go by."""
+        self._base.sleep(seconds / self._rate)
+
+    def run_at(self, rate: float) -> None:
+        """Go on at another rate from now, without a jump."""
+        self._shown, self._since = self.now(), self._base.now()
+        self._rate = rate

@@ -1,0 +1,98 @@
+"""What lies between plant and electronics of the virtual drive: the encoder, and the current on its way out.
+
+Both are where faults act; without any they hand on what they are given.
+"""
+
+from __future__ import annotations
+
+import collections
+from collections.abc import Callable
+from typing import NamedTuple
+
+from stagectl.drives.simulated import Plant
+
+Undo = Callable[[], None]
+
+
+class Distortion(NamedTuple):
+    """What a fault makes of the encoder: of its counts, and of the velocity that the drive derives from them."""
+
+    counts: Callable[[int], int]
+    velocity: Callable[[float], float]
+
+
+class Sensor:
+    """The position as the drive's electronics see it."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self._distortions: list[Distortion] = []
+
+    @property
+    def counts(self) -> int:
+        """Position in encoder counts."""
+        counts = self._plant.position_counts
+        for each in self._distortions:
+            counts = each.counts(counts)
+        return counts
+
+    @property
+    def velocity(self) -> float:
+        """Velocity that the drive brakes by (rad/s | m/s)."""
+        velocity = self._plant.state.velocity
+        for each in self._distortions:
+            velocity = each.velocity(velocity)
+        return velocity
+
+    def distort(self, distortion: Distortion) -> Undo:
+        """Distort the measurement until the answer is called."""
+        return _added(self._distortions, distortion)
+
+
+class Actuator:
+    """The current on its way from the drive's regulator to the motor."""
+
+    def __init__(self) -> None:
+        self._distortions: list[Callable[[float], float]] = []
+
+    def __call__(self, current: float) -> float:
+        """What reaches the motor of `current` (A)."""
+        for each in self._distortions:
+            current = each(current)
+        return current
+
+    def distort(self, distortion: Callable[[float], float]) -> Undo:
+        """Distort the current until the answer is called."""
+        return _added(self._distortions, distortion)
+
+
+def late(delay: int) -> Callable[[float], float]:
+    """Current of `delay` control periods ago."""
+    line: collections.deque[float] = collections.deque([0.0] * delay)
+
+    def act(current: float) -> float:
+        line.append(current)
+        return line.popleft()
+
+    return act
+
+
+def held() -> Callable[[float], float]:
+    """The first current for ever."""
+    first: list[float] = []
+
+    def act(current: float) -> float:
+        if not first:
+            first.append(current)
+        return first[0]
+
+    return act
+
+
+def _added(things: list, thing: object) -> Undo:  # type: ignore[type-arg]
+    things.append(thing)
+
+    def undo() -> None:
+        things[:] = [each for each in things if each is not thing]
+
+    return undo

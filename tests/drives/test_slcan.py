@@ -1,0 +1,110 @@
+"""CANopen over a serial line: an adapter behind a pty, and what the configuration refuses."""
+
+from __future__ import annotations
+
+import os
+import re
+import threading
+import tty
+from collections.abc import Iterator
+
+import pytest
+
+from stagectl.drives import slcan
+from stagectl.drives.bus import frame, open_bus, parse
+from stagectl.drives.canopen import CanopenDrive
+from stagectl.drives.cia402 import State
+from stagectl.drives.cia402 import state as state_of
+from stagectl.drives.drive import Fault
+from tests.drives.workbench import DT, STEP, Workbench, canopen_settings
+
+
+class Adapter:
+    """A stand-in for an slcan adapter: text on a pty, frames on a bus of the test."""
+
+    def __init__(self, bench: Workbench) -> None:
+        self._bus = bench.bus()
+        self._line, child = os.openpty()
+        tty.setraw(child)
+        os.set_blocking(self._line, False)
+        self.port, self._child = os.ttyname(child), child
+        self._over, self._text = threading.Event(), b""
+        self.said: list[bytes] = []
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
+        os.close(self._line)
+        os.close(self._child)
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            raw = self._bus.receive(0.0005)
+            if raw is not None:
+                identifier, data = parse(raw)
+                os.write(self._line, f"t{identifier:03X}{len(data)}{data.hex().upper()}\r".encode())
+            try:
+                self._text += os.read(self._line, 4096)
+            except BlockingIOError:
+                continue
+            *lines, self._text = self._text.split(b"\r")
+            for line in lines:
+                self._obey(line)
+
+    def _obey(self, line: bytes) -> None:
+        self.said.append(line)
+        if line[:1] == b"t":
+            self._bus.send(frame(int(line[1:4], 16), bytes.fromhex(line[5:].decode())))
+            os.write(self._line, b"z\r")
+        else:
+            os.write(self._line, b"\r")
+
+
+@pytest.fixture
+def adapter(bench: Workbench) -> Iterator[Adapter]:
+    made = Adapter(bench)
+    yield made
+    made.close()
+
+
+def test_a_drive_moves_and_stops_over_the_line(bench: Workbench, adapter: Adapter) -> None:
+    node = bench.running("sync")
+    settings = bench.settings()._replace(interface="slcan", channel=f"{adapter.port}@3000000")
+    bus = open_bus(settings.interface, settings.channel, settings.bitrate)
+    drive = CanopenDrive(settings, bus, STEP, DT)
+    assert adapter.said.index(b"S8") < adapter.said.index(b"O")  # 1 Mbit/s, then open
+    assert drive.enable().fault is Fault.NONE
+    for _ in range(40):
+        drive.apply(1.0)
+        assert drive.sample().fault is Fault.NONE
+    assert node.axis.plant.state.velocity > 0.05
+    assert state_of(drive.quick_stop().statusword) is State.SWITCH_ON_DISABLED
+    drive.close()
+    assert abs(node.axis.plant.state.velocity) < 1e-3
+
+
+def test_the_time_of_a_cycle_is_that_of_its_characters() -> None:
+    # t0800<CR>, twice t18n8 and 16 digits, two acknowledgements z<CR>: 6 + 22 + 22 + 4 characters of ten bits
+    assert slcan.characters(0) == len(b"t0800\r") and slcan.characters(8) == len(b"t1858" + b"0" * 16 + b"\r")
+    assert slcan.cycle(115200.0, 1e6) == pytest.approx(54 * 10 / 115200 + (55 + 135 + 135) * 1e-6)
+    assert [slcan.baud(text) for text in ("/dev/ttyUSB0", "/dev/ttyACM0@3000000", "COM3@fast")] == [115200.0, 3e6, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("channel", "period", "words"),
+    [
+        ("/dev/ttyACM0@3000000", 0.001, ""),
+        ("/dev/ttyUSB0", 0.01, ""),
+        ("/dev/ttyUSB0", 0.002, "54 characters, take 5.01 ms of a period of 2 ms"),
+        ("/dev/ttyUSB0@115200", 0.005, "control.period of at least 6.27 ms"),
+        ("/dev/ttyUSB0@fast", 0.01, r"after @ must stand a baud rate in \[9600, 12000000\]"),
+    ],
+)
+def test_what_the_line_cannot_carry_is_refused_with_figures(channel: str, period: float, words: str) -> None:
+    found = slcan.refused(canopen_settings(channel)._replace(interface="slcan"), period)
+    assert bool(found) == bool(words)
+    if words:
+        assert re.search(words, found[0]), found
+    assert slcan.refused(canopen_settings(channel)._replace(interface="socketcan"), period) == []
