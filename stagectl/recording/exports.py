@@ -1,4 +1,4 @@
-"""Recordings for other programs: CSV, Parquet, MAT, a trajectory, or a folder of captures.
+"""Recordings for other programs: CSV, Parquet, MAT, MCAP, a trajectory, or a folder of captures.
 
 Every number keeps all its digits.  Units stand in the CSV's header (``reference_rad``), in the Parquet fields'
 metadata, and beside the samples in the MAT file.
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from stagectl.kernels.law import Setpoint
+from stagectl.recording import mcap_log
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.nominal import nominal_of
 from stagectl.trajectories import Recorded
@@ -131,6 +132,15 @@ def write_mat(recording: Recording, path: Path) -> list[str]:
     return []
 
 
+def write_mcap(recording: Recording, path: Path) -> list[str]:
+    """All columns as MCAP, for Foxglove and PlotJuggler."""
+    known = quantities()
+    mcap_log.write(
+        recording, path, {name: (header(name, unit), known[name].meaning) for name, unit in units(recording).items()}
+    )
+    return []
+
+
 def write_trajectory(recording: Recording, path: Path) -> list[str]:
     """The reference as a trajectory file of ``type: csv``, its samples in a CSV beside it."""
     time, reference = recording.column("time"), recording.column("reference")
@@ -152,6 +162,7 @@ WRITERS: dict[str, Callable[[Recording, Path], list[str]]] = {
     "csv": write_csv,
     "parquet": write_parquet,
     "mat": write_mat,
+    "mcap": write_mcap,
     "trajectory": write_trajectory,
 }
 FOLDER = "folder"

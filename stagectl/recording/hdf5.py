@@ -2,13 +2,16 @@
 
 ::
 
-    /               format, created, complete, ended, lost_rows     (attributes)
+    /               format, created, complete, ended, lost_rows, gaps     (attributes)
                     meta: JSON - name, axis, dt, nd, nm, law, steady window, versions, drive, config files
     /samples  (n,)  one compound row per control period, float64 columns in SI units; unit and meaning of
                     each column as JSON in its attributes
 
 While it is written the file is in SWMR mode: others may read along.  If the writer dies, HDF5 leaves a mark that
 it is still open; `open_recording` then rewrites the file once, whole.
+
+HDF5 does not survive a write that fails.  So the room for each block is taken from the file system beforehand, and
+what the end has to say is there from the beginning, as long as it can get: a disk that is full costs rows, no file.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ import contextlib
 import fcntl
 import json
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -30,10 +33,18 @@ from stagectl.units import Quantity, StageError, quantity_of
 
 FORMAT = "stagectl-recording/1"
 BLOCK = 512  # rows: chunk size, and what a crash costs at most
+GAPS = 32  # that a file can mark; further ones are added to the last
+_MARGIN, _EACH = 1 << 14, 256  # bytes of room for what HDF5 keeps beside the rows: at once, and with each block
+_LONGEST = 480  # bytes of the reason of the end
+_CUT_OFF = "the recorder was cut off: the rows end at its last block"
 
 
 class RecordingError(StageError):
     """A file that is no recording, or one that lacks what was asked for."""
+
+
+class DamagedError(RecordingError):
+    """A disk that failed while HDF5 wrote: nothing more can go into this file."""
 
 
 class Recording(NamedTuple):
@@ -45,6 +56,7 @@ class Recording(NamedTuple):
     complete: bool  # written to its end
     ended: str  # why it ended, in words
     lost_rows: int
+    gaps: tuple[tuple[int, int], ...] = ()  # rows before each, and how many are lost there
 
     def column(self, name: str) -> NDArray[np.float64]:
         """One column, (n,), SI.
@@ -81,33 +93,73 @@ class Writer:
     def __init__(self, path: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
         self.path = path
         self._dtype = np.dtype([(name, "<f8") for name in columns])
-        self._held = _claimed(path)
+        self._held, self._room = _claimed(path), 0
+        try:
+            self._reserve(_MARGIN)
+        except RecordingError:
+            self._held.close()
+            raise
         self._file = h5py.File(path, "w", libver="latest")
         self._file.attrs.update({"format": FORMAT, "created": meta["created"], "meta": json.dumps(meta)})
+        self._file.attrs.update(_ending(_CUT_OFF, False, 0, ()))
         self._samples = self._file.create_dataset("samples", (0,), self._dtype, maxshape=(None,), chunks=(BLOCK,))
         self._samples.attrs.update(_column_attributes(meta["axis"], columns))
         self._file.flush()
         self._file.swmr_mode = True
         fcntl.lockf(self._held, fcntl.LOCK_EX)  # again: it goes whenever HDF5 closes a descriptor of the file
+        self._room = os.fstat(self._held.fileno()).st_size
+        self._reserve(_MARGIN)
 
     def append(self, rows: bytes) -> None:
-        """Add whole rows (float64, column after column) and push them to the disk's cache."""
+        """Add whole rows (float64, column after column) and push them to the disk's cache.
+
+        Raises RecordingError where there is no room now, and DamagedError where the file is lost for good.
+        """
         block = np.frombuffer(rows, dtype=self._dtype)
         size = self._samples.shape[0]
-        self._samples.resize((size + len(block),))
+        self._reserve(len(rows) + _EACH * (1 + len(block) // BLOCK))
         try:
+            self._samples.resize((size + len(block),))
             self._samples[size:] = block
             self._samples.flush()
-        except OSError:
-            self._samples.resize((size,))  # no rows of zeros where the disk was full
-            raise
+        except (OSError, RuntimeError) as error:
+            raise DamagedError(f"{self.path}: the disk failed while it was written to: {error}") from error
 
-    def close(self, ended: str, lost_rows: int, complete: bool = True) -> None:
-        """Finish the file, with the reason it ended."""
-        self._file.close()
+    def close(self, ended: str, lost_rows: int, complete: bool = True, gaps: Gaps = ()) -> None:
+        """Finish the file, with the reason it ended and what it lacks; in place, as there may be no room for more.
+
+        Raises DamagedError.
+        """
+        try:
+            for name, value in _ending(ended, complete, lost_rows, gaps).items():
+                self._file.attrs.modify(name, value)
+            self._file.close()
+        except (OSError, RuntimeError) as error:
+            raise DamagedError(f"{self.path}: the disk failed while it was closed: {error}") from error
         self._held.close()
-        with h5py.File(self.path, "r+", libver="latest") as file:
-            file.attrs.update({"complete": complete, "ended": ended, "lost_rows": lost_rows})
+
+    def _reserve(self, more: int) -> None:
+        """Take room for so many bytes more.  Raises RecordingError."""
+        try:
+            os.posix_fallocate(self._held.fileno(), self._room, more)
+        except OSError as error:
+            raise RecordingError(
+                f"{self.path} cannot be written: {error.strerror}; make room, or choose another disk"
+            ) from error
+        self._room += more
+
+
+Gaps = Sequence[tuple[int, int]]
+
+
+def _ending(ended: str, complete: bool, lost_rows: int, gaps: Gaps) -> dict[str, Any]:
+    """What is known at the end only, each as long as it can get."""
+    marked = np.zeros((GAPS, 2), np.int64)
+    if gaps:
+        marked[: len(gaps[:GAPS])] = gaps[:GAPS]
+    marked[-1, 1] += sum(count for _, count in gaps[GAPS:])
+    text = np.array(ended.encode()[:_LONGEST], dtype=f"S{_LONGEST}")
+    return {"complete": np.bool_(complete), "ended": text, "lost_rows": np.int64(lost_rows), "gaps": marked}
 
 
 def _column_attributes(axis: dict[str, Any], columns: tuple[str, ...]) -> dict[str, str]:
@@ -124,7 +176,7 @@ def _claimed(path: Path) -> IO[bytes]:
     if path.is_file() and path.stat().st_size and not _ours(path):
         raise RecordingError(f"{path} is no recording and is left as it is: choose another file with -o")
     try:
-        file = path.open("ab")
+        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "r+b")
     except OSError as error:
         raise RecordingError(f"{path} cannot be written: {error.strerror}; choose another file with -o") from error
     try:
@@ -184,13 +236,35 @@ def open_recording(path: Path, only: Collection[str] = ()) -> Recording:
     """
     with _opened(path) as file:
         if file.attrs.get("format") != FORMAT or "samples" not in file:
-            raise RecordingError(f"{path} is no stagectl recording; `stagectl import` brings other logs in")
+            raise RecordingError(f"{path} {_strange(str(file.attrs.get('format', '')))}")
         complete = bool(file.attrs.get("complete", False))
-        ended = str(file.attrs.get("ended", "the recorder was cut off: the rows end at its last block"))
+        ended = file.attrs.get("ended", _CUT_OFF)
+        ended = ended.decode(errors="ignore") if isinstance(ended, bytes) else str(ended)
         lost = int(file.attrs.get("lost_rows", 0))
+        gaps = tuple((int(row), int(count)) for row, count in file.attrs.get("gaps", ()) if count)
         names = [name for name in file["samples"].dtype.names if not only or name in only]
         samples = file["samples"].fields(names)[:] if only else file["samples"][:]
-        return Recording(path, json.loads(file.attrs["meta"]), samples, complete, ended, lost)
+        return Recording(path, _timed(file), samples, complete, ended, lost, gaps)
+
+
+def _timed(file: h5py.File) -> dict[str, Any]:
+    """The meta; where nobody knew beforehand how long it would be, with its length, and all of it steady."""
+    meta: dict[str, Any] = json.loads(file.attrs["meta"])
+    rows = file["samples"]
+    if "steady" not in meta and "dt" in meta and len(rows):
+        first, last = float(rows[0]["time"]), float(rows[-1]["time"])
+        meta |= {"steady": [first, last + meta["dt"]], "duration": last}
+    return meta
+
+
+def _strange(written: str) -> str:
+    name, _, version = FORMAT.partition("/")
+    if written.startswith(f"{name}/") and written != FORMAT:
+        return (
+            f"is a recording of format {written.partition('/')[2]}; this stagectl reads format {version}: with the "
+            "version that wrote it, `stagectl export FILE --to csv`, then here `stagectl import FILE.csv`"
+        )
+    return "is no stagectl recording; `stagectl import` brings other logs in"
 
 
 def repair(path: Path) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.compensation.forms import FORMS
+from stagectl.config.machine_file import text_of
 from stagectl.config.stage_file import Setup
 from stagectl.design import Controller
 from stagectl.kernels import cascade, feedback, law, observer
@@ -42,7 +43,7 @@ def describe(setup: Setup, plan: Plan, running: Controller, trajectory: Path) ->
         "feedforward": written(running.feedforward),
         "compensation": _form(setup.file.compensation),
         "files": {
-            what: {"name": path.name, "text": path.read_text(encoding="utf-8")}
+            what: {"name": path.name, "text": text_of(path)}
             for what, path in (("stage", setup.path), ("trajectory", trajectory))
         },
         "versions": versions(),

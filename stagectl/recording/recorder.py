@@ -1,7 +1,8 @@
 """The recorder process: empties the ring into the file, so that no disk ever delays the loop.
 
 Run as ``python -m stagectl.recording.recorder``; its orders come as one pickled `Order` on standard input.  It ends
-when the loop closes the ring or dies: the loop holds the only writing end of the `alive` pipe.
+when the loop closes the ring or dies: the loop holds the only writing end of the `alive` pipe.  A service that records
+for a while holds that end itself, and says `ENOUGH`.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.recording.hdf5 import BLOCK, RecordingError, Writer
+from stagectl.recording.hdf5 import BLOCK, DamagedError, RecordingError, Writer
 from stagectl.recording.ring import Ring
 
 POLL = 0.05  # s; the ring holds 16 s at 2 kHz
+ENOUGH = b"."  # what is in the ring now is the end
 
 
 class Order(NamedTuple):
@@ -30,31 +32,90 @@ class Order(NamedTuple):
     path: str
     meta: dict[str, Any]
     columns: tuple[str, ...]
+    start: int = 0  # number of the first row
 
 
-def record(order: Order) -> None:
-    """Write blocks until the ring closes or its writer is gone."""
+class Tape:
+    """What of the loop's rows reaches the disk, and what does not: a disk that is full costs rows, a dead one all."""
+
+    def __init__(self, writer: Writer, width: int, start: int = 0) -> None:
+        self.done, self.lost = start, 0
+        self.gaps: list[tuple[int, int]] = []  # rows before it, rows lost
+        self._writer, self._row = writer, 8 * width
+        self._kept, self._full, self._damaged = 0, False, False
+
+    def take(self, first: int, rows: bytes) -> None:
+        """Rows from number `first` on; those before it have been overwritten."""
+        count = len(rows) // self._row
+        self._lose(first - self.done)
+        self.done = first + count
+        if self._written(rows):
+            self._kept += count
+        else:
+            self._lose(count)
+
+    def close(self, ended: str, complete: bool) -> bool:
+        """Finish the file; False where it is damaged."""
+        if self._damaged:
+            return False
+        try:
+            self._writer.close(ended, self.lost, complete, self.gaps)
+        except RecordingError as error:
+            _say(str(error))
+            return False
+        return True
+
+    def _written(self, rows: bytes) -> bool:
+        if self._damaged:
+            return False
+        try:
+            self._writer.append(rows)
+        except RecordingError as error:
+            if not self._full:
+                _say(f"{error}; rows are lost from row {self._kept} on")
+            self._full, self._damaged = True, isinstance(error, DamagedError)
+            return False
+        self._full = False
+        return True
+
+    def _lose(self, count: int) -> None:
+        if count and self.gaps and self.gaps[-1][0] == self._kept:
+            self.gaps[-1] = (self._kept, self.gaps[-1][1] + count)
+        elif count:
+            self.gaps.append((self._kept, count))
+        self.lost += count
+
+
+def record(order: Order) -> bool:
+    """Write blocks until the ring closes or its writer is gone; False where the disk failed."""
     ring = Ring(order.ring, order.width, order.capacity)
-    writer = Writer(Path(order.path), order.meta, order.columns)
-    done, lost = 0, 0
+    tape = Tape(Writer(Path(order.path), order.meta, order.columns), order.width, order.start)
     print("ready", flush=True)
     while True:
-        over = ring.closed or _writer_gone(order.alive)
-        while ring.written - done >= (1 if over else BLOCK):
-            first, rows = ring.read(done, BLOCK)
-            lost += first - done
-            done = first + len(rows) // (8 * order.width)
-            writer.append(rows)
+        said = _said(order.alive)
+        over = ring.closed or said is not None
+        while ring.written - tape.done >= (1 if over else BLOCK):
+            tape.take(*ring.read(tape.done, BLOCK))
         if over:
             break
-    writer.close("complete" if ring.closed else "the loop process died", lost, complete=ring.closed)
-    if done == 0:  # nothing has moved: no recording
+    complete = ring.closed or said == ENOUGH
+    whole = tape.close("complete" if complete else "the loop process died", complete)
+    if tape.lost:
+        where = f"{order.path} marks where" if whole else f"{order.path} is cut off before them"
+        _say(f"{tape.lost} of {tape.done - order.start} rows are lost; {where}")
+    if tape.done == order.start:  # nothing has moved: no recording
         os.unlink(order.path)
+    return whole
 
 
-def _writer_gone(alive: int) -> bool:
+def _say(words: str) -> None:
+    print(f"recorder: {words}", file=sys.stderr, flush=True)
+
+
+def _said(alive: int) -> bytes | None:
+    """What the other end of the pipe says: ENOUGH, nothing (None), or that it is gone (empty)."""
     readable, _, _ = select.select([alive], [], [], POLL)
-    return bool(readable) and os.read(alive, 1) == b""
+    return os.read(alive, 1) if readable else None
 
 
 def main() -> None:
@@ -65,9 +126,11 @@ def main() -> None:
     except EOFError:  # the run failed before there was anything to record
         return
     try:
-        record(order)
+        whole = record(order)
     except (OSError, RecordingError) as error:
-        print(f"recorder: {error}", file=sys.stderr, flush=True)
+        _say(str(error))
+        whole = False
+    if not whole:
         os._exit(2)  # HDF5 would try to write the rest again, at exit
 
 

@@ -282,7 +282,7 @@ def test_a_part_of_a_file_runs(tmp_path: Path) -> None:
 def test_what_cannot_be_exported_is_refused(sine: Recording, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="one file for 2 recordings"):
         export([sine, sine], "csv", tmp_path / "a.csv")
-    with pytest.raises(RecordingError, match="format xls; must be one of csv, parquet, mat, trajectory, folder"):
+    with pytest.raises(RecordingError, match="format xls; must be one of csv, parquet, mat, mcap, trajectory, folder"):
         export([sine], "xls", None)
     with pytest.raises(RecordingError, match="holds no rows"):
         export([sine._replace(samples=sine.samples[:0])], "csv", None)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
+import resource
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +29,14 @@ META = {"created": "2026-01-01T00:00:00+0000", "axis": {"kind": "rotary"}, "name
 class Session:
     """A ring, and a recorder process that empties it."""
 
-    def __init__(self, path: Path, capacity: int = 4096) -> None:
-        self.path, self.ring = path, Ring.create(len(COLUMNS), capacity)
+    def __init__(self, path: Path, capacity: int = 4096, stderr: int | None = None, script: str = "") -> None:
+        self.path, self.ring, self.heard = path, Ring.create(len(COLUMNS), capacity), ""
         read, self.alive = os.pipe()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "stagectl.recording.recorder"],
+            [sys.executable, *(["-c", script] if script else ["-m", "stagectl.recording.recorder"])],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            stderr=stderr,
             pass_fds=(self.ring.descriptor, read),
             env={**os.environ, "STAGECTL_KERNELS": "interpreted"},
         )
@@ -45,13 +49,25 @@ class Session:
         self.process.stdin = None
         assert self.process.stdout.readline() == b"ready\n"
 
+    def said(self) -> str:
+        """Its next line of complaint."""
+        assert self.process.stderr is not None
+        return self.process.stderr.readline().decode()
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        end = time.monotonic() + 60.0
+        while not condition():
+            assert time.monotonic() < end
+            time.sleep(0.02)
+
     def write(self, count: int) -> None:
         start = self.ring.written
         for k in range(start, start + count):
             self.ring.write((5e-4 * k, float(k), -float(k)))
 
     def end(self) -> int:
-        self.process.communicate(timeout=10)
+        _, said = self.process.communicate(timeout=60)
+        self.heard += (said or b"").decode()
         return self.process.returncode
 
 
@@ -111,6 +127,101 @@ def test_a_killed_recorder_leaves_all_but_the_last_block(tmp_path: Path) -> None
     assert repair(tmp_path / "a.h5")
     h5py.File(tmp_path / "a.h5", "r").close()
     assert not repair(tmp_path / "a.h5")
+
+
+def test_a_full_disk_costs_rows_which_the_file_marks_and_goes_on_when_there_is_room(tmp_path: Path) -> None:
+    session = Session(tmp_path / "a.h5", stderr=subprocess.PIPE)
+    session.write(2 * BLOCK)
+    session.until(lambda: len(open_recording(session.path).samples) == 2 * BLOCK)
+    room, hard = resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE, (session.path.stat().st_size, hard))
+    session.write(3 * BLOCK)
+    assert session.said().startswith(f"recorder: {session.path} cannot be written: File too large")
+    time.sleep(0.3)  # what is due has been tried
+    resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE, (room, hard))
+    session.write(BLOCK + 5)
+    session.ring.close()
+    assert session.end() == 0
+    os.close(session.alive)
+    recording = open_recording(session.path)
+    assert (recording.complete, recording.ended, recording.lost_rows) == (True, "complete", 3 * BLOCK)
+    assert recording.gaps == ((2 * BLOCK, 3 * BLOCK),)
+    kept = np.r_[0 : 2 * BLOCK, 5 * BLOCK : 6 * BLOCK + 5]
+    assert np.array_equal(recording.column("reference"), kept)
+
+
+@pytest.mark.parametrize("blocks", [1, 4])
+def test_no_room_at_the_end_is_room_enough_to_say_so(tmp_path: Path, blocks: int) -> None:
+    session = Session(tmp_path / "a.h5", stderr=subprocess.PIPE)
+    session.write(BLOCK)
+    session.until(lambda: len(open_recording(session.path).samples) == BLOCK)
+    size = session.path.stat().st_size
+    resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE, (size, size))
+    session.write(blocks * BLOCK)
+    session.ring.close()
+    assert session.end() == 0
+    os.close(session.alive)
+    recording = open_recording(session.path)
+    assert (recording.complete, recording.lost_rows, len(recording.samples)) == (True, blocks * BLOCK, BLOCK)
+    h5py.File(session.path, "r").close()  # no mark of a crash
+
+
+def test_a_real_file_system_that_is_full(tmp_path: Path) -> None:
+    """As above, on one of 100 KiB; there must be somebody who may mount it."""
+    place = tmp_path / "small"
+    place.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=100k", "none", place], capture_output=True).returncode:
+        pytest.skip("mounting a file system is not allowed here")
+    try:
+        session = Session(place / "a.h5", stderr=subprocess.PIPE)
+        session.write(8 * BLOCK)
+        session.ring.close()
+        assert session.end() == 0
+        os.close(session.alive)
+        recording = open_recording(place / "a.h5")
+        assert recording.lost_rows == 8 * BLOCK - len(recording.samples) and 0 < recording.lost_rows < 8 * BLOCK
+        assert recording.gaps[0] == (len(recording.samples), recording.lost_rows)
+        full = place / "full"
+        with contextlib.suppress(OSError), full.open("wb", buffering=0) as file:
+            while True:
+                file.write(bytes(512))
+        with pytest.raises(RecordingError, match="cannot be written: No space left on device; make room"):
+            save(place / "b.h5", META, np.zeros(3, dtype=[("time", "<f8")]), "complete")
+    finally:
+        subprocess.run(["umount", place], check=True)
+
+
+# The descriptors of the file become such as can only be read: as on a disk that the kernel has made read-only.
+READ_ONLY = """
+import os, sys
+from stagectl.recording import hdf5, recorder
+class Failing(hdf5.Writer):
+    def append(self, rows):
+        if self._samples.shape[0] >= 1024 and MODE == "reserved":
+            self._reserve = lambda more: None  # the room was there, the writing fails
+        if self._samples.shape[0] >= 1024:
+            reading = os.open(self.path, os.O_RDONLY)
+            for one in os.listdir("/proc/self/fd"):
+                if int(one) != reading and os.path.realpath(f"/proc/self/fd/{one}") == str(self.path):
+                    os.dup2(reading, int(one))
+        super().append(rows)
+recorder.Writer = Failing
+recorder.main()
+"""
+
+
+@pytest.mark.parametrize("mode", ["at once", "reserved"])
+def test_a_disk_that_fails_costs_the_rest_and_no_more(tmp_path: Path, mode: str) -> None:
+    session = Session(tmp_path / "a.h5", stderr=subprocess.PIPE, script=f"MODE = {mode!r}\n{READ_ONLY}")
+    session.write(6 * BLOCK)
+    session.ring.close()
+    assert session.end() == 2
+    os.close(session.alive)
+    assert "Bad file descriptor" in session.heard, session.heard
+    assert "rows are lost from row 1024 on" in session.heard and "2048 of 3072 rows are lost" in session.heard
+    recording = open_recording(session.path)
+    assert not recording.complete and "cut off" in recording.ended
+    assert np.array_equal(recording.column("reference"), np.arange(2.0 * BLOCK))
 
 
 def test_nothing_recorded_leaves_no_file(tmp_path: Path) -> None:

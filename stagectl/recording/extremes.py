@@ -1,0 +1,35 @@
+"""Fewer points with no peak lost: the lowest and the highest value of each bucket of rows."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Extremes(NamedTuple):
+    """Buckets of rows, one after the other."""
+
+    first: int  # number of the first bucket's first row
+    size: int  # rows a bucket; the last one may have fewer
+    low: Array  # (channels, buckets), NaN where a bucket holds nothing but NaN
+    high: Array
+
+
+def extremes(rows: Array, first: int, size: int) -> Extremes:
+    """Lowest and highest of every `size` rows of `rows` (n, channels), whose first has the number `first`.
+
+    NaN is passed over, so that one row without an answer hides no peak beside it.
+    """
+    if size == 1:
+        return Extremes(first, 1, rows.T, rows.T)
+    whole = len(rows) // size * size
+    buckets = rows[:whole].reshape(-1, size, rows.shape[1])
+    low, high = np.fmin.reduce(buckets, axis=1), np.fmax.reduce(buckets, axis=1)
+    if whole < len(rows):
+        low = np.vstack([low, np.fmin.reduce(rows[whole:], axis=0)])
+        high = np.vstack([high, np.fmax.reduce(rows[whole:], axis=0)])
+    return Extremes(first, size, low.T, high.T)

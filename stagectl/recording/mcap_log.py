@@ -1,0 +1,69 @@
+"""A recording as MCAP, which Foxglove, PlotJuggler and the readers of ROS 2 open: one message a period.
+
+Messages are CDR with their definition in the file (``ros2msg``): nobody needs ours beforehand.  A row is the
+encapsulation header and its float64 one after the other; fields are named as the columns of the CSV, with their units.
+The recording's own meta is the metadata record ``stagectl``, its configuration files are attachments.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.recording.hdf5 import Recording, RecordingError
+
+TOPIC, DEFINITION = "/axis", "stagectl_msgs/msg/Period"
+_CDR = b"\x00\x01\x00\x00"  # little-endian; what follows is aligned to its end
+
+
+def write(recording: Recording, path: Path, fields: dict[str, tuple[str, str]]) -> None:
+    """Write it; `fields` are the columns in their order: name with unit, and meaning.
+
+    Raises RecordingError where the package `mcap` is not installed.
+    """
+    try:
+        from mcap.writer import Writer
+    except ModuleNotFoundError as error:
+        raise RecordingError(f"{error.name} is not installed: `pip install 'stagectl[mcap]'`") from error
+    times = _times(recording)
+    with path.open("wb") as file:
+        writer: Any = Writer(file)
+        writer.start(profile="ros2", library="stagectl")
+        schema = writer.register_schema(DEFINITION, "ros2msg", definition(fields).encode())
+        channel = writer.register_channel(TOPIC, "cdr", schema)
+        for number, (time, row) in enumerate(zip(times.tolist(), _rows(recording, list(fields)), strict=True)):
+            writer.add_message(channel, time, _CDR + row, time, number)
+        writer.add_metadata("stagectl", {"meta": json.dumps(recording.meta), "ended": recording.ended})
+        for name, text in _files(recording):
+            writer.add_attachment(int(times[0]), int(times[0]), name, "application/yaml", text.encode())
+        writer.finish()
+
+
+def definition(fields: dict[str, tuple[str, str]]) -> str:
+    """The message in ROS 2's language, each field with its meaning."""
+    return "".join(f"float64 {name}  # {meaning}\n" for name, meaning in fields.values())
+
+
+def _times(recording: Recording) -> NDArray[np.int64]:
+    """Wall-clock time of each row (ns): the recording's beginning, and on by its own clock."""
+    try:
+        began = datetime.datetime.strptime(recording.meta["created"], "%Y-%m-%dT%H:%M:%S%z").timestamp()
+    except (KeyError, ValueError):
+        began = 0.0
+    seconds = recording.column("time")
+    times: NDArray[np.int64] = np.round((seconds - seconds[0]) * 1e9).astype(np.int64)
+    return np.add(times, int(began) * 1_000_000_000)
+
+
+def _rows(recording: Recording, columns: list[str]) -> list[bytes]:
+    table = np.column_stack([recording.column(name) for name in columns]).astype("<f8", copy=False)
+    return [row.tobytes() for row in table]
+
+
+def _files(recording: Recording) -> list[tuple[str, Any]]:
+    return [(one["name"], one["text"]) for one in recording.meta.get("files", {}).values()]
