@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stagectl.gap import cuts, friction_family, grams, tying
+from stagectl.gap import cuts, friction_family, grams
 from stagectl.gap.batch import in_parallel
-from stagectl.gap.columns import Direction, Model, all_columns, lacks, residuals
+from stagectl.gap.columns import Direction, Model, all_columns, lacks, residuals_of
 from stagectl.gap.runs import Run
 from stagectl.gap.session import Array, Session
 from stagectl.gap.tying import Lacking
@@ -33,7 +33,7 @@ class Base(NamedTuple):
     model: Model
     noise: cuts.Whitener
     directions: tuple[Direction, ...]
-    columns: list[dict[str, list[Array]]]  # of each run, at the refitted model
+    products: grams.Products  # of all these directions, START taken out
     before: list[list[Array]]  # whitened residual of each run and repeat, nominal model
     after: list[list[Array]]  # the same, refitted
     moved: dict[str, float]  # how far each parameter went, in its own unit
@@ -118,7 +118,7 @@ def noise_of(model: Model, runs: Sequence[Run], dt: float) -> cuts.Whitener:
     end of the band tell.
     """
     repeated = [run for run in runs if len(run.paths) > 1]
-    each = in_parallel(lambda run: [lacks(model, path, tying.SUBSTEPS) for path in run.paths], repeated or runs)
+    each = in_parallel(lambda run: [lacks(model, path) for path in run.paths], repeated or runs)
     differences = [one for all_ in each for one in (_deviations(all_) if repeated else [_roughness(all_[0])])]
     return cuts.whitener(differences, _least(runs, model), dt)
 
@@ -147,23 +147,23 @@ def refit(session: Session, runs: Sequence[Run], nominal: Model, frozen: Sequenc
     measured = bool(np.isfinite(runs[0].mean.rows[:, 2]).all())
     noise = noise_of(nominal, runs, session.dt)
     model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
-    before = [residuals(nominal, run, noise) for run in runs]
+    before = residuals_of(nominal, runs, noise)
     free = [one for one in directions(session, model, measured) if one.name not in frozen]
     beside = members(nominal.stage.friction)
-    found = all_columns(model, runs, [*free, *beside], noise)
+    known = grams.products(runs, all_columns(model, runs, [*free, *beside], noise), START)
     left, total = before, dict.fromkeys((one.name for one in free), 0.0)
     chosen: Direction | None = None
     for _ in range(STEPS):
-        g = grams.grams(runs, found, left, START)
+        g = grams.grams(known, left)
         if chosen is None:
             chosen = _best_member(model, g, free, beside)
         move = _bounded_step(model, g, free, chosen, total)
         model = moved(model, move, chosen)
         total = {name: total.get(name, 0.0) + step for name, step in move.items()}
-        left = [residuals(model, run, noise) for run in runs]
-    g = grams.grams(runs, found, left, START)
+        left = residuals_of(model, runs, noise)
+    g = grams.grams(known, left)
     deviation = robust(g, [one.name for one in free if one.name != START])
-    return Base(model, noise, (*free, *beside), found, before, left, total, deviation)
+    return Base(model, noise, (*free, *beside), known, before, left, total, deviation)
 
 
 def _best_member(model: Model, g: grams.Grams, free: Sequence[Direction], beside: list[Direction]) -> Direction | None:

@@ -92,7 +92,7 @@ SCALED = {"coulomb": _scaled(coulomb), "viscous": _scaled(scaled("mechanics.visc
 def direction(at: Named, parameter: str, step: float, name: str) -> Direction:
     """The model with one parameter of an effect moved by `step` from where it is."""
     changed = Named(at.effect, {**at.values, parameter: at.values[parameter] + step})
-    return Direction(name, lambda m: equipped(m, [changed]), step, at.effect.substeps)
+    return Direction(name, lambda m: equipped(m, [changed]), step)
 
 
 def equipped(p: Model, effects: Sequence[Named]) -> Model:

@@ -36,9 +36,9 @@ def closed(session: Session, e: Evidence, selected: Selected, improved: Stage, j
     for channel in shrink.CHANNELS:
         unit = "A" if channel == "current" else ("m" if session.kind == "linear" else "rad")
         first, last = (shrink.squares(training, rows, channel, dt) for rows in inside)
-        expected = shrink.gap(first, last, shrink.floor(training, channel, dt), unit).closure
+        expected = shrink.gap(first, last, shrink.floor(training, inside[1], channel, dt), unit).closure
         first, last = (shrink.squares(judged, rows, channel, dt) for rows in (before, after))
-        found[channel] = shrink.gap(first, last, shrink.floor(judged, channel, dt), unit, expected)
+        found[channel] = shrink.gap(first, last, shrink.floor(judged, after, channel, dt), unit, expected)
     position = found.pop("position")
 
     def remaining(members: frozenset[str]) -> float:

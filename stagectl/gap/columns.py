@@ -36,7 +36,6 @@ class Direction(NamedTuple):
     name: str
     change: Callable[[Model], Model]
     size: float  # of the change; the column is per unit of it
-    substeps: int = tying.SUBSTEPS
     factor: Callable[[Array], Array] | None = None  # of the session clock (n,) s: on the column of `change`
     load: float = 0.0  # share of the friction's limit with which the runs begin
 
@@ -46,7 +45,7 @@ def model_of(session: Session, stage: Stage) -> Model:
     return Model(stage, tying.tracker(session.stage, session.dt))
 
 
-def lacks(p: Model, path: Path, substeps: int, load: float = 0.0) -> Lacking:
+def lacks(p: Model, path: Path, substeps: int = tying.SUBSTEPS, load: float = 0.0) -> Lacking:
     """What the model lacks along `path`, the logged current moved back to the instants of the position."""
     if p.shift:
         path = path._replace(rows=_moved(path.rows, p.shift / path.dt))
@@ -61,40 +60,55 @@ def _moved(rows: Array, samples: float) -> Array:
     return rows
 
 
-def residuals(p: Model, run: Run, noise: cuts.Whitener, substeps: int = tying.SUBSTEPS) -> list[Array]:
+def residuals(p: Model, run: Run, noise: cuts.Whitener) -> list[Array]:
     """Whitened (m, 2) of each repeat: the effort and the current that the model lacks."""
-    return [rested(run, cuts.whitened(noise, lacks(p, path, substeps), path.dt)) for path in run.paths]
+    return [rested(run, cuts.whitened(noise, lacks(p, path), path.dt)) for path in run.paths]
 
 
-def mean_residuals(p: Model, runs: Sequence[Run], noise: cuts.Whitener, substeps: int = tying.SUBSTEPS) -> list[Array]:
+def mean_residuals(p: Model, runs: Sequence[Run], noise: cuts.Whitener) -> list[Array]:
     """Whitened (m, 2) of each run along the mean of its repeats."""
 
     def of(run: Run) -> Array:
-        return rested(run, cuts.whitened(noise, lacks(p, run.mean, substeps), run.mean.dt))
+        return rested(run, cuts.whitened(noise, lacks(p, run.mean), run.mean.dt))
 
     return in_parallel(of, runs)
 
 
-def residuals_of(
-    p: Model, runs: Sequence[Run], noise: cuts.Whitener, substeps: int = tying.SUBSTEPS
-) -> list[list[Array]]:
+def residuals_of(p: Model, runs: Sequence[Run], noise: cuts.Whitener) -> list[list[Array]]:
     """`residuals` of all runs, over all cores."""
-    return in_parallel(lambda run: residuals(p, run, noise, substeps), runs)
+    return in_parallel(lambda run: residuals(p, run, noise), runs)
 
 
-def columns(p: Model, run: Run, directions: Sequence[Direction], noise: cuts.Whitener) -> dict[str, list[Array]]:
-    """Whitened (m, 2) of each direction by its name: one for all repeats, or one each where it runs on the clock."""
-    cache: dict[object, Array] = {}
-    base = {substeps: lacks(p, run.mean, substeps) for substeps in {one.substeps for one in directions}}
+def all_columns(
+    p: Model, runs: Sequence[Run], directions: Sequence[Direction], noise: cuts.Whitener
+) -> list[dict[str, list[Array]]]:
+    """Whitened (m, 2) of each run and direction by its name: one for all repeats, or one each on the session clock.
 
-    def simulated(one: Direction) -> Array:
-        key = one.name if one.factor is None else one.change
-        if key not in cache:
-            after = lacks(one.change(p), run.mean, one.substeps, one.load)
-            cache[key] = rested(run, _difference(after, base[one.substeps], one.size, noise, run.mean.dt))
-        return cache[key]
+    Batched over all cores.  Directions that run on the clock share the simulation of what they scale; a diverged one
+    is a column of zeros.
+    """
+    if not directions:
+        return [{} for _ in runs]
+    before = in_parallel(lambda run: lacks(p, run.mean, tying.OF_COLUMNS), runs)
+    distinct = {_key(one): one for one in directions}
+    tasks = [(run, base, one) for run, base in zip(runs, before, strict=True) for one in distinct.values()]
+    found = iter(in_parallel(lambda task: _column(p, *task, noise), tasks))
+    each = [{key: next(found) for key in distinct} for _ in runs]
+    return [
+        {one.name: _on_the_clock(run, mine[_key(one)], one.factor) for one in directions}
+        for run, mine in zip(runs, each, strict=True)
+    ]
 
-    return {one.name: _on_the_clock(run, simulated(one), one.factor) for one in directions}
+
+def _key(one: Direction) -> object:
+    return one.name if one.factor is None else one.change
+
+
+def _column(p: Model, run: Run, before: Lacking, one: Direction, noise: cuts.Whitener) -> Array:
+    after = lacks(one.change(p), run.mean, tying.OF_COLUMNS, one.load)
+    # The residual is what the model lacks: adding to the model takes from it, so the column is before less after.
+    change = Lacking((before.effort - after.effort) / one.size, (before.current - after.current) / one.size)
+    return _bounded(rested(run, cuts.whitened(noise, change, run.mean.dt)))
 
 
 def _on_the_clock(run: Run, column: Array, factor: Callable[[Array], Array] | None) -> list[Array]:
@@ -103,24 +117,6 @@ def _on_the_clock(run: Run, column: Array, factor: Callable[[Array], Array] | No
         return [column]
     clock = run.mean.dt * cuts.KEPT * np.arange(len(column), dtype=np.float64)
     return [column * factor(path.start + clock)[:, None] for path in run.paths]
-
-
-def _difference(after: Lacking, before: Lacking, size: float, noise: cuts.Whitener, dt: float) -> Array:
-    # The residual is what the model lacks: adding to the model takes from it, so the column is before less after.
-    change = Lacking((before.effort - after.effort) / size, (before.current - after.current) / size)
-    return cuts.whitened(noise, change, dt)
-
-
-def all_columns(
-    p: Model, runs: Sequence[Run], directions: Sequence[Direction], noise: cuts.Whitener
-) -> list[dict[str, list[Array]]]:
-    """`columns` of every run, batched over all cores; a diverged direction is a column of zeros."""
-    chunks = [(run, directions[k : k + 6]) for run in runs for k in range(0, len(directions), 6)]
-    found = in_parallel(lambda chunk: columns(p, chunk[0], chunk[1], noise), chunks)
-    joined: dict[str, dict[str, list[Array]]] = {run.name: {} for run in runs}
-    for (run, _), part in zip(chunks, found, strict=True):
-        joined[run.name].update({name: [_bounded(one) for one in values] for name, values in part.items()})
-    return [joined[run.name] for run in runs]
 
 
 def _bounded(column: Array) -> Array:

@@ -10,39 +10,35 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from stagectl.gap import base, grams, search, smoothers
+from stagectl.gap import grams, search, smoothers
 from stagectl.gap.cuts import KEPT
 from stagectl.gap.found import Coordinate
-from stagectl.gap.grams import Grams
-from stagectl.gap.library import Scales
+from stagectl.gap.grams import Columns, Grams, Products
 from stagectl.gap.refine import Evidence
-from stagectl.gap.scores import hands
+from stagectl.gap.scores import freed, hands
 from stagectl.gap.session import Array
-from stagectl.gap.smoothers import EVEN, ODD, TIME, Smoother
+from stagectl.gap.smoothers import EVEN, ODD, TIME, Functions, Smoother
 
 STIFF = 1e-3  # of the best seen function: what draws one that is hardly seen towards zero
 WIDTH = 1.5  # octaves of the band in which a gap lies "in frequency"
 LOWEST = 5.0  # Hz: below lie the motions themselves
 
 
-def coordinates(e: Evidence, size: Scales) -> tuple[Coordinate, ...]:
+def coordinates(e: Evidence, smooth: Functions) -> tuple[Coordinate, ...]:
     """Share of the base's excess over the repeats' floor that each coordinate foretells, largest first.
 
     Of a coordinate count functions even and odd in the direction of motion, and both, whichever foretells most.
     Frequency counts by the share of the excess in its best band.
     """
-    motions = [smoothers.motion(run, size) for run in e.runs]
-    ground = smoothers.Ground(e.base.model, e.base.noise)
-    all_ = smoothers.smoothers(size, motions)
-    columns = smoothers.columns_of(ground, e.runs, (motions, size), {EVEN: all_, ODD: all_})
-    clock = smoothers.clock_columns(ground, e.runs, motions)
+    clock = smoothers.clock_columns(smoothers.Ground(e.base.model, e.base.noise), e.runs, smooth.motions)
     found = {"frequency": _banded(e)}
     floor = floor_of_means(e)
-    for one in all_:
-        g = gathered(e, columns, means(e.base.after), [n for part in (EVEN, ODD) for n in smoothers.names(one, part)])
+    for one in smooth.tried:
+        names = [name for part in (EVEN, ODD) for name in smoothers.names(one, part)]
+        g = gathered(e.base.products, smooth.columns, means(e.base.after), names)
         found[one.coordinate] = max(_share(g, e, chosen, floor) for chosen in _variants(one))
     if any(len(run.logs) > 1 for run in e.runs):
-        g = gathered(e, clock, e.base.after, list(clock[0]))
+        g = gathered(e.base.products, clock, e.base.after, list(clock[0]))
         found[TIME] = _share(g, e, list(clock[0]), g.floor.sum(axis=0), aging=True)
     return tuple(Coordinate(name, share) for name, share in sorted(found.items(), key=lambda pair: -pair[1]))
 
@@ -52,12 +48,9 @@ def _variants(one: Smoother) -> list[list[str]]:
     return [even, odd, [*even, *odd]]
 
 
-def gathered(
-    e: Evidence, columns: Sequence[dict[str, list[Array]]], left: Sequence[list[Array]], names: Sequence[str]
-) -> Grams:
-    """Matrices of the base's columns, of `names` among `columns`, and of what is `left`."""
-    joined = [{**own, **{name: new[name] for name in names}} for own, new in zip(e.base.columns, columns, strict=True)]
-    return grams.grams(e.runs, joined, left, base.START)
+def gathered(known: Products, columns: Columns, left: Sequence[list[Array]], names: Sequence[str]) -> Grams:
+    """Matrices of `known`, of `names` among `columns`, and of what is `left`."""
+    return grams.grams(grams.beside(known, [{name: found[name] for name in names} for found in columns]), left)
 
 
 def means(residuals: Sequence[list[Array]]) -> list[list[Array]]:
@@ -88,24 +81,28 @@ def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: boo
 
 
 def foretold(both: Array, nuisance: Sequence[int], own: Sequence[int]) -> tuple[float, float]:
-    """Sums of squares left on the hand that was not fitted, both ways: without the columns `own`, and with them."""
+    """Sums of squares left on the hand that was not fitted, both ways: without the columns `own`, and with them.
+
+    Both are free of what the nuisances can take.
+    """
+    free = freed(both, nuisance)
     before = after = 0.0
-    for fitted, judged in ((both[0], both[1]), (both[1], both[0])):
-        for chosen in (list(nuisance), [*nuisance, *own]):
-            left = grams.misfit(judged, chosen, smooth(fitted, chosen, len(nuisance)))
-            before, after = (before + left, after) if len(chosen) == len(nuisance) else (before, after + left)
+    for fitted, judged in ((0, 1), (1, 0)):
+        before += float(free[judged, -1, -1])
+        after += grams.misfit(free[judged], own, drawn(free[fitted], own))
     return before, after
 
 
-def smooth(g: Array, chosen: Sequence[int], free: int) -> Array:
-    """Amplitudes (k,) of `chosen` columns, all but the first `free` drawn towards zero where they are hardly seen."""
-    size = np.diag(g)[list(chosen)].copy()
+def drawn(g: Array, chosen: Sequence[int], beside: Sequence[int] = ()) -> Array:
+    """Amplitudes (k,) of the columns `beside` and `chosen`, the latter drawn to zero where they are hardly seen."""
+    places, free = [*beside, *chosen], len(beside)
+    size = np.diag(g)[places].copy()
     own = size[free:]
     prior = np.concatenate([np.zeros(free), np.full(len(own), STIFF * float(own.max(initial=0.0)))])
     scale = 1.0 / np.sqrt(size + prior + 1e-300)
-    a = g[np.ix_(list(chosen), list(chosen))] + np.diag(prior)
+    a = g[np.ix_(places, places)] + np.diag(prior)
     inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=1e-10, hermitian=True)
-    amplitude: Array = scale * (inverse @ (scale * g[list(chosen), -1]))
+    amplitude: Array = scale * (inverse @ (scale * g[places, -1]))
     return amplitude
 
 

@@ -12,26 +12,29 @@ residuals and candidates pass the same filter.
 
 from __future__ import annotations
 
+import functools
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
+from scipy import fft
 from scipy.signal import welch
 
 from stagectl.gap.session import Array
 from stagectl.gap.tying import Lacking
 
 BAND = 0.2  # of the sampling frequency: 400 Hz at 2 kHz
-# Of the sampling frequency, 40 Hz at 2 kHz: above, the weight falls with the frequency, as what a servo axis makes of
-# an effort does.  Impacts and bounces ring there, whose instants no model foretells.
+# Of the sampling frequency, 40 Hz at 2 kHz: above, the weight of an effort falls with the frequency, as what a servo
+# axis makes of it does.  Impacts and bounces ring there, whose instants no model foretells.  A current knows none.
 ROLL_OFF = 0.02
 KEPT = 2  # every second sample: the band is below half of what is left
 _SEGMENT = 512
 _SMALLEST = 1e-6  # of the largest noise density: a lower one is a lack of data, not of noise
 
 
-class Whitener(NamedTuple):
-    """1/sqrt(noise density) of both cuts over frequency."""
+@dataclass(frozen=True, eq=False)
+class Whitener:
+    """1/sqrt(noise density) of both cuts over frequency; one is made for a diagnosis, and known by its identity."""
 
     frequency: Array  # (f,) Hz
     effort: Array  # (f,) per N m | N
@@ -68,21 +71,41 @@ def _inverse(spectrum: Array) -> Array:
 
 
 def whitened(p: Whitener, lacks: Lacking, dt: float) -> Array:
-    """(m, 2) effort and current, in standard deviations of a repeat's noise, every `KEPT`-th sample."""
-    columns = [_filtered(lacks.effort, p.frequency, p.effort, dt), _filtered(lacks.current, p.frequency, p.current, dt)]
-    return np.stack(columns, axis=1)
+    """(m, 2) effort and current, in standard deviations of a repeat's noise, every `KEPT`-th sample.
+
+    A zero-phase filter over the signal and its mirror image, so that neither end rings into the other: what a cosine
+    transform does.
+    """
+    count = len(lacks.effort)
+    gains = _gains(p, count, dt)
+    return np.stack([_filtered(one, gain) for one, gain in zip(lacks, gains, strict=True)], axis=1)
 
 
-def _filtered(signal: Array, frequency: Array, gain: Array, dt: float) -> Array:
-    """Zero-phase filter of `gain` over `frequency`, mirrored at the ends so that neither rings into the other."""
-    count = len(signal)
-    if not gain.any() or not signal.any():
-        return np.zeros(len(signal[::KEPT]))
-    mirrored = np.concatenate([signal, signal[::-1]])
-    lines = np.asarray(np.fft.rfftfreq(len(mirrored), dt), dtype=np.float64)
-    shape = np.interp(lines, frequency, gain) * _edge(lines, BAND / dt) / np.hypot(1.0, lines * dt / ROLL_OFF)
-    filtered: Array = np.fft.irfft(np.fft.rfft(mirrored) * shape, len(mirrored))[:count:KEPT]
-    return filtered * math.sqrt(dt / BAND)  # a density of one over the band becomes a variance of one
+def _filtered(signal: Array, gain: Array | None) -> Array:
+    kept = len(signal[::KEPT])
+    if gain is None or not signal.any():
+        return np.zeros(kept)
+    mirrored = np.concatenate([signal, signal[: len(signal) - len(gain) - 1 : -1]])
+    with np.errstate(over="ignore", invalid="ignore"):  # a simulation that diverged stays what it is
+        filtered: Array = fft.idct(fft.dct(mirrored) * gain)[: len(signal) : KEPT]
+    return filtered
+
+
+@functools.lru_cache(maxsize=256)
+def _gains(p: Whitener, count: int, dt: float) -> tuple[Array | None, Array | None]:
+    """Of both cuts at each line of a transform of `count` rows, filled up to a length that transforms fast."""
+    rows = fft.next_fast_len(count, real=True)
+    found = gains(p, np.arange(rows) / (2.0 * dt * rows), dt)
+    effort, current = (one if one.any() else None for one in found)
+    return effort, current
+
+
+def gains(p: Whitener, lines: Array, dt: float) -> tuple[Array, Array]:
+    """Of both cuts at the frequencies `lines` (f,) Hz, for signals of the control period `dt` (s)."""
+    # A density of one over the band becomes a variance of one.
+    shape = math.sqrt(dt / BAND) * _edge(lines, BAND / dt)
+    effort = np.interp(lines, p.frequency, p.effort) * shape / np.hypot(1.0, lines * dt / ROLL_OFF)
+    return effort, np.interp(lines, p.frequency, p.current) * shape
 
 
 def _edge(lines: Array, limit: float) -> Array:

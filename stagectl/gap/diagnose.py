@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from stagectl.gap import (
     base,
@@ -24,7 +25,9 @@ from stagectl.gap import (
     refine,
     search,
     shifts,
+    shrink,
     sizes,
+    smoothers,
     verdict,
     where,
 )
@@ -33,18 +36,21 @@ from stagectl.gap.coordinates import coordinates
 from stagectl.gap.following import propose
 from stagectl.gap.found import NAMED, NOISE, Effect, Found, Gap, Next, Shape
 from stagectl.gap.library import Scales
-from stagectl.gap.orders import orders
-from stagectl.gap.refine import Evidence
+from stagectl.gap.orders import modes, orders
+from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.runs import runs
 from stagectl.gap.search import Library, Selected
 from stagectl.gap.session import Array, GapError, Session
+from stagectl.gap.signatures import signatures
+from stagectl.gap.smoothers import Functions
 from stagectl.gap.told import sentence
+from stagectl.gap.unknown import largest, with_shape
 from stagectl.gap.unknown import unknown as find_unknown
-from stagectl.gap.unknown import with_shape
 from stagectl.kernels.stage import Stage
 
 Say = Callable[[str], None]  # what is being done
 MEMBERS = {False: 12, True: 40}  # of the null ensemble, on the fast and the full path
+RESAMPLED = {False: 4, True: 25}  # times for each experiment that is left out
 SEED = 20100
 
 
@@ -85,40 +91,57 @@ def diagnose(session: Session, options: Options, say: Say) -> Diagnosis:
 
     Raises GapError where the session has nothing that a diagnosis could start from.
     """
-    clock = Clock(say)
+    with threadpool_limits(1):  # rollouts take all cores; threads of the algebra beside them only wait for each other
+        return _diagnosed(session, options, Clock(say), say)
+
+
+def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Diagnosis:
     clock("controller: the command recomputed")
     agreement = parity(session)
     if agreement.checked and not agreement.agrees:
         return Diagnosis(_controller(session, agreement), session.stage)
     if reason := unidentifiable(session):
         return Diagnosis(_blank(session, "not-identifiable", reason), session.stage)
-    clock("base model refitted")
-    training = runs(session)
-    refitted = base.refit(session, training, columns.model_of(session, session.stage), options.excluded)
-    evidence = refine.evidence(training, refitted)
-    clock("effects simulated along the measured paths")
-    size = sizes.scales(session, training, orders(training, refitted.after, session.stage.mechanics.pitch))
-    library = candidates_of(evidence, size, options)
+    evidence, size, library = prepared(session, options, clock)
+    refitted = evidence.base
     clock("search")
-    selected = search.search(evidence, library, say)
+    smooth = smoothers.functions(smoothers.Ground(refitted.model, refitted.noise), evidence.runs, size)
+    selected = search.search(evidence, library, say, lambda now: largest(evidence, now, library, smooth))
     clock("parameters")
     before = closable(evidence, refitted.before)
     moved = shifts.shifts(session, evidence, selected.fitted, before)
     named = verdict.named_effects(session, evidence, selected, library)
     clock("where")
-    unknown = find_unknown(evidence, selected.fitted, library, size)
+    unknown = find_unknown(evidence, selected, library, smooth)
     clock("held-out runs simulated")
-    effects = [*verdict.shifted(session, moved, selected.fitted), *named]
+    fitted = (
+        selected.fitted if unknown is None or not unknown.fields else with_shape(evidence, selected.fitted, unknown)
+    )
+    signed = signatures(session, evidence, fitted, options.excluded)
+    effects = [*verdict.with_signatures(named, signed), *verdict.shifted(session, moved, selected.fitted)]
     effects = [one for one in effects if one.name not in options.excluded]
-    fitted = selected.fitted if unknown is None else with_shape(evidence, selected.fitted, unknown)
-    improved = fitted.equipped.stage
-    found = _assembled(session, evidence, selected, effects, (unknown, improved, agreement, size))
+    improved = _improved(session, [fitted, selected.fitted])
+    for one in signed:
+        improved = one.put_in(improved)
+    found = _assembled(session, evidence, selected, effects, (unknown, improved, agreement, smooth))
     clock("next experiment")
     if options.advice:
         found = _advised(session, found, selected, evidence)
     clock("")
     found = found._replace(seconds=tuple(clock.steps))
     return Diagnosis(found._replace(sentence=sentence(found)), improved)
+
+
+def prepared(session: Session, options: Options, say: Say) -> tuple[Evidence, Scales, Library]:
+    """The base refit, the sizes that the data give, and all candidates on them: where every search begins."""
+    say("base model refitted")
+    training = runs(session)
+    refitted = base.refit(session, training, columns.model_of(session, session.stage), options.excluded)
+    evidence = refine.evidence(training, refitted)
+    say("effects simulated along the measured paths")
+    size = sizes.scales(session, training, orders(training, refitted.after, session.stage.mechanics.pitch))
+    size = size._replace(modes=modes(training, refitted.after))
+    return evidence, size, candidates_of(evidence, size, options)
 
 
 def unidentifiable(session: Session) -> str:
@@ -139,11 +162,13 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     forms = candidates.forms(candidates.without(candidates.library(size), options.excluded))
     directions = [one for form in forms for one in candidates.directions(form)]
     without = null.members(e.base.model, MEMBERS[options.full], SEED)
-    found = columns.all_columns(e.base.model, e.runs, [*directions, *without], e.base.noise)
-    joined = [{**own, **new} for own, new in zip(e.base.columns, found, strict=True)]
-    g = grams.grams(e.runs, joined, e.base.after, base.START)
+    known = grams.beside_each(
+        e.base.products,
+        lambda run: columns.all_columns(e.base.model, [run], [*directions, *without], e.base.noise)[0],
+    )
+    g = grams.grams(known, e.base.after)
     limits = search.thresholds(g, g.of(search.nuisances(e)), forms)
-    return Library(tuple(forms), found, limits, search.closable(g))
+    return Library(tuple(forms), known, limits, RESAMPLED[options.full], search.closable(g), bool(g.current.any()))
 
 
 def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:
@@ -151,14 +176,23 @@ def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:
     return max(refine.total(e, list(residuals)) - search.floor(e), 1e-300)
 
 
+def _improved(session: Session, models: Sequence[Fitted]) -> Stage:
+    """The best of the fitted models, or the nominal one: the first that closes the loop's gap on the training logs."""
+    stages = [*(one.equipped.stage for one in models), session.stage]
+    training = [log for log in session.logs if not log.held_out]
+    if session.law is None or any(log.setpoints is None for log in training):
+        return stages[0]
+    return shrink.closest(session, stages, shrink.counted(session, training))
+
+
 def _assembled(
     session: Session,
     e: Evidence,
     selected: Selected,
     effects: list[Effect],
-    result: tuple[Shape | None, Stage, Parity, Scales],
+    result: tuple[Shape | None, Stage, Parity, Functions],
 ) -> Found:
-    now, (unknown, improved, agreement, size) = selected.fitted, result
+    now, (unknown, improved, agreement, smooth) = selected.fitted, result
     judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
     loop = session.law is not None and all(log.setpoints is not None for log in judged)
     told = (closing.closed if loop else closing.along_the_path)(session, e, selected, improved, judged)
@@ -171,8 +205,8 @@ def _assembled(
         gap=told.gap,
         gaps=told.gaps,
         blocks=where.blocks(e, now, agreement),
-        coordinates=coordinates(e, size._replace(orders={})),
-        captures=tuple(where.spans(e, now, e.runs)),
+        coordinates=coordinates(e, smooth),
+        captures=tuple(where.spans(e, now, e.runs, where.parts(session, now, named, improved))),
         shares=tuple(told.shares.items()),
         unknown=unknown,
         traces=tuple(told.traces),

@@ -79,6 +79,7 @@ class Shape(NamedTuple):
     force: Array  # N m | N
     predicted: float  # share of the residual that it predicts on data it has not seen
     fields: Fields = ()  # the same as a data-based term of the stage file
+    block: str = "mechanics"  # "drive": `force` is a current (A)
 
 
 class Trace(NamedTuple):

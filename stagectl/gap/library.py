@@ -37,11 +37,11 @@ class Scales(NamedTuple):
     dt: float  # s
     session: tuple[float, ...] = ()  # s, session clock of each log's first row
     voltage: float = 0.0  # V, largest that the motor needed; 0: resistance or back-EMF not known
+    modes: tuple[float, ...] = ()  # Hz, at which what is left rings
     periods: float = 0.0  # encoder periods per pitch; 0: not known
     orders: Mapping[str, tuple[float, ...]] = MappingProxyType(
         {}
     )  # of each harmonic effect, as the residual shows them
-    quanta: tuple[float, ...] = ()  # A, steps that the current seems to come in
 
 
 class Amplitude(NamedTuple):
@@ -81,8 +81,8 @@ class Definition(NamedTuple):
     amplitudes: tuple[Amplitude, ...]
     shapes: tuple[Shape, ...]
     apply: Callable[[Stage, Values], Stage]
-    substeps: int = 4  # integration steps a period that its dynamics need
     aging: Aging | None = None  # runs on the session clock: repeats differ by it
+    resonant: bool = False  # so sharp in its shapes that a fit must begin near: every place on their grid is tried
     bent: bool = False  # so far from linear that its columns hold at their typical sizes only
 
 

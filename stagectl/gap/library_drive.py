@@ -5,6 +5,10 @@ from __future__ import annotations
 from stagectl.gap.library import Amplitude, Definition, Scales, Shape, Values, added, put
 from stagectl.kernels.stage import Stage
 
+# Of the largest current (voltage) in the logs, by which a limit lies below it.  Where the drive did run into one, the
+# largest that it gave is the limit, but for the noise of the measurement.
+DEPTHS = (0.01, 0.05, 0.25)
+
 
 def definitions(s: Scales) -> list[Definition]:
     """Drive effects for a machine of these sizes."""
@@ -16,7 +20,6 @@ def definitions(s: Scales) -> list[Definition]:
             (Amplitude("time", "s", (0.0006,), 0.0, 4.0 * s.dt),),
             (),
             added(time="drive.dead_time"),
-            8,
         ),
         Definition(
             "current_loop",
@@ -25,7 +28,6 @@ def definitions(s: Scales) -> list[Definition]:
             (Amplitude("lag", "s", (0.0002,), -0.001, 0.005),),
             (),
             _slower,
-            8,
         ),
         Definition(
             "current_gain",
@@ -47,7 +49,7 @@ def definitions(s: Scales) -> list[Definition]:
             "current_saturation",
             "drive",
             "current",
-            (Amplitude("depth", "", (0.05, 0.25), 0.0, 0.9),),
+            (Amplitude("depth", "", DEPTHS, 0.0, 0.9),),
             (Shape("continuous", "", (0.0, 1.0), False),),
             lambda p, v: _saturated(p, v, s),
         ),
@@ -58,20 +60,9 @@ def definitions(s: Scales) -> list[Definition]:
                 "voltage_saturation",
                 "drive",
                 "current",
-                (Amplitude("depth", "", (0.05, 0.25), 0.0, 0.9),),
+                (Amplitude("depth", "", DEPTHS, 0.0, 0.9),),
                 (),
                 lambda p, v: put(p, "drive.voltage_limit", s.voltage * (1.0 - v["depth"])),
-            )
-        )
-    if s.quanta:
-        found.append(
-            Definition(
-                "current_quantisation",
-                "drive",
-                "current",
-                (Amplitude("share", "", (1.0,), 0.0, 1.5),),
-                (Shape("step", "A", s.quanta, False),),
-                lambda p, v: put(p, "drive.current_quantum", v["step"]) if v["share"] else p,
             )
         )
     return found

@@ -37,7 +37,11 @@ def _of_speed(s: Scales) -> list[Definition]:
             "mechanics",
             "acceleration",
             (Amplitude("rise", "", (0.1,), 0.0, 3.0),),
-            (Shape("velocity", "rad/s | m/s", speeds[1:4]), Shape("lag", "s", (0.003, 0.012))),
+            (
+                Shape("velocity", "rad/s | m/s", speeds[1:4]),
+                Shape("shape", "", (1.0,)),
+                Shape("lag", "s", (0.003, 0.012)),
+            ),
             _lagged,
         ),
         Definition(
@@ -65,7 +69,7 @@ def _stribeck(p: Stage, v: Values) -> Stage:
 
 
 def _lagged(p: Stage, v: Values) -> Stage:
-    return put(_stribeck(p, {**v, "shape": 1.0}), "friction.lag", v["lag"])
+    return put(_stribeck(p, v), "friction.lag", v["lag"])
 
 
 def _of_place(s: Scales) -> list[Definition]:

@@ -162,13 +162,14 @@ def _masses(s: Scales) -> list[Definition]:
                 Shape("load_friction", "", (0.8,), True, 0.01, 1.0),
             ),
             _compliance,
+            resonant=True,
         ),
         Definition(
             "base_vibration",
             "mechanics",
             "frequency",
             (Amplitude("ratio", "", (0.05,), 0.0, 1.0),),
-            (Shape("frequency", "Hz", MODES), Shape("damping", "", (0.03,), True, 0.002, 1.0)),
+            (Shape("frequency", "Hz", _modes(s)), Shape("damping", "", (0.03,), True, 0.002, 1.0)),
             lambda p, v: put(
                 p,
                 "mechanics.base",
@@ -176,6 +177,11 @@ def _masses(s: Scales) -> list[Definition]:
             ),
         ),
     ]
+
+
+def _modes(s: Scales) -> tuple[float, ...]:
+    """Where the logs ring, and a grid for what rings in no line of its own."""
+    return (*s.modes, *(f for f in MODES if all(abs(f - seen) > 0.05 * f for seen in s.modes)))
 
 
 def _backlash(p: Stage, v: Values) -> Stage:

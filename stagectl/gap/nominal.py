@@ -9,6 +9,7 @@ from typing import NamedTuple
 from stagectl.gap.session import GapError
 from stagectl.gap.values import Block, block, quantity
 from stagectl.kernels import friction, friction_bristle, stage
+from stagectl.kernels.effects import Harmonic
 from stagectl.units import LINEAR, Quantity
 
 _STOPS = ("stop-operator", "maxwell-slip", "gms")
@@ -48,7 +49,7 @@ def read(file: Block) -> Model:
         stage.Motor(body.number("force_constant", quantity(stage.Motor, "force_constant"))),
         _mechanics(body),
         _friction(rubbing),
-        stage.Encoder(body.number("encoder_step", quantity(stage.Encoder, "step"), 0.0), _late(file)),
+        _encoder(body, _late(file)),
     )
     return Model(model, trusted(str(body.values.get("accuracy") or "")))
 
@@ -89,13 +90,22 @@ def _drive(drive: Block) -> stage.Drive:
         read_or("current_limit_A", "current_limit", math.inf),
         read_or("current_loop_s", "current_lag", 0.0),
     )
-    if not drive.has("voltage_limit_V"):
+    if not (drive.has("voltage_limit_V") or drive.has("resistance_ohm")):
         return found
     return found._replace(
-        voltage_limit=read_or("voltage_limit_V", "voltage_limit", math.inf),
+        voltage_limit=drive.number("voltage_limit_V", quantity(stage.Drive, "voltage_limit"))
+        if drive.has("voltage_limit_V")
+        else math.inf,
         resistance=drive.number("resistance_ohm", quantity(stage.Drive, "resistance")),
         back_emf=read_or("back_emf_V_per_unit_s", "back_emf", 0.0),
     )
+
+
+def _encoder(body: Block, late: int) -> stage.Encoder:
+    """Its lines wait for an interpolation error: the order is known, the amplitude zero."""
+    key = "encoder_periods_per_pitch"
+    lines = Harmonic(order=body.number(key, quantity(Harmonic, "order"))) if body.has(key) else Harmonic()
+    return stage.Encoder(body.number("encoder_step", quantity(stage.Encoder, "step"), 0.0), late, interpolation=lines)
 
 
 def _late(file: Block) -> int:

@@ -17,7 +17,6 @@ from stagectl.gap import friction_family
 from stagectl.gap.columns import Direction, Model
 from stagectl.kernels import friction, friction_bristle, stage
 
-MEMBERS = 24
 PREFIX = "null_"
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import median_filter
+from scipy.signal import welch
 
 from stagectl.gap.cuts import KEPT
 from stagectl.gap.runs import Run
@@ -16,6 +18,10 @@ from stagectl.gap.session import Array
 HIGHEST = 60  # order
 PEAKS = 3  # of each kind that are tried
 STEP = 0.05  # between orders that need not be whole
+LOWEST, HIGHEST_MODE = 6.0, 75.0  # Hz: where a base rings
+RINGING = 2.0  # s of a spectrum's segments: a mode of a few per cent of damping rings as long
+SURROUNDINGS = 6.0  # Hz, to either side, of which a line stands out
+APART = 2.0  # Hz between two modes
 
 
 def orders(runs: Sequence[Run], left: Sequence[list[Array]], pitch: float) -> dict[str, tuple[float, ...]]:
@@ -30,6 +36,21 @@ def orders(runs: Sequence[Run], left: Sequence[list[Array]], pitch: float) -> di
         "lead_friction": tuple(n for n in peaks(whole, power(effort * side, angle, whole)) if n in (2.0, 3.0)),
         "ball_pass_ripple": peaks(between, power(effort * side, angle, between), 0.5),
     }
+
+
+def modes(runs: Sequence[Run], left: Sequence[list[Array]]) -> tuple[float, ...]:
+    """Frequencies (Hz) at which what is left rings, strongest first: lines that stand out of their surroundings."""
+    dt = runs[0].mean.dt * KEPT
+    segment = min(round(RINGING / dt), *(len(run.weight) for run in runs))
+    total = 0.0
+    for run, repeats in zip(runs, left, strict=True):
+        effort = run.weight * np.mean(repeats, axis=0)[:, 0]
+        frequency, power = welch(effort, 1.0 / dt, nperseg=segment, nfft=4 * segment)
+        total = total + power * len(effort)
+    within = (frequency > LOWEST) & (frequency < HIGHEST_MODE)
+    about = median_filter(total, 1 + 2 * int(np.searchsorted(frequency, SURROUNDINGS)), mode="nearest")
+    frequency, prominence = frequency[within], (total / np.maximum(about, 1e-300))[within]
+    return tuple(f for f in peaks(frequency, prominence, APART))
 
 
 def _samples(runs: Sequence[Run], left: Sequence[list[Array]], pitch: float) -> tuple[list[Array], ...]:

@@ -52,22 +52,22 @@ def evidence(runs: Sequence[Run], refitted: Base) -> Evidence:
 def left(e: Evidence, model: Model, effects: Sequence[Named]) -> list[list[Array]]:
     """Whitened residual of each run and repeat under `model` with `effects`."""
     whole = equipped(model, effects)
-    substeps = max([one.effect.substeps for one in effects], default=4)
     if any(one.effect.aging is not None for one in effects):
-        return columns.residuals_of(whole, e.runs, e.base.noise, substeps)
-    means = columns.mean_residuals(whole, e.runs, e.base.noise, substeps)
+        return columns.residuals_of(whole, e.runs, e.base.noise)
+    means = columns.mean_residuals(whole, e.runs, e.base.noise)
     return [[mean + one for one in repeats] for mean, repeats in zip(means, e.deviations, strict=True)]
 
 
 def total(e: Evidence, residuals: list[list[Array]]) -> float:
-    """Sum of squares over all that counts."""
-    return float(
-        sum(
-            np.sum((one * run.weight[:, None]) ** 2)
-            for run, repeats in zip(e.runs, residuals, strict=True)
-            for one in repeats
+    """Sum of squares over all that counts; not finite where a simulation has diverged."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(
+            sum(
+                np.sum((one * run.weight[:, None]) ** 2)
+                for run, repeats in zip(e.runs, residuals, strict=True)
+                for one in repeats
+            )
         )
-    )
 
 
 def start(e: Evidence) -> Fitted:
@@ -80,7 +80,7 @@ def refine(e: Evidence, model: Model, effects: Sequence[Named], steps: int = STE
     residuals = left(e, model, effects)
     now = Fitted(model, tuple(effects), residuals, total(e, residuals))
     if any(one.effect.bent for one in effects) and np.isfinite(now.misfit):
-        e = e._replace(base=e.base._replace(columns=_columns_beside(e, now)))
+        e = e._replace(base=e.base._replace(products=_products_beside(e, now)))
     for _ in range(steps if np.isfinite(now.misfit) else 0):  # it diverged: no step can be told
         after = _step(e, now)
         if after.misfit > now.misfit * (1.0 - SETTLED):
@@ -89,16 +89,15 @@ def refine(e: Evidence, model: Model, effects: Sequence[Named], steps: int = STE
     return now
 
 
-def _columns_beside(e: Evidence, now: Fitted) -> list[dict[str, list[Array]]]:
+def _products_beside(e: Evidence, now: Fitted) -> grams.Products:
     """The base's columns where the effects are in the model: across a gap, friction is not what it was."""
-    substeps = max(one.effect.substeps for one in now.effects)
-    moving = [one._replace(substeps=substeps) for one in e.base.directions if not base.is_member(one.name)]
+    moving = [one for one in e.base.directions if not base.is_member(one.name)]
 
     def beside(one: Direction) -> Direction:
         return one._replace(change=lambda _: equipped(one.change(now.model), now.effects))
 
     found = columns.all_columns(now.equipped, e.runs, [beside(one) for one in moving], e.base.noise)
-    return [{**known, **new} for known, new in zip(e.base.columns, found, strict=True)]
+    return grams.products(e.runs, found, base.START)
 
 
 def _step(e: Evidence, now: Fitted) -> Fitted:
@@ -126,9 +125,8 @@ def nuisances(e: Evidence) -> list[str]:
 
 def tangent(e: Evidence, now: Fitted, own: Sequence[Direction]) -> grams.Grams:
     """Matrices of the base's columns, of the effects' parameters where they stand, and of what is left."""
-    found = columns.all_columns(now.equipped, e.runs, own, e.base.noise) if own else [{} for _ in e.runs]
-    joined = [{**known, **new} for known, new in zip(e.base.columns, found, strict=True)]
-    return grams.grams(e.runs, joined, now.left, base.START)
+    found = columns.all_columns(now.equipped, e.runs, own, e.base.noise)
+    return grams.grams(grams.beside(e.base.products, found), now.left)
 
 
 def parameters(now: Fitted) -> list[Direction]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -100,9 +101,16 @@ def without_rests(signal: Array, rests: Sequence[tuple[int, int]]) -> Array:
     signal = signal.copy()
     for begin, end in rests:
         part = signal[begin:end]
-        basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(part)), 4))[0]
+        basis = _cubic(len(part))
         signal[begin:end] = part - basis @ (basis.T @ part)
     return signal
+
+
+@functools.lru_cache(maxsize=64)
+def _cubic(count: int) -> Array:
+    """(count, 4) orthonormal polynomials."""
+    basis: Array = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, count), 4))[0]
+    return basis
 
 
 def half_strokes(position: Array, dt: float) -> NDArray[np.int64]:

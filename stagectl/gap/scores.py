@@ -1,7 +1,8 @@
 """What each effect would take from the gap that is left, on data that did not fit it.
 
-The half strokes are dealt into two hands.  Amplitudes fitted on one are judged on the other, both ways, with all
-nuisances refitted each time; an effect's score is the smaller of the two relative drops.
+All nuisances are projected out first, over all data: what they can take is theirs.  Then the half strokes are dealt
+into two hands.  Amplitudes fitted on one are judged on the other, both ways; an effect's score is the smaller of the
+two relative drops.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stagectl.gap import grams
 from stagectl.gap.candidates import Form
@@ -18,9 +20,21 @@ from stagectl.gap.session import Array
 
 
 def hands(g: Grams) -> Array:
-    """(2, p + 1, p + 1): even and odd half strokes of every experiment; repeats go with their half stroke."""
-    both, even = g.both, g.stroke % 4 < 2  # two by two: there and back stay together
-    return np.stack([both[even].sum(axis=0), both[~even].sum(axis=0)])
+    """(2, p + 1, p + 1), both cuts together: even and odd half strokes of every experiment."""
+    both: Array = cuts_of(g).sum(axis=0)
+    return both
+
+
+def cuts_of(g: Grams) -> Array:
+    """(2, 2, p + 1, p + 1): the hands of the mechanics' cut and of the drive's."""
+    first = first_hand(g).astype(np.float64)
+    return np.stack([[np.tensordot(hand, cut, 1) for hand in (first, 1.0 - first)] for cut in (g.effort, g.current)])
+
+
+def first_hand(g: Grams) -> NDArray[np.bool_]:
+    """(c,) half strokes that the first hand holds, two by two: there and back stay together."""
+    first: NDArray[np.bool_] = g.stroke % 4 < 2
+    return first
 
 
 def against(g: Array, residual: int) -> Array:
@@ -36,49 +50,60 @@ class Score(NamedTuple):
     gain: float  # of the sum of squares, judged on the other hand; both hands together
     worst: float  # the smaller relative drop of the two
     amplitudes: tuple[float, ...]  # from all data
+    before: float  # sum of squares without it, free of what nuisances can take
 
 
-def scores(both: Array, nuisance: Sequence[int], places: Sequence[Sequence[int]], forms: Sequence[Form]) -> list[Score]:
-    """Every form's score on the two hands `both`, the nuisances refitted beside it."""
-    whole = both.sum(axis=0)
-    reduced = [_reduced(hand, nuisance) for hand in (both[0], both[1], whole)]
-    return [_score(both, reduced, (list(nuisance), list(at)), form) for form, at in zip(forms, places, strict=True)]
+def scores(cuts: Array, nuisance: Sequence[int], places: Sequence[Sequence[int]], forms: Sequence[Form]) -> list[Score]:
+    """Every form's score on the hands of both `cuts` (2, 2, p + 1, p + 1), free of what the nuisances can take.
+
+    An effect is judged by the cut that shows it: one of the drive by that of the drive, where a current is measured.
+    """
+    # The time shift, which both cuts show, is the mechanics' to determine: the drive's cut stands as the base left it,
+    # or no dead time would be seen.
+    free = [freed(cuts[0], nuisance), cuts[1]]
+    return [_score(free[cut_of(form, cuts)], list(at), form) for form, at in zip(forms, places, strict=True)]
 
 
-class _Reduced(NamedTuple):
-    """A summed matrix with the nuisances projected out (Schur complement)."""
+def best_of(found: Sequence[Score]) -> dict[str, Score]:
+    """The best form of every effect."""
+    best: dict[str, Score] = {}
+    for score in found:
+        name = score.form.effect.name
+        if name not in best or score.gain > best[name].gain:
+            best[name] = score
+    return best
 
-    matrix: Array  # (p + 1, p + 1)
-    coefficients: Array  # (n, p + 1) of the nuisances for every column
+
+def cut_of(form: Form, cuts: Array) -> int:
+    """Number of the cut that shows the effect of `form`."""
+    return 1 if form.effect.block == "drive" and cuts[1].any() else 0
 
 
-def _reduced(g: Array, nuisance: Sequence[int]) -> _Reduced:
-    n = list(nuisance)
+def freed(both: Array, nuisance: Sequence[int]) -> Array:
+    """The hands (2, p + 1, p + 1) with every column and the residual less what nuisances explain of it on all data."""
+    g, n = both.sum(axis=0), list(nuisance)
     a = g[np.ix_(n, n)] + np.diag(grams.RIDGE * g[n, n] + 1e-300)
     scale = np.sqrt(np.diag(a))
     scale = np.where(scale > 0.0, scale, 1.0)
-    coefficients = np.linalg.pinv(a / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ (g[n] / scale[:, None])
-    coefficients = coefficients / scale[:, None]
-    return _Reduced(g - g[:, n] @ coefficients, coefficients)
+    explained = np.linalg.pinv(a / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ (g[n] / scale[:, None])
+    explained = explained / scale[:, None]
+    crossed = both[:, :, n] @ explained  # columns against what nuisances make of the others
+    free: Array = both - crossed - np.swapaxes(crossed, 1, 2) + explained.T @ both[:, n][:, :, n] @ explained
+    return free
 
 
-def _score(both: Array, reduced: Sequence[_Reduced], places: tuple[list[int], list[int]], form: Form) -> Score:
-    nuisance, at = places
-    whole = _solved(reduced[2].matrix, at, form)
+def _score(free: Array, at: list[int], form: Form) -> Score:
+    whole, before = _solved(free.sum(axis=0), at, form), float(free[:, -1, -1].sum())
     if not _admissible(form, whole):
-        return Score(form, 0.0, 0.0, tuple(whole))
+        return Score(form, 0.0, 0.0, tuple(whole), before)
     drops = []
     for fitted, judged in ((0, 1), (1, 0)):
-        amplitude = _solved(reduced[fitted].matrix, at, form)
-        # Nuisances as the fitted hand has them, with and without the effect.
-        plain = -reduced[fitted].coefficients[:, -1]
-        beside = plain + reduced[fitted].coefficients[:, at] @ amplitude
-        before = grams.misfit(both[judged], nuisance, -plain)
-        after = grams.misfit(both[judged], [*nuisance, *at], np.concatenate([-beside, amplitude]))
-        drops.append((before - after, before))
+        amplitude = _solved(free[fitted], at, form)
+        alone = float(free[judged, -1, -1])
+        drops.append((alone - grams.misfit(free[judged], at, amplitude), alone))
     gain = sum(drop for drop, _ in drops)
-    worst = min(drop / before for drop, before in drops)
-    return Score(form, gain, worst, tuple(whole))
+    worst = min(drop / max(alone, 1e-300) for drop, alone in drops)
+    return Score(form, gain, worst, tuple(whole), before)
 
 
 def _solved(matrix: Array, at: Sequence[int], form: Form) -> Array:
@@ -87,10 +112,12 @@ def _solved(matrix: Array, at: Sequence[int], form: Form) -> Array:
     a = matrix[np.ix_(list(at), list(at))]
     if not np.all(np.diag(a) > 0.0):
         return np.zeros(len(at))
-    return np.asarray(np.linalg.lstsq(a, matrix[list(at), -1], rcond=1e-12)[0], dtype=np.float64)
+    found = np.linalg.lstsq(a, matrix[list(at), -1], rcond=1e-12)[0]
+    low, high = np.array([(one.low, one.high) for one in form.effect.amplitudes]).T
+    return np.asarray(np.clip(found, low, high), dtype=np.float64)
 
 
 def _admissible(form: Form, amplitude: Array) -> bool:
-    """Whether the sign and the size are physical: an amplitude against its bound explains nothing."""
+    """Whether the sign is physical: an amplitude at a bound of zero explains nothing."""
     pairs = zip(form.effect.amplitudes, amplitude, strict=True)
     return all((one.low < 0.0 or x > 0.0) and (one.high > 0.0 or x < 0.0) for one, x in pairs)

@@ -17,28 +17,35 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import base, columns, grams, null, refine
+from stagectl.gap import base, candidates, columns, grams, null, refine, stability, symmetries
 from stagectl.gap.candidates import Form, Named
-from stagectl.gap.columns import Direction
-from stagectl.gap.grams import Grams
+from stagectl.gap.grams import Grams, Products
+from stagectl.gap.library import Definition
 from stagectl.gap.refine import Evidence, Fitted
-from stagectl.gap.scores import Score, against, hands, scores
+from stagectl.gap.scores import Score, against, best_of, cuts_of, scores
 from stagectl.gap.session import Array
 
 MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
 OF_ALL = 0.01  # of the closable gap that the base refit left: less is the form of something else
+PLAIN = (
+    0.001  # the same for what takes `DOMINANT` of what is left and is `FAR` beyond its limit: a second, weaker effect
+)
+FAR = 20.0  # times the limit
 ALONE = 0.1  # the same where nothing was repeated: there is no floor, and form error counts as gap
 DOMINANT = 0.1  # relative drop from which an effect is judged by it alone
 BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
 SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms
+VANISHING = 0.4  # share of resamples below which an effect is none
+ADEQUATE = 0.6  # of what a function of one coordinate foretells: an effect that takes less is not what is there
+OF_KIN = 0.25  # of what an effect took whose error of form looks like another one
+OF_MORE = 0.3  # of all that is left, from which an effect is taken for a special case of a wider one
 RIVAL = 0.7  # of the largest gain: from there on another effect is refined, too, before one is chosen
 
 
 class Threshold(NamedTuple):
     """What machines without an effect give one effect."""
 
-    largest: float  # gain of the sum of squares
     limit: float  # gain beyond which it counts as found
     share: float  # largest relative drop that it gives on both hands; well beyond it counts as found, too
 
@@ -47,9 +54,11 @@ class Library(NamedTuple):
     """All candidates with their columns, and what the null ensemble gives them."""
 
     forms: tuple[Form, ...]
-    columns: list[dict[str, list[Array]]]  # of each run
+    products: Products  # of the base and the null ensemble, too
     thresholds: Mapping[str, Threshold]  # by effect
-    first: tuple[float, float]  # closable misfit that the base refit left: of both cuts, of the drive's
+    resampled: int  # times for each experiment that is left out, to see whether an effect stays
+    first: tuple[float, float]  # closable misfit that the base refit left: of the mechanics, of the drive
+    measured: bool  # whether the logs hold the current beside the command
 
 
 class Selected(NamedTuple):
@@ -59,9 +68,12 @@ class Selected(NamedTuple):
     alternatives: Mapping[str, Mapping[str, float]]  # of each effect: gain of others in its place, relative to it
     gains: Mapping[str, float]  # of each effect when it alone is left out
     rivals: Mapping[str, Mapping[str, Named]]  # the same others, with their values
+    inclusion: Mapping[str, float]  # of each effect: share of resamples in which it is found again
+    unexplained: float  # sum of squares that is left above the floor, in the mechanics' cut
 
 
 Say = Callable[[str], None]
+Unknown = Callable[[Fitted], float]  # what the best function of one coordinate foretells of what is left
 
 
 def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict[str, Threshold]:
@@ -69,7 +81,7 @@ def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict
 
     The limit lies beyond the largest of them.
     """
-    both, places = hands(g), [g.of(form.names) for form in forms]
+    both, places = cuts_of(g), [g.of(form.names) for form in forms]
     found: dict[str, list[tuple[float, float]]] = {}
     for name in null.gains(g.names):
         member = g.names.index(name)
@@ -81,41 +93,56 @@ def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict
 
 def _threshold(found: Array) -> Threshold:
     gain, share = found.max(axis=0)
-    return Threshold(float(gain), max(BEYOND * float(gain), SMALLEST), float(share))
+    return Threshold(max(BEYOND * float(gain), SMALLEST), float(share))
 
 
-def best_of(found: Sequence[Score]) -> dict[str, Score]:
-    """The best form of every effect."""
-    best: dict[str, Score] = {}
-    for score in found:
-        name = score.form.effect.name
-        if name not in best or score.gain > best[name].gain:
-            best[name] = score
-    return best
-
-
-def search(e: Evidence, library: Library, say: Say) -> Selected:
-    """The effects that are in the data."""
-    now, dropped = refine.start(e), frozenset[str]()
+def search(e: Evidence, library: Library, say: Say, unknown: Unknown) -> Selected:
+    """The effects that are in the data; it ends where a function of one coordinate foretells far more than the best."""
+    now, forms = refine.start(e), library.forms
+    taken: dict[str, float] = {}
     while len(now.effects) < MOST:
-        best = _next(e, library, now, dropped)
+        best = _next(e, library._replace(forms=forms), now, taken)
         if best is None:
             break
-        say(f"added {best.effects[-1].effect.name}")
+        effect, gain = best.effects[-1].effect, now.misfit - best.misfit
+        if not _of_drive(effect, library) and gain < ADEQUATE * unknown(now):
+            forms = tuple(form for form in forms if _of_drive(form.effect, library))  # what it is, is in no library
+            continue
+        say(f"added {effect.name}")
+        taken[effect.name] = gain
         now = _pruned(e, library, best, say)
-        dropped |= {one.effect.name for one in best.effects} - {one.effect.name for one in now.effects}
-    return _judged(e, library, now)
+    return _stable(e, library, now, say)
 
 
-def _scored(e: Evidence, library: Library, now: Fitted) -> tuple[Grams, list[Score]]:
+def _stable(e: Evidence, library: Library, now: Fitted, say: Say) -> Selected:
+    """What was found, without effects that vanish when the data are drawn again."""
+    found = _judged(e, library, now)
+    stay = [one for one in now.effects if found.inclusion[one.effect.name] >= VANISHING]
+    if len(stay) == len(now.effects):
+        return found
+    say(f"dropped {', '.join(one.effect.name for one in now.effects if one not in stay)}: in too few resamples")
+    return _stable(e, library, refine.refine(e, now.model, stay), say)
+
+
+def _of_drive(effect: Definition, library: Library) -> bool:
+    """Whether it is seen in the drive's cut."""
+    return effect.block == "drive" and library.measured
+
+
+def scored(e: Evidence, library: Library, now: Fitted) -> tuple[Grams, list[Score]]:
     """Every effect that is not in the model yet, on what is left."""
     own = refine.parameters(now)
-    found = _joined(e, library, now, own)
-    g = grams.grams(e.runs, found, now.left, base.START)
-    nuisance = g.of([*nuisances(e), *(one.name for one in own)])
+    found = columns.all_columns(now.equipped, e.runs, own, e.base.noise)
+    g = grams.grams(grams.beside(library.products, found), now.left)
+    nuisance = _beside(e, g, now)
     taken = {one.effect.name for one in now.effects}
     forms = [form for form in library.forms if form.effect.name not in taken]
-    return g, scores(hands(g), nuisance, [g.of(form.names) for form in forms], forms)
+    return g, scores(cuts_of(g), nuisance, [g.of(form.names) for form in forms], forms)
+
+
+def _beside(e: Evidence, g: Grams, now: Fitted) -> list[int]:
+    """Places of the columns that move beside every candidate."""
+    return g.of([*nuisances(e), *(one.name for one in refine.parameters(now))])
 
 
 def nuisances(e: Evidence) -> list[str]:
@@ -123,16 +150,10 @@ def nuisances(e: Evidence) -> list[str]:
     return [*refine.nuisances(e), *(one.name for one in e.base.directions if base.is_member(one.name))]
 
 
-def _joined(e: Evidence, library: Library, now: Fitted, own: Sequence[Direction]) -> list[dict[str, list[Array]]]:
-    new = columns.all_columns(now.equipped, e.runs, own, e.base.noise)
-    parts = zip(e.base.columns, library.columns, new, strict=True)
-    return [{**nuisance, **candidates, **mine} for nuisance, candidates, mine in parts]
-
-
 def closable(g: Grams) -> tuple[float, float]:
-    """Sum of squares left above what repeats differ by, of both cuts together and of the drive's alone."""
-    effort, current = g.effort[:, -1, -1].sum(), g.current[:, -1, -1].sum()
-    return float(effort + current - g.floor.sum()), float(current - g.floor[:, 1].sum())
+    """Sum of squares left above what repeats differ by, of the mechanics' cut and of the drive's."""
+    effort, current = (part[:, -1, -1].sum() - g.floor[:, k].sum() for k, part in enumerate((g.effort, g.current)))
+    return float(effort), float(current)
 
 
 def material(e: Evidence) -> float:
@@ -140,29 +161,88 @@ def material(e: Evidence) -> float:
     return MATERIAL if any(len(one) > 1 for one in e.deviations) else ALONE
 
 
-def _eligible(e: Evidence, g: Grams, found: Sequence[Score], library: Library) -> list[Score]:
-    left, good = closable(g), []
+def _eligible(e: Evidence, g: Grams, found: Sequence[Score], library: Library, now: Fitted) -> list[Score]:
+    good = []
+    # Across a gap the others' columns are not what they were: only what stands out is believed beside it.
+    least = DOMINANT if any(one.effect.bent for one in now.effects) else 0.0
     for score in best_of(found).values():
-        effect = score.form.effect
-        cut = 1 if effect.block == "drive" else 0
-        least = max(material(e) * left[cut], OF_ALL * library.first[cut])
-        known = library.thresholds[effect.name]
+        known = library.thresholds[score.form.effect.name]
         beyond = score.gain > known.limit or score.worst > max(BEYOND * known.share, DOMINANT)
-        if beyond and score.gain > max(least, SMALLEST) and score.worst > 0.0:
+        if beyond and score.gain > _least(e, g, library, score) and score.worst > least:
             good.append(score)
     return sorted(good, key=lambda score: -score.gain)
 
 
-def _next(e: Evidence, library: Library, now: Fitted, dropped: frozenset[str]) -> Fitted | None:
-    """The model with one effect more, or None where no candidate is good enough; what was dropped does not return."""
-    g, found = _scored(e, library, now)
-    good = [score for score in _eligible(e, g, found, library) if score.form.effect.name not in dropped]
+def _least(e: Evidence, g: Grams, library: Library, score: Score) -> float:
+    """Sum of squares that an effect must take to be material: of what no nuisance explains, and of all there was."""
+    cut = 1 if _of_drive(score.form.effect, library) else 0
+    left = score.before - float(g.floor[:, cut].sum())
+    plain = score.worst > DOMINANT and score.gain > FAR * library.thresholds[_name(score)].limit
+    return max(material(e) * left, (PLAIN if plain else OF_ALL) * library.first[cut], SMALLEST)
+
+
+def _next(e: Evidence, library: Library, now: Fitted, taken: Mapping[str, float]) -> Fitted | None:
+    """The model with one effect more, or None where no candidate is good enough.
+
+    `taken` holds what each effect took when it was added.  None of them returns that was dropped, and their kin must
+    take more than an error of their form would.
+    """
+    g, found = scored(e, library, now)
+    eligible = [score for score in _eligible(e, g, found, library, now) if _name(score) not in taken]
+    good = [score for score in eligible if _stands_out(score, taken)]
     if not good:
         return None
-    rivals = [score for score in good if score.gain >= RIVAL * good[0].gain][:2]
-    tried = [refine.refine(e, now.model, [*now.effects, named(score)]) for score in rivals]
-    better = [one for one in tried if one.misfit < now.misfit]  # not so where it diverged
-    return min(better, key=lambda one: one.misfit, default=None)
+    rivals = [score for score in good if score.gain >= RIVAL * good[0].gain]
+    first = rivals[:2] + [one for one in rivals[2:] if symmetries.narrower(rivals[0].form.effect.name, _name(one))]
+    tried = [(score, refine.refine(e, now.model, _joined(e, now, score))) for score in first]
+    # What a simulation confirms counts, not what a linear estimate promised.
+    better = [one for score, one in tried if now.misfit - one.misfit > _least(e, g, library, score)]
+    return _simplest(better, floor(e)) if better else None
+
+
+def _joined(e: Evidence, now: Fitted, score: Score) -> list[Named]:
+    """The effects with one more, which takes the place of the one that it is a wider form of, and its values."""
+    under = next((one for one in now.effects if one.effect.name == symmetries.OVER.get(_name(score))), None)
+    if under is None:
+        return [*now.effects, _begun(e, now, score)]
+    wide = named(score)
+    known = {name: value for name, value in under.values.items() if name in wide.values}
+    return [*(one for one in now.effects if one is not under), Named(wide.effect, {**wide.values, **known})]
+
+
+def _begun(e: Evidence, now: Fitted, score: Score) -> Named:
+    """Where the fit of an effect begins: at its linear estimate, or at the best place on the grid of a resonance."""
+    effect = score.form.effect
+    if not effect.resonant:
+        return named(score)
+    places = [Named(effect, form.values(form.typical)) for form in candidates.forms([effect])]
+    tried = [refine.refine(e, now.model, [*now.effects, one], 1) for one in places]
+    settled = [one for one in tried if np.isfinite(one.misfit)]
+    return min(settled, key=lambda one: one.misfit).effects[-1] if settled else named(score)
+
+
+def _simplest(better: Sequence[Fitted], least: float) -> Fitted:
+    """The best of them, or a special case of it that leaves little more above the floor `least`."""
+    best = min(better, key=lambda one: one.misfit)
+    wide = best.effects[-1].effect.name
+    special = [one for one in better if symmetries.narrower(wide, one.effects[-1].effect.name)]
+    return next((one for one in special if (1.0 - OF_KIN) * (one.misfit - least) < best.misfit - least), best)
+
+
+def _stands_out(score: Score, taken: Mapping[str, float]) -> bool:
+    """Whether it is more than the error of form of an effect that was added, or that effect with more to it."""
+    more = symmetries.OVER.get(_name(score)) in taken
+    kin = max(_of_kin(_name(score), taken), default=0.0)
+    return score.gain > OF_KIN * kin or (more and score.worst > OF_MORE)
+
+
+def _of_kin(name: str, taken: Mapping[str, float]) -> list[float]:
+    kin = {other for one in symmetries.KIN if name in one for other in one}
+    return [gain for other, gain in taken.items() if other in kin]
+
+
+def _name(score: Score) -> str:
+    return score.form.effect.name
 
 
 def named(score: Score) -> Named:
@@ -196,15 +276,18 @@ def floor(e: Evidence) -> float:
 
 def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
     """Swap tests on every effect."""
-    alternatives, gains, rivals = {}, {}, {}
+    alternatives, gains, rivals, inclusion = {}, {}, {}, {}
     for one in now.effects:
         rest = tuple(other for other in now.effects if other is not one)
         less = Fitted(now.model, rest, refine.left(e, now.model, rest), 0.0)
-        found = best_of(_scored(e, library, less)[1])
+        g, every = scored(e, library, less)
+        found = best_of(every)
+        forms = [form for form in library.forms if form.effect.name == one.effect.name]
+        inclusion[one.effect.name] = stability.inclusion(g, _beside(e, g, less), forms, OF_ALL, library.resampled)
         own = found[one.effect.name].gain
         gains[one.effect.name] = own
         alternatives[one.effect.name] = {
             name: score.gain / own for name, score in found.items() if name != one.effect.name and own > 0.0
         }
         rivals[one.effect.name] = {name: named(score) for name, score in found.items() if score.gain > 0.0}
-    return Selected(now, alternatives, gains, rivals)
+    return Selected(now, alternatives, gains, rivals, inclusion, closable(grams.grams(e.base.products, now.left))[0])

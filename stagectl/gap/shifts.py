@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap import base, friction_family, grams, refine
+from stagectl.gap.columns import Model
 from stagectl.gap.found import Value
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.session import Array, Session
@@ -65,6 +66,17 @@ def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
         "time_shift": {"time_shift": -now.model.shift},
         "coulomb": {base.weight(k): -change * float(w) / total for k, w in enumerate(weights)},
     }
+
+
+def undone(session: Session, now: Fitted, name: str) -> Model:
+    """The fitted model with one parameter, named as a shift is, back at its nominal value."""
+    whole = now.equipped
+    if name == "presliding":
+        return whole._replace(stage=whole.stage._replace(friction=session.stage.friction))
+    if name == "force_constant":
+        return whole._replace(stage=session.stage)
+    still = {base.weight(k): 0.0 for k in range(len(whole.stage.friction.operators.weight))}
+    return base.moved(whole, {**still, **_moves(session, now)[name]}, None)
 
 
 def _returned(g: grams.Grams, names: Sequence[str], moves: Mapping[str, Mapping[str, float]]) -> dict[str, float]:

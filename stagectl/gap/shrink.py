@@ -23,6 +23,7 @@ from stagectl.gap.session import Array, Log, Session
 from stagectl.kernels.stage import Stage
 
 RESAMPLED = 400  # times, for the interval of the closure
+NEARLY = 1.05  # squared gap, of the smallest
 CHANNELS = ("position", "tracking", "current")
 
 
@@ -40,6 +41,16 @@ def predicted(session: Session, stage: Stage, logs: Sequence[Log]) -> list[Array
     first = {key: log for key, log in reversed(list(zip(keys, logs, strict=True)))}
     found = dict(zip(first, closed_all(session, stage, list(first.values())), strict=True))
     return [found[key] for key in keys]
+
+
+def closest(session: Session, stages: Sequence[Stage], logs: Sequence[Log]) -> Stage:
+    """The first of `stages` whose loop follows `logs` nearly as closely as that of the best of them.
+
+    What a model explains of the effort need not bring its position nearer: a table or a fit that leads away from the
+    logs that it was made on is left out.
+    """
+    sums = [squares(logs, predicted(session, one, logs), "position", session.dt).gap.sum() for one in stages]
+    return next(one for one, left in zip(stages, sums, strict=True) if left <= NEARLY * np.nanmin(sums))
 
 
 def _aging(p: Stage) -> bool:
@@ -81,28 +92,26 @@ def _difference(log: Log, simulated: Array, channel: str) -> Array:
     return log.position - column(simulated, "measured")[:rows]
 
 
-def floor(logs: Sequence[Log], channel: str, dt: float) -> Squares:
-    """What repeats differ by: mean |r_a - r_b|^2 / 2, summed over half strokes; zeros where nothing was repeated."""
+def floor(logs: Sequence[Log], rows: Sequence[Array], channel: str, dt: float) -> Squares:
+    """What repeats differ by: mean |r_a - r_b|^2 / 2 of measured less simulated `rows`, summed over half strokes.
+
+    Zeros where nothing was repeated.  What a model foretells of a drift from repeat to repeat is no noise.
+    """
     sums, counts = [], []
+    left = {log.name: _difference(log, simulated, channel) for log, simulated in zip(logs, rows, strict=True)}
     for repeats in by_experiment(logs).values():
         for log in repeats:
-            signal = _signal(log, channel)
-            others = [_signal(one, channel) for one in repeats if one is not log]
-            rows = min([len(signal), *(len(one) for one in others)])
-            squared = sum(((signal[:rows] - one[:rows]) ** 2 for one in others), np.zeros(rows)) / max(
+            signal = left[log.name]
+            others = [left[one.name] for one in repeats if one is not log]
+            common = min([len(signal), *(len(one) for one in others)])
+            squared = sum(((signal[:common] - one[:common]) ** 2 for one in others), np.zeros(common)) / max(
                 2 * len(others), 1
             )
-            whole = np.concatenate([squared, np.zeros(len(signal) - rows)])
+            whole = np.concatenate([squared, np.zeros(len(signal) - common)])
             for piece in _pieces(log, dt):
                 sums.append(float(whole[piece][log.valid[piece]].sum()))
                 counts.append(int(log.valid[piece].sum()))
     return Squares(np.array(sums), np.array(counts, dtype=np.float64))
-
-
-def _signal(log: Log, channel: str) -> Array:
-    if channel == "current":
-        return log.current if log.current is not None else np.zeros(log.rows)
-    return log.position
 
 
 def _pieces(log: Log, dt: float) -> list[slice]:
@@ -170,7 +179,7 @@ def traces(
 
 def effort(p: Model, runs: Sequence[Run], noise: cuts.Whitener, dt: float) -> Squares:
     """Effort that the model lacks along the runs, in the band of the cuts, summed over half strokes (N m | N)."""
-    plain = noise._replace(effort=np.ones_like(noise.effort), current=np.zeros_like(noise.current))
+    plain = _flat(noise)
     sums: list[float] = []
     counts: list[float] = []
     for run, repeats in zip(runs, columns.residuals_of(p, runs, plain), strict=True):
@@ -178,6 +187,10 @@ def effort(p: Model, runs: Sequence[Run], noise: cuts.Whitener, dt: float) -> Sq
         for one in repeats:
             _by_stroke(run, scale * one[:, 0], sums, counts)
     return Squares(np.array(sums), np.array(counts))
+
+
+def _flat(noise: cuts.Whitener) -> cuts.Whitener:
+    return cuts.Whitener(noise.frequency, np.ones_like(noise.effort), np.zeros_like(noise.current))
 
 
 def _by_stroke(run: Run, signal: Array, sums: list[float], counts: list[float]) -> None:
@@ -189,7 +202,7 @@ def _by_stroke(run: Run, signal: Array, sums: list[float], counts: list[float]) 
 
 def effort_floor(p: Model, runs: Sequence[Run], noise: cuts.Whitener, dt: float) -> Squares:
     """What repeats differ by in that effort; zeros where nothing was repeated."""
-    plain = noise._replace(effort=np.ones_like(noise.effort), current=np.zeros_like(noise.current))
+    plain = _flat(noise)
     sums: list[float] = []
     counts: list[float] = []
     for run, repeats in zip(runs, columns.residuals_of(p, runs, plain), strict=True):

@@ -18,7 +18,6 @@ from stagectl.gap.columns import Model
 from stagectl.gap.library import Scales
 from stagectl.gap.runs import Run, rested
 from stagectl.gap.session import Array
-from stagectl.gap.tying import Lacking
 
 WINDOW = 0.012  # s, over which velocity and acceleration are taken
 STILL = 1e-3  # of the largest speed: below, there is no direction
@@ -27,11 +26,12 @@ ORDERS = 12  # of the pitch, beside those that stand out
 EVEN, ODD, INERTIAL, LOOP = "even", "odd", "inertial", "loop"
 ALL = (EVEN, ODD, INERTIAL, LOOP)  # EVEN + ODD: any function of coordinate and direction
 TIME = "time"
+KNOTS = 6  # over the session's clock: a step is between two of them
 OF_A_DRIVE = ("current", "speed", "acceleration")  # coordinates that a current may depend on
 
 
 class Motion(NamedTuple):
-    """The course of one run, (n,) each."""
+    """The course of one run at its kept rows, (m,) each."""
 
     position: Array  # rad | m
     velocity: Array  # rad/s | m/s
@@ -56,7 +56,8 @@ def motion(run: Run, size: Scales) -> Motion:
     window = min(2 * max(round(0.5 * WINDOW / dt), 2) + 1, len(position) - 1 + len(position) % 2)
     velocity, acceleration = (savgol_filter(position, window, 3, deriv=k, delta=dt) for k in (1, 2))
     since = since_reversal(position, BACK * size.length)
-    return Motion(position, velocity, acceleration, since, run.mean.rows[:, 0])
+    course = (position, velocity, acceleration, since, run.mean.rows[:, 0])
+    return Motion(*(one[:: cuts.KEPT] for one in course))
 
 
 def since_reversal(position: Array, back: float) -> Array:
@@ -133,15 +134,20 @@ class Ground(NamedTuple):
     model: Model
     noise: cuts.Whitener
 
-    def bring(self, run: Run) -> Callable[[Array, bool], Array]:
-        """Whitened (m, 2) of signals (n,) along `run`, as an effort (N m | N) and, if asked, as a current (A)."""
-        answer, nothing = where.tracking(self.model, run.rows, run.mean.dt), np.zeros(run.rows)
+    def bring(self, run: Run) -> Callable[[Array, bool], list[Array]]:
+        """Whitened (m, 2) of signals (k, m) at the kept rows of `run`: as an effort (N m | N), and as a current (A)."""
+        dt, count = run.mean.dt, len(run.weight)
+        lines = where.lines_of(count, dt * cuts.KEPT)
+        effort, current = cuts.gains(self.noise, lines, dt)
+        answer = where.tracking(self.model, lines, dt) * effort
 
-        def column(signal: Array, current: bool) -> Array:
-            lacks = Lacking(answer(signal), signal if current else nothing)
-            return rested(run, cuts.whitened(self.noise, lacks, run.mean.dt))
+        def columns(signals: Array, drive: bool) -> list[Array]:
+            efforts = where.passed(signals, answer)
+            currents = where.passed(signals, current) if drive else np.zeros_like(signals)
+            # Many, and smooth: half the digits do.
+            return [rested(run, both).astype(np.float32) for both in np.stack([efforts, currents], axis=-1)]
 
-        return column
+        return columns
 
 
 def names(one: Smoother, part: str) -> list[str]:
@@ -164,10 +170,26 @@ def columns_of(
             side = factor(part, m, size)
             for one in chosen:
                 signals, drive = one.basis(one.place(m)) * side, one.coordinate in OF_A_DRIVE
-                columns |= {name: [bring(x, drive)] for name, x in zip(names(one, part), signals, strict=True)}
+                columns |= {name: [x] for name, x in zip(names(one, part), bring(signals, drive), strict=True)}
         return columns
 
     return in_parallel(found, list(zip(runs, motions, strict=True)))
+
+
+class Functions(NamedTuple):
+    """All functions of single coordinates on one session's data."""
+
+    size: Scales
+    motions: list[Motion]
+    tried: list[Smoother]
+    columns: list[dict[str, list[Array]]]  # of each run, even and odd
+
+
+def functions(ground: Ground, runs: Sequence[Run], size: Scales) -> Functions:
+    """All smoothers along the runs' motions, with their columns."""
+    motions = [motion(run, size) for run in runs]
+    tried = smoothers(size, motions)
+    return Functions(size, motions, tried, columns_of(ground, runs, (motions, size), {EVEN: tried, ODD: tried}))
 
 
 def clock_columns(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]) -> list[dict[str, list[Array]]]:
@@ -175,17 +197,20 @@ def clock_columns(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]
 
     Only differences between repeats count: over an experiment's own duration time is what the experiment is.
     """
-    starts = np.array([log.start for run in runs for log in run.logs])
-    middle, span = float(starts.mean()), max(float(np.ptp(starts)), 1e-9)
-    found = []
+    course, found = hats(knots(runs)), []
     for run, m in zip(runs, motions, strict=True):
-        clock = np.array([(log.start - middle) / span for log in run.logs])
+        each = course(np.array([log.start for log in run.logs]))
         columns: dict[str, list[Array]] = {}
         bring = ground.bring(run)
         for name, signal in (("side", np.sign(m.velocity)), ("velocity", m.velocity)):
-            column = bring(signal, False)
-            for power in (1, 2):
-                curve = clock**power
-                columns[f"{TIME}.{name}.{power}"] = [column * x for x in (curve - curve.mean()).tolist()]
+            column = bring(signal[None], False)[0]
+            for k, one in enumerate(each):
+                columns[f"{TIME}.{name}.{k}"] = [column * x for x in (one - one.mean()).tolist()]
         found.append(columns)
     return found
+
+
+def knots(runs: Sequence[Run]) -> Array:
+    """(k,) s of the session's clock between which friction may change in its own way."""
+    starts = [log.start for run in runs for log in run.logs]
+    return np.linspace(min(starts), max(max(starts), min(starts) + 1.0), KNOTS)

@@ -176,7 +176,9 @@ def _restored_value(one: Mapping[str, Any]) -> Value:
 
 def _restored_shape(one: Mapping[str, Any]) -> Shape:
     grid, force = _column(one["grid"]), _column(one["force"])
-    return Shape(one["coordinate"], grid, force, _float(one["predicted"]), _restored_fields(one["fields"]))
+    return Shape(
+        one["coordinate"], grid, force, _float(one["predicted"]), _restored_fields(one["fields"]), one["block"]
+    )
 
 
 def _restored_fields(told: Mapping[str, Any]) -> Fields:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+
 from stagectl.gap import effect_words as words
-from stagectl.gap.found import UNEXPLAINED, Effect, Found, Gap
+from stagectl.gap.found import UNEXPLAINED, Effect, Found, Gap, Shape
 from stagectl.gap.shown import percent, together, value
 from stagectl.gap.stored import as_json as as_json  # the same answer for a machine
 
@@ -79,7 +81,8 @@ def _capital(text: str) -> str:
 
 def _shares(found: Found) -> str:
     """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``."""
-    first, *rest = found.named[:MOST] or found.effects[:1]
+    largest = sorted(found.named, key=lambda one: -one.share)
+    first, *rest = largest[:MOST] or found.effects[:1]
     told = [f"{percent(first.share)} of the closable gap is {_with_value(first, found)}"]
     told += [f"{percent(one.share)} {_with_value(one, found)}" for one in rest]
     more = len(found.named) - MOST
@@ -109,9 +112,21 @@ def _unknown(found: Found) -> str:
         return f"{size} and has no name"
     if found.unknown.coordinate == "none":
         return f"{size} and has no name, nor does it follow any coordinate that was tried"
-    told = percent(found.unknown.predicted)
-    where = words.coordinate(found.unknown.coordinate)
-    return f"{size} and has no name; it follows the {where}, which predicts {told} of it on runs that were not used"
+    return f"{size} and has no name; {where_unknown(found.unknown)}"
+
+
+def where_unknown(one: Shape) -> str:
+    """Where what has no name is found: ``it follows the speed, which predicts 92 % of it ...``."""
+    told = percent(one.predicted)
+    if one.block == "drive":
+        return "the drive gives another current than its model, more than the scatter of repeats"
+    if one.coordinate == "time":
+        return "friction changes from run to run in another way than any effect of the library"
+    if one.coordinate == "frequency":
+        middle = one.grid[int(np.argmax(one.force))]
+        return f"it rings, strongest near {middle:.0f} Hz: a band of one and a half octaves holds {told} of it"
+    where = words.coordinate(one.coordinate)
+    return f"it follows the {where}, which predicts {told} of it on runs that were not used"
 
 
 def _distance(found: Found) -> str:

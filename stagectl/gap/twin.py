@@ -20,10 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap import tying
 from stagectl.gap.session import Array
 from stagectl.kernels import feedback, friction, law, parity, rollout, stage, tied
 
-BANDWIDTH = 0.02  # of the sampling frequency: the tracker's poles, 40 Hz at 2 kHz; the encoder's steps stay small
 SUBSTEPS = 4  # a period: what rolling friction needs
 NUDGE = 0.01  # of a candidate's unit: far from curved, far from rounding
 AVERAGED = 0.025  # s: effort noise shakes the axis, and faster than the loop it would pass for inertia
@@ -100,14 +100,13 @@ class Block(NamedTuple):
 def twin(running: law.Law, p: stage.Stage, dt: float) -> Twin:
     """The twin of an axis with this model under this law."""
     smooth = p._replace(encoder=p.encoder._replace(step=0.0))  # the log has rounded already
-    gains = feedback.place_poles(p.mechanics, p.motor.force_constant, BANDWIDTH / dt)
     found = [pair for pair in _candidates(smooth, dt) if pair[0].scale > 0.0]
     models = (smooth, *(change(smooth) for _, change in found))
     return Twin(
         running,
         p,
         dt,
-        feedback.discretised(gains, dt),
+        tying.tracker(p, dt),
         tuple(candidate for candidate, _ in found),
         _drive_candidates(p, dt),
         models,

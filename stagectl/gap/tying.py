@@ -12,7 +12,10 @@ from stagectl.kernels import feedback, stage, tied
 # Of the sampling frequency: the tracker's poles, 40 Hz at 2 kHz.  Faster ones would hold the model closer, and shake
 # every candidate with a resonance.
 BANDWIDTH = 0.02
-SUBSTEPS = 4  # a period, where nothing stiffer than rolling friction is in the model
+# Integration steps a period; what is stiffer than rolling friction takes more by itself.  A column is a difference of
+# two simulations with the same steps: there half as many do.
+SUBSTEPS = 4
+OF_COLUMNS = 2
 
 
 class Path(NamedTuple):

@@ -11,19 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import columns, coordinates, null, refine, search, smoothers
-from stagectl.gap.coordinates import foretold, gathered, means, smooth
+from stagectl.gap import columns, coordinates, grams, null, refine, search, smoothers, unordered
+from stagectl.gap.coordinates import drawn, foretold, gathered, means
 from stagectl.gap.found import Shape
-from stagectl.gap.grams import Grams
-from stagectl.gap.library import Scales
+from stagectl.gap.grams import Columns, Grams, Products
 from stagectl.gap.refine import Evidence, Fitted
-from stagectl.gap.scores import against, hands
+from stagectl.gap.scores import against, freed, hands
 from stagectl.gap.session import Array
-from stagectl.gap.smoothers import ALL, EVEN, INERTIAL, LOOP, ODD, Smoother
+from stagectl.gap.smoothers import ALL, EVEN, INERTIAL, LOOP, ODD, Functions, Smoother
 from stagectl.kernels import effects, jit
 
 LARGE = 0.1  # of what the base refit left to be closed
 FORETOLD = 0.5  # of what is left, on data that the function has not seen
+NO_LAW = 10.0  # times what the worst law of the ensemble leaves: no law of friction is so far from all others
 FORM = 0.95  # quantile of the ensemble of friction laws
 ROWS = 241  # of a table
 # Coordinate of a shape: that of the stage model's table, and the parts that it can hold.
@@ -36,6 +36,7 @@ TABLES = {
 }
 PLAIN = ((EVEN,), (ODD,), (EVEN, ODD))
 BOTH = ((EVEN, ODD, INERTIAL), (EVEN, ODD, LOOP))  # of two coordinates at once, where one does not do
+ALIKE = {"position": "position_mod_pitch", "position_mod_pitch": "position"}
 OF_TWO = ("speed", "position")
 
 
@@ -49,32 +50,107 @@ class Foretold(NamedTuple):
     limit: float  # gain that the ensemble of friction laws gives it
 
 
-def unknown(e: Evidence, now: Fitted, library: search.Library, size: Scales) -> Shape | None:
-    """The effort that is left under `now` over the coordinate that orders it best; None where it has no shape.
+def unknown(e: Evidence, selected: search.Selected, library: search.Library, smooth: Functions) -> Shape | None:
+    """What is left over the coordinate that orders it best, or where else it is found; None where it is nowhere.
 
     `library` holds the columns of the null ensemble.
     """
-    floor = float(coordinates.floor_of_means(e)[0])
-    least = LARGE * (_squares(e, means(e.base.after)) - floor)
-    if _squares(e, means(now.left)) - floor <= max(least, 0.0):
+    now, known = selected.fitted, _known(e, selected.fitted, library)
+    largest = max((gain for block, _, gain in _taken(e, selected) if block != "drive"), default=0.0)
+    least = max(_least(e), search.OF_KIN * largest)
+    return (
+        _ordered(e, selected, known, smooth)
+        or unordered.in_a_band(e, now, known, least)
+        or unordered.over_the_clock(e, now, smooth, _least(e) * _repeats(e))
+        or unordered.in_the_drive(e, now, known)
+        or _without_order(e, now, known, largest)
+    )
+
+
+def _ordered(e: Evidence, selected: search.Selected, known: Products, smooth: Functions) -> Shape | None:
+    """The effort that is left as a function of one coordinate, or of one and what the axis does there."""
+    now, taken, least = selected.fitted, _taken(e, selected), _least(e)
+    if _squares(e, means(now.left)) - _floor(e) <= max(least, 0.0):
         return None
-    motions = [smoothers.motion(run, size) for run in e.runs]
-    tried = smoothers.smoothers(size, motions)
-    ground = smoothers.Ground(now.equipped, e.base.noise)
-    known = [{**a, **b} for a, b in zip(library.columns, _own(e, now), strict=True)]
-    new: list[dict[str, list[Array]]] = [{} for _ in e.runs]
-    for parts, variants, chosen in (
-        ((EVEN, ODD), PLAIN, tried),
-        (ALL, BOTH, [one for one in tried if one.coordinate in OF_TWO]),
-    ):
-        more = smoothers.columns_of(ground, e.runs, (motions, size), dict.fromkeys(parts, chosen))
-        new = [{**a, **b} for a, b in zip(new, more, strict=True)]
-        joined = [{**a, **b} for a, b in zip(known, new, strict=True)]
-        found = [each for one in chosen for each in _foretold(e, now, joined, (one, variants))]
-        good = [one for one in found if one.share >= FORETOLD and one.gain > max(least, one.limit)]
-        if good:
-            return _shape(e, now, new, _best(good))
-    return None
+
+    def clear(found: Sequence[Foretold]) -> list[Foretold]:
+        return [one for one in found if one.gain > _kin(one, taken) and _clear(one, least)]
+
+    of_one = [each for one in smooth.tried for each in _foretold(e, now, (known, smooth.columns), (one, PLAIN))]
+    if good := clear(of_one):
+        return _shape(e, now, smooth.columns, _best(good))
+    chosen = [one for one in smooth.tried if one.coordinate in OF_TWO]
+    ground = smoothers.Ground(now.model, e.base.noise)
+    new = smoothers.columns_of(ground, e.runs, (smooth.motions, smooth.size), dict.fromkeys(ALL, chosen))
+    of_two = [each for one in chosen for each in _foretold(e, now, (known, new), (one, BOTH))]
+    good = clear(of_two)
+    return _shape(e, now, new, _best(good)) if good else None
+
+
+def _without_order(e: Evidence, now: Fitted, known: Products, named: float) -> Shape | None:
+    """What repeats and is too much for any law of friction, though nothing orders it; no term of the model.
+
+    `named` is the largest gain of an effect that was named.
+    """
+    rows = unordered.freed(e, now, known, 0).left
+    left = sum(float(np.sum(one * one)) for one in rows) - _floor(e)
+    before = _squares(e, means(e.base.before)) - _floor(e)
+    if left < max(LARGE * before, NO_LAW * _form(e, now, known), search.OF_KIN * named):
+        return None
+    return Shape("none", np.zeros(0), np.zeros(0), 0.0)
+
+
+def _form(e: Evidence, now: Fitted, known: Products) -> float:
+    """Largest sum of squares that the base leaves on a machine of the null ensemble."""
+    g = grams.grams(known, means(now.left))
+    both, nuisance = hands(g._replace(current=np.zeros_like(g.current))), g.of(search.nuisances(e))
+    free = [freed(against(both, place), nuisance) for place in g.of(null.gains(known.names))]
+    return max((float(one[:, -1, -1].sum()) for one in free), default=0.0)
+
+
+def largest(e: Evidence, now: Fitted, library: search.Library, smooth: Functions) -> float:
+    """The most that a function of one coordinate foretells of what is left under `now`, all repeats together.
+
+    0 where none foretells as much as an unknown effect must.
+    """
+    known, least = _known(e, now, library), _least(e)
+    found = [each for one in smooth.tried for each in _foretold(e, now, (known, smooth.columns), (one, PLAIN))]
+    return max((one.gain * _repeats(e) for one in found if _clear(one, least)), default=0.0)
+
+
+def _clear(one: Foretold, least: float) -> bool:
+    return one.share >= FORETOLD and one.gain > max(least, one.limit)
+
+
+def _least(e: Evidence) -> float:
+    return LARGE * (_squares(e, means(e.base.after)) - _floor(e))
+
+
+def _floor(e: Evidence) -> float:
+    return float(coordinates.floor_of_means(e)[0])
+
+
+def _repeats(e: Evidence) -> float:
+    return sum(len(run.paths) for run in e.runs) / len(e.runs)
+
+
+def _known(e: Evidence, now: Fitted, library: search.Library) -> Products:
+    """The columns that move beside every function, and the null ensemble."""
+    own = columns.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
+    beside = [*e.base.products.names, *null.gains(library.products.names)]
+    return grams.beside(grams.only(library.products, beside), own)
+
+
+def _taken(e: Evidence, selected: search.Selected) -> list[tuple[str, str, float]]:
+    """Block, coordinate and gain of each effect, of the mean of the repeats."""
+    gains, repeats = selected.gains, _repeats(e)
+    return [(x.effect.block, x.effect.coordinate, gains[x.effect.name] / repeats) for x in selected.fitted.effects]
+
+
+def _kin(one: Foretold, taken: Sequence[tuple[str, str, float]]) -> float:
+    """What an error of form of the effects of the same coordinate may leave."""
+    alike = {one.smoother.coordinate, ALIKE.get(one.smoother.coordinate)}
+    return max((search.OF_KIN * gain for _, name, gain in taken if name in alike), default=0.0)
 
 
 def _best(good: Sequence[Foretold]) -> Foretold:
@@ -89,27 +165,20 @@ def _squares(e: Evidence, residuals: Sequence[list[Array]]) -> float:
     return float(sum(np.sum((run.weight * one[:, 0]) ** 2) for run, repeats in pairs for one in repeats))
 
 
-def _own(e: Evidence, now: Fitted) -> list[dict[str, list[Array]]]:
-    """Columns of the effects' own parameters, which move beside every function."""
-    own = refine.parameters(now)
-    return columns.all_columns(now.equipped, e.runs, own, e.base.noise) if own else [{} for _ in e.runs]
-
-
 def _foretold(
     e: Evidence,
     now: Fitted,
-    joined: list[dict[str, list[Array]]],
+    data: tuple[Products, Columns],
     what: tuple[Smoother, Sequence[tuple[str, ...]]],
 ) -> list[Foretold]:
-    one, variants = what
-    members = null.gains(list(joined[0]))
+    (known, new), (one, variants) = data, what
+    members = null.gains(known.names)
     beside = [direction.name for direction in refine.parameters(now)]
     parts = dict.fromkeys(part for each in variants for part in each)
-    wanted = [*members, *beside, *(name for part in parts for name in smoothers.names(one, part))]
-    g = gathered(e, joined, means(now.left), wanted)
+    g = gathered(known, new, means(now.left), [name for part in parts for name in smoothers.names(one, part)])
     g = g._replace(current=np.zeros_like(g.current))
     nuisance = g.of([*search.nuisances(e), *beside])
-    floor = float(coordinates.floor_of_means(e)[0])
+    floor = _floor(e)
     return [_judged(g, one, chosen, (nuisance, members, floor)) for chosen in variants]
 
 
@@ -131,9 +200,9 @@ def _shape(e: Evidence, now: Fitted, new: list[dict[str, list[Array]]], best: Fo
     """Force over the coordinate, fitted beside the base's parameters: those have taken a part of it upon themselves."""
     one = best.smoother
     own = [name for part in best.parts for name in smoothers.names(one, part)]
-    g = gathered(e, new, means(now.left), own)
+    g = gathered(e.base.products, new, means(now.left), own)
     beside = g.of(refine.nuisances(e))
-    amplitude = smooth(g.effort.sum(axis=0), [*beside, *g.of(own)], len(beside))[len(beside) :]
+    amplitude = drawn(g.effort.sum(axis=0), g.of(own), beside)[len(beside) :]
     split = dict(zip(best.parts, np.split(amplitude, len(best.parts)), strict=True))
     grid, force = _force(one, split)
     shape = Shape(one.coordinate, grid, force, min(best.share, 1.0))

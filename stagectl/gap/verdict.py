@@ -13,11 +13,19 @@ from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.search import Library, Selected
 from stagectl.gap.session import GapError, Session
 from stagectl.gap.shifts import Shift, common
+from stagectl.gap.signatures import Signature
 from stagectl.kernels.stage import Stage
 
 AS_GOOD = 0.9  # of an effect's own gain: what takes as much explains these data as well
 SHARPNESS = 8.0  # how fast a rival's weight falls with what it lacks of the gain
 STEEPNESS = 1.5  # with which doubt falls as the gain rises beyond its limit
+OF_JITTER = 4.0  # a longer mean delay than that is there beside the jitter
+FAINT = 0.25  # of what stays unexplained: what took less may be a part of that
+LEAKS = 0.01  # the same for a delay in the drive that lies at its bound
+# Standard deviations: what bends the time shift of the base looks like a delay, but less sure; a shift by a part of a
+# sample looks like a slower loop.
+SURE = {"dead_time": 10.0, "current_loop": 40.0}
+STABLE = 0.8  # share of resamples in which an effect must be found again
 EVEN = 0.55  # least share of a found effect against its rivals
 
 
@@ -27,7 +35,23 @@ def named_effects(session: Session, e: Evidence, selected: Selected, library: Li
     deviation = deviations(e, now)
     found = [_effect(session, now, one, selected, library, deviation) for one in now.effects]
     order = {one.effect.name: selected.gains[one.effect.name] for one in now.effects}
-    return sorted(found, key=lambda one: -order[one.name])
+    return [part for one in sorted(found, key=lambda one: -order[one.name]) for part in _parted(one)]
+
+
+def _parted(one: Effect) -> list[Effect]:
+    """An effect that works on another one, and that other one: what lags is a Stribeck friction."""
+    if one.name != "friction_lag":
+        return [one]
+    curve = {name: value for name, value in one.parameters.items() if name != "lag"}
+    others = tuple(name for name in one.alternatives if name != "stribeck")
+    return [one._replace(name="stribeck", parameters=curve, coordinate="speed", alternatives=others), one]
+
+
+def with_signatures(effects: Sequence[Effect], found: Sequence[Signature]) -> list[Effect]:
+    """Effects and the drive's signatures; the mean of a jittering delay is no dead time of its own."""
+    size = next((one.value for one in found if one.effect.name == "jitter"), 0.0)
+    own = [one for one in effects if one.name != "dead_time" or one.parameters["time"].value > OF_JITTER * size]
+    return [*own, *(one.effect for one in found)]
 
 
 def deviations(e: Evidence, now: Fitted) -> dict[str, float]:
@@ -58,13 +82,31 @@ def _effect(
     return Effect(
         name=name,
         alternatives=tuple(dict.fromkeys([*certain, *close, *(("bias",) if name == "coulomb_asymmetry" else ())])),
-        probability=probability(selected.gains[name], library.thresholds[name].limit, rivals, name),
+        probability=min(selected.inclusion[name] / STABLE, 1.0)
+        * _clear(selected, one, deviation)
+        * probability(selected.gains[name], library.thresholds[name].limit, rivals, name),
         share=0.0,
         parameters=parameters(one, deviation, session.kind),
         block=one.effect.block,
         fields=changed(equipped(now.model, rest).stage, now.equipped.stage),
         coordinate=one.effect.coordinate,
     )
+
+
+def _clear(selected: Selected, one: Named, deviation: Mapping[str, float]) -> float:
+    """Below 1 where so much of the mechanics stays unexplained that an effect may be a part of it.
+
+    Of the drive's effects it is a delay: what bends the time shift of the base looks like one.
+    """
+    name = one.effect.name
+    delays = {"dead_time": "time", "current_loop": "lag"}
+    if one.effect.block == "drive" and name not in delays:
+        return 1.0
+    width = deviation[f"{name}.{delays[name]}"] if name in delays else 0.0
+    if width > 0.0:
+        return min(abs(one.values[delays[name]]) / (SURE[name] * width), 1.0)
+    faint = (LEAKS if name in delays else FAINT) * max(selected.unexplained, 1e-300)
+    return min(selected.gains[name] / faint, 1.0)
 
 
 def probability(gain: float, limit: float, rivals: Mapping[str, float], name: str) -> float:
@@ -122,7 +164,16 @@ def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Effec
         rest = [one for one in found if one.sure and one.name not in ("inertia", "viscous", "coulomb")]
         return [_force_constant(session, scale), *(_shifted(session, one, now) for one in rest)]
     sure = sorted((one for one in found if one.sure), key=lambda one: -one.share)
-    return [_shifted(session, one, now) for one in sure]
+    effects = [_shifted(session, one, now) for one in sure]
+    if _alike(sure):  # the part that they share may as well be the force constant's
+        effects[0] = effects[0]._replace(alternatives=(*effects[0].alternatives, "force_constant"))
+    return effects
+
+
+def _alike(sure: Sequence[Shift]) -> bool:
+    """Whether inertia, viscous and Coulomb friction have all gone the same way."""
+    changes = [one.change for one in sure if one.name in ("inertia", "viscous", "coulomb")]
+    return len(changes) == 3 and len({change > 0.0 for change in changes}) == 1
 
 
 def _force_constant(session: Session, shift: Shift) -> Effect:

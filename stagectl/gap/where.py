@@ -5,25 +5,25 @@ The coordinate in which it lies is the matter of `coordinates`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len
+from scipy import fft
 
-from stagectl.gap import columns, refine, tying
+from stagectl.gap import columns, refine, shifts, tying
 from stagectl.gap.batch import in_parallel
-from stagectl.gap.candidates import Named, equipped
+from stagectl.gap.candidates import equipped
 from stagectl.gap.columns import Model
 from stagectl.gap.controller import Parity
 from stagectl.gap.cuts import KEPT
-from stagectl.gap.found import BLOCKS, Spans
+from stagectl.gap.found import BLOCKS, Effect, Spans
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.runs import Run
-from stagectl.gap.session import Array
+from stagectl.gap.session import Array, Session
 from stagectl.kernels import affected
-from stagectl.kernels.plant import Mechanics
+from stagectl.kernels.plant import Mechanics, Stage
 
 OPEN = 0.2  # of the 95 % quantile of an effect's own contribution: from there on the gap is open
 QUANTILE = 0.95
@@ -34,6 +34,7 @@ SHORTEST = 0.001  # s, of an open span
 LEAST_TRACKED = 0.1  # of the tracker's response: what it follows less is not brought back
 
 Flags = NDArray[np.bool_]
+Response = NDArray[np.complex128]
 
 
 def blocks(e: Evidence, now: Fitted, checked: Parity) -> dict[str, float | None]:
@@ -81,13 +82,50 @@ class _Contribution(NamedTuple):
     size: Array  # (n,) N m | N, A, or rad | m
 
 
-def spans(e: Evidence, now: Fitted, runs: Sequence[Run]) -> list[Spans]:
+class Part(NamedTuple):
+    """Something of the answer: the model with it and without it."""
+
+    whole: Model
+    less: Model
+    block: str  # drive | mechanics | sensor
+    aging: bool = False  # runs on the session clock: each repeat is another
+
+
+def _effects(now: Fitted) -> list[Part]:
+    """Each effect of the fitted model against all others."""
+    rests = [(one, [other for other in now.effects if other is not one]) for one in now.effects]
+    return [
+        Part(now.equipped, equipped(now.model, rest), one.effect.block, one.effect.aging is not None)
+        for one, rest in rests
+    ]
+
+
+def parts(session: Session, now: Fitted, named: Sequence[Effect], improved: Stage) -> list[Part]:
+    """What was found, for where it acts: the effects; where there are none, the parameters that are off."""
+    effects = _effects(now)
+    signed = {one.name for one in named} & {"current_quantisation", "jitter"}
+    if signed:
+        plain = now.equipped
+        drive = plain.stage.drive._replace(
+            current_quantum=improved.drive.current_quantum,
+            dead_time=plain.stage.drive.dead_time + improved.drive.jitter,
+        )
+        effects.append(Part(plain._replace(stage=plain.stage._replace(drive=drive)), plain, "drive"))
+    if effects:
+        return effects
+    return [
+        Part(now.equipped, shifts.undone(session, now, one.name), "drive" if one.name == "time_shift" else "mechanics")
+        for one in named
+    ]
+
+
+def spans(e: Evidence, now: Fitted, runs: Sequence[Run], parts: Sequence[Part]) -> list[Spans]:
     """When the gap is open in each log of `runs`, those held out among them.
 
-    With effects in the model: where the own contribution of one of them exceeds a fifth of its 95 % quantile over all
-    logs.  Without: where what is left stands three standard deviations of the repeats above nothing.
+    Where what one of the `parts` does exceeds a fifth of its 95 % quantile over all logs.  Without any: where what is
+    left stands three standard deviations of the repeats above nothing.
     """
-    each = [_open_by(runs, now, one) for one in now.effects] if now.effects else [_open_by_residual(e, now, runs)]
+    each = [_open_by(runs, part) for part in parts] if parts else [_open_by_residual(e, now, runs)]
     found = []
     for number, run in enumerate(runs):
         for repeat, log in enumerate(run.logs):
@@ -96,8 +134,8 @@ def spans(e: Evidence, now: Fitted, runs: Sequence[Run]) -> list[Spans]:
     return found
 
 
-def _open_by(runs: Sequence[Run], now: Fitted, one: Named) -> list[list[Flags]]:
-    sizes = contributions(runs, now, one)
+def _open_by(runs: Sequence[Run], part: Part) -> list[list[Flags]]:
+    sizes = contributions(runs, part)
     largest = _quantile(np.concatenate([size for repeats in sizes for size in repeats]))
     return [[size > OPEN * largest for size in repeats] for repeats in sizes]
 
@@ -110,23 +148,20 @@ def _quantile(sizes: Array) -> float:
     return float(np.quantile(sizes[sizes > least], QUANTILE))
 
 
-def contributions(runs: Sequence[Run], now: Fitted, one: Named) -> list[list[Array]]:
-    """Size (n,) of what `one` does in each run: once along the mean path, of each repeat if it runs on the clock.
+def contributions(runs: Sequence[Run], part: Part) -> list[list[Array]]:
+    """Size (n,) of what `part` does in each run: once along the mean path, of each repeat if it runs on the clock.
 
     An effort of the mechanics (N m | N), a current of the drive (A), a position of the sensor (rad | m).
     """
-    rest = [other for other in now.effects if other is not one]
-    whole, less = now.equipped, equipped(now.model, rest)
-    substeps = max(other.effect.substeps for other in now.effects)
-    paths = [(run, path) for run in runs for path in (run.paths if one.effect.aging else (run.mean,))]
+    paths = [(run, path) for run in runs for path in (run.paths if part.aging else (run.mean,))]
 
     def of(place: tuple[Run, tying.Path]) -> Array:
-        if one.effect.block == "sensor":
-            return np.abs(_encoded(whole, place[1]) - _encoded(less, place[1]))
-        return _lacking(whole, less, place[1], (substeps, one.effect.block == "drive"))
+        if part.block == "sensor":
+            return np.abs(_encoded(part.whole, place[1]) - _encoded(part.less, place[1]))
+        return _lacking(part.whole, part.less, place[1], part.block == "drive")
 
     sizes = iter(in_parallel(of, paths))
-    return [[next(sizes) for _ in (run.paths if one.effect.aging else (run.mean,))] for run in runs]
+    return [[next(sizes) for _ in (run.paths if part.aging else (run.mean,))] for run in runs]
 
 
 def _encoded(p: Model, path: tying.Path) -> Array:
@@ -135,9 +170,8 @@ def _encoded(p: Model, path: tying.Path) -> Array:
     return np.array([affected.seen(encoder, pitch, x) for x in path.rows[:, 1].tolist()])
 
 
-def _lacking(whole: Model, less: Model, path: tying.Path, how: tuple[int, bool]) -> Array:
-    substeps, drive = how
-    after, before = (columns.lacks(p, path, substeps) for p in (whole, less))
+def _lacking(whole: Model, less: Model, path: tying.Path, drive: bool) -> Array:
+    after, before = (columns.lacks(p, path) for p in (whole, less))
     if drive and np.isfinite(path.rows[:, 2]).all():
         return np.abs(before.current - after.current)
     return np.abs(untracked(before.effort - after.effort, whole, path.dt))
@@ -148,28 +182,28 @@ def untracked(effort: Array, p: Model, dt: float) -> Array:
 
     ``T = C P / (1 + C P)`` of the tracker C and a free mass P with its damping, divided out up to where T is small.
     """
-    lines = np.fft.rfftfreq(2 * _half(len(effort)))
-    response = _response(p, np.exp(2j * np.pi * lines), dt)
+    response = tracking(p, lines_of(len(effort), dt), dt)
     inverse = (np.conj(response) / (np.abs(response) ** 2 + LEAST_TRACKED**2)).astype(np.complex128)
-    return _passed(effort, inverse) * (1.0 + LEAST_TRACKED**2)
+    return passed(effort, inverse) * (1.0 + LEAST_TRACKED**2)
 
 
-def tracking(p: Model, count: int, dt: float) -> Callable[[Array], Array]:
-    """The other way round, for many: what the tracker answers to an effort of `count` rows."""
-    response = _response(p, np.exp(2j * np.pi * np.fft.rfftfreq(2 * _half(count))), dt)
-    return lambda effort: _passed(effort, response)
+def tracking(p: Model, lines: Array, dt: float) -> Response:
+    """What the tracker answers to an effort, at the frequencies `lines` (f,) Hz."""
+    return _response(p, np.exp(2j * np.pi * dt * lines), dt)
 
 
-def _passed(signal: Array, response: NDArray[np.complex128]) -> Array:
-    rows = 2 * _half(len(signal))
-    mirrored = np.concatenate([signal, signal[::-1], np.full(rows - 2 * len(signal), signal[0])])
-    found: Array = np.fft.irfft(np.fft.rfft(mirrored) * response, rows)[: len(signal)]
+def lines_of(count: int, dt: float) -> Array:
+    """Frequencies (f,) Hz of signals of `count` rows at `dt` (s), mirrored and filled up as in `passed`."""
+    return np.asarray(fft.rfftfreq(2 * fft.next_fast_len(count, real=True), dt), dtype=np.float64)
+
+
+def passed(signals: Array, response: Array | Response) -> Array:
+    """`signals` (..., n) through a filter with this response at their lines, mirrored so that no end rings."""
+    count, rows = signals.shape[-1], 2 * (len(response) - 1)
+    fill = np.repeat(signals[..., :1], rows - 2 * count, axis=-1)
+    mirrored = np.concatenate([signals, signals[..., ::-1], fill], axis=-1)
+    found: Array = fft.irfft(fft.rfft(mirrored) * response, rows)[..., :count]
     return found
-
-
-def _half(count: int) -> int:
-    """Rows of a signal and what fills it up to a length that transforms fast."""
-    return int(next_fast_len(count))
 
 
 def _response(p: Model, z: NDArray[np.complex128], dt: float) -> NDArray[np.complex128]:

@@ -171,15 +171,22 @@ def _told(one: Effect, found: Found) -> str:
     return f"{', '.join(shown)}." if shown else "no parameters."
 
 
+_CAPTIONS = {
+    "frequency": "What is unknown: root mean square in each half octave.",
+    "time": "What is unknown: friction at half the largest speed over the session, less its mean.",
+    "none": "What is unknown, positive where it opposes the motor.",
+}
+
+
 def _unknown(found: Found, place: str) -> Section | None:
     if found.unknown is None:
         return None
     one = found.unknown
-    said = [
-        f"What repeats and has no name follows the {words.coordinate(one.coordinate)}; this curve predicts "
-        f"{percent(one.predicted)} of it on runs that were not used. It is no cause, only a shape."
-    ]
-    shown = [_picture(figures.shape(found), "What is unknown, positive where it opposes the motor.")]
+    if one.coordinate == "none":
+        lost = "What repeats and has no name is more than any law of friction leaves, and follows no coordinate tried."
+        return Section("What has no name", [lost], [], [], ())
+    said = [f"What repeats and has no name: {told.where_unknown(one)}. It is no cause, only a shape."]
+    shown = [_picture(figures.shape(found), _CAPTIONS.get(one.coordinate, _CAPTIONS["none"]))]
     commands = (f"stagectl gap apply {place} STAGE.yaml --unknown",) if one.fields else ()
     return Section("What has no name", said, shown, [], commands)
 

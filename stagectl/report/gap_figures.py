@@ -208,14 +208,17 @@ def signature(one: Effect, found: Found) -> Figure:
 def shape(found: Found) -> Figure:
     """The unknown as a function of its coordinate."""
     assert found.unknown is not None  # asked by the page
-    grid, force = found.unknown.grid, found.unknown.force
+    grid, force, drive = found.unknown.grid, found.unknown.force, found.unknown.block == "drive"
     across = coordinate_scale(found.unknown.coordinate, grid, found)
-    up = _prefixed(force, _Scale(1.0, effort(found)))
+    up = _prefixed(force, _Scale(1.0, "A" if drive else effort(found)))
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 3.3))
         axes.axhline(0.0, color=_GREY, linewidth=0.8)
+        if found.unknown.coordinate == "frequency":
+            axes.set_xscale("log")
+            axes.xaxis.set_major_formatter("{x:g}")
         axes.plot(across.factor * grid, up.factor * force, color=WITHOUT, linewidth=1.8)
-        _frame(axes, found.unknown.coordinate, across, f"unknown force [{up.unit}]")
+        _frame(axes, found.unknown.coordinate, across, f"unknown {'current' if drive else 'force'} [{up.unit}]")
         figure.tight_layout()
     return figure
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -65,7 +66,7 @@ def test_whitened_noise_is_flat() -> None:
     source = np.random.default_rng(7)
     noise = [Lacking(0.03 * source.standard_normal(20000), 0.01 * source.standard_normal(20000)) for _ in range(3)]
     found = cuts.whitener(noise, (0.0, 0.0), SETUP.dt)
-    flat = found._replace(effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / cuts.ROLL_OFF))
+    flat = dataclasses.replace(found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / cuts.ROLL_OFF))
     white = cuts.whitened(flat, noise[0], SETUP.dt)[:, 0]
     assert 0.85 < white.var() < 1.15
 

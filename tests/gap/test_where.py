@@ -9,6 +9,7 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.gap import tying, where
 from stagectl.gap.columns import Model
+from stagectl.gap.session import Array
 
 BALL_SCREW = Path(__file__).parents[2] / "config" / "ball-screw.yaml"
 DT, ROWS = 5e-4, 4000
@@ -32,9 +33,9 @@ def _closed_form(model: Model, frequency: float) -> complex:
 @pytest.mark.parametrize("frequency", [2.0, 10.0, 40.0])
 def test_the_tracker_answers_as_its_poles_say(model: Model, frequency: float) -> None:
     x = np.exp(2j * math.pi * frequency * TIME)
-    answer = where.tracking(model, ROWS, DT)
+    answered = _answered(model, x.real) + 1j * _answered(model, x.imag)
     middle = slice(ROWS // 4, 3 * ROWS // 4)
-    found = np.vdot(x[middle], (answer(x.real) + 1j * answer(x.imag))[middle]) / np.vdot(x[middle], x[middle])
+    found = np.vdot(x[middle], answered[middle]) / np.vdot(x[middle], x[middle])
     # Half a period of hold beside the continuous loop.
     expected = _closed_form(model, frequency)
     assert abs(found) == pytest.approx(abs(expected), rel=0.08)
@@ -43,14 +44,18 @@ def test_the_tracker_answers_as_its_poles_say(model: Model, frequency: float) ->
 
 def test_what_the_tracker_answered_is_brought_back(model: Model) -> None:
     effort = np.exp(-(((TIME - 1.0) / 0.01) ** 2))
-    answered = where.tracking(model, ROWS, DT)(effort)
+    answered = _answered(model, effort)
     back = where.untracked(answered, model, DT)
     assert np.abs(answered - effort).max() > 0.25
     assert np.abs(back - effort).max() < 0.01
 
 
 def test_a_constant_effort_is_followed_to_the_end(model: Model) -> None:
-    np.testing.assert_allclose(where.tracking(model, ROWS, DT)(np.full(ROWS, 0.3)), 0.3, rtol=1e-6)
+    np.testing.assert_allclose(_answered(model, np.full(ROWS, 0.3)), 0.3, rtol=1e-6)
+
+
+def _answered(model: Model, effort: Array) -> Array:
+    return where.passed(effort, where.tracking(model, where.lines_of(ROWS, DT), DT))
 
 
 def _flags(*spans: tuple[int, int]) -> where.Flags:

@@ -1,0 +1,65 @@
+"""Many machines, a folder each: what a diagnosis says of every one of them, in one line."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+from stagectl.gap import stored
+from stagectl.gap.found import Gap
+from stagectl.gap.session import GapError
+from stagectl.units import StageError
+
+
+class Machine(NamedTuple):
+    """One folder, for whichever process diagnoses it."""
+
+    folder: str
+    excluded: tuple[str, ...] = ()
+    full: bool = False
+
+
+class Line(NamedTuple):
+    """What was found on one machine."""
+
+    machine: str
+    verdict: str  # of VERDICTS; empty where it could not be diagnosed
+    named: tuple[str, ...]
+    gap: float  # rms on held-out runs, in `unit`
+    left: float  # with what was found in the model
+    unit: str
+    drift: float | None  # of the gap since the folder's last diagnosis, as a share; None: it is the first
+    words: str  # the sentence, or why it could not be diagnosed
+
+
+def diagnosed(machine: Machine) -> Line:
+    """Diagnose one folder, leave diagnosis.json in it; a folder that cannot be diagnosed is a line that says so."""
+    from stagectl.gap import diagnose as pipeline
+    from stagectl.gap import folder as folders
+
+    folder = Path(machine.folder)
+    before = _last(folder)
+    try:
+        session = folders.load([folder])
+        found = pipeline.diagnose(session, pipeline.Options(machine.excluded, machine.full), lambda _: None).found
+    except StageError as error:
+        return Line(folder.name, "", (), math.nan, math.nan, "", None, str(error))
+    stored.save(found, folder)
+    named = tuple(one.name for one in found.named)
+    gap = found.gap
+    return Line(folder.name, found.verdict, named, gap.before, gap.after, gap.unit, drift(before, gap), found.sentence)
+
+
+def _last(folder: Path) -> Gap | None:
+    try:
+        return stored.load(folder).gap
+    except GapError:
+        return None
+
+
+def drift(before: Gap | None, now: Gap) -> float | None:
+    """Change of the gap since the last diagnosis, as a share of it."""
+    if before is None or before.unit != now.unit or not before.before > 0.0:
+        return None
+    return now.before / before.before - 1.0

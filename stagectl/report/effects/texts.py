@@ -1,0 +1,9 @@
+"""The effects in words: what each is, how large on real machines, what it is mistaken for, and what tells it apart."""
+
+from __future__ import annotations
+
+from stagectl.report.effects.texts_friction import FRICTION, PARAMETERS, PLACE
+from stagectl.report.effects.texts_loop import CONTROLLER, DRIVE, MECHANICS, SENSOR, TIME
+from stagectl.report.effects.told import Told as Told
+
+GROUPS = (PARAMETERS, FRICTION, PLACE, TIME, MECHANICS, DRIVE, SENSOR, CONTROLLER)

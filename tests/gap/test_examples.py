@@ -1,0 +1,39 @@
+"""The worked examples of the manual's page on the gap, as they stand there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stagectl.exam.trials import Options as Drawn
+from stagectl.exam.trials import draw, stage_trial
+from stagectl.gap import diagnose, folder
+from stagectl.gap.found import Found
+
+
+def _diagnosed(place: Path, drawn: Drawn, seed: int, excluded: tuple[str, ...] = ()) -> Found:
+    stage_trial(draw(seed, "single" if len(drawn.effects or ()) == 1 else "pair", drawn), place)
+    session = folder.load([place / "captures"])
+    return diagnose.diagnose(session, diagnose.Options(excluded=excluded, advice=False), lambda _: None).found
+
+
+def test_a_weak_effect_behind_a_strong_one(tmp_path: Path) -> None:
+    drawn = Drawn(short=True, effects=("viscous_nonlinear", "cogging"), scale=1.0)
+    found = _diagnosed(tmp_path, drawn, 41)
+    effects = [one for one in found.named if not one.parameter]
+    assert [one.name for one in effects] == ["viscous_nonlinear", "cogging"]
+    assert (
+        effects[1].share < 0.2 * effects[0].share
+    )  # it is masked: what it does to the position is small beside the other
+    assert effects[1].parameters["amplitude"].value == pytest.approx(0.015, rel=0.2)
+    assert found.gap.closure > 0.85
+
+
+def test_an_effect_that_is_in_no_library(tmp_path: Path) -> None:
+    drawn = Drawn(short=True, effects=("viscous_asymmetry",), scale=2.0)
+    found = _diagnosed(tmp_path, drawn, 42, excluded=("viscous_asymmetry",))
+    assert found.verdict == "unknown" and not [one for one in found.named if not one.parameter]
+    assert found.unknown is not None and found.unknown.coordinate == "speed" and found.unknown.predicted > 0.8
+    assert any(name == "residual.values" for name, _ in found.unknown.fields)  # the gap shrinks by a data-based term
+    assert found.gap.closure > 0.6

@@ -1,0 +1,59 @@
+"""Knocks: what is taken out of the model, what is added to the record, and when an answer is right."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stagectl.config.stage_file import load_stage
+from stagectl.gap import knocks
+from stagectl.gap.folder import load
+from stagectl.gap.found import Effect, Found, Gap
+from stagectl.gap.session import GapError, Session
+from stagectl.kernels.stage import sliding
+
+ROOT = Path(__file__).resolve().parents[2]
+EMPS = ROOT.parent / "shared" / "data" / "emps" / "DATA_EMPS.mat"
+pytestmark = pytest.mark.skipif(not EMPS.exists(), reason="the EMPS record is not beside this repository")
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return load([EMPS], load_stage(ROOT / "config" / "emps.yaml"))
+
+
+def test_out(session: Session) -> None:
+    models = {one.name: one.session.stage for one in knocks.out(session)}
+    assert set(models) == {"viscous", "coulomb", "bias", "inertia"}
+    assert models["viscous"].mechanics.viscous == 0.0 and models["bias"].mechanics.bias == 0.0
+    assert models["inertia"].mechanics.inertia == pytest.approx(0.8 * 95.1089)
+    assert sliding(models["coulomb"].friction) == pytest.approx(0.02 * 20.3935)
+    calm = session._replace(stage=models["bias"])
+    assert "bias" not in {one.name for one in knocks.out(calm)}
+
+
+@pytest.mark.parametrize("name", sorted(knocks.FORCES))
+def test_into(session: Session, name: str) -> None:
+    """The added force has the share of the rms that was asked for, and no controller is known any more."""
+    (one,) = knocks.into(session, [name], 0.03)
+    before, after = session.logs[0].command, one.session.logs[0].command
+    assert before is not None and after is not None
+    assert float(np.sqrt(np.mean((after - before) ** 2))) == pytest.approx(0.03 * float(np.std(before)), rel=1e-9)
+    assert one.session.law is None and one.session.logs[0].setpoints is None
+    assert np.array_equal(one.session.logs[0].position, session.logs[0].position)
+
+
+def test_unknown_force(session: Session) -> None:
+    with pytest.raises(GapError, match="no such force"):
+        knocks.into(session, ["wind"], 0.1)
+
+
+def test_right(session: Session) -> None:
+    gap = Gap(1.0, 0.1, 0.0, "N", 0.99, 0.9, 1.0)
+    found = Found("effects", "", (), gap, {}, {}, (), (), ())
+    named = found._replace(effects=(Effect("stribeck", ("dwell",), 0.9, 0.5, {}),))
+    knock = knocks.Knock("dwell", "in", session)
+    assert knocks.judged(knock, named).right and knocks.judged(knock, named).named == (("stribeck", "dwell"),)
+    assert not knocks.judged(knock, found).right
+    already = found._replace(effects=(Effect("dwell", (), 0.9, 0.5, {}),))
+    assert not knocks.judged(knock, named, already).right
