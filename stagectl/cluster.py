@@ -1,0 +1,45 @@
+"""The same function over many items: on a Dask cluster, where one is named.
+
+A worker that dies loses the item it was at, which another one takes up again; after three workers have died of one item
+it is given up.  Workers must see the same files under the same paths as who asks.  The extra ``cluster`` brings Dask.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from stagectl.units import StageError
+
+A = TypeVar("A")
+B = TypeVar("B")
+PATIENCE = 20.0  # s until a scheduler must have answered
+
+
+class ClusterError(StageError):
+    """A cluster that cannot be reached, or that has given up."""
+
+
+def on_cluster(function: Callable[[A], B], items: Sequence[A], address: str) -> Iterator[B]:
+    """`function` of each item on the cluster whose scheduler listens at `address`, as they come.
+
+    Raises ClusterError where there is no Dask, no scheduler, or no worker that lives through an item.
+    """
+    try:
+        distributed: Any = importlib.import_module("distributed")  # untyped, and slow to load
+    except ImportError as error:
+        raise ClusterError("--scheduler needs Dask: pip install 'stagectl[cluster]'") from error
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ClusterError(f"--scheduler {address}: no Dask scheduler answers there within {PATIENCE:g} s") from error
+    with client:
+        futures = [client.submit(function, item, pure=False) for item in items]
+        try:
+            for future in distributed.as_completed(futures, loop=client.loop):
+                yield future.result()
+        except distributed.KilledWorker as error:
+            raise ClusterError(f"--scheduler {address}: several workers died of one item: {error}") from error
+        finally:
+            client.cancel(futures)

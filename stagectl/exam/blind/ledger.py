@@ -1,0 +1,30 @@
+"""One line for every exam that was held, good or bad."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+
+def entry(
+    held: Mapping[str, Any], when: tuple[str, str], totals: Mapping[str, Any], seconds: Mapping[str, float]
+) -> str:
+    """A line: `when` = (date, version)."""
+    scores = {row["name"]: [row["value"], row["trials"]] for row in totals["rows"]}
+    date, version = when
+    line = {"date": date, "version": version, **held, "scores": scores, "void": totals["void"], "seconds": seconds}
+    return json.dumps(line) + "\n"
+
+
+def append(path: Path, line: str) -> None:
+    """Add a line."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(line)
+
+
+def read(path: Path) -> Sequence[dict[str, Any]]:
+    """All exams that were held, the oldest first."""
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]

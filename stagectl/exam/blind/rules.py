@@ -1,0 +1,224 @@
+"""What counts: when an answer names an effect, finds it, covers it, and is beside the point.
+
+* Only entries with a probability of at least 0.5 count as named; their order is the ranking.
+* An entry that is a shift of a value that truly is off (the user's inertia, viscous or Coulomb friction), or that a
+  hidden effect needs as its companion, is true and is passed over where the hidden effects are looked for.
+* What no motion of this kind tells apart is the same answer (`EXACT`; on the poor battery `NEAR` as well).  A common
+  change of inertia, viscous and Coulomb friction is the answer "force constant".
+* Top-1: the first entry that is left *names* the effect.  Found: it stands in an entry's name or alternatives, each
+  effect in an entry of its own.  Covered: it is among name and alternatives of the first entry that is left.
+* The verdict ``controller`` is the entry "controller"; what a diagnosis that failed says is nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+NAMED = 0.5
+COMMON = 0.03  # spread of changes that are one common change
+OFF = 1e-3  # share from which a value of the model is off
+
+EXACT: tuple[frozenset[str], ...] = (
+    frozenset({"force_constant", "current_gain"}),
+    frozenset({"dead_time", "jitter"}),
+)
+NEAR: tuple[frozenset[str], ...] = (
+    frozenset({"bias", "current_offset", "coulomb_asymmetry"}),
+    frozenset({"encoder_eccentricity", "cogging"}),
+    frozenset({"dead_time", "jitter", "time_shift"}),
+    frozenset({"thermal_viscous", "viscous"}),
+    frozenset({"viscous_nonlinear", "stribeck"}),
+    frozenset({"presliding", "thermal_coulomb"}),
+)
+WIDER: dict[str, frozenset[str]] = {  # what holds an effect as a special case, and so explains all it does
+    "stribeck": frozenset({"friction_lag"}),
+    "lead_friction": frozenset({"ball_pass_ripple"}),
+}
+SCALED = frozenset({"inertia", "viscous", "coulomb"})
+
+CLASSES: dict[str, tuple[str, ...]] = {
+    "parameters": ("inertia", "force_constant", "viscous", "coulomb", "bias"),
+    "friction over speed": (
+        "viscous_nonlinear",
+        "coulomb_asymmetry",
+        "viscous_asymmetry",
+        "stribeck",
+        "friction_lag",
+        "load_friction",
+    ),
+    "friction with memory": ("presliding", "dwell", "cable_hysteresis", "backlash"),
+    "over position": (
+        "position_friction",
+        "lead_friction",
+        "cogging",
+        "current_ripple",
+        "ball_pass_ripple",
+        "cable_spring",
+    ),
+    "over the session": ("thermal_viscous", "thermal_coulomb", "friction_step"),
+    "structure": ("compliance", "base_vibration"),
+    "drive": (
+        "dead_time",
+        "jitter",
+        "current_loop",
+        "current_saturation",
+        "voltage_saturation",
+        "current_quantisation",
+        "current_gain",
+        "current_offset",
+    ),
+    "encoder and record": ("encoder_eccentricity", "encoder_interpolation", "time_shift"),
+    "controller": ("controller",),
+}
+CLASS_OF = {name: kind for kind, names in CLASSES.items() for name in names}
+BLOCKS = {  # by what the plant says an effect is seen in
+    "torque": ("mechanics",),
+    "current": ("drive",),
+    "reported": ("drive", "sensor"),
+    "position": ("sensor",),
+    "command": ("controller",),
+}
+_TURN, _SPEED, _ZONE = ("position_mod_pitch",), ("speed", "direction"), ("displacement_since_reversal",)
+COORDINATES: dict[str, tuple[str, ...]] = {  # in which the effect's residual lives, any of them
+    "inertia": ("acceleration",),
+    "force_constant": ("current", "direction", "acceleration", "speed"),
+    "viscous": ("speed",),
+    "viscous_nonlinear": ("speed",),
+    "coulomb": _SPEED,
+    "coulomb_asymmetry": ("direction", "none", *_ZONE),
+    "viscous_asymmetry": ("speed",),
+    "stribeck": (*_SPEED, *_ZONE),
+    "presliding": _ZONE,
+    "dwell": (*_ZONE, "time"),
+    "friction_lag": (*_SPEED, "acceleration", *_ZONE),
+    "load_friction": ("current", "acceleration"),
+    "position_friction": ("position",),
+    "lead_friction": _TURN,
+    "cogging": _TURN,
+    "current_ripple": (*_TURN, "current"),
+    "ball_pass_ripple": (*_TURN, "position", "frequency"),
+    "encoder_eccentricity": _TURN,
+    "encoder_interpolation": (*_TURN, "position", "frequency"),
+    "current_quantisation": ("current", "frequency", "time"),
+    "dead_time": ("frequency",),
+    "jitter": ("frequency", "time"),
+    "current_loop": ("frequency",),
+    "current_saturation": ("current",),
+    "voltage_saturation": ("current", "speed"),
+    "current_gain": ("current", "direction", "acceleration", "speed"),
+    "current_offset": ("none", "current", "direction", "position"),
+    "bias": ("none", "direction", "position", "current"),
+    "cable_spring": ("position",),
+    "cable_hysteresis": (*_ZONE, "position"),
+    "thermal_viscous": ("time", "speed"),
+    "thermal_coulomb": ("time", *_SPEED),
+    "friction_step": ("time", *_SPEED),
+    "backlash": (*_ZONE, "frequency", "acceleration"),
+    "compliance": ("frequency", "acceleration"),
+    "base_vibration": ("frequency", "acceleration"),
+    "time_shift": ("frequency", "acceleration"),
+}
+
+
+class Entry(NamedTuple):
+    """One effect of an answer."""
+
+    name: str
+    alternatives: tuple[str, ...]
+    probability: float
+    parameter: bool
+    change: float | None = None  # of a parameter, as a share
+
+
+class Truth(NamedTuple):
+    """What was hidden in a trial."""
+
+    hidden: tuple[str, ...]  # without companions
+    companions: tuple[str, ...]
+    offsets: tuple[str, ...]  # values of the user's model that are off
+    poor: bool
+    nameable: bool = True  # False: on no list, or left out of it
+
+
+def truth_of(told: Mapping[str, Any]) -> Truth:
+    """From truth.json."""
+    effects = told["effects"]
+    return Truth(
+        tuple(one["name"] for one in effects if not one["companion"]),
+        tuple(one["name"] for one in effects if one["companion"]),
+        tuple(name for name, ratio in told["nominal_over_plain"].items() if abs(ratio - 1.0) > OFF),
+        told["stratum"] == "poor",
+        told["stratum"] not in ("alien", "left-out"),
+    )
+
+
+def entries(answer: Mapping[str, Any]) -> list[Entry]:
+    """All entries of an answer, named or not."""
+    if answer.get("verdict") == "controller":
+        return [Entry("controller", (), 1.0, False)]
+    return [
+        Entry(
+            one["name"],
+            tuple(one.get("alternatives", ())),
+            float(one["probability"]),
+            bool(one.get("parameter", False)),
+            (one.get("parameters", {}).get("change") or {}).get("value"),
+        )
+        for one in answer.get("effects", [])
+    ]
+
+
+def same(name: str, poor: bool = False) -> frozenset[str]:
+    """The name and all that counts as the same answer."""
+    sets = (*EXACT, *NEAR) if poor else EXACT
+    return frozenset({name}.union(*(one for one in sets if name in one)))
+
+
+def any_same(names: Iterable[str], poor: bool) -> frozenset[str]:
+    """`same` of several names."""
+    return frozenset().union(*(same(name, poor) for name in names))
+
+
+def with_common_scale(named: Sequence[Entry]) -> list[Entry]:
+    """The entries, a common change of inertia, viscous and Coulomb friction as the one entry that it is."""
+    mine = [one for one in named if one.parameter and one.name in SCALED and one.change is not None]
+    changes = [one.change for one in mine if one.change is not None]
+    if {one.name for one in mine} != SCALED or max(changes) - min(changes) > COMMON:
+        return list(named)
+    first = named.index(mine[0])
+    one = Entry("force_constant", ("current_gain",), min(e.probability for e in mine), True)
+    rest = [other for other in named if other not in mine]
+    return [*rest[:first], one, *rest[first:]]
+
+
+def considered(truth: Truth, named: Sequence[Entry]) -> list[Entry]:
+    """Named entries in which a hidden effect is looked for: what is true beside it is passed over."""
+    hidden = any_same(truth.hidden, truth.poor)
+    if hidden & EXACT[0] and not truth.offsets:
+        named = with_common_scale(named)
+    beside = {*truth.companions} - hidden
+    shifts = {*truth.offsets} - hidden
+    return [one for one in named if one.name not in beside and not (one.parameter and one.name in shifts)]
+
+
+def found(truth: Truth, named: Sequence[Entry]) -> list[bool]:
+    """Whether each hidden effect stands in an entry, each in an entry of its own: the best such assignment."""
+    wanted = [same(name, truth.poor) for name in truth.hidden]
+    held = [frozenset({one.name, *one.alternatives}) for one in named]
+
+    def best(k: int, free: frozenset[int]) -> list[bool]:
+        if k == len(wanted):
+            return []
+        tries = [[True, *best(k + 1, free - {j})] for j in sorted(free) if wanted[k] & held[j]]
+        return max([*tries, [False, *best(k + 1, free)]], key=sum)
+
+    return best(0, frozenset(range(len(held))))
+
+
+def top(answer: Mapping[str, Any], named: Sequence[Entry]) -> str:
+    """The first thing that an answer says, beside what is true anyway."""
+    if named:
+        return named[0].name
+    verdict = str(answer.get("verdict", "failed"))
+    return "none" if verdict in ("none", "parameters", "effects") else verdict.removeprefix("effects+")

@@ -1,0 +1,130 @@
+"""A command of stagectl that may read its own folder and what every program needs, and nothing else.
+
+    python -m stagectl.exam.blind.watched LOG --own DIR --out DIR --closed DIR -- gap diagnose FOLDER ...
+
+An audit hook (PEP 578) sees each file that is opened, each folder that is listed, each process and connection that is
+begun.  `own` may be read, `out` read and written; `closed`, the exam's code and other processes may not, whatever else
+is allowed.  What is forbidden is written to LOG and refused; a LOG with a line in it makes the trial void.  Files that
+a compiled library opens by itself are not seen: that is why the labels lie enciphered.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import runpy
+import signal
+import site
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/dev", "/sys", "/opt", "/var/cache/fontconfig")
+PROC = ("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys", "/proc/version", "/proc/filesystems")
+PATHS = {"open": 0, "os.listdir": 0, "os.scandir": 0}  # event -> place of the path among its arguments
+REFUSED = ("socket.connect", "socket.sendto", "subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.fork")
+_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG
+
+
+class Rules(NamedTuple):
+    """Folders by what may be done with them; the first that holds a path decides, in this order."""
+
+    own: tuple[str, ...]
+    closed: tuple[str, ...]
+    known: tuple[str, ...]
+    itself: tuple[str, ...] = ()  # folders where modules are looked for, nothing below; this file, for tracebacks
+
+
+def known_folders() -> tuple[str, ...]:
+    """Where interpreter, libraries, caches and this package lie."""
+    package = Path(__file__).resolve().parents[2]
+    home = Path.home()
+    caches = [os.environ.get("XDG_CACHE_HOME"), os.environ.get("NUMBA_CACHE_DIR"), os.environ.get("MPLCONFIGDIR")]
+    libraries = [*sysconfig.get_paths().values(), *site.getsitepackages(), sys.prefix, sys.base_prefix]
+    folders = [str(package), *libraries, str(home / ".cache"), str(home / ".config"), *filter(None, caches)]
+    return tuple(dict.fromkeys(os.path.realpath(one) for one in (*folders, *SYSTEM))) + PROC
+
+
+def rules(own: Sequence[str], closed: Sequence[str]) -> Rules:
+    """The rules of one diagnosis; the exam's own code is closed to it."""
+    code = str(Path(__file__).resolve().parents[1])
+    mine = tuple(os.path.realpath(one) for one in own)
+    path = tuple(os.path.realpath(one) for one in (*sys.path, __file__))
+    known = (*known_folders(), *_metadata(path))
+    return Rules(mine, (*(os.path.realpath(one) for one in closed), code), known, path)
+
+
+def _metadata(path: Sequence[str]) -> list[str]:
+    """What packages say of themselves, where libraries look for plug-ins; an editable install has it in its tree."""
+    return [str(found) for one in path for kind in ("*.dist-info", "*.egg-info") for found in Path(one).glob(kind)]
+
+
+def inside(path: str, folders: Sequence[str]) -> bool:
+    """Whether a path is one of the folders or lies below it."""
+    return any(path == one or path.startswith(one.rstrip("/") + "/") for one in folders)
+
+
+def allowed(path: str, p: Rules) -> bool:
+    """Whether a path may be opened; what does not exist tells nothing, and may be looked for."""
+    if path.startswith("/proc/") and path.split("/")[2] == str(os.getpid()):
+        return True
+    if inside(path, p.own) or path in p.itself:
+        return True
+    return not inside(path, p.closed) and (inside(path, p.known) or not os.path.lexists(path))
+
+
+def hook(p: Rules, report: Callable[[str], None]) -> Callable[[str, tuple[Any, ...]], None]:
+    """The audit hook of a diagnosis under these rules."""
+
+    def audit(event: str, arguments: tuple[Any, ...]) -> None:
+        if event in REFUSED:
+            words = f"{event} {arguments[0] if event != 'socket.connect' else arguments[1]}"
+        elif event in PATHS and isinstance(arguments[0], (str, bytes, os.PathLike)):
+            path = os.path.realpath(os.fsdecode(arguments[0]))
+            if allowed(path, p):
+                return
+            words = f"{event} {path}"
+        else:
+            return
+        report(words)
+        raise PermissionError(f"not allowed in an exam: {words}")
+
+    return audit
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run a command of stagectl under the hook."""
+    parser = argparse.ArgumentParser(prog="watched", description=__doc__)
+    parser.add_argument("log", type=Path)
+    parser.add_argument("--own", action="append", default=[])
+    parser.add_argument("--closed", action="append", default=[])
+    parser.add_argument("--module", default="stagectl")
+    split = list(arguments).index("--")
+    given, command = parser.parse_args(arguments[:split]), arguments[split + 1 :]
+    _die_with_parent()
+    log = os.open(given.log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    tempfile.gettempdir()  # tries itself in a folder
+    platform.uname().processor  # noqa: B018  asks another process, once
+    sys.argv = [given.module, *command]
+    sys.addaudithook(hook(rules(given.own, given.closed), lambda words: _written(log, words)))
+    runpy.run_module(given.module, run_name="__main__", alter_sys=True)
+
+
+def _die_with_parent() -> None:
+    """The kernel ends this process with the worker that began it (Linux): no answer comes in after a killed trial."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+
+
+def _written(log: int, words: str) -> None:
+    os.write(log, (words.replace("\n", " ") + "\n").encode())
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,62 @@
+"""The local pool: each trial in a process of its own, so that one that dies takes no other with it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from typing import Any
+
+from .cores import available
+from .plan import ExamError
+from .sitting import Job, finished_job, sit
+
+ATTEMPTS = 3  # of a trial whose worker dies
+_LOOK = 0.2  # s
+
+
+def workers_and_threads(workers: int | None) -> tuple[int, int]:
+    """How many trials at once, and cores for each diagnosis; by default one core each."""
+    cores = max(len(available()) or os.cpu_count() or 1, 1)
+    count = workers or cores
+    return count, max(cores // count, 1)
+
+
+def local(jobs: Sequence[Job], workers: int) -> Iterator[dict[str, Any]]:
+    """Records of all jobs as they come, `workers` at once; raises ExamError where a trial's workers died each time."""
+    stop = threading.Event()
+    with ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(apart, job, stop) for job in jobs]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        except BaseException:
+            stop.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def apart(job: Job, stop: threading.Event) -> dict[str, Any]:
+    """The record of a job that a process of its own has run; what a dying one began is begun again."""
+    for _ in range(ATTEMPTS):
+        process = multiprocessing.get_context("spawn").Process(target=_quietly, args=(job,))
+        process.start()
+        while process.is_alive() and not stop.is_set():
+            process.join(_LOOK)
+        if stop.is_set():
+            process.terminate()
+            process.join()
+            break
+        found = finished_job(job)
+        if found is not None:
+            return found
+    raise ExamError(f"trial {job.planned.number}: its worker died {ATTEMPTS} times, last with {process.exitcode}")
+
+
+def _quietly(job: Job) -> None:
+    """Ctrl-C is the matter of the process that began this one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sit(job)

@@ -1,0 +1,58 @@
+"""The exam on a local Dask cluster of two workers: the same bytes, also when a worker is killed on the way."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from stagectl.cluster import ClusterError, on_cluster
+from stagectl.exam.blind import exam
+from stagectl.exam.blind.asking import Manner
+from stagectl.exam.blind.sitting import Job, sit
+
+distributed = pytest.importorskip("distributed", reason="Dask is not installed: pip install 'stagectl[cluster]'")
+pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.filterwarnings("ignore::ResourceWarning")]
+
+STAND_IN = Path(__file__).parent / "exam" / "answering" / "stand_in.py"
+ASKED = exam.Asked(2, 41, ("null-exact",))
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        yield cluster.scheduler_address
+
+
+def code(folder: Path, *, deadly: bool) -> Manner:
+    folder.mkdir()
+    (folder / "stand_in.py").write_bytes(STAND_IN.read_bytes())
+    if deadly:
+        (folder / "deadly").touch()
+    return Manner(short=True, module="stand_in", code=str(folder))
+
+
+def test_the_same_bytes_on_a_cluster(scheduler: str, tmp_path: Path) -> None:
+    """Two trials here, and the same two there with one worker killed in its trial."""
+    manner = code(tmp_path / "deadly", deadly=True)
+    planned = exam.prepared(tmp_path / "there", ASKED, manner, resume=False)
+    exam.held(tmp_path / "there", planned, manner, lambda jobs: on_cluster(sit, jobs, scheduler), lambda *_: None)
+    assert not (tmp_path / "deadly" / "deadly").exists()
+    assert len((tmp_path / "there" / "register.jsonl").read_text().splitlines()) == 3
+    calm = code(tmp_path / "calm", deadly=False)
+    exam.prepared(tmp_path / "here", ASKED, calm, resume=False)
+    for one in planned:
+        sit(Job(one, str(tmp_path / "here"), calm))
+        name = f"trials/{one.number:04d}/record.json"
+        assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes()
+
+
+def test_errors_of_the_function_come_back(scheduler: str) -> None:
+    assert sorted(on_cluster(abs, [-3, 2], scheduler)) == [2, 3]
+    with pytest.raises(TypeError, match="int"):
+        list(on_cluster(int, [[]], scheduler))  # type: ignore[arg-type]
+
+
+def test_nobody_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stagectl.cluster.PATIENCE", 0.5)
+    with pytest.raises(ClusterError, match="no Dask scheduler answers"):
+        list(on_cluster(abs, [1], "tcp://127.0.0.1:9"))
