@@ -46,8 +46,10 @@ def command_delay(setup: Setup) -> float:
     return drive.current_lag + drive.delay_samples * setup.dt
 
 
-def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward) -> Plan:
+def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, stops: Array | None = None) -> Plan:
     """Check against the stage's limits and lay out the rows.
+
+    `stops` are the friction operators as an earlier motion left them, relaxed if there was none; they are moved on.
 
     Raises TrajectoryError with value, limit and the field to change; nothing has moved then.
     """
@@ -63,7 +65,7 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward) -> Plan
     rows = np.zeros((len(seen.reference), rollout.SETPOINTS))
     model = isinstance(setup.file.compensation, Model)
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
-    setpoints(ahead, seen, relaxed(feedforward.friction), rows)
+    setpoints(ahead, seen, relaxed(feedforward.friction) if stops is None else stops, rows)
     if ahead.with_friction and setup.stage.friction.bristle.coulomb > 0.0:
         rows[:, _COLUMN["friction"]] += _bristle(setup, seen) / feedforward.force_constant
     if feedforward.with_friction and not model:

@@ -22,7 +22,7 @@ from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.evaluation import evaluate
 from stagectl.kernels.law import Setpoint
 from stagectl.plan import plan
-from stagectl.recording.hdf5 import RecordingError, open_recording, repair, save
+from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair, save
 from stagectl.recording.learned import Learned, check, load, nothing
 from stagectl.recording.meta import describe
 from stagectl.units import StageError
@@ -162,14 +162,23 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
         say("the virtual plant's clock is SYNC: late cycles do not disturb it, and time-outs are relaxed")
     if ended.fault:
         say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}".rstrip())
-    fault = ended.words
-    if not ended.recorded:
-        fault = fault or "the recorder stopped before the motion did"
-        say(f"the recorder stopped before the motion did: {motion.recording} lacks rows; is the disk full?")
+    fault = ended.words or ("" if ended.recorded else "the recorder stopped before the motion did")
     recording = open_recording(motion.recording)
+    if lacks := _lacks(ended, recording):
+        say(lacks)
     result = evaluate(recording.samples, recording.meta)
-    told = {"cycles": ended.cycles, "late_cycles": ended.late, "fault": fault}
+    told = {"cycles": ended.cycles, "late_cycles": ended.late, "lost_rows": recording.lost_rows, "fault": fault}
     return {**result, **told, "recording": str(motion.recording), "simulated": False}
+
+
+def _lacks(ended: Ended, recording: Recording) -> str:
+    """What the disk did not take, in words."""
+    if not ended.recorded:
+        return f"the recorder stopped before the motion did: {recording.path} lacks rows; is the disk full?"
+    if recording.lost_rows:
+        lost = f"the disk took {recording.lost_rows} rows fewer than there were"
+        return f"{lost}: {recording.path} marks where they lack"
+    return ""
 
 
 def _conditions(ended: Ended) -> list[str]:

@@ -60,6 +60,16 @@ class Child:
         self._out.close()
         return code
 
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def ended(self) -> int | None:
+        """Its exit code; None while it lives."""
+        return self._process.poll()
+
     def terminate(self) -> None:
         """Ask it to leave, if it has not left."""
         if self._process.poll() is None:

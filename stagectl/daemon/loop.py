@@ -16,9 +16,11 @@ import sys
 from typing import Any, NamedTuple
 
 from stagectl.daemon import realtime, safety
+from stagectl.daemon.stops import STOPS, Category
 from stagectl.drives.bus import open_bus
 from stagectl.drives.canopen import CanopenDrive
-from stagectl.drives.drive import Canopen, Drive, DriveError, Fault
+from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Odrive, Power
+from stagectl.drives.odrive import open_odrive
 from stagectl.drives.simulated import Plant, Simulated, Simulation
 from stagectl.kernels import law, stage
 from stagectl.recording.ring import Ring
@@ -35,7 +37,7 @@ class Job(NamedTuple):
     span: tuple[float, float]  # rad | m, lowest and highest of their positions
     dt: float  # s
     by_clock: bool  # a missed period is a missed row; False where the plant waits for our SYNC
-    wire: Canopen | None  # None: the stage model in this process
+    wire: Canopen | Odrive | None  # None: the stage model in this process
     stage: stage.Stage
     simulation: Simulation
     envelope: safety.Envelope
@@ -44,6 +46,7 @@ class Job(NamedTuple):
     ring: int  # descriptor
     width: int
     capacity: int
+    spin: float = 0.0  # s, see `realtime.Metronome`
 
 
 class Tally(NamedTuple):
@@ -58,6 +61,8 @@ def connect(job: Job) -> Drive:
     """The drive behind the job's wire."""
     if job.wire is None:
         return Simulated(Plant(job.stage, job.simulation, job.dt))
+    if isinstance(job.wire, Odrive):
+        return open_odrive(job.wire, job.dt)
     bus = open_bus(job.wire.interface, job.wire.channel, job.wire.bitrate)
     return CanopenDrive(job.wire, bus, job.stage.encoder.step, job.dt)
 
@@ -74,11 +79,12 @@ class Cycle:
     def __init__(self, job: Job, drive: Drive, ring: Ring, origin: float) -> None:
         self.job, self.drive, self.ring, self.origin = job, drive, ring, origin
         self.state = law.AT_REST
-        self.position = origin  # of the last period
+        self.watch = safety.FRESH
+        self.current = 0.0  # A, of the last period: what acts now
         self.rows = len(job.setpoints) // _SETPOINT.size
         self.row, self.passed = 0, 1  # row of the references, and how many it is past the last one
         self.cycles, self.late, self.late_in_a_row = 0, 0, 0
-        self.metronome = realtime.Metronome(job.dt)
+        self.metronome = realtime.Metronome(job.dt, spin=job.spin)
 
     def __call__(self) -> Fault:
         """Wait, sample, compute, apply, record; the reason to stop, if there is one."""
@@ -92,14 +98,14 @@ class Cycle:
             asked = setpoint(job.setpoints, row, self.origin)
         sampled = self.drive.sample()
         output, self.state = law.step(job.law, self.state, asked, sampled.position)
-        speed = (sampled.position - self.position) / (self.passed * job.dt)
-        fault = safety.judge(job.envelope, sampled.fault, sampled.position, speed, output.error)
-        self.drive.apply(output.current if fault is Fault.NONE else 0.0)
+        now = safety.Seen(sampled, asked.reference, output.error, self.current, self.passed * job.dt)
+        fault, self.watch = safety.judge(job.envelope, self.watch, now)
+        self.current = output.current if fault is Fault.NONE else 0.0
+        self.drive.apply(self.current)
         missed = self.metronome.missed()
         late = overslept + missed > 0
         seen = (sampled.position, _NAN, sampled.current, lateness, late, sampled.statusword, fault)
         self.ring.write((row * job.dt, *asked, *output, *seen))
-        self.position = sampled.position
         self.row, self.passed = row + 1, 1
         if missed and job.by_clock:
             self._skip(missed)
@@ -128,8 +134,18 @@ def run(job: Job, drive: Drive, ring: Ring, origin: float, stopped: list[int]) -
     while cycle.row < cycle.rows and fault is Fault.NONE:
         fault = Fault.OPERATOR if stopped else cycle()
     if fault is not Fault.NONE:
-        drive.quick_stop()
+        stop(drive, fault)
     return Tally(cycle.cycles, cycle.late, fault)
+
+
+def stop(drive: Drive, fault: Fault) -> None:
+    """As `stops` says; the motion is over, so that what is held under power after category 2 is not held here."""
+    if STOPS[fault].category is Category.COAST:
+        drive.ask(Power.OFF)
+        drive.apply(0.0)
+        drive.sample()  # it acts with the next SYNC
+    else:
+        drive.quick_stop()
 
 
 def _fits(job: Job, origin: float) -> None:

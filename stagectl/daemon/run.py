@@ -18,10 +18,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.config.stage_file import Setup
+from stagectl.config.stage_file import InProcess, Setup
 from stagectl.daemon.child import Child, Companion, beside, start
+from stagectl.daemon.envelope import envelope
 from stagectl.daemon.loop import Job
-from stagectl.daemon.safety import Envelope
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.kernels import law, rollout
 from stagectl.plan import Plan
@@ -108,8 +108,7 @@ def _follow(loop: Child, ring: Ring, total: int, progress: Progress) -> dict[str
 
 
 def _job(motion: Motion, ring: Ring) -> Job:
-    setup, limits = motion.setup, motion.setup.file.limits
-    envelope = Envelope(*limits.travel, limits.speed * 1.1, limits.following_error, setup.file.realtime.late_limit)
+    setup = motion.setup
     wire = setup.file.drive.wire
     return Job(
         law=motion.law,
@@ -117,22 +116,23 @@ def _job(motion: Motion, ring: Ring) -> Job:
         span=(float(motion.plan.setpoints[:, 0].min()), float(motion.plan.setpoints[:, 0].max())),
         dt=setup.dt,
         by_clock=not waits_for_sync(setup),
-        wire=wire if isinstance(wire, Canopen) else None,
+        wire=None if isinstance(wire, InProcess) else wire,
         stage=portable(setup.stage),
         simulation=setup.file.simulation,
-        envelope=envelope,
+        envelope=envelope(setup),
         priority=setup.file.realtime.priority,
         cpu=setup.file.realtime.cpu,
         ring=ring.descriptor,
         width=ring.width,
         capacity=ring.capacity,
+        spin=setup.file.realtime.spin,
     )
 
 
 def waits_for_sync(setup: Setup) -> bool:
     """Whether the plant moves with our cycles, not with the clock: in process, or virtual with the clock `sync`."""
     wire = setup.file.drive.wire
-    virtual = not isinstance(wire, Canopen) or wire.interface == "embedded"
+    virtual = isinstance(wire, InProcess) or (isinstance(wire, Canopen) and wire.interface == "embedded")
     return virtual and setup.file.simulation.clock == "sync"
 
 

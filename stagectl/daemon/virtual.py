@@ -12,9 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.bus import open_bus
-from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.bus import Bus, open_bus
+from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.drive import Canopen, DriveError, Odrive
+from stagectl.drives.inject import Doorway, doorway, obey
 from stagectl.drives.node import VirtualNode
+from stagectl.drives.odrive_virtual import Pty, VirtualOdrive
 from stagectl.drives.simulated import Plant
 from stagectl.words import length
 
@@ -63,27 +66,56 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     """
     if answers(wire):
         raise DriveError(f"node {wire.node} is on {wire.interface} {wire.channel} already: one drive is enough")
+    bus = open_bus(wire.interface, wire.channel, wire.bitrate)
+    door = Doorway(doorway(wire.interface, wire.channel, wire.node))
+    node = virtual_node(setup, wire, bus, report)
+    report(f"{_READY} of {setup.file.name}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}")
+
+    def over() -> bool:
+        door.look(lambda request: obey(node.faults, node.now(), request))
+        return until() and not node.axis.enabled  # an axis in motion is brought to a stand first
+
+    try:
+        node.run(over)
+    except OSError as error:  # its folder was removed, or the interface went down
+        raise DriveError(f"the bus {wire.channel} is gone: {error}; start the virtual drive again") from error
+    finally:
+        door.close()
+        bus.close()
+
+
+def virtual_node(
+    setup: Setup, wire: Canopen, bus: Bus, report: Callable[[str], None], time: Clock | None = None
+) -> VirtualNode:
+    """The virtual drive of a stage on `bus`, faults and all; with a `time` of its own its plant follows that."""
     p = setup.stage
     # The bus itself delays the command by one period; the plant's own delay line adds the rest of nd.
     inside = p._replace(drive=p.drive._replace(delay_samples=p.drive.delay_samples - 1))
     plant = Plant(inside, setup.file.simulation, setup.dt)
-    bus = open_bus(wire.interface, wire.channel, wire.bitrate)
     damping = p.mechanics.inertia * 2.0 * math.pi * 20.0 / p.motor.force_constant  # a 20 Hz velocity loop
     axis = setup.file.axis
-    node = VirtualNode(
+    return VirtualNode(
         wire,
         plant,
         bus,
-        setup.file.simulation.clock,
+        "wall" if time else setup.file.simulation.clock,
         setup.dt,
         damping,
         report,
         distance=lambda way: length(way * axis.travel_per_unit, axis.travel_unit),
+        time=time or WALL,
+        faults=setup.file.virtual_drive.faults,
     )
-    report(f"{_READY} of {setup.file.name}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}")
+
+
+def serve_odrive(setup: Setup, wire: Odrive, report: Callable[[str], None], until: Callable[[], bool]) -> None:
+    """Be a virtual ODrive on a pty until told otherwise.  Raises DriveError where its port's name is taken."""
+    p = setup.stage
+    inside = p._replace(drive=p.drive._replace(delay_samples=0))  # the line itself is the delay
+    drive = VirtualOdrive(wire, Plant(inside, setup.file.simulation, setup.dt))
+    pty = Pty(drive, wire.port, wire.baud)
+    report(f"{_READY} of {setup.file.name}: ODrive axis {wire.axis} on {wire.port}, process {os.getpid()}")
     try:
-        node.run(lambda: until() and not node.axis.enabled)  # an axis in motion is brought to a stand first
-    except OSError as error:  # its folder was removed, or the interface went down
-        raise DriveError(f"the bus {wire.channel} is gone: {error}; start the virtual drive again") from error
+        pty.run(until)
     finally:
-        bus.close()
+        pty.close()

@@ -1,0 +1,171 @@
+"""What the service and the real-time process share of one axis: orders in, status out, setpoints ahead.
+
+::
+
+    service  -- order ---->  16 slots, each with its number; the loop looks at one count a period
+             <-- verdict --  beside each order: taken, or why not
+             <-- status ---  one block, written every period under a sequence count
+             <-- words ----  why it stopped, as text, under a count of its own
+             -- setpoints ->  a ring of rows; a motion may be longer than it, then it is filled up as it goes
+
+One writer a field, no locks, no waiting: whatever the service does, or fails to do, costs the loop one look.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from stagectl.kernels import law
+
+SLOTS, SLOT = 16, 1024  # orders, and bytes of each
+AHEAD = 1 << 15  # rows of setpoints, 16 s at 2 kHz
+NUMBERS = (SLOT - 24) // 8
+_COUNT, _ORDER = struct.Struct("<Q"), struct.Struct("<QQ")
+_ROW = struct.Struct(f"<{len(law.Setpoint._fields)}d")
+_WRITTEN, _FILLED, _SEQUENCE, _STATUS, _TEXT, _ORDERS, _ROWS = 0, 8, 16, 64, 1024, 8192, 32768
+_LONGEST = _ORDERS - _TEXT - 16  # bytes of text
+SIZE = _ROWS + AHEAD * _ROW.size
+PENDING, TAKEN, REFUSED = 0, 1, 2
+
+
+class Status(NamedTuple):
+    """One axis now, in axis units; every field is a number, so that it fits the board."""
+
+    state: float = 0.0  # states.State
+    fault: float = 0.0  # drives.drive.Fault that is in force, or was the last to stop the axis
+    faults: float = 0.0  # count of them
+    cycles: float = 0.0
+    late: float = 0.0
+    tick: float = 0.0  # s, monotonic clock, of the last sign of life
+    patience: float = 0.0  # s after it that the next one may take
+    position: float = 0.0  # rad | m
+    speed: float = 0.0
+    reference: float = 0.0
+    error: float = 0.0
+    current: float = 0.0  # A
+    statusword: float = 0.0
+    homed: float = 0.0
+    row: float = 0.0  # of the motion
+    rows: float = 0.0
+    motions: float = 0.0  # begun
+    settled: float = 0.0  # s within the window of in position
+    heat: float = 0.0  # A^2
+    stop_time: float = 0.0  # s that the last stop took
+    stop_distance: float = 0.0  # rad | m
+    power: float = 0.0  # 1: our law acts
+
+
+class Order(NamedTuple):
+    """Something to be done."""
+
+    kind: int
+    numbers: tuple[float, ...] = ()
+
+
+_PACKED = struct.Struct(f"<{len(Status._fields)}d")
+
+
+class Board:
+    """The shared memory of one axis; the service's side and the loop's side of it."""
+
+    def __init__(self, descriptor: int) -> None:
+        self.descriptor = descriptor
+        self.memory = mmap.mmap(descriptor, SIZE)
+        self._looked = self.ordered  # the next order to be taken
+
+    @classmethod
+    def create(cls) -> Board:
+        """New shared memory; its descriptor is inherited by the processes it is handed to."""
+        descriptor = os.memfd_create("stagectl-board")
+        os.ftruncate(descriptor, SIZE)
+        return cls(descriptor)
+
+    # the service's side
+
+    @property
+    def ordered(self) -> int:
+        """Orders given."""
+        return int(_COUNT.unpack_from(self.memory, _WRITTEN)[0])
+
+    def order(self, order: Order) -> int:
+        """Give an order; its number."""
+        number = self.ordered
+        start = _ORDERS + number % SLOTS * SLOT
+        _COUNT.pack_into(self.memory, start, PENDING)
+        _ORDER.pack_into(self.memory, start + 8, order.kind, len(order.numbers))
+        struct.pack_into(f"<{len(order.numbers)}d", self.memory, start + 24, *order.numbers)
+        _COUNT.pack_into(self.memory, _WRITTEN, number + 1)
+        return number
+
+    def verdict(self, number: int) -> int:
+        """What became of an order: PENDING, TAKEN or REFUSED."""
+        return int(_COUNT.unpack_from(self.memory, _ORDERS + number % SLOTS * SLOT)[0])
+
+    def status(self) -> Status:
+        """A status that was whole when it was read."""
+        while True:
+            before = _COUNT.unpack_from(self.memory, _SEQUENCE)[0]
+            found = Status(*_PACKED.unpack_from(self.memory, _STATUS))
+            if before % 2 == 0 and before == _COUNT.unpack_from(self.memory, _SEQUENCE)[0]:
+                return found
+
+    @property
+    def words(self) -> str:
+        """The last thing that the loop had to say."""
+        length = _COUNT.unpack_from(self.memory, _TEXT)[0]
+        return bytes(self.memory[_TEXT + 8 : _TEXT + 8 + length]).decode(errors="replace")
+
+    @property
+    def filled(self) -> int:
+        """Rows of setpoints put in so far."""
+        return int(_COUNT.unpack_from(self.memory, _FILLED)[0])
+
+    def fill(self, rows: bytes) -> None:
+        """Put rows behind the last one; there must be room: see `AHEAD`."""
+        number, count, done = self.filled, len(rows) // _ROW.size, 0
+        while done < count:
+            slot = (number + done) % AHEAD
+            run = min(count - done, AHEAD - slot)
+            begin = _ROWS + slot * _ROW.size
+            self.memory[begin : begin + run * _ROW.size] = rows[done * _ROW.size : (done + run) * _ROW.size]
+            done += run
+        _COUNT.pack_into(self.memory, _FILLED, number + count)
+
+    # the loop's side
+
+    def next_order(self) -> Order | None:
+        """The order that is due, if there is one; it must be answered."""
+        if _COUNT.unpack_from(self.memory, _WRITTEN)[0] == self._looked:
+            return None
+        start = _ORDERS + self._looked % SLOTS * SLOT
+        kind, count = _ORDER.unpack_from(self.memory, start + 8)
+        return Order(kind, struct.unpack_from(f"<{min(count, NUMBERS)}d", self.memory, start + 24))
+
+    def answer(self, taken: bool) -> None:
+        """What becomes of the order that was due."""
+        _COUNT.pack_into(self.memory, _ORDERS + self._looked % SLOTS * SLOT, TAKEN if taken else REFUSED)
+        self._looked += 1
+
+    def show(self, status: Sequence[float]) -> None:
+        """Put the status where the service sees it."""
+        memory = self.memory
+        sequence = _COUNT.unpack_from(memory, _SEQUENCE)[0]
+        _COUNT.pack_into(memory, _SEQUENCE, sequence + 1)
+        _PACKED.pack_into(memory, _STATUS, *status)
+        _COUNT.pack_into(memory, _SEQUENCE, sequence + 2)
+
+    def say(self, words: str) -> None:
+        """Tell something in words."""
+        text = words.encode()[:_LONGEST]
+        self.memory[_TEXT + 8 : _TEXT + 8 + len(text)] = text
+        _COUNT.pack_into(self.memory, _TEXT, len(text))
+
+    def setpoint(self, number: int) -> tuple[float, ...] | None:
+        """The row of this number, or None where it has not been put in yet."""
+        if number >= _COUNT.unpack_from(self.memory, _FILLED)[0]:
+            return None
+        return _ROW.unpack_from(self.memory, _ROWS + number % AHEAD * _ROW.size)

@@ -1,0 +1,106 @@
+"""The other end of the control socket: one request, one answer."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import shutil
+import socket
+import tempfile
+import urllib.parse
+from pathlib import Path
+from typing import Any
+
+from stagectl.units import StageError
+
+SYSTEM = Path("/run/stagectl/control.sock")
+_PATIENCE = 3600.0  # s: a request may wait for a long motion
+
+
+class ControlError(StageError):
+    """A service that does not answer, or says no."""
+
+
+class RefusedError(ControlError):
+    """The service's no: it runs, and gives its reason."""
+
+
+class _UnixConnection(http.client.HTTPConnection):
+    def __init__(self, path: Path) -> None:
+        super().__init__("localhost", timeout=_PATIENCE)
+        self._path = path
+
+    def connect(self) -> None:
+        self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.sock.settimeout(_PATIENCE)
+        self.sock.connect(os.fspath(self._path))
+
+
+def default_socket() -> Path:
+    """Where the service of this machine is: $STAGECTL_SOCKET, the system's, or the user's own."""
+    given = os.environ.get("STAGECTL_SOCKET")
+    if given:
+        return Path(given)
+    return SYSTEM if SYSTEM.exists() else own_socket()
+
+
+def own_socket() -> Path:
+    """Of a service that a user starts."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    base = Path(runtime) / "stagectl" if runtime else Path(tempfile.gettempdir()) / f"stagectl-{os.getuid()}"
+    return base / "control.sock"
+
+
+def _group(path: Path) -> str:
+    """Of the socket, or of the service where it cannot be seen."""
+    try:
+        return path.group()
+    except (OSError, KeyError):
+        return "stagectl"
+
+
+def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
+    """The answer to a request.
+
+    Raises RefusedError with the service's reason, ControlError where there is none to ask.
+    """
+    link = _UnixConnection(path)
+    try:
+        content = None if body is None else json.dumps(body)
+        link.request(method, what, content, {"Content-Type": "application/json"} if content else {})
+        answer = link.getresponse()
+        found = json.loads(answer.read())
+    except PermissionError as error:
+        raise ControlError(
+            f"{path}: you may not use it, its group may: `sudo usermod -aG {_group(path)} $USER`, then log in again"
+        ) from error
+    except (OSError, http.client.HTTPException, ValueError) as error:
+        raise ControlError(
+            f"no service answers on {path} ({error}); start one with `stagectl serve STAGE.yaml`, or see "
+            "`systemctl status stagectl`"
+        ) from error
+    finally:
+        link.close()
+    if answer.status >= 400:
+        raise RefusedError(str(found.get("error", found)))
+    return found
+
+
+def fetch(path: Path, what: str, target: Path) -> None:
+    """Write the file that a request gives to `target`.
+
+    Raises RefusedError with the service's reason, ControlError where there is none to ask.
+    """
+    link = _UnixConnection(path)
+    try:
+        link.request("GET", urllib.parse.quote(what))
+        answer = link.getresponse()
+        if answer.status >= 400:
+            raise RefusedError(str(json.loads(answer.read()).get("error")))
+        with target.open("wb") as file:
+            shutil.copyfileobj(answer, file)
+    except (http.client.HTTPException, ConnectionError) as error:
+        raise ControlError(f"the service on {path} has ended while it gave {what} ({error})") from error
+    finally:
+        link.close()

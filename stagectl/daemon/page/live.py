@@ -1,0 +1,118 @@
+"""What one viewer looks at: strips that go on, a scope that waits for its trigger; from the ring to numbers to send.
+
+A message of numbers is float64 throughout, little-endian::
+
+    kind | channels | buckets | rows a bucket | time of the first (s) | period (s) | time of the trigger | number
+    lowest  of channel 1, bucket by bucket; of channel 2; ...
+    highest of channel 1, ...
+
+Where a bucket is one row the highest values are left out: they are the lowest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.daemon.page.channels import Channel
+from stagectl.recording.extremes import Extremes, extremes
+from stagectl.recording.ring import Ring
+from stagectl.recording.triggering import Capture, Scope, Settings
+
+STRIP, CAPTURE, DETAIL, FREE = 0.0, 1.0, 2.0, 3.0  # kinds; FREE: a capture that no trigger began
+HEAD = 8
+Array = NDArray[np.float64]
+
+
+class Window(NamedTuple):
+    """What is looked at, how long and how finely."""
+
+    channels: tuple[Channel, ...]
+    span: float  # s
+    points: int  # buckets at most
+
+
+def rows_a_bucket(span: float, points: int, dt: float) -> int:
+    """Rows that share a point, so that `span` (s) has no more than `points`."""
+    return max(1, -int(-span / dt // points))
+
+
+class Strip:
+    """Goes on as the ring does."""
+
+    def __init__(self, ring: Ring, dt: float, window: Window) -> None:
+        self._ring, self._dt, self._window = ring, dt, window
+        self.size = rows_a_bucket(window.span, window.points, dt)
+        self._next = max(ring.written - round(window.span / dt), 0) // self.size * self.size
+
+    def look(self, number: int) -> bytes | None:
+        """The buckets that have become whole since the last look."""
+        count = (self._ring.written - self._next) // self.size * self.size
+        if count <= 0:
+            return None
+        first, raw = self._ring.read(self._next, count)
+        skipped = -(first - self._next) % self.size if first > self._next else 0  # begin with a whole bucket again
+        rows = np.frombuffer(raw).reshape(-1, self._ring.width)[skipped:]
+        rows = rows[: len(rows) // self.size * self.size]
+        first += skipped
+        self._next = first + len(rows)
+        if not len(rows):
+            return None
+        found = extremes(_scaled(rows, self._window.channels), first, self.size)
+        return packed(STRIP, found, self._dt, number)
+
+
+class Sight:
+    """A scope with what it has caught, which can be looked at again and closer."""
+
+    def __init__(self, ring: Ring, dt: float, window: Window, settings: Settings) -> None:
+        self._ring, self._dt, self._window = ring, dt, window
+        self._scope = Scope(settings, ring.written)
+        self.held: Capture | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether a single capture has been taken."""
+        return self._scope.done
+
+    def look(self, number: int) -> bytes | None:
+        """The next capture, coarse."""
+        capture = self._scope.look(self._ring)
+        if capture is None:
+            return None
+        self.held = capture
+        return self._shown(
+            capture, (0, len(capture.rows)), self._window.points, (CAPTURE if capture.triggered else FREE, number)
+        )
+
+    def closer(self, start: float, end: float, points: int, number: int) -> bytes | None:
+        """What is held between two times (s, from the trigger), in as many points as it may have."""
+        if self.held is None:
+            return None
+        at, count = self.held.at, len(self.held.rows)
+        low = min(max(int(np.floor(start / self._dt)) + at, 0), count - 1)
+        high = min(max(int(np.ceil(end / self._dt)) + at + 1, low + 1), count)
+        return self._shown(self.held, (low, high), points, (DETAIL, number))
+
+    def _shown(self, capture: Capture, part: tuple[int, int], points: int, what: tuple[float, int]) -> bytes:
+        low, high = part
+        size = max(1, -(-(high - low) // points))
+        rows = _scaled(capture.rows[low:high], self._window.channels)
+        found = extremes(rows, capture.first + low, size)
+        at = (capture.first + capture.at + 1) * self._dt
+        return packed(what[0], found, self._dt, what[1], at)
+
+
+def packed(kind: float, found: Extremes, dt: float, number: int, at: float = 0.0) -> bytes:
+    """The message; row n is of the time (n + 1) dt, as the loop counts."""
+    channels, buckets = found.low.shape
+    head = np.array([kind, channels, buckets, found.size, (found.first + 1) * dt, dt, at, number])
+    parts = [head, found.low] if found.size == 1 else [head, found.low, found.high]
+    return b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in parts)
+
+
+def _scaled(rows: Array, channels: tuple[Channel, ...]) -> Array:
+    columns, scales = [one.column for one in channels], np.array([one.scale for one in channels])
+    return np.asarray(rows[:, columns] * scales)

@@ -1,0 +1,316 @@
+// The scope: captures around a trigger, zoomed without losing a peak, two cursors, and what stands under them.
+
+import { KIND, save } from "./link.js";
+import { axisLook, calm, css, look, missing, prefix, si } from "./plot.js";
+
+const at = (id) => document.getElementById(id);
+const FIRST = ["error", "measured_current"];
+const MOST = 16, POINTS = 1200;
+
+// Channels that are compared share a scale; each other has its own.
+function family(name, unit) {
+  if (unit === "A") return "A";
+  return ["reference", "target", "measured"].includes(name) ? "place" : name;
+}
+
+export class Scope {
+  constructor(link) {
+    this.link = link;
+    this.number = 0;
+    this.wantsCsv = null;  // number of the answer that becomes a file
+    this.chosen = null;
+    this.running = true;
+    this.mode = "auto";
+    this.shownPart = null;  // [start, end] s where it is zoomed
+    at("scope-run").onclick = () => this.run(!this.running, false);
+    at("scope-single").onclick = () => this.run(true, true);
+    at("scope-form").onsubmit = (event) => event.preventDefault();
+    at("scope-form").onchange = (event) => (event.target.id === "scope-lanes" ? this.build() : this.run(true, false));
+    for (const id of ["cursor-a", "cursor-b"]) at(id).oninput = () => this.cursors();
+    at("zoom").onclick = () => this.closer(...this.places().sort((a, b) => a - b));
+    at("whole").onclick = () => this.closer(...this.extent);
+    at("save-csv").onclick = () => this.csv();
+    new ResizeObserver(() => this.plot && this.fit()).observe(at("scope-plot"));
+  }
+
+  show(axis, about) {
+    const fresh = this.axis !== axis;
+    this.axis = axis;
+    this.about = about;
+    const names = Object.keys(about.channels);
+    if (!this.chosen || this.chosen.some((name) => !names.includes(name))) this.chosen = FIRST.filter((name) => names.includes(name));
+    if (fresh) {
+      at("scope-channels").replaceChildren(...names.map((name) => this.pick(name, about.channels[name])));
+      at("scope-source").replaceChildren(...["none", ...names].map((name) => new Option(name === "none" ? "none" : title(name), name)));
+    }
+    this.run(this.running, false);
+  }
+
+  pick(name, { meaning }) {
+    const label = document.createElement("label"), box = document.createElement("input");
+    box.type = "checkbox";
+    box.checked = this.chosen.includes(name);
+    box.onchange = () => {
+      if (box.checked && this.chosen.length >= MOST) { box.checked = false; return this.refused(`${MOST} channels at most`); }
+      this.chosen = box.checked ? [...this.chosen, name] : this.chosen.filter((one) => one !== name);
+      if (this.chosen.length) this.run(true, false);
+    };
+    label.title = meaning;
+    label.append(box, title(name));
+    return label;
+  }
+
+  // Ask for captures; or hold the last one.
+  run(running, single) {
+    this.running = running;
+    at("scope-run").setAttribute("aria-pressed", running);
+    at("scope-run").textContent = running ? "Running" : "Run";
+    at("scope-count").textContent = this.chosen.length;
+    if (!running) {
+      this.link.ask("hold", { held: true });
+      return;
+    }
+    const source = at("scope-source").value || "none";
+    const unit = source === "none" ? "" : this.about.channels[source].unit;
+    const level = at("scope-level").value.trim();
+    const trigger = source === "none" ? null
+      : { channel: source, level: /^[-+.\de]+$/i.test(level) && unit ? `${level} ${unit}` : level, edge: at("scope-edge").value };
+    this.single = single;
+    this.shownPart = null;
+    this.names = [...this.chosen];
+    this.build();
+    this.tell(trigger ? "waiting for its trigger" : "");
+    this.link.ask("scope", { axis: this.axis, channels: this.names, span: Number(at("scope-span").value), before: Number(at("scope-before").value) / 100,
+      points: POINTS, trigger, mode: single ? "single" : at("scope-mode").value, number: ++this.number });
+  }
+
+  tell(words) {
+    if (at("scope-state").textContent !== words) at("scope-state").textContent = words;
+    at("scope-state").style.color = "";
+  }
+
+  refused(words) {
+    this.tell(words);
+    at("scope-state").style.color = "var(--bad)";
+  }
+
+  take(found) {
+    if (found.kind === KIND.detail) return this.detail(found);
+    if (found.number !== this.number || !this.running) return;
+    this.last = found;
+    const first = found.start - found.at;
+    this.extent = [first, first + found.buckets * found.size * found.period];
+    this.waits = found;
+    if (this.single) {
+      this.running = false;
+      at("scope-run").setAttribute("aria-pressed", false);
+      at("scope-run").textContent = "Run";
+    }
+    this.tell(found.kind === KIND.free && at("scope-source").value !== "none" ? "no trigger: what there is" : this.single ? "captured" : "");
+  }
+
+  detail(found) {
+    if (found.number === this.wantsCsv) return this.store(found);
+    if (this.running) return;
+    this.last = this.waits = found;
+  }
+
+  closer(start, end) {
+    if (!this.last || !(end > start)) return;
+    if (this.running) this.run(false, false);
+    this.shownPart = [start, end];
+    this.link.ask("closer", { start, end, points: POINTS, number: 0 });
+  }
+
+  csv() {
+    if (!this.last) return;
+    if (this.running) this.run(false, false);
+    this.wantsCsv = 1 + Math.floor(performance.now());
+    const [start, end] = this.shownPart || this.extent;
+    this.link.ask("closer", { start, end, points: 100000, number: this.wantsCsv });
+  }
+
+  store(found) {
+    const units = this.names.map((name) => this.about.channels[name].unit);
+    const head = ["time_s", ...this.names.map((name, k) => (units[k] ? `${name}_${units[k].replace("/", "_per_")}` : name))];
+    const lines = [head.join(",")];
+    for (let k = 0; k < found.buckets; k++) lines.push([found.start - found.at + k * found.period, ...found.low.map((values) => values[k])].join(","));
+    save(new Blob([`${lines.join("\n")}\n`], { type: "text/csv" }), "scope.csv");
+  }
+
+  // A capture as points: times from the trigger, the lowest and the highest of each bucket.
+  points(found) {
+    const step = found.size * found.period, twice = found.size > 1;
+    const x = [], y = this.names.map(() => []);
+    for (let k = 0; k < found.buckets; k++) {
+      const t = found.start - found.at + k * step;
+      x.push(t);
+      if (twice) x.push(t + step / 2);
+      for (let c = 0; c < y.length; c++) {
+        y[c].push(found.low[c][k]);
+        if (twice) y[c].push(found.high[c][k]);
+      }
+    }
+    return [x, ...y];
+  }
+
+  draw() {
+    if (!this.waits || !this.plot || this.waits.channels !== this.names.length) return;
+    const found = this.waits;
+    this.waits = null;
+    this.data = this.points(found);
+    const ranges = this.ranges();
+    this.plot.setData(this.data, false);
+    this.plot.batch(() => {
+      this.plot.setScale("x", { min: this.data[0][0], max: Math.max(this.data[0].at(-1), this.data[0][0] + found.period) });
+      for (const [scale, range] of Object.entries(ranges)) this.plot.setScale(scale, { min: range[0], max: range[1] });
+    });
+    this.cursors();
+  }
+
+  // One range a scale; in lanes each is so wide that its curve has a lane for itself.
+  ranges() {
+    const bounds = {};
+    this.names.forEach((name, index) => {
+      const scale = this.scaleOf(name), found = bounds[scale] || (bounds[scale] = [Infinity, -Infinity]);
+      for (const value of this.data[index + 1]) {
+        if (value < found[0]) found[0] = value;
+        if (value > found[1]) found[1] = value;
+      }
+    });
+    const scales = Object.keys(bounds), lanes = at("scope-lanes").value === "lanes";
+    scales.forEach((scale, lane) => {
+      const [low, high] = calm(...bounds[scale]), height = (high - low) * 1.08;
+      bounds[scale] = lanes ? [high - height * (scales.length - lane), high + height * lane] : [low, high];
+    });
+    return bounds;
+  }
+
+  scaleOf(name) {
+    return family(name, this.about.channels[name].unit);
+  }
+
+  build() {
+    this.plot?.destroy();
+    this.plot = null;
+    const place = at("scope-plot");
+    if (!window.uPlot) return missing(place);
+    place.innerHTML = "";
+    const scales = [...new Set(this.names.map((name) => this.scaleOf(name)))];
+    const lanes = at("scope-lanes").value === "lanes";
+    const axes = scales.slice(0, 2).map((scale, index) => this.scaleAxis(scale, index));
+    this.plot = new uPlot({
+      width: place.clientWidth || 300, height: 340, pxAlign: 0, legend: { show: false },
+      cursor: { y: false, points: { show: false }, drag: { x: true, y: false, setScale: false } },
+      select: { show: true },
+      scales: { x: { time: false }, ...Object.fromEntries(scales.map((scale) => [scale, { auto: false }])) },
+      series: [{}, ...this.names.map((name) => ({ ...look(name, this.names), scale: this.scaleOf(name), width: 1.25, points: { show: false } }))],
+      axes: [{ ...axisLook(), values: (u, values) => values.map((value) => si(value, "s")) }, ...(lanes ? [] : axes)],
+      hooks: { draw: [(u) => this.lines(u)], setSelect: [(u) => this.selected(u)], ready: [(u) => this.mouse(u)] },
+    }, [[], ...this.names.map(() => [])], place);
+    this.waits = this.last?.channels === this.names.length ? this.last : null;
+  }
+
+  scaleAxis(scale, index) {
+    const name = this.names.find((one) => this.scaleOf(one) === scale), unit = this.about.channels[name].unit;
+    return { ...axisLook(), scale, side: index ? 1 : 3, size: innerWidth < 600 ? 62 : 78, grid: { show: !index, stroke: css("--grid"), width: 1 },
+      stroke: look(name, this.names).stroke,
+      values: (u, values) => {
+        const [factor, said] = prefix(Math.max(Math.abs(u.scales[scale].min), Math.abs(u.scales[scale].max)) * 0.999, unit);
+        return values.map((value) => `${Number((value / factor).toPrecision(6))} ${said}`);
+      } };
+  }
+
+  mouse(u) {
+    u.over.addEventListener("dblclick", () => this.closer(...this.extent));
+    u.over.addEventListener("click", (event) => {
+      if (u.select.width > 3) return;
+      const slider = at(event.shiftKey ? "cursor-b" : "cursor-a");
+      slider.value = (1000 * event.offsetX) / u.over.clientWidth;
+      this.cursors();
+    });
+  }
+
+  selected(u) {
+    if (u.select.width <= 3) return;
+    const start = u.posToVal(u.select.left, "x"), end = u.posToVal(u.select.left + u.select.width, "x");
+    u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.closer(start, end);
+  }
+
+  places() {
+    const { min, max } = this.plot.scales.x;
+    return ["cursor-a", "cursor-b"].map((id) => min + ((max - min) * at(id).value) / 1000);
+  }
+
+  // Cursors, and the trigger at 0.
+  lines(u) {
+    const marks = [...this.places().map((t, k) => [t, "AB"[k], css("--soft")]), [0, "", css("--error")]];
+    const context = u.ctx, { left, top, width, height } = u.bbox;
+    context.save();
+    context.lineWidth = devicePixelRatio;
+    context.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+    for (const [t, name, colour] of marks) {
+      const x = u.valToPos(t, "x", true);
+      if (x < left || x > left + width) continue;
+      context.strokeStyle = context.fillStyle = colour;
+      context.setLineDash(name ? [] : [3 * devicePixelRatio, 3 * devicePixelRatio]);
+      context.beginPath();
+      context.moveTo(x, top);
+      context.lineTo(x, top + height);
+      context.stroke();
+      context.fillText(name, x + 4 * devicePixelRatio, top + 12 * devicePixelRatio);
+    }
+    context.restore();
+  }
+
+  cursors() {
+    if (!this.plot || !this.data?.[0].length) return;
+    const times = this.places(), [a, b] = times.map((t) => this.nearest(t)), gap = times[1] - times[0];
+    this.plot.redraw(false, false);
+    const head = ["", `A  ${si(times[0], "s")}`, `B  ${si(times[1], "s")}`, `B − A  ${si(gap, "s")}, ${si(1 / Math.abs(gap), "Hz", 3)}`, "lowest", "highest"];
+    const rows = this.names.map((name, k) => {
+      const unit = this.about.channels[name].unit, values = this.data[k + 1];
+      const [low, high] = values.reduce(([l, h], v) => [v < l ? v : l, v > h ? v : h], [Infinity, -Infinity]);
+      return [name, ...[values[a], values[b], values[b] - values[a], low, high].map((value) => si(value, unit, 5))];
+    });
+    const table = at("readout");
+    fill(table.tHead, [head], "th");
+    fill(table.tBodies[0], rows, "td");
+    [...table.tBodies[0].rows].forEach((row, k) => {
+      const swatch = document.createElement("span");
+      swatch.className = "swatch";
+      swatch.style.background = look(this.names[k], this.names).stroke;
+      row.cells[0].replaceChildren(swatch, title(this.names[k]));
+      row.cells[0].title = this.about.channels[this.names[k]].meaning;
+    });
+  }
+
+  nearest(t) {
+    const x = this.data[0];
+    let low = 0, high = x.length - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (x[middle] <= t) low = middle; else high = middle;
+    }
+    return t - x[low] <= x[high] - t ? low : high;
+  }
+
+  fit() {
+    const width = at("scope-plot").clientWidth;
+    if (width && Math.abs(width - this.plot.width) > 1) this.plot.setSize({ width, height: 340 });
+  }
+}
+
+function title(name) {
+  return name.replaceAll("_", " ");
+}
+
+function fill(part, rows, cell) {
+  while (part.rows.length > rows.length) part.deleteRow(-1);
+  rows.forEach((row, r) => {
+    const line = part.rows[r] || part.insertRow();
+    while (line.cells.length < row.length) line.append(document.createElement(cell));
+    row.forEach((text, c) => { if (c || cell === "th") line.cells[c].textContent = text; });
+  });
+}

@@ -1,0 +1,122 @@
+"""One viewer's live connection: what it asked for, and what goes out to it, frame by frame.
+
+::
+
+    viewer --  {"key": ...}                                    first, over TCP
+           --  {"strip": {"axis", "channels", "span", "points", "number"}}
+           --  {"scope": {... "before", "trigger", "mode"}}     see `Asked`
+           --  {"closer": {"start", "end", "points", "number"}}, {"hold": {"held"}}
+           <-  {"status": ...}  ten times a second; {"error": ...}
+           <-  numbers, see `live`
+
+It reads the ring, which costs the loop nothing; whoever reads slowly gets coarser news, and delays nobody.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from stagectl.daemon.manned import Manned, ServiceError
+from stagectl.daemon.page.asked import Asked, Closer, Hold, Stripes, read
+from stagectl.daemon.page.channels import channels, chosen, level
+from stagectl.daemon.page.live import Sight, Strip, Window
+from stagectl.daemon.service import Service
+from stagectl.recording.ring import Ring
+from stagectl.recording.triggering import Settings, Trigger
+
+RATE = 60.0  # frames a second
+_NEWS = 0.1  # s between two statuses
+_LONGEST_SHARE = 0.6  # of the ring that a capture may take
+Say = Callable[[str | bytes], Awaitable[None]]
+
+
+class Viewer:
+    """The state of one connection."""
+
+    def __init__(self, service: Service, status: Callable[[], dict[str, Any]], say: Say) -> None:
+        self._service, self._status, self._say = service, status, say
+        self._strip: tuple[Strip, Ring, Stripes] | None = None
+        self._sight: tuple[Sight, Ring, Asked] | None = None
+        self._held, self._said = False, 0.0
+
+    async def hear(self, text: str) -> None:
+        """Something was asked for; what cannot be is answered in words."""
+        try:
+            wanted = read(text)
+            if isinstance(wanted, Closer):
+                await self._closer(wanted)
+            elif isinstance(wanted, Hold):
+                self._held = wanted.held
+            elif isinstance(wanted, Asked):
+                self._held, self._sight = False, None if wanted.mode == "off" else self._scope(wanted)
+            else:
+                self._strip = self._stripes(wanted)
+        except ServiceError as error:
+            await self._say(json.dumps({"error": str(error)}))
+
+    async def show(self) -> None:
+        """Frames, until cancelled."""
+        while True:
+            began = time.monotonic()
+            await self.frame(began)
+            await asyncio.sleep(max(1.0 / RATE - (time.monotonic() - began), 0.002))
+
+    async def frame(self, now: float) -> None:
+        """What there is to say now."""
+        self._follow()
+        if self._strip is not None:
+            strip, _, asked = self._strip
+            if (message := strip.look(asked.number)) is not None:
+                await self._say(message)
+        if self._sight is not None and not self._held:
+            sight, _, wanted = self._sight
+            if (message := sight.look(wanted.number)) is not None:
+                await self._say(message)
+        if now - self._said >= _NEWS:
+            self._said = now
+            await self._say(json.dumps({"status": self._status()}))
+
+    def _follow(self) -> None:
+        """A new real-time process has a new ring."""
+        if self._strip is not None and self._strip[1] is not self._axis(self._strip[2].axis).ring:
+            self._strip = self._stripes(self._strip[2])
+        if self._sight is not None and not self._held and self._sight[1] is not self._axis(self._sight[2].axis).ring:
+            self._sight = self._scope(self._sight[2])
+
+    def _axis(self, name: str) -> Manned:
+        if name and name not in self._service.axes:
+            raise ServiceError(f"no axis {name}; there are {', '.join(self._service.axes)}")
+        return self._service.axes[name] if name else next(iter(self._service.axes.values()))
+
+    def _stripes(self, p: Stripes) -> tuple[Strip, Ring, Stripes]:
+        axis = self._axis(p.axis)
+        window = Window(tuple(chosen(channels(axis.setup), p.channels)), p.span, p.points)
+        return Strip(axis.ring, axis.setup.dt, window), axis.ring, p
+
+    def _scope(self, p: Asked) -> tuple[Sight, Ring, Asked]:
+        axis = self._axis(p.axis)
+        known, dt = channels(axis.setup), axis.setup.dt
+        longest = _LONGEST_SHARE * axis.ring.capacity * dt
+        if p.span > longest:
+            raise ServiceError(f"span {p.span:g} s; a capture of {axis.name} has {longest:.3g} s at most")
+        trigger = None
+        if p.trigger is not None:
+            (source,) = chosen(known, [p.trigger.channel])
+            trigger = Trigger(source.column, level(source, p.trigger.level), p.trigger.edge)
+        rows = max(round(p.span / dt), 2)
+        pause = round(min(max(p.span, 0.05), 0.5) / dt)
+        mode = "single" if p.mode == "off" else p.mode
+        settings = Settings(rows, min(round(p.before * rows), rows - 1), trigger, mode, pause, round(0.05 / dt))
+        window = Window(tuple(chosen(known, p.channels)), p.span, p.points)
+        return Sight(axis.ring, dt, window, settings), axis.ring, p
+
+    async def _closer(self, p: Closer) -> None:
+        if self._sight is None:
+            return
+        message = self._sight[0].closer(p.start, p.end, p.points, p.number)
+        if message is not None:
+            await self._say(message)

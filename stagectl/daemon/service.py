@@ -1,0 +1,279 @@
+"""The service: starts the real-time process and the black boxes, gives orders, and sees to it that both live.
+
+::
+
+    HTTP (http.py) --> Service --- board: orders, setpoints ---> axes process ===== CAN ===== drives
+                          ^   <--- board: status, words ----          |
+                          |                                           | ring
+                       watch(): every 20 ms                           v
+                       setpoints ahead, faults into the list,      black box ---> *.h5 on each fault
+                       dead processes, systemd's watchdog
+
+It comes up without power, whatever it was doing before; what ended it stands in the fault list.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import collections
+import contextlib
+import fcntl
+import json
+import os
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from stagectl.daemon import virtual
+from stagectl.daemon.axes import Post
+from stagectl.daemon.blackbox import Box
+from stagectl.daemon.board import PENDING, TAKEN, Order
+from stagectl.daemon.child import Child, start
+from stagectl.daemon.manned import COLUMNS, Manned, ServiceError, why_not
+from stagectl.daemon.notify import notify
+from stagectl.daemon.recordings import Recordings
+from stagectl.daemon.states import Event, State
+from stagectl.drives.drive import Canopen, Fault
+from stagectl.evaluation import DWELL
+
+LOOK = 0.02  # s between two looks at the processes
+_ANSWER = 2.0  # s in which the loop takes an order; longer only while it configures a drive
+_LOCK = 20.0  # s to wait for an earlier process that still stops its axes
+_SETTLE = 3.0  # s after a motion in which the axis must be in position
+_RAMP = 0.5  # s that a drive's own ramp may take
+_DEATHS, _DEATH_TIME = 5, 60.0  # as many ends of the real-time process within that time, s, and the service gives up
+_KEPT = 200  # entries of the fault list
+
+
+class Where(NamedTuple):
+    """Places of a running service."""
+
+    socket: Path
+    state: Path  # folder: black boxes, and the mark of a service that runs
+
+
+class Service:
+    """All axes of one machine."""
+
+    def __init__(self, axes: dict[str, Manned], where: Where, coupled: bool, say: Callable[[str], None]) -> None:
+        self.axes, self.where, self.coupled, self.say = axes, where, coupled, say
+        self.faults: collections.deque[dict[str, Any]] = collections.deque(maxlen=_KEPT)
+        self.refused: list[str] = []
+        self._seen: dict[str, int] = {}
+        self._drives: list[subprocess.Popen[str]] = []
+        self._deaths: list[float] = []
+        self._lock = -1
+        self.recordings = Recordings(where.state)
+
+    # begin and end
+
+    def begin(self) -> None:
+        """Take the machine, start its processes; the drives are configured, nothing has power."""
+        self.where.state.mkdir(parents=True, exist_ok=True)
+        self._take_lock()
+        mark = self.where.state / "running"
+        if mark.exists():
+            self.note("", "service_died", "the service ended without being told to; the axes were stopped without it")
+        mark.write_text(str(os.getpid()))
+        self._present_drives()
+        self._start()
+
+    def end(self) -> None:
+        """Stop what moves, end the processes, give the machine back."""
+        self._loop.terminate()
+        self._loop.wait(15.0)
+        for box in self._boxes.values():
+            box.wait(10.0)
+        self.recordings.cut()
+        for drive in self._drives:
+            drive.terminate()
+            drive.wait()
+        with contextlib.suppress(OSError):
+            (self.where.state / "running").unlink()
+        os.close(self._lock)
+
+    def _take_lock(self) -> None:
+        """One service a machine; the processes of an earlier one hold the lock until their axes stand."""
+        self._lock = os.open(self.where.state / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+        end = time.monotonic() + _LOCK
+        while True:
+            try:
+                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return
+            except OSError as error:
+                if time.monotonic() > end:
+                    raise ServiceError(
+                        f"{self.where.state} belongs to another service that runs: stop it first"
+                    ) from error
+                time.sleep(0.1)
+
+    def _present_drives(self) -> None:
+        """Virtual drives where the embedded bus has none."""
+        for axis in self.axes.values():
+            wire = axis.setup.file.drive.wire
+            if isinstance(wire, Canopen) and wire.interface == "embedded" and not virtual.answers(wire):
+                self.say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
+                seed = axis.setup.file.simulation.seed
+                self._drives.append(virtual.start(axis.setup.path, wire.channel, seed))
+
+    def _start(self) -> None:
+        self._alive, held = os.pipe()
+        axes = list(self.axes.values())
+        shared = [descriptor for axis in axes for descriptor in (axis.ring.descriptor, axis.board.descriptor)]
+        self._loop = start("stagectl.daemon.axes", (*shared, held, self._lock), "interpreted")
+        os.close(held)
+        self._loop.send(self._post())
+        self._boxes = {name: self._box(axis) for name, axis in self.axes.items()}
+        line = self._loop.line()
+        if not line:
+            raise ServiceError("the real-time process did not start; see the messages above")
+        self.refused = json.loads(line)["refused"]
+        self._seen = {axis.name: 0 for axis in axes}
+        for axis in axes:
+            if axis.state is State.OFFLINE:
+                self.say(f"{axis.name}: {axis.board.words}")
+
+    def _post(self) -> Post:
+        first = next(iter(self.axes.values()))
+        realtime = first.setup.file.realtime
+        orders = tuple(axis.orders() for axis in self.axes.values())
+        # A plant in this process takes longer than its period: at real-time priority it would starve the machine.
+        priority = realtime.priority if all(order.wire for order in orders) else 0
+        capacity = first.ring.capacity
+        return Post(orders, first.setup.dt, priority, realtime.cpu, len(COLUMNS), capacity, self.coupled, realtime.spin)
+
+    def _box(self, axis: Manned) -> Child:
+        meta = axis.meta("black box")
+        folder = str(self.where.state / "blackbox" / axis.name)
+        ring, board = axis.ring, axis.board.descriptor
+        box = start("stagectl.daemon.blackbox", (ring.descriptor, board, self._alive), "interpreted")
+        dt = axis.setup.dt
+        box.send(Box(ring.descriptor, ring.width, ring.capacity, board, self._alive, folder, meta, COLUMNS, dt))
+        return box
+
+    # what goes on by itself
+
+    async def watch(self) -> None:
+        """Look every 20 ms, until cancelled; raises ServiceError where the real-time process does not stay alive."""
+        petted = 0.0
+        while True:
+            await asyncio.sleep(LOOK)
+            for axis in self.axes.values():
+                axis.fill()
+                self._notice(axis)
+            await self._revive()
+            for name in self.recordings.look():
+                self.note(name, "recorder_died", "the recorder failed; see the messages above, and `df`")
+            if self.alive() and time.monotonic() - petted > 0.5:
+                petted = time.monotonic()
+                notify("WATCHDOG=1", f"STATUS={self.words()}")
+
+    def alive(self) -> bool:
+        """Whether the real-time process makes progress: its own sign of life, not ours."""
+        now = time.monotonic()
+        return all(now - status.tick < status.patience for status in (axis.status for axis in self.axes.values()))
+
+    def words(self) -> str:
+        """The machine in a line."""
+        return "; ".join(f"{axis.name} {axis.state.words}" for axis in self.axes.values())
+
+    def note(self, axis: str, fault: str, words: str) -> None:
+        """An entry of the fault list."""
+        self.faults.append({"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "axis": axis, "fault": fault, "words": words})
+        self.say(f"{axis or 'service'}: {words}")
+
+    def _notice(self, axis: Manned) -> None:
+        status = axis.status
+        if int(status.faults) != self._seen[axis.name]:
+            self._seen[axis.name] = int(status.faults)
+            self.note(axis.name, Fault(int(status.fault)).name.lower(), axis.board.words)
+            axis.finished(False)
+
+    async def _revive(self) -> None:
+        """Processes that died are started again; the axes come back without power, after the drives have stopped."""
+        for name, box in self._boxes.items():
+            if box.ended is not None and self._loop.ended is None:
+                self.note(name, "blackbox_died", f"the black box ended ({box.ended}); a new one watches")
+                self._boxes[name] = self._box(self.axes[name])
+        if self._loop.ended is None:
+            return
+        now = time.monotonic()
+        self._deaths = [when for when in self._deaths if now - when < _DEATH_TIME] + [now]
+        words = f"the real-time process died ({_exit(self._loop.ended)}); the drive stopped by its own time-outs"
+        self.note("", "process_died", f"{words}. A new one runs; next: `stagectl enable`")
+        if len(self._deaths) > _DEATHS:
+            raise ServiceError(f"the real-time process died {len(self._deaths)} times in {_DEATH_TIME:.0f} s: given up")
+        await asyncio.sleep(max(map(_silence, self.axes.values())))
+        os.close(self._alive)
+        for box in self._boxes.values():
+            box.wait(10.0)
+        await asyncio.to_thread(self.recordings.cut)
+        for axis in self.axes.values():
+            axis.begin()
+        self._start()
+
+    # orders
+
+    def chosen(self, name: str) -> list[Manned]:
+        """The axis of this name, all where there is none.
+
+        Raises ServiceError.
+        """
+        if name and name not in self.axes:
+            raise ServiceError(f"no axis {name}; there are {', '.join(self.axes)}")
+        return [self.axes[name]] if name else list(self.axes.values())
+
+    async def order(self, axis: Manned, order: Order) -> None:
+        """Give an order and wait until the loop has taken it.
+
+        Raises ServiceError with the reason where it cannot be given now.
+        """
+        state = axis.state
+        number = axis.board.order(order)
+        end = time.monotonic() + _ANSWER
+        while (verdict := axis.board.verdict(number)) == PENDING:
+            if time.monotonic() > end and time.monotonic() - axis.status.tick > axis.status.patience:
+                raise ServiceError(f"{axis.name}: the real-time process does not answer; see `stagectl status`")
+            await asyncio.sleep(0.002)
+        if verdict != TAKEN:
+            event = Event(order.kind)
+            own = event is Event.MOVE and state is State.STANDING
+            raise ServiceError(f"{axis.name}: {axis.board.words if own else why_not(event, state)}")
+
+    async def until(self, axis: Manned, wanted: Callable[[State], bool], timeout: float) -> bool:
+        """Wait until its state is as `wanted`; False where it is not within `timeout` (s)."""
+        end = time.monotonic() + timeout
+        while not wanted(axis.state):
+            if time.monotonic() > end:
+                return False
+            await asyncio.sleep(0.005)
+        return True
+
+    async def settle(self, axis: Manned) -> bool:
+        """Wait for the end of the motion; whether the axis then stands in position, as long as the dwell asks."""
+        motion, board = axis.motion, axis.board
+        while axis.state in (State.MOVING, State.HOMING):
+            await asyncio.sleep(0.005)
+        end = time.monotonic() + _SETTLE
+        while axis.state is State.STANDING and axis.board is board:
+            status = axis.status
+            if status.settled >= DWELL:
+                if axis.motion is motion:
+                    axis.finished(not status.fault)
+                return not status.fault
+            if time.monotonic() > end:
+                return False
+            await asyncio.sleep(0.005)
+        return False
+
+
+def _silence(axis: Manned) -> float:
+    """Time (s) after which the drive has stopped by itself; sooner a new configuration would disturb its ramp."""
+    wire = axis.setup.file.drive.wire
+    return max(wire.heartbeat_timeout, wire.rpdo_timeout) + _RAMP if isinstance(wire, Canopen) else 0.0
+
+
+def _exit(code: int) -> str:
+    return f"signal {-code}" if code < 0 else f"exit {code}"

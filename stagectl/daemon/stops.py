@@ -1,0 +1,123 @@
+"""How the axis stops: one row a fault, with its stop category, its words and what to do next.
+
+Categories as in IEC 60204-1, which names what happens to the power; none of them is a safety function here.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import NamedTuple
+
+from stagectl.drives.drive import Fault
+
+
+class Category(enum.IntEnum):
+    """Stop categories of IEC 60204-1."""
+
+    COAST = 0
+    RAMP = 1
+    HOLD = 2
+
+    @property
+    def words(self) -> str:
+        """As a person says it."""
+        return _CATEGORIES[self]
+
+
+_CATEGORIES = {
+    Category.COAST: "category 0: power is cut at once, friction stops the axis",
+    Category.RAMP: "category 1: the drive brakes on its own ramp, then power is cut",
+    Category.HOLD: "category 2: the controller brakes, then holds the position under power",
+}
+
+
+class Stop(NamedTuple):
+    """What a fault leads to."""
+
+    category: Category
+    words: str  # what happened
+    causes: str  # probable ones; empty where the drive explains itself
+    next: str  # what resumes
+
+
+_RESET = "`stagectl fault reset`, then `stagectl enable`"
+_LOOK = "the black box shows the ten seconds before; then `stagectl fault reset` and `stagectl enable`"
+STOPS: dict[Fault, Stop] = {
+    Fault.FEEDBACK_LOST: Stop(Category.RAMP, "the drive did not answer SYNC in time", "", _RESET),
+    Fault.DRIVE_FAULT: Stop(Category.RAMP, "the drive left Operation enabled", "", _RESET),
+    Fault.EMERGENCY: Stop(Category.RAMP, "the drive sent an emergency message", "", _RESET),
+    Fault.BUS: Stop(Category.RAMP, "the bus failed", "", _RESET),
+    Fault.REBOOTED: Stop(Category.RAMP, "the drive booted in mid operation", "", _RESET),
+    Fault.FOLLOWING_ERROR: Stop(
+        Category.RAMP,
+        "the following error exceeds limits.following_error",
+        "Probable causes: a load or friction that the model does not know, gains, an obstacle",
+        _LOOK,
+    ),
+    Fault.TRAVEL: Stop(
+        Category.RAMP,
+        "the position left limits.travel",
+        "Probable causes: a trajectory from the wrong place, a home that is not true",
+        "move the axis back by hand, or widen limits.travel; then " + _RESET,
+    ),
+    Fault.SPEED: Stop(Category.RAMP, "the speed exceeds limits.speed", "Probable cause: an unstable loop", _LOOK),
+    Fault.LATE: Stop(
+        Category.RAMP,
+        "too many late cycles in a row (realtime.late_limit)",
+        "Probable causes: no real-time scheduling, a busy machine",
+        "`stagectl doctor`; then " + _RESET,
+    ),
+    Fault.OPERATOR: Stop(Category.HOLD, "stopped by the operator", "", "the next command"),
+    Fault.BRAKING: Stop(
+        Category.RAMP,
+        "braking now no longer ends within limits.travel",
+        "Probable causes: a trajectory from the wrong place, a runaway towards its end",
+        _LOOK,
+    ),
+    Fault.CURRENT: Stop(
+        Category.RAMP,
+        "the measured current exceeds limits.current",
+        "Probable causes: the drive's current loop, a short circuit, a wrong current_scale",
+        _LOOK,
+    ),
+    Fault.OVERLOAD: Stop(
+        Category.RAMP,
+        "the motor's I2t exceeds limits.continuous_current",
+        "Probable causes: a jam, a brake that is on, too hard a duty",
+        "let it cool down for limits.thermal_time; then " + _RESET,
+    ),
+    Fault.STALE: Stop(
+        Category.RAMP,
+        "the position is older than realtime.feedback_age",
+        "Probable causes: a line that is too slow or busy",
+        _RESET,
+    ),
+    Fault.JUMP: Stop(
+        Category.COAST,
+        "the encoder jumped: no force could move the axis so far in a period",
+        "Probable causes: encoder cable, its supply, dirt, a slipped coupling; the position is not to be trusted",
+        "check the encoder, then `stagectl fault reset`, `stagectl enable`, `stagectl home`",
+    ),
+    Fault.FREEZE: Stop(
+        Category.COAST,
+        "the position stands still although the axis must be moving",
+        "Probable causes: the encoder froze, the coupling broke, or the axis is blocked",
+        "check the encoder and the axis, then `stagectl fault reset`, `stagectl enable`, `stagectl home`",
+    ),
+    Fault.STARVED: Stop(
+        Category.HOLD,
+        "the setpoints ran out in mid motion",
+        "Probable cause: the service was held up for seconds",
+        "the next command",
+    ),
+    Fault.UNATTENDED: Stop(
+        Category.RAMP, "the service that gives the orders is gone", "", "`systemctl status stagectl`"
+    ),
+    Fault.HOMING: Stop(
+        Category.RAMP,
+        "no home was found within homing.distance",
+        "Probable causes: the wrong direction, a switch or index that is not connected",
+        _RESET,
+    ),
+    Fault.PARTNER: Stop(Category.RAMP, "another axis of the group has stopped by a fault", "", _RESET),
+}

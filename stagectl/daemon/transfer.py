@@ -1,0 +1,54 @@
+"""What keeps the current from jumping when something else than time moves on: gains, or the origin of the positions.
+
+A new law takes over with the current that the old one would give in this period: its integral makes up for the
+difference (bumpless transfer; Astrom and Hagglund, Advanced PID Control, section 3.5, tracking at one instant).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from stagectl.kernels import law
+
+
+def transferred(old: law.Law, new: law.Law, x: law.State, asked: law.Setpoint, measured: float) -> law.State:
+    """The state with which `new` gives, for this period, the command that `old` would give in state `x`."""
+    same_kind = old.cascaded == new.cascaded
+    start = x if same_kind else law.AT_REST._replace(observer=x.observer)
+    if asked.closed == 0.0:
+        return start
+    before, _ = law.step(old, x, asked, measured)
+    after, _ = law.step(new, start, asked, measured)
+    missing = before.command - after.command
+    if new.cascaded:  # the integral passes the force filter: of what is added now only this share comes out now
+        outer = start.cascade
+        added = missing / (1.0 - new.cascade.retained)
+        return start._replace(cascade=outer._replace(integral=outer.integral + added))
+    inner = start.feedback
+    return start._replace(feedback=inner._replace(integral=inner.integral + missing))
+
+
+def shifted(x: law.State, by: float) -> law.State:
+    """The same state where every position is smaller by `by` (rad | m): the origin has moved."""
+    outer, seen = x.cascade, x.observer
+    return x._replace(
+        cascade=outer._replace(last=outer.last - by, before=outer.before - by),
+        observer=seen._replace(position=seen.position - by),
+    )
+
+
+def flattened(block: Any) -> Iterator[float]:
+    """The numbers of a block of parameters in order, for a place that holds only numbers."""
+    for value in block:
+        if hasattr(value, "_fields"):
+            yield from flattened(value)
+        else:
+            yield float(value)
+
+
+def rebuilt(like: Any, numbers: Iterator[float]) -> Any:
+    """A block of the kind of `like` from its `flattened` numbers; whole and true-or-false values stay what they are."""
+    return type(like)(
+        *(rebuilt(value, numbers) if hasattr(value, "_fields") else type(value)(next(numbers)) for value in like)
+    )

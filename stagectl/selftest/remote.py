@@ -1,0 +1,268 @@
+"""The self-test of a drive that is known by its bus alone: a real one, at a low current and over a short way.
+
+::
+
+    loop --> CanopenDrive --> FaultyBus: the rules of the fault --> Listening --> bus --> drive
+                                                                     hears the position beneath all rules, and asks
+                                                                     for it with SYNC where the loop does no more
+
+Only what can be provoked from our end of the bus is tried; nothing that makes the drive do what nobody asked for.
+"""
+
+from __future__ import annotations
+
+import collections
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from stagectl.config.stage_file import Setup
+from stagectl.drives import cia402, faults, faulty_bus
+from stagectl.drives.bus import Bus, frame, open_bus
+from stagectl.drives.canopen import CanopenDrive
+from stagectl.drives.canopen_pdo import FeedbackPdo
+from stagectl.drives.canopen_power import STANDING
+from stagectl.drives.cia402 import State
+from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.drive import Canopen
+from stagectl.drives.faulty_bus import Act, FaultyBus, Rule, Way
+from stagectl.drives.wire import load_eds
+from stagectl.kernels import stage
+from stagectl.selftest.limits import LONGEST
+from stagectl.selftest.matrix import Bench
+from stagectl.selftest.rig import Known, Motions, Pace, Seen, motions
+from stagectl.units import StageError
+
+STATES = ("connecting", "enabling", "holding", "moving", "stopping")  # a real drive is not made to trip
+_SYNC = frame(0x080)
+_POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
+_SPAN = 0.01  # s over which a speed is taken; longer where the encoder's step is coarse
+_FRAMES = 1000  # that wait for the loop
+_SEES = 0.2  # s in which the end of a case is looked at
+_SPEED, _FORCE, _FRICTION = (
+    0.3,
+    0.5,
+    0.7,
+)  # of what the current leaves: for viscous friction, to accelerate; for friction
+_Make = Callable[[Any, FaultyBus], Act]
+
+
+def _share(act: Callable[[float, Any], Act]) -> _Make:
+    return lambda p, bus: act(p.share, bus.random)
+
+
+# Seen from our end of the bus: what the drive receives goes out here.
+RULES: dict[str, tuple[Way, str, _Make]] = {
+    "cable-out": ("both", "", _share(faulty_bus.lose)),
+    "frames-lost": ("both", "", _share(faulty_bus.lose)),
+    "sync-lost": ("out", "sync", _share(faulty_bus.lose)),
+    "command-lost": ("out", "rpdo", _share(faulty_bus.lose)),
+    "feedback-lost": ("in", "tpdo", _share(faulty_bus.lose)),
+    "controller-heartbeat-lost": ("out", "heartbeat", _share(faulty_bus.lose)),
+    "drive-heartbeat-lost": ("in", "heartbeat", _share(faulty_bus.lose)),
+    "frames-duplicated": ("both", "", _share(faulty_bus.double)),
+    "frames-delayed": ("in", "", lambda p, _: faulty_bus.delay(p.delay)),
+    "feedback-short": ("in", "tpdo", _share(faulty_bus.shorten)),
+    "node-stuck": ("in", "tpdo", lambda p, _: faulty_bus.freeze()),
+    "sdo-silent": ("out", "sdo request", lambda p, bus: faulty_bus.lose(1.0, bus.random)),
+}
+PROVOCABLE = (*RULES, "node-reboot", "loop-stalled", "controller-dead", "interface-down")
+_UNASKED = ("cable-out", "interface-down", "controller-dead")  # nobody else sends SYNC then
+
+
+class Gentle(NamedTuple):
+    """What a real axis is moved with."""
+
+    current: float  # A, the most that the law may ask for
+    travel: float  # rad | m, of one move
+
+
+class Listening:
+    """The bus beneath all rules."""
+
+    def __init__(self, bus: Bus, now: Callable[[], float], setup: Setup, wire: Canopen) -> None:
+        self._bus, self._now, self._dt, self._step = bus, now, setup.dt, setup.stage.encoder.step
+        self._answer = FeedbackPdo(wire, load_eds(wire.eds, wire.node))
+        slow = wire.quick_stop_deceleration * STANDING
+        self._span, self._synced = max(_SPAN, 4.0 * self._step / slow), -math.inf
+        self._window: collections.deque[tuple[float, float]] = collections.deque()
+        self.inbox: collections.deque[bytes] = collections.deque(maxlen=_FRAMES)
+        self.trace: list[Seen] = []
+        self.down = self.asking = False
+
+    def send(self, raw: bytes) -> None:
+        """Send a frame of the loop's.  Raises OSError where its interface is down."""
+        if self.down:
+            raise OSError(100, "Network is down")
+        self.put(raw)
+
+    def put(self, raw: bytes) -> None:
+        """Send a frame."""
+        if raw[:4] == _SYNC[:4]:
+            self._synced = self._now()
+        self._bus.send(raw)
+
+    def receive(self, timeout: float) -> bytes | None:
+        """The loop's next frame, or None.  Raises OSError where its interface is down."""
+        if self.down:
+            raise OSError(100, "Network is down")
+        deadline = self._now() + timeout
+        while not self.inbox:
+            left = deadline - self._now()
+            self.hear(max(left, 0.0))
+            if left <= 0.0:
+                break
+        return self.inbox.popleft() if self.inbox else None
+
+    def hear(self, timeout: float) -> None:
+        """Let one frame come in, and note what it says of the axis."""
+        now = self._now()
+        if self.asking and now - self._synced >= 2.0 * self._dt:
+            self.put(_SYNC)
+        raw = self._bus.receive(min(timeout, self._dt))
+        if raw is not None:
+            self.inbox.append(raw)
+            if raw[:5] == self._answer.head:
+                self._see(raw)
+
+    def close(self) -> None:
+        """It stays open for the next case."""
+
+    def _see(self, raw: bytes) -> None:
+        statusword, counts, _ = self._answer.decode(raw)
+        now, position, window = self._now(), counts * self._step, self._window
+        window.append((now, position))
+        while len(window) > 2 and now - window[1][0] >= self._span:
+            window.popleft()
+        before, start = window[0]
+        speed = (position - start) / (now - before) if now > before else 0.0
+        self.trace.append(Seen(now, position, speed, cia402.state(statusword) in _POWERED))
+
+
+class Attentive:
+    """A clock whose waits hear the bus."""
+
+    def __init__(self, clock: Clock, listening: Listening) -> None:
+        self.now, self._listening = clock.now, listening
+
+    def sleep(self, seconds: float) -> None:
+        """Let so much time go by."""
+        end = self.now() + seconds
+        while (left := end - self.now()) > 0.0:
+            self._listening.hear(left)
+
+
+class Remote(Known):
+    """One case on the drive at the other end of a bus."""
+
+    def __init__(self, setup: Setup, ways: tuple[Motions, Motions], bus: Bus, clock: Clock, home: list[float]) -> None:
+        """`ways`: there, and the other way; `home` takes the place (rad | m) of the first case."""
+        wire = setup.file.drive.wire
+        assert isinstance(wire, Canopen)
+        self._listening = Listening(bus, clock.now, setup, wire)
+        super().__init__(setup, ways[0], Attentive(clock, self._listening))
+        self._faulty = FaultyBus(self._listening, clock.now, setup.file.simulation.seed)
+        self.trace = self._listening.trace
+        self._look()
+        if not self.trace:
+            raise StageError(f"node {wire.node} answers no SYNC with its position: see `stagectl doctor`")
+        home[:] = home or [self.seen.position]
+        self.laid_out = ways[self.seen.position > home[0]]  # so that the cases do not walk away
+        del self.trace[:-1]
+
+    def connect(self) -> CanopenDrive:
+        """The daemon's side.  Raises DriveError."""
+        return CanopenDrive(self.settings, self._faulty, self.setup.stage.encoder.step, self.setup.dt, clock=self.time)
+
+    def begin(self, block: Any) -> None:
+        """The fault of this block, from our end."""
+        name = block.fault
+        self._listening.asking = name in _UNASKED
+        if name == "node-reboot":
+            self._listening.put(frame(0, bytes([cia402.NMT_RESETS["node"], self.settings.node])))
+            return
+        way, kinds, make = RULES[name]
+        self._faulty.add(Rule(way, frozenset(kinds.split(",")) if kinds else frozenset(), make(block, self._faulty)))
+
+    def cut_off(self) -> None:
+        """The controller's own interface fails."""
+        self._listening.down = self._listening.asking = True
+
+    def left_alone(self) -> None:
+        """The controller is dead; only we still look."""
+        self._listening.asking = True
+
+    def let_go(self, drive: CanopenDrive) -> None:
+        """The end of a motion that went on: a real axis is stopped."""
+        drive.quick_stop()
+        drive.close()
+
+    def settle(self) -> None:
+        """Clear the fault, and look where the axis is now: it has no power any more."""
+        self._faulty = FaultyBus(self._listening, self.time.now, 0)
+        self._listening.down, self._listening.asking = False, True
+        self._listening.put(frame(0, bytes([cia402.NMT_START, self.settings.node])))
+        self.time.sleep(_SEES)
+        self._listening.put(frame(0, bytes([cia402.NMT_PRE_OPERATIONAL, self.settings.node])))
+
+    @property
+    def seen(self) -> Seen:
+        """The axis when it was last heard."""
+        last = self.trace[-1]
+        return last._replace(time=max(last.time, self.time.now())) if not self._listening.asking else last
+
+    def _look(self) -> None:
+        """Where the axis stands before the case."""
+        drive = self.connect()
+        for _ in range(round(_SEES / self.setup.dt)):
+            drive.sample()
+            drive.apply(0.0)
+            self.time.sleep(self.setup.dt)
+        drive.close()
+
+
+def real(setup: Setup, gentle: Gentle, only: frozenset[str], bus: Bus | None = None, clock: Clock = WALL) -> Bench:
+    """The bench of a real drive, on its own bus.  Raises StageError where it cannot be moved so."""
+    strange = sorted(only - set(PROVOCABLE))
+    if strange:
+        raise StageError(
+            f"--only {strange[0]}: a real drive is only tried with what comes from the controller's end of the bus: "
+            + ", ".join(PROVOCABLE)
+        )
+    wire = setup.file.drive.wire
+    assert isinstance(wire, Canopen)
+    setup = weakened(setup, gentle.current)
+    pace = pace_of(setup, gentle)
+    ways = motions(setup, pace), motions(setup, pace._replace(distance=-pace.distance))
+    bus, home = bus or open_bus(wire.interface, wire.channel, wire.bitrate), list[float]()
+    rows = tuple(row for row in faults.TABLE if row.name in (only or PROVOCABLE))
+    mode = f"drive {wire.node} on {wire.interface} {wire.channel}, at most {gentle.current:g} A"
+    return Bench(lambda: Remote(setup, ways, bus, clock, home), rows, STATES, pace.speed, mode)
+
+
+def weakened(setup: Setup, current: float) -> Setup:
+    """The stage with a law that asks for no more than this current (A)."""
+    drive, model = setup.file.drive, setup.stage
+    if not 0.0 < current <= drive.current_limit:
+        raise StageError(f"--current {current:g} A; must lie in (0, {drive.current_limit:g}] A, drive.current_limit")
+    return setup._replace(
+        file=setup.file._replace(drive=drive._replace(current_limit=current)),
+        stage=model._replace(drive=model.drive._replace(current_limit=current)),
+    )
+
+
+def pace_of(setup: Setup, gentle: Gentle) -> Pace:
+    """A motion that the current carries with ease."""
+    p, limits = setup.stage, setup.file.limits
+    all_of_it, friction = gentle.current * p.motor.force_constant, stage.sliding(p.friction) + abs(p.mechanics.bias)
+    left = all_of_it - friction
+    if friction > _FRICTION * all_of_it:
+        least = friction / _FRICTION / p.motor.force_constant
+        raise StageError(
+            f"--current {gentle.current:g} A does not carry the friction of this stage; must be at least {least:.3g} A"
+        )
+    viscous = p.mechanics.viscous
+    acceleration = min(_FORCE * left / p.mechanics.inertia, limits.acceleration)
+    slow = abs(gentle.travel) / LONGEST  # a motion must last until the last fault is noticed
+    speed = min(_SPEED * left / viscous if viscous else math.inf, 0.1 * limits.speed, slow)
+    return Pace(gentle.travel, min(speed, math.sqrt(acceleration * abs(gentle.travel) / 2.0)), acceleration)

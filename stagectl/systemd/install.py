@@ -1,0 +1,167 @@
+"""Install and remove the service: what is written, and the commands that make it known, as one list."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+from stagectl.config.stage_file import Setup
+from stagectl.drives.drive import Canopen
+from stagectl.units import StageError
+
+QUEUE = 128  # frames in the interface's queue: ten cycles and more
+_OWN = "stagectl"
+UNIT, USERS, RULES = "stagectl.service", "stagectl.sysusers", "80-stagectl.rules"
+NETWORK, LINK = "80-stagectl-can.network", "80-stagectl-can.link"
+PLACES = {
+    UNIT: "etc/systemd/system/stagectl.service",
+    USERS: "etc/sysusers.d/stagectl.conf",
+    RULES: "etc/udev/rules.d/80-stagectl.rules",
+    NETWORK: "etc/systemd/network/80-stagectl-can.network",
+    LINK: "etc/systemd/network/80-stagectl-can.link",
+}
+
+
+class InstallError(StageError):
+    """What could not be installed or removed, and what to do."""
+
+
+class Wanted(NamedTuple):
+    """What the service shall run."""
+
+    stages: tuple[tuple[str, Path, Setup], ...]  # name, file, set-up
+    python: Path
+    tcp: str = ""  # HOST:PORT, empty: none
+    coupled: bool = True  # a fault of one axis stops all
+
+
+def contents(wanted: Wanted) -> dict[str, str]:
+    """The files by their place below the root."""
+    template = files("stagectl.systemd")
+    texts = {name: (template / name).read_text(encoding="utf-8") for name in PLACES}
+    found = {PLACES[name]: _filled(texts[name], _unit(wanted)) for name in (UNIT, USERS, RULES)}
+    wire = _socketcan(wanted)
+    if wire is not None:
+        values = {"CHANNEL": wire.channel, "BITRATE": f"{wire.bitrate:.0f}", "QUEUE": str(QUEUE)}
+        found |= {PLACES[name]: _filled(texts[name], values) for name in (NETWORK, LINK)}
+    return found
+
+
+def _filled(text: str, values: dict[str, str]) -> str:
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", value)
+    return text
+
+
+def _socketcan(wanted: Wanted) -> Canopen | None:
+    wires = (setup.file.drive.wire for _, _, setup in wanted.stages)
+    return next((wire for wire in wires if isinstance(wire, Canopen) and wire.interface == "socketcan"), None)
+
+
+def _unit(wanted: Wanted) -> dict[str, str]:
+    wire, cpu = _socketcan(wanted), wanted.stages[0][2].file.realtime.cpu
+    one = len(wanted.stages) == 1
+    stages = " ".join(f'"{path}"' if one else f'"{name}={path}"' for name, path, _ in wanted.stages)
+    stages += "" if wanted.coupled else " --uncoupled"
+    home = any(_under_home(path) for path in (wanted.python, *(path for _, path, _ in wanted.stages)))
+    families = [
+        "AF_UNIX",
+        "AF_NETLINK",
+        *(["AF_CAN"] if wire else []),
+        *(["AF_INET", "AF_INET6"] if wanted.tcp else []),
+    ]
+    device = f"sys-subsystem-net-devices-{wire.channel}.device" if wire else ""
+    return {
+        "NAME": ", ".join(setup.file.name for _, _, setup in wanted.stages),
+        "README": str(Path(__file__).parents[2] / "README.md"),
+        "AFTER": f"BindsTo={device}\nAfter={device} systemd-networkd.service" if wire else "After=local-fs.target",
+        "PYTHON": str(wanted.python),
+        "STAGES": stages + (f" --tcp {wanted.tcp}" if wanted.tcp else ""),
+        "AFFINITY": ""
+        if cpu is None
+        else f"# The loop pins itself to CPU {cpu}; the rest of the service stays off it.",
+        "HOME": "read-only" if home else "yes",
+        # A user namespace takes the real-time rights away: SCHED_FIFO is asked for in the first one.
+        "USERS": "no",
+        "FAMILIES": " ".join(families),
+        "NETWORK": "" if wanted.tcp else "any",
+    }
+
+
+def _under_home(path: Path) -> bool:
+    return path.absolute().parts[1:2] in (("home",), ("root",))
+
+
+def install(wanted: Wanted, root: Path, start: bool) -> list[str]:
+    """Write all files below `root` and make them known; what was done, in words.
+
+    Raises InstallError where that is not permitted.
+    """
+    done = []
+    for place, text in contents(wanted).items():
+        path = root / place
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise InstallError(
+                f"{path}: {error.strerror}; run this as root: sudo stagectl service install ..."
+            ) from error
+        done.append(f"wrote {path}")
+    return done + _run(_known(_socketcan(wanted), start), root)
+
+
+def remove(root: Path) -> list[str]:
+    """Stop the service and take away what `install` wrote; recordings and black boxes stay.
+
+    Raises InstallError where that is not permitted.
+    """
+    done = _run([["systemctl", "disable", "--now", UNIT]], root)
+    for place in PLACES.values():
+        path = root / place
+        try:
+            path.unlink()
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise InstallError(f"{path}: {error.strerror}; run this as root: sudo stagectl service remove") from error
+        done.append(f"removed {path}")
+    return done + _run([["systemctl", "daemon-reload"], ["udevadm", "control", "--reload"]], root)
+
+
+def _known(wire: Canopen | None, start: bool) -> list[list[str]]:
+    commands = [
+        ["systemd-sysusers"],
+        ["udevadm", "control", "--reload"],
+        ["udevadm", "trigger", "--settle", "--name-match=cpu_dma_latency"],
+        ["systemctl", "daemon-reload"],
+    ]
+    if wire is not None:  # an interface that is there already has been set up without these files
+        path = f"/sys/class/net/{wire.channel}"
+        commands += [["networkctl", "reload"], ["udevadm", "trigger", "--settle", "--action=add", path]]
+    return [*commands, ["systemctl", "enable", *(["--now"] if start else []), UNIT]]
+
+
+def _run(commands: list[list[str]], root: Path) -> list[str]:
+    """Run what makes the files known, where this root is the machine that runs."""
+    if root != Path("/"):
+        return [f"not run, as {root} is not this machine's root: {' '.join(command)}" for command in commands]
+    told = []
+    for command in commands:
+        line = " ".join(command)
+        if shutil.which(command[0]) is None:
+            told.append(f"not run, as there is no {command[0]}: {line}")
+            continue
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        told.append(line if ended.returncode == 0 else f"failed: {line}: {ended.stderr.strip()}")
+    return told
+
+
+def interpreter() -> Path:
+    """The Python that runs this, by the path that its environment is found by."""
+    return Path(os.path.abspath(sys.executable))

@@ -1,0 +1,3 @@
+"""What the daemon's tests share with those of the drives."""
+
+from tests.drives.conftest import bench as bench

@@ -1,0 +1,59 @@
+"""Orders, status and setpoints over shared memory, between two views of it as between two processes."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from stagectl.daemon.board import AHEAD, PENDING, REFUSED, SLOTS, TAKEN, Board, Order, Status
+
+
+@pytest.fixture
+def sides() -> tuple[Board, Board]:
+    service = Board.create()
+    return service, Board(service.descriptor)
+
+
+def test_orders_come_in_order_and_are_answered(sides: tuple[Board, Board]) -> None:
+    service, loop = sides
+    assert loop.next_order() is None
+    first, second = service.order(Order(4, (1.5, -2.0))), service.order(Order(6))
+    assert loop.next_order() == Order(4, (1.5, -2.0))
+    assert loop.next_order() == Order(4, (1.5, -2.0))  # until it is answered
+    assert service.verdict(first) == PENDING
+    loop.answer(True)
+    assert loop.next_order() == Order(6)
+    loop.answer(False)
+    assert (service.verdict(first), service.verdict(second)) == (TAKEN, REFUSED)
+    assert loop.next_order() is None
+    for k in range(3 * SLOTS):
+        number = service.order(Order(k))
+        assert loop.next_order() == Order(k)
+        loop.answer(True)
+        assert service.verdict(number) == TAKEN
+
+
+def test_the_status_is_whole(sides: tuple[Board, Board]) -> None:
+    service, loop = sides
+    shown = Status(*map(float, range(len(Status._fields))))
+    loop.show(shown)
+    assert service.status() == shown
+    loop.say("µ" * 5000)  # longer than there is room for
+    assert service.words.startswith("µ" * 100)
+    loop.say("stands")
+    assert service.words == "stands"
+
+
+def test_setpoints_wrap_around(sides: tuple[Board, Board]) -> None:
+    service, loop = sides
+    rows = b"".join(struct.pack("<8d", k, *[0.0] * 7) for k in range(20000))
+    assert loop.setpoint(0) is None
+    service.fill(rows)
+    service.fill(rows[: 64 * 10000])
+    service.fill(rows)
+    assert service.filled == 50000 > AHEAD
+    assert loop.setpoint(49999) == (19999.0, *[0.0] * 7)
+    assert loop.setpoint(30000) == (0.0, *[0.0] * 7)
+    assert loop.setpoint(29999) == (9999.0, *[0.0] * 7)
+    assert loop.setpoint(50000) is None

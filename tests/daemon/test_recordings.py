@@ -1,0 +1,105 @@
+"""Recordings of an axis whose rows the test writes: where they begin, how they end, and what is refused."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stagectl.daemon.machine import machine
+from stagectl.daemon.manned import COLUMNS, Manned, ServiceError
+from stagectl.daemon.recordings import Recordings
+from stagectl.recording.hdf5 import open_recording
+from tests.conftest import CONFIG
+
+PATIENCE = 60.0  # s: the machine is shared
+
+
+@pytest.fixture
+def axis() -> Manned:
+    return machine([str(CONFIG / "ball-screw.yaml")], None)["axis"]
+
+
+def write(axis: Manned, count: int) -> None:
+    for _ in range(count):
+        number = axis.ring.written
+        axis.ring.write(((number + 1) * axis.setup.dt, *(float(number),) * (len(COLUMNS) - 1)))
+
+
+def until_ended(recordings: Recordings, axis: Manned) -> None:
+    end = time.monotonic() + PATIENCE
+    while recordings.told(axis) is not None and time.monotonic() < end:
+        assert recordings.look() == []
+        time.sleep(0.02)
+    assert recordings.told(axis) is None
+
+
+def test_it_begins_before_it_was_asked_for_and_ends_when_told(axis: Manned, tmp_path: Path) -> None:
+    recordings = Recordings(tmp_path)
+    write(axis, 1000)
+    path = recordings.begin(axis, "one", 0.1, 3600.0)
+    assert path == tmp_path / "recordings" / "axis" / "one.h5"
+    with pytest.raises(ServiceError, match=r"axis is being recorded: one\.h5"):
+        recordings.begin(axis, "two", 0.0, 1.0)
+    write(axis, 600)
+    told = recordings.told(axis)
+    assert told is not None
+    assert told["seconds"] == pytest.approx(0.4)
+    assert recordings.end("axis") == path
+    found = open_recording(path)
+    assert found.complete
+    assert found.lost_rows == 0
+    assert np.array_equal(found.column("error"), np.arange(800.0, 1600.0))
+    assert found.meta["steady"] == pytest.approx([801 * 5e-4, 1601 * 5e-4])
+    assert found.meta["duration"] == pytest.approx(0.8)
+    with pytest.raises(ServiceError, match="exists already"):
+        recordings.begin(axis, "one", 0.0, 1.0)
+    with pytest.raises(ServiceError, match="is not being recorded"):
+        recordings.end("axis")
+    (listed,) = recordings.files()
+    assert (listed["kind"], listed["axis"], listed["file"], listed["going_on"]) == (
+        "recordings",
+        "axis",
+        "one.h5",
+        False,
+    )
+    assert recordings.path("recordings", "axis", "one.h5") == path
+
+
+def test_it_ends_by_itself(axis: Manned, tmp_path: Path) -> None:
+    recordings = Recordings(tmp_path)
+    write(axis, 10)
+    path = recordings.begin(axis, "", 1.0, 0.01)
+    time.sleep(0.05)
+    until_ended(recordings, axis)
+    assert len(open_recording(path).samples) == 10
+    assert open_recording(path).complete
+
+
+def test_the_end_of_the_real_time_process_is_written_down(axis: Manned, tmp_path: Path) -> None:
+    recordings = Recordings(tmp_path)
+    write(axis, 10)
+    path = recordings.begin(axis, "cut", 1.0, 3600.0)
+    recordings.cut()
+    found = open_recording(path)
+    assert not found.complete
+    assert found.ended == "the loop process died"
+    assert len(found.samples) == 10
+
+
+@pytest.mark.parametrize("name", ["../one", "a/b", ".hidden", "x" * 81, "a\x00", "ü"])
+def test_names_that_will_not_do(axis: Manned, tmp_path: Path, name: str) -> None:
+    with pytest.raises(ServiceError, match="must be letters, digits"):
+        Recordings(tmp_path).begin(axis, name, 0.0, 1.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "place", [("recordings", "..", "token"), ("..", "state", "key"), ("blackbox", "axis", "none.h5")]
+)
+def test_nothing_else_can_be_had(tmp_path: Path, place: tuple[str, str, str]) -> None:
+    (tmp_path / "token").write_text("secret")
+    with pytest.raises(ServiceError, match="no recording"):
+        Recordings(tmp_path).path(*place)

@@ -1,0 +1,105 @@
+"""The self-test: a column of the matrix, its limits by independent figures, and that it can fail."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stagectl.config.stage_file import Setup
+from stagectl.drives import faults
+from stagectl.drives.bus import frame
+from stagectl.drives.timeline import Timeline, Wire
+from stagectl.kernels import stage
+from stagectl.report.selftest import digest, page
+from stagectl.selftest import limits
+from tests.conftest import CONFIG, ROOT
+
+SOME = ("cable-out", "encoder-stuck", "current-reversed", "drive-disabled", "clock-skewed", "controller-dead")
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Some faults in all states, by the command, interpreted as it runs."""
+    folder = tmp_path_factory.mktemp("selftest")
+    words = ["selftest", str(CONFIG / "ball-screw.yaml"), "--json", str(folder / "out.json")]
+    words += ["--report", str(folder / "page.html"), "--signed", "A. Tester"]
+    words += [word for name in SOME for word in ("--only", name)]
+    done = subprocess.run(
+        [sys.executable, "-m", "stagectl", *words],
+        cwd=ROOT, env={**os.environ, "XDG_RUNTIME_DIR": str(folder)}, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found: dict[str, Any] = json.loads((folder / "out.json").read_text())
+    found["page"] = (folder / "page.html").read_text(encoding="utf-8")
+    return found
+
+
+def test_each_case_ends_within_its_limits(result: dict[str, Any]) -> None:
+    cases = result["faults"]
+    assert len(cases) == 6 * len(SOME) == result["passed"]
+    for case in cases:
+        assert case["passed"], case
+        if case["stop_time"] is not None and case["stop_time_limit"] is not None:
+            assert 0.0 <= case["stop_time"] <= case["stop_time_limit"]
+            assert 0.0 <= case["stop_distance"] <= case["stop_distance_limit"]
+
+
+def test_a_moving_axis_stops_as_the_time_outs_say(result: dict[str, Any]) -> None:
+    moving = {case["name"]: case for case in result["faults"] if case["state"] == "moving"}
+    assert moving["cable-out"]["reason"] == "FEEDBACK_LOST"
+    assert 0.45 < moving["cable-out"]["stop_time"] < 0.75  # time-outs of 500 ms, the heartbeat 600 ms at most
+    assert 0.45 < moving["controller-dead"]["stop_time"] < 0.65
+    assert moving["controller-dead"]["category"] == 1
+    assert moving["drive-disabled"]["category"] == 0
+    assert moving["clock-skewed"]["category"] is None
+    assert moving["encoder-stuck"]["reason"] in ("FREEZE", "FOLLOWING_ERROR")
+    speed = result["speed"] / result["travel_per_unit"]
+    assert moving["cable-out"]["stop_distance"] == pytest.approx(speed * moving["cable-out"]["stop_time"], rel=0.15)
+
+
+def test_the_page_is_signed_and_shows_every_case(result: dict[str, Any], tmp_path: Path) -> None:
+    assert "A. Tester" in result["page"] and digest(result)[:16] in result["page"]
+    assert result["page"].count("passed</td>") == len(result["faults"])
+    failed = [{**result["faults"][0], "passed": False, "words": "too late"}, *result["faults"][1:]]
+    shown = page({**result, "faults": failed}, tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "NOT PASSED" in shown and "too late" in shown
+    assert digest({**result, "faults": failed}) != digest(result)
+
+
+def test_coasting_follows_its_closed_form(ball_screw: Setup) -> None:
+    p = ball_screw.stage
+    assert stage.sliding(p.friction) == pytest.approx(1.0)  # N m, as the stage file says
+    v, x, t, dt = 20.0, 0.0, 0.0, 1e-6
+    while v > 0.0:
+        v -= (1.0 + p.mechanics.viscous * v) / p.mechanics.inertia * dt
+        x, t = x + v * dt, t + dt
+    found = limits.coast(p, 20.0)
+    assert found.distance == pytest.approx(1.5 * x, rel=1e-3)
+    assert found.time == pytest.approx(1.5 * t + 0.06, rel=1e-3)
+
+
+def test_a_limit_that_is_too_tight_is_found_out(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    from stagectl.selftest import matrix
+
+    monkeypatch.setattr(matrix, "STATES", ("moving",))
+    monkeypatch.setattr(matrix, "limit", lambda *_: limits.Limit(1e-3, 1e-6))
+    (case,) = matrix.matrix(matrix.virtual(ball_screw, frozenset({"drive-fault"})))
+    assert not case.passed and case.words in ("too late", "still moves", "too far")
+
+
+def test_frames_take_their_time_on_the_wire_one_after_the_other() -> None:
+    time = Timeline()
+    here, there = Wire(time, 1e6).ends
+    here.send(frame(0x185, bytes(8)))
+    here.send(frame(0x080))
+    assert there.receive(1e-5) is None and time.now() == 1e-5
+    assert there.receive(1.0) == frame(0x185, bytes(8)) and time.now() == pytest.approx(135e-6)
+    assert there.receive(1.0) == frame(0x080) and time.now() == pytest.approx(190e-6)
+    assert there.receive(0.5) is None and time.now() == pytest.approx(0.50019)
+    assert all(row.must.category is None or row.must.noticed for row in faults.TABLE)
