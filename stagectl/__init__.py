@@ -28,6 +28,10 @@
               |   recording/ring.py  write()   ==> recorder process ==> recording.h5
               v
     [6] drives/node.py   the drive, where there is no machine: a CANopen node with kernels/stage.py inside
+              |          drives/odrive.py, odrive_virtual.py: the same over a serial line, as text
+              |          drives/faults.py   what can fail: one table for YAML, `inject`, `selftest` and the manual;
+              |          node_deeds.py does it, faulty_bus.py to frames; selftest/ tries all in virtual time
+              |          drives/presets.py   families of drives, from their documents; probe.py: `drive probe`
 
               command -> drive -> motor -> mechanics <- friction,  encoder -> measured
 
@@ -59,16 +63,33 @@
     [14] gap/base.py       what the model has already, refitted; the friction law is a family, friction_family.py
     [15] gap/library*.py   every effect: its place in kernels/plant.py, its sizes    gap/columns.py  what each does
     [16] gap/grams.py      all data as one small matrix a half stroke       gap/null.py  machines without any effect
-    [17] gap/search.py     scores.py, refine.py: which effects, with which values
+    [17] gap/search.py     scores.py, refine.py, stability.py: which effects, with which values; signatures.py
     [18] gap/verdict.py    names, rivals, intervals; shifts.py   where.py, coordinates.py, unknown.py   where it lies
     [19] gap/shrink.py     held-out runs, before and after       gap/following.py  the experiment that separates
               v
          gap/found.py      the answer: report/gap.py draws it, gap/patch.py writes it into the stage file
+                           report/effects/ pictures each effect for the manual; config/reference.py its YAML pages
 
+    exam/             the machine that the diagnosis is examined on, which shares nothing with the rest; `gap exam`
+    exam/blind/       draws its trials, seals the labels, watches the diagnosis, scores it; baselines/ beside it
+    gap/knocks.py     the same on a real record: terms knocked out of the model, forces knocked into the record
     gap/twin.py       the model beside the axis while it runs: `run --twin`, `gap watch`, `gap drift`
     tuning/           gains for a bandwidth and a margin, from the identified model, into the stage file
     comparison.py     layers against each other, repeats interleaved; trials.py runs them, and the learning
     reproduction/     both papers from end to end, ours beside theirs
+
+**The way of one order**, of a service that runs for months::
+
+    stagectl move ... --> daemon/client.py --> HTTP, Unix socket --> daemon/http.py, orders.py  systemd/  installed
+                                                                        |
+    [20] daemon/manned.py    one axis as the service sees it: plans, gains  daemon/service.py  processes, fault list
+    [21] daemon/board.py     shared memory: orders and setpoints in, status out
+    [22] daemon/axes.py      the real-time process, several axes     daemon/axis.py, entries.py, sources.py  one of them
+         config/machine_file.py  several axes in one file: xy.yaml, and xy.yaml#x for one of them
+    [23] daemon/states.py    what each event leads to     stops.py  what each fault leads to     safety.py  what is one
+    [24] daemon/blackbox.py  ten seconds before each fault and two after it     recordings.py  what is wanted
+    [25] daemon/page/        the live page: viewer.py reads the ring, live.py packs it, static/ is it; door.py who may
+         recording/extremes.py, triggering.py   no peak lost; what a scope waits for; `stagectl scope` is the terminal's
 
 **Signs.**  Positive current gives positive effort and moves towards positive positions.  The error is reference
 minus measured.  Friction is what opposes the velocity: positive at positive velocity::

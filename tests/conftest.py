@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -28,6 +29,12 @@ CONFIG = ROOT / "config"
 def ball_screw() -> Setup:
     """Stage A as the repository ships it."""
     return load_stage(CONFIG / "ball-screw.yaml")
+
+
+@pytest.fixture(autouse=True)
+def kernels_stay_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command that chooses interpreted kernels does so for its own process; here many commands share one."""
+    monkeypatch.setenv("STAGECTL_KERNELS", os.environ.get("STAGECTL_KERNELS", "compiled"))
 
 
 @pytest.fixture

@@ -7,6 +7,8 @@ has none in its memory.
 
 from __future__ import annotations
 
+import re
+import shlex
 import sys
 from typing import NoReturn
 
@@ -14,7 +16,22 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from stagectl.cli import comparison, configuration, gap, identification, motion, records, reproduction, tuning
+from stagectl.cli import (
+    comparison,
+    configuration,
+    drive,
+    drive_dump,
+    faults,
+    gap,
+    identification,
+    installation,
+    motion,
+    records,
+    reproduction,
+    scope,
+    service,
+    tuning,
+)
 from stagectl.units import StageError
 
 _INTERRUPTED = 130  # typer's exit code for Ctrl-C
@@ -26,10 +43,12 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (motion, records, identification, comparison, tuning, reproduction):
+for group in (motion, records, identification, comparison, tuning, reproduction, service, scope, installation, faults):
     group.register(app)
 app.add_typer(configuration.app, name="config")
+app.add_typer(drive.app, name="drive")
 app.add_typer(gap.app, name="gap")
+drive_dump.register(app)  # into the group `drive`
 
 
 def main() -> None:
@@ -37,7 +56,7 @@ def main() -> None:
     try:
         app()
     except StageError as error:
-        _fail(str(error))
+        _fail(f"{error}{_next(error)}")
     except OSError as error:  # a result that cannot be written, a disk that is full
         _fail(f"{error.filename or 'the system'}: {error.strerror or error}")
     except KeyboardInterrupt:
@@ -46,6 +65,16 @@ def main() -> None:
         if ended.code == _INTERRUPTED:  # typer has taken the interrupt
             _fail("interrupted: what was not written yet is not kept, and nothing else was changed")
         raise
+
+
+def _next(error: StageError) -> str:
+    """What to type after a file was mended."""
+    from stagectl.config.source import ConfigError, UnreadableError
+
+    named = re.search(r"\(([^()]+\.ya?ml):\d+\)$", str(error)) if isinstance(error, ConfigError) else None
+    if named is None or isinstance(error, UnreadableError):
+        return ""
+    return f"\nmend it, then: stagectl config check {shlex.quote(named[1])}"
 
 
 def _fail(words: str) -> NoReturn:

@@ -2,48 +2,61 @@
 
 from __future__ import annotations
 
-import json
+import json as text_of
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.text import Text
 
-from stagectl.cli.show import console
+from stagectl.cli.motion import Json
+from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
 app = typer.Typer(help="Check configuration files, export their JSON schema.", no_args_is_help=True)
 
 
 @app.command()
-def check(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Stage and trajectory files.")]) -> None:
-    """Check files without moving anything: exit 0 all good, 1 something wrong, 2 a file cannot be read."""
-    worst = max(_check(path) for path in files)
-    raise typer.Exit(worst)
+def check(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Stage and trajectory files.")],
+    json: Json = None,
+) -> None:
+    """Check files without moving anything: exit 0 all good, 1 something wrong, 2 a file cannot be read.
+
+    Example: stagectl config check config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
+    """
+    found = [_check(path) for path in files]
+    emit({"files": [{"file": str(path), **one} for path, one in zip(files, found, strict=True)]}, json)
+    raise typer.Exit(max(one["code"] for one in found))
 
 
-def _check(path: Path) -> int:
+def _check(path: Path) -> dict[str, Any]:
+    from stagectl.config.machine_file import axes_of
     from stagectl.config.source import UnreadableError
 
     try:
-        console.print(Text.assemble(("good", "green"), f"  {path}: {_words(path)}"))
-        return 0
+        words = {str(axis): _words(axis) for axis in axes_of(path)}
+        for axis, said in words.items():
+            console.print(Text.assemble(("good", "green"), f"  {axis}: {said}"))
+        return {"code": 0, "words": "; ".join(words.values()), "errors": []}
     except StageError as error:
         for line in str(error).splitlines():
             console.print(Text.assemble(("error:", "bold red"), f" {line}"))
-        return 2 if isinstance(error, UnreadableError) else 1
+        code = 2 if isinstance(error, UnreadableError) else 1
+        return {"code": code, "words": "", "errors": str(error).splitlines()}
 
 
 def _words(path: Path) -> str:
     from yaml import MappingNode
 
+    from stagectl.config.machine_file import split
     from stagectl.config.source import compose
     from stagectl.config.stage_file import StageFile
     from stagectl.config.trajectory_file import load_free
     from stagectl.trajectories import phases
 
-    node = compose(path)
+    node = compose(split(path)[0])
     words = {getattr(key, "value", "") for key, _ in node.value} if isinstance(node, MappingNode) else set()
     if "type" not in words and words & set(StageFile._fields):
         return _stage_words(path)
@@ -71,9 +84,12 @@ def _stage_words(path: Path) -> str:
 
 @app.command()
 def schema(what: Annotated[str, typer.Argument(help="stage or trajectory")] = "stage") -> None:
-    """Print the JSON schema of a stage or trajectory file, for editors."""
+    """Print the JSON schema of a stage or trajectory file, for editors.
+
+    Example: stagectl config schema trajectory
+    """
     from stagectl.config.schema import SCHEMAS
 
     if what not in SCHEMAS:
         raise StageError(f"no schema {what}; there are {', '.join(SCHEMAS)}")
-    print(json.dumps(SCHEMAS[what](), indent=2))
+    print(text_of.dumps(SCHEMAS[what](), indent=2))

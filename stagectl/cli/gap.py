@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli import gap_apply, gap_diagnose, gap_next, gap_twin
+from stagectl.cli import gap_apply, gap_diagnose, gap_exam, gap_fleet, gap_knock, gap_next, gap_twin
 from stagectl.cli.comparison import Plant, Simulate, engine, machine_of
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.show import console, emit
@@ -17,7 +17,7 @@ from stagectl.cli.show import progress as bar
 app = typer.Typer(
     help="Where the gap between simulator and machine lies, what causes it, how far it shrinks.", no_args_is_help=True
 )
-for verbs in (gap_diagnose, gap_apply, gap_next, gap_twin):
+for verbs in (gap_diagnose, gap_apply, gap_next, gap_twin, gap_exam, gap_knock, gap_fleet):
     verbs.register(app)
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stagectl.cli.gap_apply import ResultArgument
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
-from stagectl.gap.found import Found, Next
-from stagectl.gap.session import GapError
+from stagectl.units import StageError
+
+if TYPE_CHECKING:
+    from stagectl.gap.found import Found, Next
 
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE.yaml", help="Where the trajectory goes; else to FOLDER.")
@@ -45,14 +47,14 @@ def following(folder: ResultArgument, output: Output = None, json: Json = None) 
 def _written(found: Found, one: Next, folder: Path, output: Path | None) -> Path | None:
     """The trajectory file, with the commands that run it; None where it is done by hand.
 
-    Raises GapError where another file stands in its place.
+    Raises StageError where another file stands in its place.
     """
     if not one.trajectory:
         return None
     place = folder if folder.is_dir() else folder.parent
     path = output or place / one.trajectory
     if path.exists() and path.read_text(encoding="utf-8") != one.text:
-        raise GapError(f"{path} exists and holds something else: move it away, or name another file with -o")
+        raise StageError(f"{path} exists and holds something else: move it away, or name another file with -o")
     path.write_text(one.text, encoding="utf-8")
     console.print(f"wrote {path}; to run it, and to diagnose again with it:")
     for line in _commands(one, place, path):

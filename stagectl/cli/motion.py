@@ -121,7 +121,9 @@ def simulate(
     if cold():
         console.print("compiling the kernels, once for this version: about ten seconds")
     motion = prepare(_load(stage), trajectory, layers_without(without), output, learned)
-    result = pretend(motion, _load(plant) if plant else None)
+    machine = _load(plant) if plant else None
+    with console.status(f"simulating {len(motion.plan.setpoints) * motion.setup.dt:.4g} s of motion"):
+        result = pretend(motion, machine)
     console.print(f"simulated: {summary(result)}")
     console.print(f"recorded: {result['recording']}")
     emit(result, json)
@@ -139,13 +141,14 @@ def virtual_drive(
         bool, typer.Option(hidden=True, help="Leave when the process that started this one dies.")
     ] = False,
 ) -> None:
-    """Be a virtual CANopen drive with the stage inside, until interrupted.
+    """Be a virtual CANopen drive, or ODrive, with the stage inside, until interrupted.
 
     Example: stagectl virtual-drive config/ball-screw.yaml
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
     from stagectl.daemon.realtime import follow_parent
-    from stagectl.daemon.virtual import serve
+    from stagectl.daemon.virtual import serve, serve_odrive
+    from stagectl.drives.drive import Odrive
     from stagectl.session import canopen, on_channel
 
     if follow:
@@ -157,7 +160,11 @@ def virtual_drive(
     if seed is not None:
         simulation = setup.file.simulation._replace(seed=seed)
         setup = setup._replace(file=setup.file._replace(simulation=simulation))
-    serve(setup, canopen(setup), _tell, lambda: bool(stopped))
+    wire = setup.file.drive.wire
+    if isinstance(wire, Odrive):
+        serve_odrive(setup, wire, _tell, lambda: bool(stopped))
+    else:
+        serve(setup, canopen(setup), _tell, lambda: bool(stopped))
 
 
 def _tell(text: str) -> None:
@@ -171,12 +178,16 @@ def demo(
         "demo"
     ),
 ) -> None:
-    """Move a virtual ball-screw stage over a CAN bus: three sines, with and without friction compensation."""
+    """Move a virtual ball-screw stage over a CAN bus: three sines, with and without friction compensation.
+
+    Example: stagectl demo -o demo
+    """
     os.environ["STAGECTL_KERNELS"] = "interpreted"
     from stagectl.demo import demo as show
 
     page = show(output, console.print, bar)
     console.print(f"report: {page}")
+    console.print("live, in a browser: `make live`, or `stagectl serve config/ball-screw.yaml`")
 
 
 def layers_without(without: list[str] | None) -> frozenset[str]:

@@ -22,6 +22,7 @@ class Format(enum.StrEnum):
     CSV = "csv"
     PARQUET = "parquet"
     MAT = "mat"
+    MCAP = "mcap"
     FOLDER = "folder"
     TRAJECTORY = "trajectory"
 
@@ -34,7 +35,10 @@ def register(app: typer.Typer) -> None:
 
 
 def replay(recording: RecordingArgument, json: Json = None) -> None:
-    """Run the recorded feedback through the same law: the same commands, bit for bit, or exit 1."""
+    """Run the recorded feedback through the same law: the same commands, bit for bit, or exit 1.
+
+    Example: stagectl replay recordings/sine.h5
+    """
     from stagectl.recording.hdf5 import open_recording
     from stagectl.recording.replay import replay as again
 
@@ -49,18 +53,21 @@ def export(
     recordings: Recordings,
     to: Annotated[Format, typer.Option(help="Format; a folder takes several recordings.")],
     output: Where = None,
+    json: Json = None,
 ) -> None:
-    """Write recordings for other programs: csv, parquet, mat, a trajectory, or a folder of captures.
+    """Write recordings for other programs: csv, parquet, mat, mcap, a trajectory, or a folder of captures.
 
     Example: stagectl export recordings/a.h5 recordings/b.h5 --to folder -o captures
     """
     from stagectl.recording import exports
     from stagectl.recording.hdf5 import open_recording
 
-    for path, notes in exports.export([open_recording(one) for one in recordings], to.value, output):
+    written = exports.export([open_recording(one) for one in recordings], to.value, output)
+    for path, notes in written:
         for note in notes:
             console.print(note)
         console.print(f"wrote {path}")
+    emit({"written": [{"file": str(path), "notes": list(notes)} for path, notes in written]}, json)
 
 
 def import_(
@@ -71,6 +78,7 @@ def import_(
         str | None,
         typer.Option(metavar="WHICH", help="time=t,position=qm:mm,current=3: which is which; numbers count from 1."),
     ] = None,
+    json: Json = None,
 ) -> None:
     """Bring a log from elsewhere in as a recording; what it lacks is said.
 
@@ -81,9 +89,12 @@ def import_(
     from stagectl.recording.imports import read, store
 
     found = read(source, load_stage(stage) if stage else None, split(columns) if columns else None)
+    made = []
     for recording, path in zip(found, store(found, source, output), strict=True):
+        made.append({"file": str(path), "rows": len(recording.samples), "notes": list(recording.meta["notes"])})
         for note in recording.meta["notes"]:
             console.print(note)
         names = ", ".join(recording.samples.dtype.names or ())
         words = f"{len(recording.samples)} rows, {recording.meta['duration']:.4g} s, columns {names}"
         console.print(f"imported {path}: {words}")
+    emit({"imported": made}, json)

@@ -91,7 +91,8 @@ def tune(
     peak = (tuning.PEAK if hertz is None else math.inf) if ms is None else _within("--ms", ms, _PEAK)
     chosen = law.value if law else families.law_of(control)
     choice = families.family(setup.stage, control._replace(margin=least), chosen, start is Start.OWN)
-    found = tuning.tuned(choice, tuning.Demand(least, peak), hertz)
+    with console.status("searching the gains over the families of machines"):
+        found = tuning.tuned(choice, tuning.Demand(least, peak), hertz)
     result = sheet.result(setup, found)
     _show(setup, found, result)
     _page(setup, found, report or _fresh(setup.path.stem))

@@ -25,7 +25,6 @@ BAD_MOTIONS = [case for case in files(SINE.read_text()) if case.refused]
 def still(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty folder to work in, and any motion or process is a failure."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("STAGECTL_KERNELS", "compiled")  # `run` sets it; put back afterwards
 
     def moved(*_: Any, **__: Any) -> Any:
         raise AssertionError("something was about to move")

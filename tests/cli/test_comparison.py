@@ -23,7 +23,6 @@ SHORT = "type: sine\namplitude: 1 mm\nfrequency: 3.2 Hz\nperiods: 1\nramp: 0.5\n
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty folder with a short motion, and a noisy stage."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("STAGECTL_KERNELS", "compiled")
     Path("sine.yaml").write_text(SHORT)
     text = STAGE.read_text()
     assert "simulation:\n" in text and "control:\n" in text

@@ -9,8 +9,8 @@ import typer
 
 from stagectl.cli import gap_next
 from stagectl.gap.found import Next
-from stagectl.gap.session import GapError
 from stagectl.gap.stored import save
+from stagectl.units import StageError
 from tests.gap.examples import found
 
 TEXT = "type: sine\namplitude: 5 mm\nfrequency: 2 Hz\n"
@@ -46,7 +46,7 @@ def test_a_folder_from_elsewhere_gets_a_capture(tmp_path: Path, capsys: pytest.C
 
 def test_nothing_of_the_user_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "micro-sweep.yaml").write_text("mine\n")
-    with pytest.raises(GapError, match=r"micro-sweep.yaml exists and holds something else: .* with -o"):
+    with pytest.raises(StageError, match=r"micro-sweep.yaml exists and holds something else: .* with -o"):
         following(tmp_path, MOTION)
     assert (tmp_path / "micro-sweep.yaml").read_text() == "mine\n"
 

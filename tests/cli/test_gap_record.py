@@ -31,7 +31,6 @@ NOISE = "simulation:\n  current_noise: 20 mA\n"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty folder, and a noisy stage."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("STAGECTL_KERNELS", "compiled")
     text = STAGE.read_text()
     assert text.count("simulation:\n") == 1
     Path("noisy.yaml").write_text(text.replace("simulation:\n", NOISE))

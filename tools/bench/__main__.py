@@ -67,7 +67,7 @@ def main() -> None:
 def _on_the_bus(rounds: int) -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
         channel = str(Path(folder) / "bus")
-        node = virtual.start(STAGE, channel)
+        node = virtual.start(STAGE, channel, 1)
         try:
             place = Path(folder)
             return [

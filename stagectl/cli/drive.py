@@ -1,0 +1,132 @@
+"""Verbs about one drive: probe, presets."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.show import console, emit
+from stagectl.units import StageError
+
+app = typer.Typer(help="Read a drive, and propose what belongs into the stage file.", no_args_is_help=True)
+
+
+@app.command()
+def probe(
+    stage: StageArgument,
+    channel: Channel = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Family of the drive, instead of the one that its vendor id says."),
+    ] = None,
+    rated: Annotated[
+        str | None, typer.Option(metavar="CURRENT", help="Rated current, such as '4 A', where the drive does not tell.")
+    ] = None,
+    write: Annotated[bool, typer.Option("--write", help="Put the proposal into the stage file.")] = False,
+    json: Json = None,
+) -> None:
+    """Read identity, state, modes, rated current and option codes of a drive; nothing in it is changed.
+
+    Exit 1 where something must be looked at before it may move.
+
+    Example: stagectl drive probe config/ball-screw.yaml
+    """
+    os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
+    from stagectl.config.stage_file import load_stage
+    from stagectl.drives import bus
+    from stagectl.drives.probe import probe as ask
+    from stagectl.session import canopen, drive_present, on_channel
+
+    setup = on_channel(load_stage(stage, judged=False), channel)
+    wire = canopen(setup)
+    with drive_present(setup, console.print):
+        line = bus.open_bus(wire.interface, wire.channel, wire.bitrate)
+        try:
+            found = ask(wire, line, _chosen(preset), _current(rated))
+        finally:
+            line.close()
+    _show(found)
+    changed = [str(one) for one in _written(stage, found.values)] if write and found.values else []
+    for change in changed:
+        console.print(f"written: {change}")
+    emit({**found._asdict(), "preset": found.preset.name, "written": changed}, json)
+    if found.doubts:
+        raise typer.Exit(1)
+
+
+@app.command()
+def presets(json: Json = None) -> None:
+    """Show the families of drives that are known, and where that is written.
+
+    Example: stagectl drive presets
+    """
+    from stagectl.drives.presets import PRESETS
+
+    for one in PRESETS:
+        console.print(f"{one.name}: {one.family} ({one.standing})")
+        console.print(f"    rated current: {one.rated_words}")
+        for line in (*one.notes, *(f"source: {document}" for document in one.documents)):
+            console.print(f"    {line}")
+    emit({"presets": [one._asdict() for one in PRESETS]}, json)
+
+
+def _chosen(name: str | None) -> Any:
+    from stagectl.drives.presets import NAMES, named
+
+    if name is None:
+        return None
+    if name not in NAMES:
+        raise StageError(f"--preset {name}; must be one of {', '.join(NAMES)}: see `stagectl drive presets`")
+    return named(name)
+
+
+def _current(text: str | None) -> float | None:
+    from stagectl.units import UnitError, parse
+
+    if text is None:
+        return None
+    try:
+        value = parse(text, "A")
+    except UnitError as error:
+        raise StageError(f"--rated {text}: {error}") from error
+    if not 0.0 < value <= 1000.0:
+        raise StageError(f"--rated {text}; must lie in (0, 1000] A")
+    return value
+
+
+def _show(found: Any) -> None:
+    width = max(map(len, found.told))
+    for name, words in found.told.items():
+        console.print(f"{name:{width}}  {words}")
+    console.print(f"\npreset {found.preset.name}: {found.preset.family} ({found.preset.standing})")
+    for note in found.preset.notes:
+        console.print(f"  {note}")
+    if found.values:
+        console.print("\nfor the stage file (--write puts it there):\n")
+        console.print("drive:\n  wire:")
+        for name, value in found.values.items():
+            console.print(f"    {name}: {_worded(name, value)}")
+    for doubt in found.doubts:
+        console.print(f"look at: {doubt}")
+
+
+def _worded(name: str, value: float) -> str:
+    if name.endswith("_object"):
+        return f"0x{int(value) >> 8:04x}_{int(value) & 0xFF:02x}"
+    return f"{value:.7g} {'rad/s^2' if name == 'deceleration_scale' else 'A'}"
+
+
+def _written(stage: Path, values: dict[str, float | int]) -> list[Any]:
+    from stagectl.config.machine_file import split
+    from stagectl.config.patch import write
+    from stagectl.config.stage_file import load_stage
+
+    if split(stage)[1]:
+        raise StageError(f"{stage} is one axis of several: write the lines above into its entry under `axes`")
+    wire = load_stage(stage, judged=False).file.drive.wire
+    news = {f"drive.wire.{name}": value for name, value in values.items() if getattr(wire, name) != value}
+    return write(stage, stage, news) if news else []

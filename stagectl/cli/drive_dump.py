@@ -1,0 +1,72 @@
+"""The verb `drive dump`: what a drive is set to."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.show import console, emit, progress
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb to the group `drive`, which may have others."""
+    groups = [one.typer_instance for one in app.registered_groups if one.name == "drive"]
+    group = groups[0] if groups and groups[0] is not None else typer.Typer(help="Read a drive.", no_args_is_help=True)
+    if group not in groups:
+        app.add_typer(group, name="drive")
+    group.command("dump")(dump)
+
+
+def dump(
+    stage: StageArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE.dcf", help="As a DCF, which other tools write back.")
+    ] = None,
+    changed: Annotated[bool, typer.Option("--changed", help="Only what is not as it left the factory.")] = False,
+    channel: Channel = None,
+    json: Json = None,
+) -> None:
+    """Read all objects of the drive that its EDS knows; nothing in it is changed.
+
+    Example: stagectl drive dump config/ball-screw.yaml -o drive.dcf
+    """
+    os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
+    from stagectl.config.stage_file import load_stage
+    from stagectl.drives import bus
+    from stagectl.drives.dump import dump as read
+    from stagectl.drives.dump import write_dcf
+    from stagectl.session import canopen, drive_present, on_channel
+
+    setup = on_channel(load_stage(stage, judged=False), channel)
+    wire = canopen(setup)
+    with drive_present(setup, console.print):
+        line = bus.open_bus(wire.interface, wire.channel, wire.bitrate)
+        try:
+            with progress(f"node {wire.node}", 1) as update:
+                found = read(wire, line, update)
+        finally:
+            line.close()
+    for one in found:
+        if not changed or one.changed:
+            print(_line(one))
+    refused = [one for one in found if one.value is None]
+    console.print(
+        f"{len(found) - len(refused)} objects of node {wire.node} read, {len(refused)} refused, "
+        f"{sum(one.changed for one in found)} not as the EDS' defaults"
+    )
+    if output is not None:
+        write_dcf(found, wire.eds, wire.node, output)
+        console.print(f"wrote {output}")
+    objects = [{"index": one.number, **one._asdict(), "changed": one.changed} for one in found]
+    emit({"node": wire.node, "objects": [{k: v for k, v in one.items() if k != "number"} for one in objects]}, json)
+
+
+def _line(one: Any) -> str:
+    said = one.problem if one.value is None else one.value
+    number = f" (0x{one.value:X})" if isinstance(one.value, int) and one.value > 9 else ""
+    default = f", factory {one.default}" if one.changed else ""
+    return f"{one.number:04X}_{one.subindex:02X}  {one.name}: {said}{number}{default}"

@@ -1,0 +1,127 @@
+"""Verbs about faults: inject, selftest."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.show import console, emit, progress
+from stagectl.units import StageError
+
+
+def register(app: typer.Typer) -> None:
+    """Add these verbs to the command line."""
+    app.command("inject")(inject)
+    app.command("selftest")(selftest)
+
+
+def inject(
+    stage: Annotated[Path | None, typer.Argument(metavar="STAGE.yaml", help="The machine.")] = None,
+    fault: Annotated[str | None, typer.Argument(help="Name of the fault, see --list.")] = None,
+    parameters: Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE...", help="Its parameters.")] = None,
+    channel: Channel = None,
+    clear: Annotated[bool, typer.Option("--clear", help="End all faults.")] = False,
+    show: Annotated[bool, typer.Option("--list", help="Show all faults with their parameters.")] = False,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help="Answer as JSON; - for standard output.")
+    ] = None,
+) -> None:
+    """Make a running virtual drive fail.
+
+    Example: stagectl inject config/ball-screw.yaml encoder-stuck duration=0.5s
+    """
+    os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
+    if show:
+        _show()
+        return
+    from stagectl.config.fault_words import read_fault
+    from stagectl.config.stage_file import load_stage
+    from stagectl.drives.inject import ask, doorway
+    from stagectl.session import canopen, on_channel
+
+    if stage is None or clear == (fault is not None):
+        raise StageError("give STAGE.yaml, and either the name of a fault (see --list) or --clear")
+    wire = canopen(on_channel(load_stage(stage, judged=False), channel))
+    block = read_fault(fault, parameters or []) if fault else None
+    request = {"do": "add", "fault": block._asdict()} if block else {"do": "clear"}
+    answer = ask(doorway(wire.interface, wire.channel, wire.node), request)
+    active = ", ".join(answer["active"]) or "none"
+    console.print(f"node {wire.node} on {wire.interface} {wire.channel}: faults that act: {active}")
+    emit(answer, json)
+
+
+def selftest(
+    stage: StageArgument,
+    json: Json = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Where to write the signed-off table.")
+    ] = None,
+    only: Annotated[list[str] | None, typer.Option("--only", metavar="FAULT", help="These faults only.")] = None,
+    signed: Annotated[str, typer.Option(metavar="NAME", help="Who answers for it.")] = "",
+    current: Annotated[str, typer.Option(help="Try the drive itself, with at most so much: '2 A'. It moves!")] = "",
+    travel: Annotated[str, typer.Option(help="Way of one move of the drive itself.")] = "5 mm",
+) -> None:
+    """Let each fault happen in each state, in virtual time; exit 1 where one does not end as it must.
+
+    Example: stagectl selftest config/ball-screw.yaml --report selftest.html
+    """
+    os.environ["STAGECTL_KERNELS"] = "interpreted"
+    from stagectl.selftest import result
+    from stagectl.session import drive_present
+
+    setup = _checked(stage)
+    with drive_present(setup, console.print) if current else contextlib.nullcontext():
+        tried = result.bench(setup, only, _gentle(setup, current, travel) if current else None)
+        command = " ".join(["stagectl selftest", setup.path.name, *(f"--only {name}" for name in only or ())])
+        command += f" --current '{current}' --travel '{travel}'" if current else ""
+        with progress("selftest", len(tried.rows) * len(tried.states)) as update:
+            found = result.run(setup, tried, signed, command, update)
+    _show_result(found, report)
+    emit(found, json)
+    if found["passed"] < len(found["faults"]):
+        raise typer.Exit(1)
+
+
+def _gentle(setup: Any, current: str, travel: str) -> Any:
+    """Current and travel (axis units) of a test of the drive itself."""
+    from stagectl.selftest.remote import Gentle
+    from stagectl.units import UnitError, parse
+
+    axis = setup.file.axis
+    try:
+        return Gentle(parse(current, "A"), parse(travel, axis.travel_unit) / axis.travel_per_unit)
+    except UnitError as error:
+        raise StageError(f"--current {current} --travel {travel}: {error}") from error
+
+
+def _show_result(found: dict[str, Any], report: Path | None) -> None:
+    console.print(found["words"])
+    for case in found["faults"]:
+        if not case["passed"]:
+            console.print(f"not passed: {case['name']} while {case['state']}: {case['words']}")
+    if report is not None:
+        from stagectl.report.selftest import page
+
+        report.parent.mkdir(parents=True, exist_ok=True)
+        console.print(f"report: {page(found, report)}")
+
+
+def _checked(stage: Path) -> Any:
+    from stagectl.config.stage_file import load_stage
+    from stagectl.session import canopen
+
+    setup = load_stage(stage)
+    canopen(setup)
+    return setup
+
+
+def _show() -> None:
+    from stagectl.report.fault_table import lines
+
+    for line in lines():
+        print(line)

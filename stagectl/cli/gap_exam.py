@@ -1,0 +1,172 @@
+"""The verb `gap exam`: the diagnosis put to sealed trials of a machine that it does not know, and scored."""
+
+from __future__ import annotations
+
+import json as texts
+import time
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from stagectl.cli.motion import Json
+from stagectl.cli.show import console, emit, progress
+from stagectl.units import StageError
+
+if TYPE_CHECKING:
+    from stagectl.exam.blind.asking import Manner
+    from stagectl.exam.blind.exam import Asked
+
+Trials = Annotated[int, typer.Option("--trials", min=1, max=100_000, help="How many.")]
+Seed = Annotated[
+    int | None, typer.Option(min=0, max=2**31 - 1, help="Of the whole exam; else the hash of the sources.")
+]
+Strata = Annotated[
+    list[str] | None, typer.Option(metavar="NAMES", help="These strata alone, separated by commas; null, single: all.")
+]
+Short = Annotated[bool, typer.Option("--short/--long", help="A battery of 20 s instead of the recommended 80 s.")]
+Full = Annotated[bool, typer.Option("--full", help="The diagnosis takes its full path.")]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where trials and scores go.")]
+Workers = Annotated[int | None, typer.Option(min=1, max=1024, help="Trials at once; else one a core.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with the exam that lies there.")]
+Keep = Annotated[bool, typer.Option("--keep", help="Keep the captures, tens of MB a trial.")]
+Baselines = Annotated[bool, typer.Option("--baselines", help="Put simpler methods, and one that is told, to them too.")]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Run the trials on the Dask cluster of this scheduler.")
+]
+Ledger = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Where a line on every exam goes, else ledger.jsonl beside DIR.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb to the group."""
+    app.command("exam")(exam)
+
+
+def exam(
+    output: Output,
+    trials: Trials = 300,
+    seed: Seed = None,
+    strata: Strata = None,
+    short: Short = False,
+    full: Full = False,
+    workers: Workers = None,
+    resume: Resume = False,
+    keep: Keep = False,
+    baselines: Baselines = False,
+    scheduler: Scheduler = None,
+    ledger: Ledger = None,
+    json: Json = None,
+) -> None:
+    """Put the diagnosis to sealed trials whose hidden effects it has to find, and score it.
+
+    Example: stagectl gap exam --trials 12 --short -o exam
+    """
+    from stagectl.exam.blind.asking import Manner
+    from stagectl.exam.blind.exam import Asked
+    from stagectl.exam.blind.workers import workers_and_threads
+
+    names = tuple(name.strip() for text in strata or () for name in text.split(",") if name.strip())
+    count, threads = workers_and_threads(workers)
+    asked = Asked(trials, _seed(output, resume, seed), names)
+    manner = Manner(short, full, keep, baselines, threads)
+    result, seconds = _held(output.resolve(), asked, manner, (resume, count, scheduler))
+    _entered(ledger or output.resolve().parent / "ledger.jsonl", result, seconds)
+    emit(result, json)
+    _show(result, seconds)
+    console.print(str(_page(result, seconds, output)))
+
+
+def _seed(output: Path, resume: bool, seed: int | None) -> int:
+    """As asked for; else that of the exam that goes on; else the hash of the sources."""
+    import stagectl
+    from stagectl.exam.blind.exam import seed_of
+    from stagectl.exam.blind.plan import source_seed
+
+    known = seed_of(output) if resume and seed is None else seed
+    return source_seed(Path(stagectl.__file__).parent) if known is None else known
+
+
+def _held(
+    output: Path, asked: Asked, manner: Manner, how: tuple[bool, int, str | None]
+) -> tuple[dict[str, Any], dict[str, list[float]]]:
+    """The result of the exam, which also stands in scores.json, and the seconds; `how` = (resume, workers, cluster)."""
+    from stagectl.exam.blind import exam as exams
+    from stagectl.exam.blind.plan import ExamError
+    from stagectl.exam.blind.totals import totals
+
+    resume, count, scheduler = how
+    try:
+        planned = exams.prepared(output, asked, manner, resume)
+        where = f"{count} at once" if scheduler is None else f"on {scheduler}"
+        console.print(f"{asked.trials} trials, seed {asked.seed}, {where}, to {output}")
+        with progress("trials", asked.trials) as update:
+            records = exams.held(output, planned, manner, _runner(count, scheduler), _said(update))
+    except ExamError as error:
+        raise StageError(str(error)) from error
+    ways = {"short": manner.short, "full": manner.full, "baselines": manner.baselines}
+    result = {"exam": {**asked._asdict(), **ways}, **totals(records), "records": records}
+    (output / "scores.json").write_text(texts.dumps(result, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    return result, exams.seconds(output, planned)
+
+
+def _runner(workers: int, scheduler: str | None) -> Any:
+    """Who runs the trials: processes of this machine, or a cluster."""
+    from stagectl.cluster import on_cluster
+    from stagectl.exam.blind.sitting import sit
+    from stagectl.exam.blind.workers import local
+
+    if scheduler is None:
+        return lambda jobs: local(jobs, workers)
+    return lambda jobs: on_cluster(sit, jobs, scheduler)
+
+
+def _said(update: Any) -> Any:
+    def say(done: int, whole: int, record: Mapping[str, Any]) -> None:
+        update(done, whole)
+        for reason in record["reasons"]:
+            console.print(f"trial {record['number']} is {record['state']}: {reason}")
+
+    return say
+
+
+def _entered(path: Path, result: Mapping[str, Any], seconds: Mapping[str, Sequence[float]]) -> None:
+    from stagectl.exam.blind import ledger
+
+    medians = {name: round(sorted(each)[len(each) // 2], 2) for name, each in seconds.items()}
+    when = (time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), version("stagectl"))
+    ledger.append(path, ledger.entry(result["exam"], when, result, medians))
+    console.print(f"entered into {path}")
+
+
+def _show(found: Mapping[str, Any], seconds: Mapping[str, Sequence[float]]) -> None:
+    from stagectl.report.exam import HEAD, answer, cells
+
+    table = Table(*HEAD)
+    for row in found["rows"]:
+        table.add_row(*cells(row))
+    console.print(table)
+    for kind in found["classes"]:
+        limit = f"below {kind['limit']:.2g}" if kind["below"] else f"{kind['limit']:.2g}"
+        named = f"named {kind['named']} of {kind['clear']} at twice that"
+        console.print(f"{kind['class']}: half are noticed at {limit} x typical ({kind['trials']} trials); {named}")
+    if found["void"]:
+        console.print(f"{len(found['void'])} trials are void and not counted", style="bold")
+    for name, each in seconds.items():
+        console.print(f"{name}: {sorted(each)[len(each) // 2]:.1f} s median, {max(each):.1f} s most")
+    console.print(answer(found))
+
+
+def _page(result: Mapping[str, Any], seconds: Mapping[str, Sequence[float]], output: Path) -> Path:
+    from stagectl.report import exam as pages
+    from stagectl.report.page import write
+
+    one = result["exam"]
+    strata = f" --strata {','.join(one['strata'])}" if one["strata"] else ""
+    ways = "".join(f" --{name}" for name in ("short", "full", "baselines") if one[name])
+    command = f"stagectl gap exam --trials {one['trials']} --seed {one['seed']}{strata}{ways} -o {output}"
+    return write(pages.page(result, seconds, [command]), output / "exam.html")

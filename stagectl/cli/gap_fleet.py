@@ -1,0 +1,86 @@
+"""The verb `gap fleet`: `gap diagnose` over the folders of many machines."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from stagectl.cli.gap_diagnose import Exclude, Full
+from stagectl.cli.motion import Json
+from stagectl.cli.show import console, emit, progress
+
+if TYPE_CHECKING:
+    from stagectl.gap.fleet import Line, Machine
+
+Folders = Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="One of each machine.")]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Diagnose on the Dask cluster of this scheduler.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb to the group."""
+    app.command("fleet")(fleet)
+
+
+def fleet(
+    folders: Folders, scheduler: Scheduler = None, exclude: Exclude = None, full: Full = False, json: Json = None
+) -> None:
+    """Diagnose a fleet of machines, a folder each: verdict, gap, and its drift since the last diagnosis.
+
+    Example: stagectl gap fleet captures/machine-*
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from stagectl.gap.fleet import Machine
+    from stagectl.gap.library_names import excluded
+
+    names = excluded(exclude or [])
+    machines = [Machine(str(one.resolve()), names, full) for one in folders]
+    with progress("machines", len(machines)) as update:
+        found = sorted(_counted(_lines(machines, scheduler), len(machines), update), key=lambda one: one.machine)
+    table = Table("machine", "verdict", "named", "gap", "left", "drift")
+    for one in found:
+        table.add_row(*_cells(one))
+    console.print(table)
+    lost = [one for one in found if not one.verdict]
+    for one in lost:
+        console.print(f"{one.machine}: {one.words}")
+    emit({"machines": [{**one._asdict(), "gap": _plain(one.gap), "left": _plain(one.left)} for one in found]}, json)
+    if lost:
+        raise typer.Exit(1)
+
+
+def _lines(machines: Sequence[Machine], scheduler: str | None) -> Iterable[Line]:
+    from stagectl.cluster import on_cluster
+    from stagectl.gap.fleet import diagnosed
+
+    return map(diagnosed, machines) if scheduler is None else on_cluster(diagnosed, machines, scheduler)
+
+
+def _counted(lines: Iterable[Line], whole: int, update: object) -> Iterator[Line]:
+    for done, one in enumerate(lines, 1):
+        if callable(update):
+            update(done, whole)
+        yield one
+
+
+def _cells(one: Line) -> list[str]:
+    if not one.verdict:
+        return [one.machine, "not diagnosed", "", "", "", ""]
+    drift = "first" if one.drift is None else f"{100.0 * one.drift:+.0f} %"
+    return [
+        one.machine,
+        one.verdict,
+        ", ".join(one.named),
+        *(f"{x:.3g} {one.unit}" for x in (one.gap, one.left)),
+        drift,
+    ]
+
+
+def _plain(value: float) -> float | None:
+    return value if value == value else None

@@ -1,0 +1,65 @@
+"""The verb `gap knock`: the diagnosis put to a real record whose answer is known."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from stagectl.cli.gap_diagnose import Folder, Full, StageFile
+from stagectl.cli.motion import Json
+from stagectl.cli.show import console, emit
+
+Into = Annotated[
+    list[str] | None, typer.Option("--into", metavar="NAMES", help="Forces to add, separated by commas; else all.")
+]
+Share = Annotated[float, typer.Option(min=0.001, max=1.0, help="Of the recorded effort's rms, for what is added.")]
+Only = Annotated[str | None, typer.Option("--only", metavar="out|in", help="One way alone.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb to the group."""
+    app.command("knock")(knock)
+
+
+def knock(
+    folder: Folder,
+    stage: StageFile = None,
+    into: Into = None,
+    share: Share = 0.05,
+    only: Only = None,
+    full: Full = False,
+    json: Json = None,
+) -> None:
+    """Knock known terms out of the model of a real record, known forces into the record, and see what is named.
+
+    Example: stagectl gap knock DATA_EMPS.mat --stage config/emps.yaml
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from stagectl.config.stage_file import load_stage
+    from stagectl.gap import diagnose as pipeline
+    from stagectl.gap import folder as folders
+    from stagectl.gap import knocks
+
+    session = folders.load(folder, load_stage(stage) if stage is not None else None)
+    names = [name.strip() for text in into or () for name in text.split(",") if name.strip()] or list(knocks.FORCES)
+    waiting = knocks.out(session) if only != "in" else []
+    waiting += knocks.into(session, names, share) if only != "out" else []
+    options, table = pipeline.Options(full=full, advice=False), Table("knocked", "way", "named", "verdict", "right")
+    found = []
+    with console.status("the record as it is") as status:
+        plain = pipeline.diagnose(session, options, lambda _: None).found
+        for one in waiting:
+            status.update(f"{one.name} knocked {one.way}")
+            told = knocks.judged(one, pipeline.diagnose(one.session, options, lambda _: None).found, plain)
+            found.append(told._asdict())
+            said = ", ".join(" or ".join(each) for each in told.named)
+            table.add_row(told.name, told.way, said, told.verdict, "yes" if told.right else "no")
+    console.print(table)
+    before = ", ".join(one.name for one in plain.named) or "nothing"
+    console.print(f"as it is the record shows {plain.verdict}: {before}; that counts for no knock")
+    right = sum(bool(one["right"]) for one in found)
+    console.print(f"{right} of {len(found)} knocked terms are named")
+    emit({"share": share, "plain": [one.name for one in plain.named], "knocks": found}, json)

@@ -1,0 +1,83 @@
+"""Verbs around the machine: doctor, service install, service remove."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stagectl.cli.show import console, emit
+
+Stages = Annotated[list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several: x=STAGE.yaml ...")]
+Root = Annotated[Path, typer.Option(metavar="FOLDER", help="Root of the system to install to.")]
+service_app = typer.Typer(help="The systemd service: install, remove.", no_args_is_help=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add these verbs to the command line."""
+    app.command("doctor")(doctor)
+    app.add_typer(service_app, name="service")
+
+
+def doctor(
+    stage: Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")],
+    state: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Of the service; else $STATE_DIRECTORY.")] = None,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")
+    ] = None,
+) -> None:
+    """Say whether this machine is fit to run the stage, and how to mend what is not.
+
+    Example: stagectl doctor config/ball-screw.yaml
+    """
+    os.environ["STAGECTL_KERNELS"] = "interpreted"
+    from stagectl.config.stage_file import load_stage
+    from stagectl.daemon.client import default_socket
+    from stagectl.daemon.doctor import examine
+
+    folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
+    found = list(examine(load_stage(stage), folder, default_socket().exists()))
+    for check in found:
+        console.print(
+            f"{'ok ' if check.good else 'BAD'}  {check.name}: {check.words}", style="green" if check.good else "red"
+        )
+        if not check.good:
+            console.print(f"       {check.mend}")
+    emit({"checks": [check._asdict() for check in found], "fit": all(check.good for check in found)}, json)
+    if not all(check.good for check in found):
+        raise typer.Exit(1)
+
+
+@service_app.command("install")
+def install(
+    stages: Stages,
+    root: Root = Path("/"),
+    tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Also over TCP, with a token, to read.")] = "",
+    no_start: Annotated[bool, typer.Option("--no-start", help="Enable it only.")] = False,
+) -> None:
+    """Install user, unit, network and udev files, and start the service.
+
+    Example: sudo stagectl service install /etc/stagectl/stage.yaml
+    """
+    from stagectl.config.stage_file import load_stage
+    from stagectl.daemon.machine import named, together
+    from stagectl.systemd import install as systemd
+
+    read = tuple((name, path.absolute(), load_stage(path)) for name, path in named(stages).items())
+    wanted = systemd.Wanted(read, systemd.interpreter(), tcp, together(stages))
+    for line in systemd.install(wanted, root, not no_start):
+        console.print(line)
+
+
+@service_app.command("remove")
+def remove(root: Root = Path("/")) -> None:
+    """Stop the service and remove what install wrote; recordings and black boxes stay.
+
+    Example: sudo stagectl service remove
+    """
+    from stagectl.systemd.install import remove as take_away
+
+    for line in take_away(root):
+        console.print(line)

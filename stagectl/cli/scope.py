@@ -1,0 +1,172 @@
+"""Verbs that look at a running service: scope, record."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from stagectl.cli.service import AxisName, Json, Socket, ask_service
+from stagectl.cli.show import console, emit, progress
+from stagectl.units import UnitError, parse
+
+_LOOK = 0.1  # s between two looks at a recording
+
+
+def register(app: typer.Typer) -> None:
+    """Add these verbs to the command line."""
+    app.command("scope")(scope)
+    app.command("record")(record)
+
+
+def scope(
+    channels: Annotated[
+        list[str] | None, typer.Argument(metavar="[CHANNEL]...", help="At most 16; error and measured_current.")
+    ] = None,
+    span: Annotated[str, typer.Option(metavar="TIME", help="Of a capture.")] = "1 s",
+    trigger: Annotated[
+        str | None, typer.Option(metavar="CONDITION", help="Such as 'error > 1 um'; < falls below, = crosses.")
+    ] = None,
+    before: Annotated[str, typer.Option(metavar="SHARE", help="Of the capture before the trigger.")] = "20 %",
+    once: Annotated[bool, typer.Option("--once", help="One capture, then end.")] = False,
+    show: Annotated[bool, typer.Option("--list", help="The channels, with units and meanings.")] = False,
+    axis: AxisName = "",
+    socket: Socket = None,
+    json: Json = None,
+) -> None:
+    """Show curves of the running service in the terminal; each point is the lowest and the highest it stands for.
+
+    Example: stagectl scope error current --trigger "error > 0.1 um" --once
+    """
+    if show:
+        _list(axis, socket, json)
+        return
+    from stagectl.daemon.client import RefusedError, default_socket
+    from stagectl.daemon.page.watching import captures
+    from stagectl.daemon.page.watching import trigger as read
+
+    names = channels or ["error", "measured_current"]
+    once = once or json is not None
+    asked = {
+        "axis": axis,
+        "channels": names,
+        "span": _number(span, "s", "--span"),
+        "before": _number(before, "", "--before"),
+        "points": 100_000 if json is not None else 2 * max(console.width - 12, 20),
+        "trigger": read(trigger) if trigger else None,
+        "mode": ("single" if trigger else "auto") if once else "normal" if trigger else "auto",
+    }
+    try:
+        _watched(captures(socket or default_socket(), asked), names, axis, once, json)
+    except RefusedError as error:
+        console.print(f"no: {error}", style="red")
+        raise typer.Exit(1) from error
+
+
+def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | None) -> None:
+    from rich.live import Live
+    from rich.text import Text
+
+    from stagectl.cli.curves import lines
+
+    if once:
+        machine, capture = next(seen)
+        axis, about = _about(machine, axis)
+        console.print(Text("\n".join(lines(capture, names, about, console.width))))
+        emit(_told(capture, names, axis, about), json)
+        return
+    with Live(Text("waiting for the trigger; Ctrl-C ends"), console=console, refresh_per_second=10) as live:
+        try:
+            for machine, capture in seen:
+                live.update(Text("\n".join(lines(capture, names, _about(machine, axis)[1], console.width))))
+        except KeyboardInterrupt:
+            return
+
+
+def _about(machine: dict[str, Any], axis: str) -> tuple[str, dict[str, Any]]:
+    """Name and channels of the axis that is shown."""
+    name = axis or next(iter(machine))
+    found: dict[str, Any] = machine[name]["channels"]
+    return name, found
+
+
+def _told(capture: Any, names: list[str], axis: str, about: dict[str, Any]) -> dict[str, Any]:
+    def plain(values: Any) -> list[float | None]:
+        return [None if value != value else value for value in values.tolist()]
+
+    channels = {
+        name: {"unit": about[name]["unit"], "low": plain(low), "high": plain(high)}
+        for name, low, high in zip(names, capture.low, capture.high, strict=True)
+    }
+    times = {"step": capture.step, "triggered": capture.triggered, "time": capture.time.tolist()}
+    return {"axis": axis, **times, "channels": channels}
+
+
+def _list(axis: str, socket: Path | None, json: str | None) -> None:
+    found = ask_service(socket, "GET", "/v1/channels")
+    for name, channels in found.items():
+        if axis in ("", name):
+            for channel, about in channels.items():
+                print(f"{name}  {channel:17} {about['unit'] or '-':6} {about['meaning']}")
+    emit(found, json)
+
+
+def record(
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Where to; else the service keeps it.")
+    ] = None,
+    time_: Annotated[str | None, typer.Option("--for", metavar="TIME", help="How long; else until Ctrl-C.")] = None,
+    before: Annotated[str, typer.Option(metavar="TIME", help="From this long ago, as far as it is there.")] = "0 s",
+    name: Annotated[str, typer.Option(metavar="NAME", help="Of the service's file; else the time.")] = "",
+    axis: AxisName = "",
+    socket: Socket = None,
+    json: Json = None,
+) -> None:
+    """Record an axis of the running service at full rate; its loop notices nothing.
+
+    Example: stagectl record --for "10 s" -o recordings/now.h5
+    """
+    seconds = _number(time_, "s", "--for") if time_ else 86400.0
+    body = {"axis": axis, "name": name, "before": _number(before, "s", "--before"), "seconds": seconds}
+    begun = ask_service(socket, "POST", "/v1/recordings", body)
+    console.print(f"recording {begun['axis']}" + ("" if time_ else "; Ctrl-C ends"))
+    try:
+        _until_whole(begun, seconds if time_ else 0.0, socket)
+    except KeyboardInterrupt:
+        ask_service(socket, "POST", f"/v1/recordings/end?axis={begun['axis']}")
+    found = {"axis": begun["axis"], "recording": begun["path"]}
+    if output is not None:
+        from stagectl.daemon.client import default_socket, fetch
+
+        what = f"/v1/recordings/recordings/{begun['axis']}/{begun['file']}"
+        output.parent.mkdir(parents=True, exist_ok=True)
+        fetch(socket or default_socket(), what, output)
+        found["recording"] = str(output)
+    console.print(f"recorded: {found['recording']}")
+    emit(found, json)
+
+
+def _until_whole(begun: dict[str, str], seconds: float, socket: Path | None) -> None:
+    """Wait for the file's end; with a bar where it is known."""
+    began = time.monotonic()
+    with progress(f"record {begun['file']}", max(round(10 * seconds), 1)) as update:
+        while True:
+            files = ask_service(socket, "GET", "/v1/recordings")
+            mine = [one for one in files if (one["axis"], one["file"]) == (begun["axis"], begun["file"])]
+            if mine and not mine[0]["going_on"]:
+                return
+            elapsed = time.monotonic() - began
+            update(min(round(10 * elapsed), round(10 * seconds)), max(round(10 * seconds), 1))
+            time.sleep(_LOOK)
+
+
+def _number(text: str, unit: str, option: str) -> float:
+    from stagectl.units import StageError
+
+    try:
+        return parse(text, unit)
+    except UnitError as error:
+        example = f"1 {unit}" if unit else "20 % or 0.2"
+        raise StageError(f"{option} {text}: {error}; such as {example}") from error

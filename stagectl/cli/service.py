@@ -1,0 +1,249 @@
+"""Verbs of the service: serve, and what is asked of one that runs: status, enable, home, move, stop, fault ..."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from stagectl.cli.show import console, emit
+from stagectl.units import StageError
+
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
+Socket = Annotated[Path | None, typer.Option("--socket", metavar="PATH", help="Of the service; else $STAGECTL_SOCKET.")]
+AxisName = Annotated[str, typer.Option("--axis", metavar="NAME", help="One axis; without it, all.")]
+fault_app = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add these verbs to the command line."""
+    app.command("serve")(serve)
+    app.command("page")(page)
+    app.command("status")(status)
+    app.command("enable")(enable)
+    app.command("disable")(disable)
+    app.command("home")(home)
+    app.command("move")(move)
+    app.command("stop")(stop)
+    app.command("follow")(follow)
+    app.command("parameters")(parameters)
+    app.add_typer(fault_app, name="fault")
+
+
+def serve(
+    stages: Annotated[
+        list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
+    ],
+    socket: Annotated[Path | None, typer.Option(metavar="PATH", help="Control socket.")] = None,
+    state: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="For black boxes; else $STATE_DIRECTORY.")
+    ] = None,
+    channel: Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")] = None,
+    tcp: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Live page and control over TCP, with a token, to read.")
+    ] = None,
+    token: Annotated[Path | None, typer.Option(metavar="FILE", help="The token; made where there is none.")] = None,
+    tcp_may_move: Annotated[bool, typer.Option("--tcp-may-move", help="Who has the token may move, too.")] = False,
+    uncoupled: Annotated[
+        bool, typer.Option("--uncoupled", help="A fault of one axis does not stop the others.")
+    ] = False,
+) -> None:
+    """Run the machine as a service, for months: see README, "As a service".
+
+    Example: stagectl serve config/ball-screw.yaml
+    """
+    os.environ["STAGECTL_KERNELS"] = "interpreted"
+    try:
+        from stagectl.daemon.server import run
+    except ModuleNotFoundError as error:
+        raise StageError(f"{error.name} is not installed: `pip install 'stagectl[service]'`") from error
+    from stagectl.daemon.client import own_socket
+    from stagectl.daemon.machine import machine, together, virtual
+    from stagectl.daemon.service import Service, Where
+
+    folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
+    runtime = os.environ.get("RUNTIME_DIRECTORY")
+    place = socket or (Path(runtime) / "control.sock" if runtime else own_socket())
+    axes, coupled = machine(stages, channel), together(stages) and not uncoupled
+    service = Service(axes, Where(place, folder), coupled, console.print)
+    run(service, _port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
+
+
+def _port(tcp: str | None, token: Path, writes: bool, virtual: bool) -> Any:
+    """The port that was asked for; a virtual machine shows its page unasked."""
+    from stagectl.daemon.server import Tcp
+
+    if tcp is None:
+        return Tcp("127.0.0.1", 8402, token, writes, virtual, any_port=True) if virtual else None
+    host, colon, port = tcp.rpartition(":")
+    if not colon or not port.isdigit() or not 0 < int(port) < 65536:
+        raise StageError(f"--tcp {tcp}; must be HOST:PORT, such as 127.0.0.1:8402")
+    return Tcp(host, int(port), token, writes, virtual)
+
+
+def page(socket: Socket = None, json: Json = None) -> None:
+    """Tell the live page's address, with the key by which a browser may move the axis.
+
+    Example: stagectl page
+    """
+    found = ask_service(socket, "POST", "/v1/page")
+    console.print(found["address"])
+    emit(found, json)
+
+
+def status(socket: Socket = None, json: Json = None) -> None:
+    """Show the axes of the running service.
+
+    Example: stagectl status
+    """
+    _told(ask_service(socket, "GET", "/v1/status"), json)
+
+
+def enable(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
+    """Switch power on; the axis holds where it stands.
+
+    Example: stagectl enable
+    """
+    _do(socket, f"enable?axis={axis}", json)
+
+
+def disable(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
+    """Stop, and switch power off.
+
+    Example: stagectl disable
+    """
+    _do(socket, f"disable?axis={axis}", json)
+
+
+def home(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
+    """Find the home as `homing` of the stage file says.
+
+    Example: stagectl home
+    """
+    _do(socket, f"home?axis={axis}", json)
+
+
+def move(
+    target: Annotated[list[str], typer.Argument(metavar="POSITION...", help="'10 mm', or x='10 mm' y='5 mm'.")],
+    by: Annotated[bool, typer.Option("--by", help="Distances from here, not positions.")] = False,
+    speed: Annotated[str | None, typer.Option(metavar="SPEED", help="Such as '50 mm/s'.")] = None,
+    acceleration: Annotated[str | None, typer.Option(metavar="ACCELERATION", help="Such as '1 m/s^2'.")] = None,
+    no_wait: Annotated[bool, typer.Option("--no-wait", help="Answer when it has begun.")] = False,
+    socket: Socket = None,
+    json: Json = None,
+) -> None:
+    """Move, and answer when the axes stand in position.
+
+    Example: stagectl move "10 mm" --speed "20 mm/s"
+    """
+    places = dict(_named(text) for text in target)
+    body = {"by" if by else "to": places, "speed": speed, "acceleration": acceleration, "wait": not no_wait}
+    _do(socket, "move", json, body)
+
+
+def stop(
+    axis: AxisName = "",
+    quick: Annotated[bool, typer.Option("--quick", help="The drive's own ramp, then power off.")] = False,
+    socket: Socket = None,
+    json: Json = None,
+) -> None:
+    """Stop under control and hold; --quick: by the drive's own ramp, then without power.
+
+    Example: stagectl stop
+    """
+    _do(socket, f"{'quick-stop' if quick else 'stop'}?axis={axis}", json)
+
+
+def follow(
+    trajectory: Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")],
+    axis: AxisName = "",
+    no_wait: Annotated[bool, typer.Option("--no-wait", help="Answer when it has begun.")] = False,
+    socket: Socket = None,
+    json: Json = None,
+) -> None:
+    """Have the service run a trajectory from where the axis stands.
+
+    Example: stagectl follow config/trajectories/sine-1.6hz.yaml
+    """
+    text = trajectory.read_text(encoding="utf-8")
+    _do(socket, "trajectory", json, {"name": trajectory.stem, "yaml": text, "axis": axis, "wait": not no_wait})
+
+
+def parameters(
+    changes: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="Such as bandwidth='30 Hz'.")
+    ] = None,
+    axis: AxisName = "",
+    socket: Socket = None,
+    json: Json = None,
+) -> None:
+    """Show or change gains of the running service, without a jump of the current.
+
+    Example: stagectl parameters bandwidth="30 Hz"
+    """
+    if changes:
+        body = {"control": dict(_named(text) for text in changes), "axis": axis}
+        ask_service(socket, "PATCH", "/v1/parameters", body)
+    found = ask_service(socket, "GET", "/v1/parameters")
+    for name, values in found.items():
+        console.print(f"{name}: " + ", ".join(f"{key} {value:g}" for key, value in values.items()))
+    emit(found, json)
+
+
+@fault_app.command("list")
+def fault_list(socket: Socket = None, json: Json = None) -> None:
+    """What stopped axes or processes, oldest first.
+
+    Example: stagectl fault list
+    """
+    found = ask_service(socket, "GET", "/v1/faults")
+    for entry in found:
+        console.print(f"{entry['time']} {entry['axis'] or 'service'}: {entry['fault']}: {entry['words']}")
+    if not found:
+        console.print("no faults since the service started")
+    emit({"faults": found}, json)
+
+
+@fault_app.command("reset")
+def fault_reset(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
+    """Leave the fault: the drive is configured anew, and has no power yet.
+
+    Example: stagectl fault reset
+    """
+    _do(socket, f"faults/reset?axis={axis}", json)
+
+
+def _named(text: str) -> tuple[str, str]:
+    name, equals, value = text.rpartition("=")
+    return (name.strip(), value) if equals else ("", text)
+
+
+def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] | None = None) -> None:
+    _told(ask_service(socket, "POST", f"/v1/{what}", body), json)
+
+
+def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
+    """The answer; a no of the service is exit code 1, no answer is 2."""
+    from stagectl.daemon.client import RefusedError, ask, default_socket
+
+    try:
+        return ask(socket or default_socket(), method, what, body)
+    except RefusedError as error:
+        console.print(f"no: {error}", style="red")
+        raise typer.Exit(1) from error
+
+
+def _told(found: dict[str, Any], json: str | None) -> None:
+    from stagectl.words import length
+
+    for axis in found["axes"]:
+        place = "" if axis["position"] is None else f" at {length(axis['position'], axis['unit'])}"
+        home = "" if axis["homed"] else ", not homed"
+        console.print(f"{axis['axis']}: {axis['state_words']}{place}{home}; {axis['late_cycles']} late cycles")
+        if axis["fault"]:
+            console.print(f"  {axis['fault']}: {axis['words']}")
+    if not found["alive"]:
+        console.print("the real-time process gives no sign of life")
+    emit(found, json)

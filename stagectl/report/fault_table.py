@@ -1,0 +1,39 @@
+"""The table of faults as text: on the terminal, and in .docs/faults.md, which a test compares with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, get_type_hints
+
+from stagectl.drives.faults import TABLE, Must, Row
+from stagectl.units import quantity_of
+
+HEAD = ("fault", "component", "kind", "what happens", "stop", "parameters")
+
+
+def lines() -> Iterator[str]:
+    """The table, a fault a line, in Markdown."""
+    yield f"| {' | '.join(HEAD)} |"
+    yield f"|{'---|' * len(HEAD)}"
+    for row in TABLE:
+        cells = (f"`{row.name}`", row.component, row.kind, row.words, stop_words(row.must), _parameters(row))
+        yield f"| {' | '.join(cells)} |"
+
+
+def stop_words(must: Must) -> str:
+    """What drive and loop must do while the axis moves."""
+    if must.category is None:
+        return "goes on"
+    return f"category {must.category}" + (", coasting" if must.brakes == "coast" else "")
+
+
+def _parameters(row: Row) -> str:
+    hints = get_type_hints(row.block, include_extras=True)
+    named = [name for name in row.block._fields if name != "fault"]
+    return ", ".join(f"{name} {_value(row.block._field_defaults[name], hints[name])}" for name in named)
+
+
+def _value(value: Any, hint: Any) -> str:
+    quantity = quantity_of(hint)
+    unit = f" {quantity.unit}" if quantity is not None and quantity.unit else ""
+    return f"0x{value:04X}" if quantity is not None and "code" in quantity.meaning else f"{value:g}{unit}"

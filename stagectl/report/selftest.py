@@ -1,0 +1,93 @@
+"""The self-test as one page: the matrix with its limits, and the place where somebody answers for it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from stagectl.recording.meta import versions
+from stagectl.report.page import Page, Section, Table, write
+from stagectl.words import duration, length
+
+_HEAD = ["fault", "state", "result", "stopped by", "category", "stop time", "at most", "distance", "at most"]
+
+
+def page(result: dict[str, Any], path: Path) -> Path:
+    """Write it; `result` is that of `stagectl selftest`."""
+    cases, unit, scale = result["faults"], result["unit"], result["travel_per_unit"]
+    failed = [case for case in cases if not case["passed"]]
+    rows = [_row(case, unit, scale) for case in cases]
+    components = dict.fromkeys(case["component"] for case in cases)
+    sections = tuple(
+        Section(
+            component.capitalize(),
+            [],
+            [],
+            [Table("", _HEAD, [row for row, case in zip(rows, cases, strict=True) if case["component"] == component])],
+        )
+        for component in components
+    )
+    return write(
+        Page(
+            f"stagectl selftest: {result['stage']}",
+            result["words"],
+            [
+                f"{result['mode']}; {len(components)} components, {len({case['name'] for case in cases})} faults, "
+                f"{len({case['state'] for case in cases})} states. Moving at {length(result['speed'], unit)}/s.",
+                "Category 0: the power was cut while the axis moved; 1: it was braked, then the power was cut. "
+                "Not a safety function: the emergency stop is wired to the drive's STO.",
+            ],
+            [],
+            [
+                _signed(result),
+                *([Table("Not passed", ["fault", "state", "why"], [_why(case) for case in failed])] if failed else []),
+            ],
+            [result["command"]],
+            versions(),
+            sections=sections,
+        ),
+        path,
+    )
+
+
+def digest(result: dict[str, Any]) -> str:
+    """SHA-256 over all cases: what was signed is what is shown."""
+    text = json.dumps(result["faults"], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _signed(result: dict[str, Any]) -> Table:
+    rows = [
+        ["stage file", f"{result['file']}, SHA-256 {result['file_digest'][:16]}"],
+        ["results", f"{result['passed']} of {len(result['faults'])} passed, SHA-256 {digest(result)[:16]}"],
+        ["run", f"{result['created']} on {result['host']}"],
+        ["signed off by", result["signed"] or "nobody yet: --signed NAME, or by hand: ______________________"],
+    ]
+    return Table("Signed off", ["", ""], rows)
+
+
+def _why(case: dict[str, Any]) -> list[str]:
+    return [case["name"], case["state"], case["words"]]
+
+
+def _row(case: dict[str, Any], unit: str, scale: float) -> list[str]:
+    goes_on = case["category"] is None
+    reason = case["reason"] if len(case["reason"]) < 30 else "refused, in words"
+    return [
+        case["name"],
+        case["state"],
+        "passed" if case["passed"] else "NOT PASSED",
+        reason.lower().replace("_", " ") or ("goes on" if goes_on else "the drive"),
+        "" if goes_on else str(case["category"]),
+        _or(case["stop_time"], duration),
+        _or(case["stop_time_limit"], duration),
+        length(case["stop_distance"] * scale, unit),
+        _or(case["stop_distance_limit"], lambda way: length(way * scale, unit)),
+    ]
+
+
+def _or(value: float | None, words: Any) -> str:
+    return "" if value is None or math.isinf(value) else str(words(value))

@@ -1,0 +1,173 @@
+"""The ten mistakes that people make first: each ends in words that name the cause and what to type next."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from stagectl.daemon import client
+from tests.cli.conftest import Command
+from tests.conftest import CONFIG
+from tests.identification.synthetic import motion, write_csv
+
+STAGE, SINE = CONFIG / "ball-screw.yaml", CONFIG / "trajectories" / "sine-1.6hz.yaml"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder to work in, with a bus of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    return tmp_path
+
+
+def stage_with(old: str, new: str) -> Path:
+    text = STAGE.read_text()
+    assert old in text
+    path = Path("stage.yaml")
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+def ends(outcome: tuple[int, str, str], *words: str) -> None:
+    """Exit 2, without a result and without a traceback, and with all of the `words`."""
+    code, out, err = outcome
+    assert (code, out) == (2, ""), err
+    assert "Traceback" not in err
+    for one in words:
+        assert one in err, err
+
+
+def test_wrong_unit(command: Command) -> None:
+    stage = stage_with("lead: 12 mm", "lead: 12 kg")
+    ends(command("simulate", stage, SINE), "axis.lead = 12 kg", "(stage.yaml:8)", "stagectl config check stage.yaml")
+
+
+def test_swapped_sign(command: Command, folder: Path) -> None:
+    """A log whose current has the other sign would give a negative inertia."""
+    columns = motion()
+    columns["measured_current"] = -columns["measured_current"]
+    write_csv(folder / "log.csv", columns)
+    ends(
+        command("identify", "least-squares", STAGE, "log.csv"),
+        "the current has the opposite sign",
+        "turn the sign in the log",
+        "--doubtful",
+    )
+
+
+def test_wrong_node_id(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The drive has another id than the stage file says: who does answer is told."""
+    from stagectl.cli import drive as verbs
+    from stagectl.drives.bus import Embedded, frame, parse
+
+    class Answering(Embedded):
+        """A bus on which node 5 answers, and nobody else."""
+
+        def send(self, frame_: bytes) -> None:
+            identifier, data = parse(frame_)
+            if identifier == 0x605:
+                self.waiting.append(frame(0x585, b"\x43" + data[1:4] + bytes.fromhex("92 01 02 00")))
+
+        def receive(self, timeout: float) -> bytes | None:
+            return self.waiting.pop(0) if self.waiting else None
+
+        waiting: list[bytes] = []  # noqa: RUF012
+
+    assert verbs is not None
+    monkeypatch.setattr("stagectl.drives.bus.open_bus", lambda *_: Answering("alone"))
+    monkeypatch.setattr("stagectl.session.drive_present", _nothing)
+    stage = stage_with("node: 5", "node: 9")
+    ends(command("drive", "probe", stage), "node 9 does not answer", "node 5 does: set 'node: 5'", "stagectl doctor")
+
+
+class _nothing:  # noqa: N801 - stands for a function
+    """No virtual drive is started."""
+
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+def test_bus_down(command: Command) -> None:
+    stage = stage_with("interface: embedded", "interface: socketcan")
+    stage.write_text(stage.read_text().replace("channel: stage", "channel: can7"))
+    ends(command("run", stage, SINE), "sudo ", "can")
+
+
+def test_no_permission(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The control socket belongs to another group."""
+
+    def refused(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(client._UnixConnection, "connect", refused)
+    ends(command("enable", "--socket", "control.sock"), "you may not use it", "sudo usermod -aG stagectl $USER")
+
+
+def test_drive_in_fault(folder: Path) -> None:
+    """The drive trips in mid motion: exit 1, what it said, and how to go on."""
+    faults = "\nvirtual_drive:\n  faults: [{fault: drive-fault, after: 0.05 s}]\n"
+    (folder / "stage.yaml").write_text(STAGE.read_text() + faults)
+    short = "type: sine\namplitude: 1 mm\nfrequency: 2 Hz\nperiods: 1\n"
+    (folder / "motion.yaml").write_text(short)
+    done = subprocess.run(
+        [sys.executable, "-m", "stagectl", "run", "stage.yaml", "motion.yaml"],
+        capture_output=True,
+        text=True,
+        timeout=200,
+        env=dict(os.environ),
+    )
+    assert done.returncode == 1, done.stderr
+    for words in ("stopped after", "0x2310", "Remove the cause, then start the run again", "recorded: recordings/"):
+        assert words in done.stderr, done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_limit_too_small(command: Command) -> None:
+    stage = stage_with("speed: 300 mm/s", "speed: 10 mm/s")
+    ends(
+        command("simulate", stage, SINE),
+        "the trajectory needs a speed of",
+        "limits.speed of ball-screw stage A allows 0.01 m/s",
+        "raise the limit in stage.yaml",
+    )
+
+
+def test_capture_too_short(command: Command, folder: Path) -> None:
+    write_csv(folder / "log.csv", {name: values[:40] for name, values in motion().items()})
+    ends(command("identify", "least-squares", STAGE, "log.csv"), "log.csv", "record")
+
+
+def test_stale_schema(command: Command) -> None:
+    """A recording of another version, and a stage file with an entry of another."""
+    with h5py.File("old.h5", "w") as file:
+        file.attrs["format"] = "stagectl-recording/0"
+        file["samples"] = np.zeros(3)
+    ends(command("replay", "old.h5"), "format 0", "stagectl export FILE --to csv", "stagectl import FILE.csv")
+    stage = stage_with("viscous: 0.14", "viscosity: 0.14")
+    ends(command("simulate", stage, SINE), "viscosity is not known; did you mean viscous?", "config check stage.yaml")
+
+
+def test_port_taken(command: Command, folder: Path) -> None:
+    """Another service has the control socket."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
+        other.bind(str(folder / "control.sock"))
+        other.listen()
+        ends(
+            command("serve", STAGE, "--socket", "control.sock", "--state", "state"),
+            "a service listens on control.sock already",
+            "take another --socket",
+        )

@@ -1,0 +1,84 @@
+"""scope and record against a service that runs, and what they say where there is none or it says no."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stagectl.recording.hdf5 import open_recording
+from tests.conftest import Command
+from tests.daemon.serving import Served, served
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with served(tmp_path_factory.mktemp("scope")) as found:
+        found.ask("POST", "enable")
+        yield found
+
+
+def test_one_capture_of_a_motion(machine: Served, command: Command) -> None:
+    """A sine's current crosses 0.5 A upwards at the trigger, and nowhere is a row left out."""
+    machine.ask("POST", "trajectory", yaml="{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 100}", wait=False)
+    words = ["--trigger", "current > 0.5 A", "--span", "0.4 s", "--before", "50 %", "--json", "-"]
+    code, out, err = command("scope", "measured", "current", *words, "--socket", machine.socket)
+    assert code == 0, err
+    assert "current " in err
+    assert "^ trigger" in err
+    found = json.loads(out)
+    time, current = np.array(found["time"]), np.array(found["channels"]["current"]["low"])
+    assert found["triggered"]
+    assert found["channels"]["measured"]["unit"] == "m"
+    assert len(time) == 800
+    assert np.allclose(np.diff(time), 5e-4)
+    place = int(np.argmin(np.abs(time)))
+    assert place == 400
+    assert current[place - 1] < 0.5 <= current[place]
+    machine.ask("POST", "stop")
+
+
+def test_channels_are_listed(machine: Served, command: Command) -> None:
+    code, out, _ = command("scope", "--list", "--socket", machine.socket)
+    assert code == 0
+    assert "axis  error             m      target minus measured" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["nothing", "--once"], 1, "no channel nothing; there are reference"),
+        (["error", "--trigger", "big", "--once"], 2, "must be CHANNEL > LEVEL"),
+        (["error", "--trigger", "error > 1 A", "--once"], 1, "trigger level 1 A; must be a number in m"),
+        (["error", "--span", "1 m", "--once"], 2, "--span 1 m"),
+        (["error", "--span", "20 s", "--once"], 1, "a capture of axis has 9.83 s at most"),
+    ],
+)
+def test_what_cannot_be_is_said(machine: Served, command: Command, words: list[str], code: int, said: str) -> None:
+    found, _, err = command("scope", *words, "--socket", machine.socket)
+    assert found == code, err
+    assert said in err
+
+
+@pytest.mark.parametrize("verb", [["scope", "--once"], ["record", "--for", "1 s"], ["page"]])
+def test_without_a_service(command: Command, tmp_path: Path, verb: list[str]) -> None:
+    code, _, err = command(*verb, "--socket", tmp_path / "none.sock")
+    assert code == 2
+    assert "no service answers" in err
+
+
+def test_a_recording_of_a_second(machine: Served, command: Command, tmp_path: Path) -> None:
+    target = tmp_path / "now.h5"
+    words = ["--for", "1 s", "--before", "0.1 s", "--name", "now", "-o", target, "--json", "-"]
+    code, out, err = command("record", *words, "--socket", machine.socket)
+    assert code == 0, err
+    assert json.loads(out)["recording"] == str(target)
+    found = open_recording(target)
+    assert found.complete
+    assert np.allclose(np.diff(found.column("time")), 5e-4)
+    code, _, err = command("record", *words, "--socket", machine.socket)
+    assert code == 1
+    assert "now.h5 exists already" in err

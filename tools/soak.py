@@ -1,0 +1,173 @@
+"""The service's real-time process for an hour: ``python tools/soak.py [SECONDS] [--wall]``.
+
+The process is the service's own (`stagectl.daemon.axes`), an axis at 2 kHz that goes to and fro on one sine after the
+other, with the stage model as its drive and a recorder that writes each row to disk.  Its periods follow each other as
+fast as they are done (simulated time), or with ``--wall`` by the clock.  It says how the memory of the process grows
+after the first tenth, whether a row was lost, and how soon and how large the process is with a CANopen drive.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+os.environ["STAGECTL_KERNELS"] = "interpreted"
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+GROWTH, LARGEST, SOONEST = 1024, 80 * 1024, 0.5  # KiB, KiB, s: what is admitted
+SINE = "{type: sine, amplitude: 2 mm, frequency: 1 Hz, periods: 8}"
+CHILD = "-child"
+
+
+class Instant:
+    """A clock whose waits take no time."""
+
+    def __init__(self) -> None:
+        self._now = 0.0
+
+    def now(self) -> float:
+        """Its time (s)."""
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        """Let so much time go by."""
+        self._now += seconds
+
+
+def child() -> None:
+    """Be the real-time process, with a clock of its own."""
+    import pickle
+
+    from stagectl.daemon import axes
+
+    axes.serve(pickle.load(sys.stdin.buffer), Instant())
+    os._exit(0)
+
+
+def resident(pid: int) -> int:
+    """Memory of a process (KiB)."""
+    text = Path(f"/proc/{pid}/status").read_text()
+    return int(text.split("VmRSS:")[1].split()[0])
+
+
+class Soak:
+    """The service's side: processes, orders, and what is seen of them."""
+
+    def __init__(self, folder: Path, wall: bool) -> None:
+        import subprocess
+
+        from stagectl.config.stage_file import InProcess, load_stage
+        from stagectl.daemon.axes import Post
+        from stagectl.daemon.child import Child, start
+        from stagectl.daemon.manned import COLUMNS, Manned
+        from stagectl.recording.recorder import Order
+
+        setup = load_stage(ROOT / "config" / "ball-screw.yaml")
+        file = setup.file._replace(
+            drive=setup.file.drive._replace(wire=InProcess()), simulation=setup.file.simulation._replace(substeps=1)
+        )
+        self.axis = axis = Manned("axis", setup._replace(file=file))
+        self.path = folder / "soak.h5"
+        alive, held = os.pipe()
+        shared = (axis.ring.descriptor, axis.board.descriptor, held)
+        if wall:
+            self.loop = start("stagectl.daemon.axes", shared, "interpreted")
+        else:
+            words = [sys.executable, __file__, CHILD]
+            self.loop = Child(subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=shared))
+        os.close(held)
+        self.loop.send(Post((axis.orders(),), setup.dt, 0, None, len(COLUMNS), axis.ring.capacity, True))
+        self.recorder = start("stagectl.recording.recorder", (axis.ring.descriptor, alive), "interpreted")
+        meta: dict[str, Any] = {"name": "soak", "created": "", "axis": {"kind": "rotary"}}
+        self.recorder.send(
+            Order(axis.ring.descriptor, len(COLUMNS), axis.ring.capacity, alive, str(self.path), meta, COLUMNS)
+        )
+        assert self.recorder.line() == "ready" and self.loop.line()
+        self.motion = axis.trajectory("sine", SINE)
+
+    def run(self, seconds: float) -> list[tuple[float, int]]:
+        """Go to and fro for so long (s, the axis' own time); time and memory (KiB) of the process meanwhile."""
+        from stagectl.daemon.board import Order
+        from stagectl.daemon.states import Event, State
+
+        axis, seen, shown = self.axis, list[tuple[float, int]](), time.monotonic()
+        axis.board.order(Order(Event.ENABLE))
+        while (now := axis.status.cycles * axis.setup.dt) < seconds:
+            status = axis.status
+            assert status.fault == 0.0, axis.board.words
+            if status.state == State.STANDING:
+                axis.board.order(axis.start(self.motion._replace(first=axis.board.filled), 1))
+                while axis.status.motions == status.motions:
+                    time.sleep(0.001)
+            axis.fill()
+            if not seen or now - seen[-1][0] >= seconds / 200.0:
+                seen.append((now, resident(self.loop.pid)))
+            if time.monotonic() - shown > 30.0:
+                shown = time.monotonic()
+                print(f"  {now:.0f} s of {seconds:.0f} s, {seen[-1][1]} KiB", flush=True)
+            time.sleep(0.005)
+        return seen
+
+    def end(self) -> tuple[int, int, int]:
+        """Rows written by the loop, kept by the recorder, and lost."""
+        import h5py
+
+        self.loop.terminate()
+        assert self.loop.wait(60.0) == 0
+        assert self.recorder.wait(600.0) == 0
+        with h5py.File(self.path, "r") as file:
+            return self.axis.ring.written, file["samples"].shape[0], int(file.attrs["lost_rows"])
+
+
+def started() -> tuple[float, int]:
+    """With a CANopen drive that is there: s from the process' start to the drive's configuration, and KiB then."""
+    from stagectl.daemon.axes import Post
+    from stagectl.daemon.child import start
+    from stagectl.daemon.machine import machine
+    from stagectl.daemon.manned import COLUMNS
+    from tests.daemon.serving import Served
+
+    with tempfile.TemporaryDirectory() as folder:
+        drive = Served(Path(folder))
+        try:
+            drive.start_drive()
+            axis = machine([str(drive.stage)], str(Path(folder) / "bus"))["axis"]
+            post = Post((axis.orders(),), axis.setup.dt, 0, None, len(COLUMNS), axis.ring.capacity, True)
+            began = time.monotonic()
+            loop = start("stagectl.daemon.axes", (axis.ring.descriptor, axis.board.descriptor), "interpreted")
+            loop.send(post)
+            assert loop.line()
+            found = time.monotonic() - began, resident(loop.pid)
+            loop.terminate()
+            assert loop.wait(60.0) == 0
+            return found
+        finally:
+            drive.end()
+
+
+def main() -> None:
+    words = [word for word in sys.argv[1:] if not word.startswith("-")]
+    seconds, wall = float(words[0]) if words else 3600.0, "--wall" in sys.argv
+    soon, large = started()
+    print(f"start to configured drive {soon:.2f} s (admitted {SOONEST}), {large} KiB (admitted {LARGEST})", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        began, soak = time.monotonic(), Soak(Path(folder), wall)
+        seen = soak.run(seconds)
+        written, kept, lost = soak.end()
+    settled = [memory for when, memory in seen if when >= 0.1 * seconds]
+    growth = max(settled) - settled[0]
+    print(
+        f"{seconds:.0f} s at 2 kHz in {time.monotonic() - began:.0f} s, {'by the clock' if wall else 'simulated time'}"
+    )
+    print(f"memory {settled[0]} KiB after a tenth, at most {growth} KiB more (admitted {GROWTH})")
+    print(f"{written} rows, {kept} recorded, {lost} lost (admitted 0)")
+    raise SystemExit(growth > GROWTH or lost > 0 or kept != written or large > LARGEST)
+
+
+if __name__ == "__main__":
+    child() if CHILD in sys.argv else main()
