@@ -18,6 +18,7 @@ from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.daemon import virtual
 from stagectl.daemon.run import Ended, Motion, Progress, move, waits_for_sync
 from stagectl.daemon.safety import words
+from stagectl.drives.bus import Bus, open_bus
 from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.evaluation import evaluate
 from stagectl.kernels.law import Setpoint
@@ -203,3 +204,18 @@ def drive_present(setup: Setup, say: Say) -> Iterator[None]:
     finally:
         process.terminate()
         process.wait()
+
+
+@contextlib.contextmanager
+def line_of(setup: Setup, say: Say) -> Iterator[tuple[Canopen, Bus]]:
+    """The wire of the stage's drive and a bus that is open to it.
+
+    Raises DriveError where the stage has no CANopen drive, or the bus is not there.
+    """
+    wire = canopen(setup)
+    with drive_present(setup, say):
+        line = open_bus(wire.interface, wire.channel, wire.bitrate)
+        try:
+            yield wire, line
+        finally:
+            line.close()

@@ -24,28 +24,14 @@ SINE = "{type: sine, amplitude: 2 mm, frequency: 1 Hz, periods: 8}"
 CHILD = "-child"
 
 
-class Instant:
-    """A clock whose waits take no time."""
-
-    def __init__(self) -> None:
-        self._now = 0.0
-
-    def now(self) -> float:
-        """Its time (s)."""
-        return self._now
-
-    def sleep(self, seconds: float) -> None:
-        """Let so much time go by."""
-        self._now += seconds
-
-
 def child() -> None:
     """Be the real-time process, with a clock of its own."""
     import pickle
 
     from stagectl.daemon import axes
+    from stagectl.drives.timeline import Timeline
 
-    axes.serve(pickle.load(sys.stdin.buffer), Instant())
+    axes.serve(pickle.load(sys.stdin.buffer), Timeline())  # its waits take no time
     os._exit(0)
 
 

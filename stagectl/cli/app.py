@@ -48,7 +48,7 @@ for group in (motion, records, identification, comparison, tuning, reproduction,
 app.add_typer(configuration.app, name="config")
 app.add_typer(drive.app, name="drive")
 app.add_typer(gap.app, name="gap")
-drive_dump.register(app)  # into the group `drive`
+drive.app.command("dump")(drive_dump.dump)
 
 
 def main() -> None:

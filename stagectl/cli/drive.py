@@ -37,18 +37,12 @@ def probe(
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
     from stagectl.config.stage_file import load_stage
-    from stagectl.drives import bus
     from stagectl.drives.probe import probe as ask
-    from stagectl.session import canopen, drive_present, on_channel
+    from stagectl.session import line_of, on_channel
 
     setup = on_channel(load_stage(stage, judged=False), channel)
-    wire = canopen(setup)
-    with drive_present(setup, console.print):
-        line = bus.open_bus(wire.interface, wire.channel, wire.bitrate)
-        try:
-            found = ask(wire, line, _chosen(preset), _current(rated))
-        finally:
-            line.close()
+    with line_of(setup, console.print) as (wire, line):
+        found = ask(wire, line, _chosen(preset), _current(rated))
     _show(found)
     changed = [str(one) for one in _written(stage, found.values)] if write and found.values else []
     for change in changed:

@@ -12,15 +12,6 @@ from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.show import console, emit, progress
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb to the group `drive`, which may have others."""
-    groups = [one.typer_instance for one in app.registered_groups if one.name == "drive"]
-    group = groups[0] if groups and groups[0] is not None else typer.Typer(help="Read a drive.", no_args_is_help=True)
-    if group not in groups:
-        app.add_typer(group, name="drive")
-    group.command("dump")(dump)
-
-
 def dump(
     stage: StageArgument,
     output: Annotated[
@@ -36,20 +27,13 @@ def dump(
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
     from stagectl.config.stage_file import load_stage
-    from stagectl.drives import bus
     from stagectl.drives.dump import dump as read
     from stagectl.drives.dump import write_dcf
-    from stagectl.session import canopen, drive_present, on_channel
+    from stagectl.session import line_of, on_channel
 
     setup = on_channel(load_stage(stage, judged=False), channel)
-    wire = canopen(setup)
-    with drive_present(setup, console.print):
-        line = bus.open_bus(wire.interface, wire.channel, wire.bitrate)
-        try:
-            with progress(f"node {wire.node}", 1) as update:
-                found = read(wire, line, update)
-        finally:
-            line.close()
+    with line_of(setup, console.print) as (wire, line), progress(f"node {wire.node}", 1) as update:
+        found = read(wire, line, update)
     for one in found:
         if not changed or one.changed:
             print(_line(one))
@@ -61,8 +45,12 @@ def dump(
     if output is not None:
         write_dcf(found, wire.eds, wire.node, output)
         console.print(f"wrote {output}")
-    objects = [{"index": one.number, **one._asdict(), "changed": one.changed} for one in found]
-    emit({"node": wire.node, "objects": [{k: v for k, v in one.items() if k != "number"} for one in objects]}, json)
+    emit({"node": wire.node, "objects": [_told(one) for one in found]}, json)
+
+
+def _told(one: Any) -> dict[str, Any]:
+    told = one._asdict()
+    return {"index": told.pop("number"), **told, "changed": one.changed}  # a NamedTuple's own `index` is a method
 
 
 def _line(one: Any) -> str:

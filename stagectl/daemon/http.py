@@ -1,4 +1,4 @@
-"""The control interface: HTTP with an OpenAPI document (``/openapi.json``), read at ``/docs``-less machines as well.
+"""The control interface: HTTP, described by its OpenAPI document at ``/openapi.json``.
 
 On the Unix socket the permissions of the socket decide who may move the axis.  On TCP a token is asked for, see `door`.
 A request ends at the board; the loop never sees it.  The live page's part of it is in ``page/``.
@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.routing import Match, Route
@@ -126,8 +127,6 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
     app.add_exception_handler(422, _refusal(422))
     app.add_exception_handler(400, _refusal(400))
     app.add_exception_handler(405, _not_allowed)
-    from fastapi.exceptions import RequestValidationError
-
     app.add_exception_handler(RequestValidationError, _malformed)
     _reading(app, service)
     _moving(app, Orderly(service))

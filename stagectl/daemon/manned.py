@@ -293,13 +293,3 @@ class Manned:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def why_not(event: Event, state: State) -> str:
-    """Why an order cannot be given in this state, and what can."""
-    wanted = {Event.ENABLE: "`stagectl fault reset` comes first", Event.MOVE: "`stagectl enable` comes first"}
-    wanted[Event.HOME] = wanted[Event.MOVE]
-    advice = wanted.get(event, "see `stagectl status`")
-    if state in (State.MOVING, State.HOMING, State.STOPPING):
-        advice = "wait for its end, or `stagectl stop`"
-    return f"{event.name.lower()} is not possible now: the axis {state.words}; {advice}"

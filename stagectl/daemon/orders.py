@@ -7,7 +7,7 @@ import asyncio
 from stagectl.daemon.board import Order
 from stagectl.daemon.manned import Manned, Motion, ServiceError
 from stagectl.daemon.service import Service
-from stagectl.daemon.states import Event, State
+from stagectl.daemon.states import Event, State, why_not
 from stagectl.units import UnitError, parse
 
 _ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, a stop and a connection may take
@@ -103,8 +103,6 @@ class Orderly:
 
     def _ready(self, axis: Manned) -> None:
         if axis.state is not State.STANDING:
-            from stagectl.daemon.manned import why_not
-
             raise ServiceError(f"{axis.name}: {why_not(Event.MOVE, axis.state)}")
 
     async def _planned(

@@ -31,10 +31,10 @@ from stagectl.daemon.axes import Post
 from stagectl.daemon.blackbox import Box
 from stagectl.daemon.board import PENDING, TAKEN, Order
 from stagectl.daemon.child import Child, start
-from stagectl.daemon.manned import COLUMNS, Manned, ServiceError, why_not
+from stagectl.daemon.manned import COLUMNS, Manned, ServiceError
 from stagectl.daemon.notify import notify
 from stagectl.daemon.recordings import Recordings
-from stagectl.daemon.states import Event, State
+from stagectl.daemon.states import Event, State, why_not
 from stagectl.drives.drive import Canopen, Fault
 from stagectl.evaluation import DWELL
 

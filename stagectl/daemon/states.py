@@ -127,3 +127,13 @@ def event_of(fault: Fault) -> Event:
 def following(state: State, event: Event) -> State | None:
     """The next state; None where the order cannot be given in this one."""
     return TABLE.get((state, event))
+
+
+def why_not(event: Event, state: State) -> str:
+    """Why an order cannot be given in this state, and what can."""
+    wanted = {Event.ENABLE: "`stagectl fault reset` comes first", Event.MOVE: "`stagectl enable` comes first"}
+    wanted[Event.HOME] = wanted[Event.MOVE]
+    advice = wanted.get(event, "see `stagectl status`")
+    if state in (State.MOVING, State.HOMING, State.STOPPING):
+        advice = "wait for its end, or `stagectl stop`"
+    return f"{event.name.lower()} is not possible now: the axis {state.words}; {advice}"

@@ -15,23 +15,11 @@ from stagectl.drives.clock import Skewed
 from stagectl.drives.faulty_bus import FaultyBus, Rule
 from stagectl.drives.node import VirtualNode
 from stagectl.drives.node_deeds import DEEDS
+from stagectl.drives.timeline import Timeline
 from tests.drives.test_node import START, answers, enabled, rpdo, sdo, tpdos
 from tests.drives.workbench import SYNC, Script, Workbench
 
 PUSH = [rpdo(15, 100_000), SYNC]
-
-
-class Hand:
-    """A clock that a test moves."""
-
-    def __init__(self) -> None:
-        self.time = 0.0
-
-    def now(self) -> float:
-        return self.time
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
 
 
 def moving(bench: Workbench, script: Script, name: str, cycles: int = 20, **parameters: Any) -> VirtualNode:
@@ -172,14 +160,14 @@ def test_what_rules_do_to_frames() -> None:
 
 
 def test_delayed_frames_come_when_they_are_due_and_kinds_are_told_apart() -> None:
-    hand, script = Hand(), Script()
-    bus = FaultyBus(script, hand.now, 1)
+    clock, script = Timeline(), Script()
+    bus = FaultyBus(script, clock.now, 1)
     undo = bus.add(Rule("both", frozenset({"tpdo"}), faulty_bus.delay(0.5)))
     script.steps += [frame(0x185, b"a"), frame(0x705, b"b")]
     assert [bus.receive(0.0), bus.receive(0.0)] == [frame(0x705, b"b"), None]
     bus.send(frame(0x1FF, b"c"))
     assert script.sent == []
-    hand.time = 0.6
+    clock.sleep(0.6)
     assert bus.receive(0.0) == frame(0x185, b"a")
     assert script.sent == [frame(0x1FF, b"c")]
     undo()
@@ -191,15 +179,15 @@ def test_delayed_frames_come_when_they_are_due_and_kinds_are_told_apart() -> Non
 
 
 def test_a_skewed_clock_never_jumps() -> None:
-    hand = Hand()
-    clock = Skewed(hand)
-    hand.time = 10.0
+    true = Timeline()
+    clock = Skewed(true)
+    true.sleep(10.0)
     clock.run_at(1.5)
     assert clock.now() == 10.0
-    hand.time = 12.0
+    true.sleep(2.0)
     assert clock.now() == 13.0
     clock.sleep(3.0)
-    assert (hand.time, clock.now()) == (14.0, 16.0)
+    assert (true.now(), clock.now()) == (14.0, 16.0)
     clock.run_at(1.0)
-    hand.time = 15.0
+    true.sleep(1.0)
     assert clock.now() == 17.0

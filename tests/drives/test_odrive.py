@@ -17,25 +17,13 @@ from stagectl.drives.drive import DriveError, Fault, Odrive
 from stagectl.drives.odrive import OdriveDrive, open_odrive
 from stagectl.drives.odrive_virtual import Pty, VirtualOdrive
 from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.timeline import Timeline
 from stagectl.units import StageError
 from tests.conftest import CONFIG
 from tests.drives.workbench import linear_stage
 
 DT = 0.005
 TURN = 2.0 * math.pi
-
-
-class Hand:
-    """A clock that a test moves."""
-
-    def __init__(self) -> None:
-        self.time = 0.0
-
-    def now(self) -> float:
-        return self.time
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
 
 
 def settings(port: str = "unused", **changes: Any) -> Odrive:
@@ -49,11 +37,11 @@ def plant() -> Plant:
 class Wired:
     """A line without a wire: what is said is answered at once, on a clock that the test moves."""
 
-    def __init__(self, virtual: VirtualOdrive, hand: Hand) -> None:
-        self.virtual, self.hand, self.out, self.deaf = virtual, hand, list[str](), False
+    def __init__(self, virtual: VirtualOdrive, clock: Timeline) -> None:
+        self.virtual, self.clock, self.out, self.deaf = virtual, clock, list[str](), False
 
     def say(self, text: str) -> None:
-        self.hand.time += 1e-4
+        self.clock.sleep(1e-4)
         answer = "" if self.deaf else self.virtual.obey(text)
         if answer:
             self.out.append(answer)
@@ -61,7 +49,7 @@ class Wired:
     def hear(self, timeout: float) -> str | None:
         if self.out:
             return self.out.pop(0)
-        self.hand.time += timeout
+        self.clock.sleep(timeout)
         return None
 
     def close(self) -> None:
@@ -70,12 +58,12 @@ class Wired:
 
 @pytest.fixture
 def wired() -> Wired:
-    hand = Hand()
-    return Wired(VirtualOdrive(settings(), plant(), hand), hand)
+    clock = Timeline()
+    return Wired(VirtualOdrive(settings(), plant(), clock), clock)
 
 
 def drive_on(wired: Wired) -> OdriveDrive:
-    return OdriveDrive(settings(), wired, DT, wired.hand)  # type: ignore[arg-type]
+    return OdriveDrive(settings(), wired, DT, wired.clock)  # type: ignore[arg-type]
 
 
 def test_it_moves_and_coasts_to_a_stand(wired: Wired) -> None:
@@ -88,7 +76,7 @@ def test_it_moves_and_coasts_to_a_stand(wired: Wired) -> None:
         assert now.fault is Fault.NONE
         seen.append(now.position)
         drive.apply(1.0)
-        wired.hand.time += DT
+        wired.clock.sleep(DT)
     assert seen == sorted(seen) and seen[-1] > 1e-2
     assert virtual.plant.state.velocity == pytest.approx(4.5 * 30 * (DT + 2e-4), rel=0.1)
     assert drive.quick_stop().fault is Fault.DRIVE_FAULT  # no power any more
@@ -101,15 +89,15 @@ def test_it_moves_and_coasts_to_a_stand(wired: Wired) -> None:
 def test_its_watchdog_takes_the_power_and_we_notice(wired: Wired) -> None:
     drive = drive_on(wired)
     drive.enable()
-    wired.hand.time += 0.4  # silent for longer than the watchdog
+    wired.clock.sleep(0.4)  # silent for longer than the watchdog
     faults = [drive.sample().fault for _ in range(10)]
     assert faults[-1] is Fault.DRIVE_FAULT and not wired.virtual.enabled
     assert "active errors 0x1000000" in drive.explain()
     assert drive.enable().fault is Fault.NONE  # cleared on command only
     wired.deaf = True
-    before = wired.hand.time
+    before = wired.clock.now()
     assert drive.sample().fault is Fault.FEEDBACK_LOST
-    assert 0.2 <= wired.hand.time - before < 0.5  # feedback_timeout, and that of the state at most
+    assert 0.2 <= wired.clock.now() - before < 0.5  # feedback_timeout, and that of the state at most
     drive.apply(math.nan)  # never raises
 
 
@@ -145,8 +133,8 @@ def test_both_ends_of_a_pty(tmp_path: Path) -> None:
 
 
 def test_the_lines_are_those_of_the_protocol() -> None:
-    hand = Hand()
-    virtual = VirtualOdrive(settings(), plant(), hand)
+    clock = Timeline()
+    virtual = VirtualOdrive(settings(), plant(), clock)
     assert virtual.obey("f 0") == "0.000000 0.000000"
     assert virtual.obey("f 0 ; a comment") == "0.000000 0.000000"
     assert virtual.obey("r axis0.current_state") == "1"
@@ -158,7 +146,7 @@ def test_the_lines_are_those_of_the_protocol() -> None:
     assert virtual.obey("c 0 100") == "" and virtual.plant.state.velocity == 0.0
     for line in ("w axis0.controller.config.control_mode 1", "w axis0.requested_state 8", "c 0 0.5"):
         assert virtual.obey(line) == ""
-    hand.time += 0.1
+    clock.sleep(0.1)
     turns, speed = map(float, virtual.obey("f 0").split())
     # 0.5 N m over 0.5 N m/A is 1 A, 50 N, less about 5 N of friction, on 10 kg for 0.1 s
     assert speed * TURN == pytest.approx(4.5 * 0.1, rel=0.05)
@@ -166,18 +154,18 @@ def test_the_lines_are_those_of_the_protocol() -> None:
 
 
 def test_the_watchdog_is_fed_by_commands_only() -> None:
-    hand = Hand()
-    virtual = VirtualOdrive(settings(), plant(), hand)
+    clock = Timeline()
+    virtual = VirtualOdrive(settings(), plant(), clock)
     for line in ("w axis0.config.watchdog_timeout 0.1", "w axis0.config.enable_watchdog 1", "c 0 0"):
         virtual.obey(line)
     virtual.obey("w axis0.requested_state 8")
     for _ in range(5):
-        hand.time += 0.08
+        clock.sleep(0.08)
         virtual.obey("c 0 0")
     assert virtual.enabled
-    hand.time += 0.06
+    clock.sleep(0.06)
     virtual.obey("f 0")
-    hand.time += 0.06
+    clock.sleep(0.06)
     virtual.obey("f 0")
     assert (virtual.enabled, virtual.values["active_errors"]) == (False, 0x0100_0000)
     virtual.obey("w axis0.requested_state 8")
