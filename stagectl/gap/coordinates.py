@@ -30,16 +30,16 @@ def coordinates(e: Evidence, smooth: Functions) -> tuple[Coordinate, ...]:
     Of a coordinate count functions even and odd in the direction of motion, and both, whichever foretells most.
     Frequency counts by the share of the excess in its best band.
     """
-    clock = smoothers.clock_columns(smoothers.Ground(e.base.model, e.base.noise), e.runs, smooth.motions)
     found = {"frequency": _banded(e)}
     floor = floor_of_means(e)
     for one in smooth.tried:
         names = [name for part in (EVEN, ODD) for name in smoothers.names(one, part)]
         g = gathered(e.base.products, smooth.columns, means(e.base.after), names)
         found[one.coordinate] = max(_share(g, e, chosen, floor) for chosen in _variants(one))
-    if any(len(run.logs) > 1 for run in e.runs):
-        g = gathered(e.base.products, clock, e.base.after, list(clock[0]))
-        found[TIME] = _share(g, e, list(clock[0]), g.floor.sum(axis=0), aging=True)
+    if smooth.clock:
+        names = list(smooth.clock[0])
+        g = gathered(e.base.products, smooth.clock, e.base.after, names)
+        found[TIME] = _share(g, e, names, g.floor.sum(axis=0), aging=True)
     return tuple(Coordinate(name, share) for name, share in sorted(found.items(), key=lambda pair: -pair[1]))
 
 
@@ -58,12 +58,15 @@ def means(residuals: Sequence[list[Array]]) -> list[list[Array]]:
     return [[np.mean(repeats, axis=0)] for repeats in residuals]
 
 
+def scatter(e: Evidence) -> list[Array]:
+    """(r, m, 2) of each run: how far its repeats are off their mean, as that stands in the mean; 0 without repeats."""
+    each = [(run.weight[:, None] * np.stack(repeats)) for run, repeats in zip(e.runs, e.deviations, strict=True)]
+    return [one / np.sqrt(max(len(one) * (len(one) - 1), 1)) for one in each]
+
+
 def floor_of_means(e: Evidence) -> Array:
     """(2,) sum of squares that the repeats' noise leaves in their means, of effort and current."""
-    found = np.zeros(2)
-    for run, repeats in zip(e.runs, e.deviations, strict=True):
-        noise = np.sum((run.weight[:, None] * np.stack(repeats)) ** 2, axis=(0, 1))
-        found += noise / max(len(repeats) * (len(repeats) - 1), 1)
+    found: Array = np.sum([np.sum(one * one, axis=(0, 1)) for one in scatter(e)], axis=0)
     return found
 
 

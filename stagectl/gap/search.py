@@ -28,10 +28,8 @@ from stagectl.gap.session import Array
 MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
 OF_ALL = 0.01  # of the closable gap that the base refit left: less is the form of something else
-PLAIN = (
-    0.001  # the same for what takes `DOMINANT` of what is left and is `FAR` beyond its limit: a second, weaker effect
-)
-FAR = 20.0  # times the limit
+OF_ALL_CLEAR = 0.001  # the same for a second, weaker effect that takes `DOMINANT` of what is left and is `FAR` above
+FAR = 20.0  # times its limit
 ALONE = 0.1  # the same where nothing was repeated: there is no floor, and form error counts as gap
 DOMINANT = 0.1  # relative drop from which an effect is judged by it alone
 BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
@@ -177,8 +175,8 @@ def _least(e: Evidence, g: Grams, library: Library, score: Score) -> float:
     """Sum of squares that an effect must take to be material: of what no nuisance explains, and of all there was."""
     cut = 1 if _of_drive(score.form.effect, library) else 0
     left = score.before - float(g.floor[:, cut].sum())
-    plain = score.worst > DOMINANT and score.gain > FAR * library.thresholds[_name(score)].limit
-    return max(material(e) * left, (PLAIN if plain else OF_ALL) * library.first[cut], SMALLEST)
+    clear = score.worst > DOMINANT and score.gain > FAR * library.thresholds[_name(score)].limit
+    return max(material(e) * left, (OF_ALL_CLEAR if clear else OF_ALL) * library.first[cut], SMALLEST)
 
 
 def _next(e: Evidence, library: Library, now: Fitted, taken: Mapping[str, float]) -> Fitted | None:

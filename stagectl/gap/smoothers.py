@@ -183,16 +183,18 @@ class Functions(NamedTuple):
     motions: list[Motion]
     tried: list[Smoother]
     columns: list[dict[str, list[Array]]]  # of each run, even and odd
+    clock: list[dict[str, list[Array]]]  # of each run, over the session's clock; empty where nothing was repeated
 
 
 def functions(ground: Ground, runs: Sequence[Run], size: Scales) -> Functions:
     """All smoothers along the runs' motions, with their columns."""
     motions = [motion(run, size) for run in runs]
     tried = smoothers(size, motions)
-    return Functions(size, motions, tried, columns_of(ground, runs, (motions, size), {EVEN: tried, ODD: tried}))
+    clock = _clocked(ground, runs, motions) if any(len(run.logs) > 1 for run in runs) else []
+    return Functions(size, motions, tried, columns_of(ground, runs, (motions, size), {EVEN: tried, ODD: tried}), clock)
 
 
-def clock_columns(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]) -> list[dict[str, list[Array]]]:
+def _clocked(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]) -> list[dict[str, list[Array]]]:
     """Time as a coordinate: what friction and damping change by from repeat to repeat of one experiment.
 
     Only differences between repeats count: over an experiment's own duration time is what the experiment is.

@@ -177,7 +177,12 @@ def _restored_value(one: Mapping[str, Any]) -> Value:
 def _restored_shape(one: Mapping[str, Any]) -> Shape:
     grid, force = _column(one["grid"]), _column(one["force"])
     return Shape(
-        one["coordinate"], grid, force, _float(one["predicted"]), _restored_fields(one["fields"]), one["block"]
+        one["coordinate"],
+        grid,
+        force,
+        _float(one["predicted"]),
+        _restored_fields(one["fields"]),
+        one.get("block", "mechanics"),
     )
 
 

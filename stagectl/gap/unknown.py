@@ -34,7 +34,7 @@ TABLES = {
     "position_mod_pitch": ("position_mod_pitch", (EVEN,)),
     "current": ("current", (EVEN,)),
 }
-PLAIN = ((EVEN,), (ODD,), (EVEN, ODD))
+OF_ONE = ((EVEN,), (ODD,), (EVEN, ODD))
 BOTH = ((EVEN, ODD, INERTIAL), (EVEN, ODD, LOOP))  # of two coordinates at once, where one does not do
 ALIKE = {"position": "position_mod_pitch", "position_mod_pitch": "position"}
 OF_TWO = ("speed", "position")
@@ -57,13 +57,15 @@ def unknown(e: Evidence, selected: search.Selected, library: search.Library, smo
     """
     now, known = selected.fitted, _known(e, selected.fitted, library)
     largest = max((gain for block, _, gain in _taken(e, selected) if block != "drive"), default=0.0)
-    least = max(_least(e), search.OF_KIN * largest)
+    if found := _ordered(e, selected, known, smooth):
+        return found
+    left = unordered.left_of(now, known)
+    rows = unordered.freed(e, left, 0)
     return (
-        _ordered(e, selected, known, smooth)
-        or unordered.in_a_band(e, now, known, least)
+        unordered.in_a_band(e, rows, max(_least(e), search.OF_KIN * largest))
         or unordered.over_the_clock(e, now, smooth, _least(e) * _repeats(e))
-        or unordered.in_the_drive(e, now, known)
-        or _without_order(e, now, known, largest)
+        or unordered.in_the_drive(e, left)
+        or _without_order(e, left, rows, largest)
     )
 
 
@@ -76,7 +78,7 @@ def _ordered(e: Evidence, selected: search.Selected, known: Products, smooth: Fu
     def clear(found: Sequence[Foretold]) -> list[Foretold]:
         return [one for one in found if one.gain > _kin(one, taken) and _clear(one, least)]
 
-    of_one = [each for one in smooth.tried for each in _foretold(e, now, (known, smooth.columns), (one, PLAIN))]
+    of_one = [each for one in smooth.tried for each in _foretold(e, now, (known, smooth.columns), (one, OF_ONE))]
     if good := clear(of_one):
         return _shape(e, now, smooth.columns, _best(good))
     chosen = [one for one in smooth.tried if one.coordinate in OF_TWO]
@@ -87,24 +89,22 @@ def _ordered(e: Evidence, selected: search.Selected, known: Products, smooth: Fu
     return _shape(e, now, new, _best(good)) if good else None
 
 
-def _without_order(e: Evidence, now: Fitted, known: Products, named: float) -> Shape | None:
+def _without_order(e: Evidence, all_: unordered.Left, rows: unordered.Freed, named: float) -> Shape | None:
     """What repeats and is too much for any law of friction, though nothing orders it; no term of the model.
 
     `named` is the largest gain of an effect that was named.
     """
-    rows = unordered.freed(e, now, known, 0).left
-    left = sum(float(np.sum(one * one)) for one in rows) - _floor(e)
+    left = sum(float(np.sum(one * one)) for one in rows.left) - _floor(e)
     before = _squares(e, means(e.base.before)) - _floor(e)
-    if left < max(LARGE * before, NO_LAW * _form(e, now, known), search.OF_KIN * named):
+    if left < max(LARGE * before, NO_LAW * _form(e, all_.grams), search.OF_KIN * named):
         return None
     return Shape("none", np.zeros(0), np.zeros(0), 0.0)
 
 
-def _form(e: Evidence, now: Fitted, known: Products) -> float:
+def _form(e: Evidence, g: Grams) -> float:
     """Largest sum of squares that the base leaves on a machine of the null ensemble."""
-    g = grams.grams(known, means(now.left))
     both, nuisance = hands(g._replace(current=np.zeros_like(g.current))), g.of(search.nuisances(e))
-    free = [freed(against(both, place), nuisance) for place in g.of(null.gains(known.names))]
+    free = [freed(against(both, place), nuisance) for place in g.of(null.gains(g.names))]
     return max((float(one[:, -1, -1].sum()) for one in free), default=0.0)
 
 
@@ -114,7 +114,7 @@ def largest(e: Evidence, now: Fitted, library: search.Library, smooth: Functions
     0 where none foretells as much as an unknown effect must.
     """
     known, least = _known(e, now, library), _least(e)
-    found = [each for one in smooth.tried for each in _foretold(e, now, (known, smooth.columns), (one, PLAIN))]
+    found = [each for one in smooth.tried for each in _foretold(e, now, (known, smooth.columns), (one, OF_ONE))]
     return max((one.gain * _repeats(e) for one in found if _clear(one, least)), default=0.0)
 
 

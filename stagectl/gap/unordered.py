@@ -12,22 +12,30 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap import cuts, grams, null, refine, smoothers
-from stagectl.gap.coordinates import LOWEST, drawn, floor_of_means, foretold, gathered, means
+from stagectl.gap.coordinates import LOWEST, drawn, floor_of_means, foretold, gathered, means, scatter
 from stagectl.gap.cuts import KEPT
 from stagectl.gap.found import Shape
-from stagectl.gap.grams import Products
+from stagectl.gap.grams import Grams, Products
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.scores import hands
 from stagectl.gap.session import Array
-from stagectl.gap.smoothers import Functions
+from stagectl.gap.smoothers import TIME, Functions
 
 STEP = 0.5  # octaves of a band
 WIDTH = 3  # bands in which what rings is looked for
 MOST = 0.5  # share of what is left that one coordinate, or band, must hold
 ABOVE_FORM = 2.0  # times what the laws of friction and the noise leave in a band
-OF_NOISE = {"drive": 0.2, "time": 0.03}  # of the noise: less is its own scatter
-OF_FORM = {"drive": 0.025, "time": 0.05}  # of what there was: no friction blurs the drive, none changes with the clock
-TIME, BANDS = "time", "frequency"
+OF_NOISE = {"drive": 0.2, TIME: 0.03}  # of the noise: less is its own scatter
+OF_FORM = {"drive": 0.025, TIME: 0.05}  # of what there was: no friction blurs the drive, none changes with the clock
+BANDS = "frequency"
+
+
+class Left(NamedTuple):
+    """What is left under a model: the mean of the repeats, with what moves beside every effect."""
+
+    fitted: Fitted
+    known: Products  # of what moves beside, and of the machines without an effect
+    grams: Grams  # of these and what is left
 
 
 class Freed(NamedTuple):
@@ -37,10 +45,17 @@ class Freed(NamedTuple):
     members: list[Array]  # (k, m) of each run, of the machines without an effect
 
 
-def in_a_band(e: Evidence, now: Fitted, known: Products, least: float) -> Shape | None:
-    """What rings: a band that holds most of what is left, and more than `least` and than any law of friction."""
-    edges, noise = edges_of(e), powers(e, [_noise(e, k, 0) for k in range(len(e.runs))])
-    rows = freed(e, now, known, 0)
+def left_of(now: Fitted, known: Products) -> Left:
+    """What `now` leaves, beside the columns `known`."""
+    return Left(now, known, grams.grams(known, means(now.left)))
+
+
+def in_a_band(e: Evidence, rows: Freed, least: float) -> Shape | None:
+    """What rings: a band that holds most of what is left, and more than `least` and than any law of friction.
+
+    `rows` are those of the mechanics' cut.
+    """
+    edges, noise = edges_of(e), powers(e, _noise(e, 0))
     found = powers(e, rows.left) - noise
     form = np.max([powers(e, [one[k] for one in rows.members]) for k in range(len(rows.members[0]))], axis=0)
     at = max(range(len(found) - WIDTH + 1), key=lambda k: float(found[k : k + WIDTH].sum()))
@@ -52,65 +67,60 @@ def in_a_band(e: Evidence, now: Fitted, known: Products, least: float) -> Shape 
     return Shape(BANDS, *_spectrum(e, edges, found, 0), min(held / float(found.sum()), 1.0))
 
 
-def in_the_drive(e: Evidence, now: Fitted, known: Products) -> Shape | None:
+def in_the_drive(e: Evidence, all_: Left) -> Shape | None:
     """A current that repeats and that neither the model of the drive nor a delay of the record explains."""
-    whole = grams.grams(known, means(now.left)).current.sum(axis=0)
+    whole = all_.grams.current.sum(axis=0)
     if not whole[-1, -1] > 0.0:
         return None
-    floor, names = float(floor_of_means(e)[1]), known.names
-    own = [f"{one.effect.name}." for one in now.effects if one.effect.block == "drive"]
+    floor, names = float(floor_of_means(e)[1]), all_.known.names
+    own = [f"{one.effect.name}." for one in all_.fitted.effects if one.effect.block == "drive"]
     beside = [k for k, name in enumerate(names) if name == "time_shift" or name.startswith(tuple(own))]
     shift = [k for k in beside if names[k] == "time_shift"]
-    first = grams.grams(known, means(e.base.after)).current.sum(axis=0)
+    first = grams.grams(all_.known, means(e.base.after)).current.sum(axis=0)
     left, before = grams.fit(whole, beside).misfit - floor, grams.fit(first, shift).misfit - floor
     if left < max(OF_NOISE["drive"] * floor, OF_FORM["drive"] * before):
         return None
-    rows = freed(e, now, known, 1)
-    found = powers(e, rows.left) - powers(e, [_noise(e, k, 1) for k in range(len(e.runs))])
+    found = powers(e, freed(e, all_, 1).left) - powers(e, _noise(e, 1))
     return Shape(BANDS, *_spectrum(e, edges_of(e), found, 1), min(left / (left + floor), 1.0), block="drive")
 
 
 def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) -> Shape | None:
     """Friction or damping that has changed from run to run in another way than any effect named."""
-    ground = smoothers.Ground(e.base.model, e.base.noise)
-    columns = smoothers.clock_columns(ground, e.runs, smooth.motions)
-    if all(len(run.logs) == 1 for run in e.runs):
+    if not smooth.clock:
         return None
+    names, nuisances = list(smooth.clock[0]), refine.nuisances(e)
 
     def gain(left: Sequence[list[Array]]) -> tuple[float, float]:
-        g = gathered(e.base.products, columns, left, list(columns[0]))
+        g = gathered(e.base.products, smooth.clock, left, names)
         both = hands(g._replace(current=np.zeros_like(g.current)))
-        before, after = foretold(both, g.of(refine.nuisances(e)), g.of(list(columns[0])))
+        before, after = foretold(both, g.of(nuisances), g.of(names))
         return before - after, after
 
     (held, noise), (first, _) = gain(now.left), gain(e.base.after)
     if held < max(OF_NOISE[TIME] * noise, OF_FORM[TIME] * first, least):
         return None
-    return Shape(TIME, *_course(e, now, columns, smooth), min(held / max(first, held), 1.0))
+    return Shape(TIME, *_course(e, now, smooth), min(held / max(first, held), 1.0))
 
 
-def freed(e: Evidence, now: Fitted, known: Products, cut: int) -> Freed:
-    """What is left under `now` in the mechanics' cut (0) or the drive's (1), mean of the repeats."""
-    g = grams.grams(known, means(now.left))
+def freed(e: Evidence, all_: Left, cut: int) -> Freed:
+    """What is left in the mechanics' cut (0) or the drive's (1)."""
+    g, names = all_.grams, all_.known.names
     whole = (g.current if cut else g.effort).sum(axis=0)
-    own = [one.name for one in refine.parameters(now)]
-    beside = g.of([*(name for name in known.names if name in own or name in refine.nuisances(e))])
-    members = g.of(null.gains(known.names))
+    moving = {*refine.nuisances(e), *(one.name for one in refine.parameters(all_.fitted))}
+    beside, members = g.of([name for name in names if name in moving]), g.of(null.gains(names))
     inverse = grams.inverse(whole[np.ix_(beside, beside)])
     left, others = [], []
-    for part, repeats in zip(known.parts, means(now.left), strict=True):
+    for part, mean in zip(all_.known.parts, means(all_.fitted.left), strict=True):
         columns = part.mean[cut].astype(np.float64)
-        residual = grams.rows(part, repeats[0])[cut]
+        residual = grams.rows(part, mean[0])[cut]
         left.append(residual - (inverse @ whole[beside, -1]) @ columns[beside])
         others.append(columns[members] - (inverse @ whole[np.ix_(beside, members)]).T @ columns[beside])
     return Freed(left, others)
 
 
-def _noise(e: Evidence, run: int, cut: int) -> Array:
-    """(r, m) deviations of the repeats, as they stand in the mean."""
-    each = np.stack([one[:, cut] for one in e.deviations[run]]) * e.runs[run].weight
-    scattered: Array = each / np.sqrt(max(len(each) * (len(each) - 1), 1))
-    return scattered if len(each) > 1 else np.zeros_like(each)
+def _noise(e: Evidence, cut: int) -> list[Array]:
+    """(r, m) of each run: what the repeats' noise leaves in the mean of one cut."""
+    return [one[..., cut] for one in scatter(e)]
 
 
 def edges_of(e: Evidence) -> Array:
@@ -139,10 +149,10 @@ def _spectrum(e: Evidence, edges: Array, found: Array, cut: int) -> tuple[Array,
     return middle, np.sqrt(np.maximum(found, 0.0) / count) / np.maximum(gain, 1e-300)
 
 
-def _course(e: Evidence, now: Fitted, columns: grams.Columns, smooth: Functions) -> tuple[Array, Array]:
+def _course(e: Evidence, now: Fitted, smooth: Functions) -> tuple[Array, Array]:
     """Session clock (s), and how far the friction at half the largest speed is off its mean (N m | N)."""
-    names = list(columns[0])
-    g = gathered(e.base.products, columns, now.left, names)
+    names = list(smooth.clock[0])
+    g = gathered(e.base.products, smooth.clock, now.left, names)
     beside = g.of(refine.nuisances(e))
     amplitude = drawn(g.effort.sum(axis=0), g.of(names), beside)[len(beside) :]
     side, damping = np.split(amplitude, 2)
