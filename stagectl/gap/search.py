@@ -22,7 +22,7 @@ from stagectl.gap.candidates import Form, Named
 from stagectl.gap.grams import Grams, Products
 from stagectl.gap.library import Definition
 from stagectl.gap.refine import Evidence, Fitted
-from stagectl.gap.scores import Score, against, best_of, cuts_of, scores
+from stagectl.gap.scores import Score, against, best_of, cuts_of, freed, scores
 from stagectl.gap.session import Array
 
 MOST = 5  # effects that are looked for at once
@@ -102,12 +102,12 @@ def search(e: Evidence, library: Library, say: Say, unknown: Unknown) -> Selecte
         best = _next(e, library._replace(forms=forms), now, taken)
         if best is None:
             break
-        effect, gain = best.effects[-1].effect, now.misfit - best.misfit
-        if not _of_drive(effect, library) and gain < ADEQUATE * unknown(now):
+        effect = best.effects[-1].effect
+        if not _of_drive(effect, library) and _free(e, now) - _free(e, best) < ADEQUATE * unknown(now):
             forms = tuple(form for form in forms if _of_drive(form.effect, library))  # what it is, is in no library
             continue
         say(f"added {effect.name}")
-        taken[effect.name] = gain
+        taken[effect.name] = now.misfit - best.misfit
         now = _pruned(e, library, best, say)
     return _stable(e, library, now, say)
 
@@ -125,6 +125,13 @@ def _stable(e: Evidence, library: Library, now: Fitted, say: Say) -> Selected:
 def _of_drive(effect: Definition, library: Library) -> bool:
     """Whether it is seen in the drive's cut."""
     return effect.block == "drive" and library.measured
+
+
+def _free(e: Evidence, now: Fitted) -> float:
+    """Sum of squares left in the mechanics' cut that no nuisance explains: what functions are fitted to."""
+    own = columns.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
+    g = grams.grams(grams.beside(grams.only(e.base.products, nuisances(e)), own), now.left)
+    return float(freed(cuts_of(g)[0], range(len(g.names)))[:, -1, -1].sum())
 
 
 def scored(e: Evidence, library: Library, now: Fitted) -> tuple[Grams, list[Score]]:

@@ -19,7 +19,7 @@ SEEN = 0.2  # of an effect's column, below which a resample does not excite it
 
 
 def inclusion(g: Grams, nuisance: Sequence[int], forms: Sequence[Form], share: float, times: int) -> float:
-    """Share of the resamples in which a form of one effect takes more than `share` of what is left.
+    """Share of the resamples in which a form of one effect takes more than `share` of what the nuisances leave.
 
     `times` resamples for each experiment that is left out; the residual of `g` lacks the effect.
     """
@@ -35,9 +35,9 @@ def inclusion(g: Grams, nuisance: Sequence[int], forms: Sequence[Form], share: f
         if not any(weight @ one > SEEN * one.sum() for one in energy):
             continue
         both = np.stack([[np.tensordot(weight * hand, part, 1) for hand in (first, ~first)] for part in small])
-        gain = max(score.gain for score in scores(both, range(len(nuisance)), own, forms))
-        left = float(both[cut, :, -1, -1].sum() - weight @ g.floor[:, cut])
-        found.append(gain > share * left)
+        best = max(scores(both, range(len(nuisance)), own, forms), key=lambda score: score.gain)
+        # Without the effect the base stands where it does beside it: what it would take back is not left.
+        found.append(best.gain > share * (best.before - float(weight @ g.floor[:, cut])))
     return float(np.mean(found)) if found else 0.0
 
 
