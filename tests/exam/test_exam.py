@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.exam.blind import exam, sitting
-from stagectl.exam.blind.asking import Manner
+from stagectl.exam.blind.asking import Manner, answers
 from stagectl.exam.blind.plan import ExamError, Planned, expanded, plan, quotas, source_seed
 from stagectl.exam.blind.rules import EXACT
 from stagectl.exam.blind.sealing import broken
@@ -67,7 +67,7 @@ def test_six_trials(sat: Path) -> None:
     assert [one["state"] for one in found] == ["scored"] * 6
     assert {one["answer"]["named"][0][0] for one in found} == {"cogging"}
     for folder in sorted(sat.glob("trials/*")):
-        assert broken(folder, folder / "answer", sat / "register.jsonl") == []
+        assert broken(folder, answers(folder), sat / "register.jsonl") == []
         assert not (folder / "captures").exists() and not (folder / "sealed").exists()
     register = (sat / "register.jsonl").read_text().splitlines()
     assert len(register) == 7  # one trial was sealed twice: its worker was killed after the first time

@@ -40,9 +40,14 @@ class Place(NamedTuple):
     out: str = ANSWER  # where the answer goes, below `folder`
 
 
+def answers(folder: Path) -> list[Path]:
+    """Folders of all answers of a trial, in their order."""
+    return sorted(path for path in folder.glob(f"{ANSWER}*") if path.is_dir())
+
+
 def diagnosed(place: Place, planned: Planned, manner: Manner) -> str:
     """The diagnosis; why it failed, empty where it did not."""
-    answer = place.folder / ANSWER
+    answer = place.folder / place.out
     words = ["gap", "diagnose", str(place.folder / CAPTURES), "--json", str(answer / "answer.json")]
     words += ["--predictions", str(answer / "predictions"), "-o", str(answer)]
     words += ["--report", str(answer / "page.html")] + (["--full"] if manner.full else [])
