@@ -118,11 +118,11 @@ def _runner(workers: int, scheduler: str | None) -> Any:
     """Who runs the trials: processes of this machine, or a cluster."""
     from stagectl.cluster import on_cluster
     from stagectl.exam.blind.sitting import sit
-    from stagectl.exam.blind.workers import local
+    from stagectl.exam.blind.workers import ATTEMPTS, local
 
     if scheduler is None:
         return lambda jobs: local(jobs, workers)
-    return lambda jobs: on_cluster(sit, jobs, scheduler)
+    return lambda jobs: on_cluster(sit, jobs, scheduler, ATTEMPTS - 1)
 
 
 def _said(update: Any) -> Any:

@@ -66,7 +66,8 @@ def finished_job(job: Job) -> dict[str, Any] | None:
 def sit(job: Job) -> dict[str, Any]:
     """Stage, seal, diagnose, seal the answer, open, score: the record, which also stands in the trial's folder.
 
-    A trial whose seal is broken, or whose diagnosis looked elsewhere, is void: it has reasons and no score.
+    A trial whose seal is broken, or whose diagnosis looked elsewhere, is void: it has reasons and no score.  Raises
+    InterruptionError, and leaves no record, where the diagnosis was ended from outside: the trial is to be run again.
     """
     root, planned = Path(job.root).resolve(), job.planned
     folder, clock = folder_of(root, planned.number), Clock()
