@@ -85,9 +85,12 @@ def _seed(output: Path, resume: bool, seed: int | None) -> int:
     """As asked for; else that of the exam that goes on; else the hash of the sources."""
     import stagectl
     from stagectl.exam.blind.exam import seed_of
-    from stagectl.exam.blind.plan import source_seed
+    from stagectl.exam.blind.plan import ExamError, source_seed
 
-    known = seed_of(output) if resume and seed is None else seed
+    try:
+        known = seed_of(output) if resume and seed is None else seed
+    except ExamError as error:
+        raise StageError(str(error)) from error
     return source_seed(Path(stagectl.__file__).parent) if known is None else known
 
 

@@ -102,7 +102,9 @@ def test_going_on(sat: Path) -> None:
     assert len(exam.held(sat, planned, MANNER, lambda jobs: iter(nobody(jobs)), lambda *_: None)) == 6
     with pytest.raises(ExamError, match="--resume"):
         exam.prepared(sat, ASKED, MANNER, resume=False)
-    with pytest.raises(ExamError, match="seed differ"):
+    with pytest.raises(
+        ExamError, match=r"--seed 78 \(there: --seed 77\); choose another folder, or: stagectl gap exam --res"
+    ):
         exam.prepared(sat, ASKED._replace(seed=78), MANNER, resume=True)
 
 
