@@ -22,7 +22,7 @@ from stagectl.exam.reference import PERIOD
 from tests.exam.test_trials import recomputed, table
 
 ANSWERING = Path(__file__).parent / "answering"
-MANNER = Manner(short=True, keep=True, module="curious", code=str(ANSWERING))
+MANNER = Manner(short=True, keep=True, module="stand_in", code=str(ANSWERING))
 PLANNED = Planned(1, "poor", 7, ("bias",), 1.0)
 
 
