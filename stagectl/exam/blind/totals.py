@@ -116,7 +116,7 @@ def _poor(poor: Sequence[Record]) -> list[Row]:
     return [
         rate("  poor battery, set holds the effect when it speaks", _naming(spoken, "covered")),
         rate("  poor battery, a next experiment where it does not know", advised),
-        *_asked_for([one["rounds"] for one in poor]),
+        *_asked_for([one["rounds"] for one in poor if "rounds" in one]),  # an exam begun before there were any
     ]
 
 
