@@ -111,6 +111,8 @@ def _held(
             records = exams.held(output, planned, manner, _runner(count, scheduler), _said(update))
     except ExamError as error:
         raise StageError(str(error)) from error
+    except KeyboardInterrupt:
+        raise StageError("interrupted: trials that are finished are kept; go on with --resume") from None
     ways = {"short": manner.short, "full": manner.full, "baselines": manner.baselines}
     result = {"exam": {**asked._asdict(), **ways}, **totals(records), "records": records}
     (output / "scores.json").write_text(texts.dumps(result, indent=1, sort_keys=True) + "\n", encoding="utf-8")

@@ -79,3 +79,16 @@ def test_a_description_that_is_none(tmp_path: Path, content: str, said: str) -> 
     with pytest.raises(StageError, match=f"exam.json .*{said}"):
         held(tmp_path, "--resume")
     assert (tmp_path / "exam.json").read_text() == content
+
+
+def test_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next step is said, and the exam that was begun lies there for it."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(exams, "held", interrupted)
+    with pytest.raises(StageError, match=r"interrupted: .* go on with --resume"):
+        held(tmp_path / "exam", "--seed", "3")
+    assert [path.name for path in (tmp_path / "exam").iterdir()] == ["exam.json"]
+    assert not (tmp_path / "ledger.jsonl").exists()
