@@ -85,9 +85,12 @@ def _seed(output: Path, resume: bool, seed: int | None) -> int:
     """As asked for; else that of the exam that goes on; else the hash of the sources."""
     import stagectl
     from stagectl.exam.blind.exam import seed_of
-    from stagectl.exam.blind.plan import source_seed
+    from stagectl.exam.blind.plan import ExamError, source_seed
 
-    known = seed_of(output) if resume and seed is None else seed
+    try:
+        known = seed_of(output) if resume and seed is None else seed
+    except ExamError as error:
+        raise StageError(str(error)) from error
     return source_seed(Path(stagectl.__file__).parent) if known is None else known
 
 
@@ -108,6 +111,8 @@ def _held(
             records = exams.held(output, planned, manner, _runner(count, scheduler), _said(update))
     except ExamError as error:
         raise StageError(str(error)) from error
+    except KeyboardInterrupt:
+        raise StageError("interrupted: trials that are finished are kept; go on with --resume") from None
     ways = {"short": manner.short, "full": manner.full, "baselines": manner.baselines}
     result = {"exam": {**asked._asdict(), **ways}, **totals(records), "records": records}
     (output / "scores.json").write_text(texts.dumps(result, indent=1, sort_keys=True) + "\n", encoding="utf-8")
@@ -118,11 +123,11 @@ def _runner(workers: int, scheduler: str | None) -> Any:
     """Who runs the trials: processes of this machine, or a cluster."""
     from stagectl.cluster import on_cluster
     from stagectl.exam.blind.sitting import sit
-    from stagectl.exam.blind.workers import local
+    from stagectl.exam.blind.workers import ATTEMPTS, local
 
     if scheduler is None:
         return lambda jobs: local(jobs, workers)
-    return lambda jobs: on_cluster(sit, jobs, scheduler)
+    return lambda jobs: on_cluster(sit, jobs, scheduler, ATTEMPTS - 1)
 
 
 def _said(update: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ import typer
 from stagectl.cli.gap_apply import ResultArgument
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
-from stagectl.units import StageError
+from stagectl.units import ROTARY, StageError
 
 if TYPE_CHECKING:
     from stagectl.gap.found import Found, Next
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE.yaml", help="Where the trajectory goes; else to FOLDER.")
 ]
+SamplesFile = Annotated[
+    Path | None, typer.Option("--samples", metavar="FILE.csv", help="The motion row by row, for a controller of yours.")
+]
+Rate = Annotated[float, typer.Option(min=10.0, max=100_000.0, help="Rows a second (Hz) of --samples.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -25,7 +30,13 @@ def register(app: typer.Typer) -> None:
     app.command("next")(following)
 
 
-def following(folder: ResultArgument, output: Output = None, json: Json = None) -> None:
+def following(
+    folder: ResultArgument,
+    output: Output = None,
+    json: Json = None,
+    samples: SamplesFile = None,
+    rate: Rate = 2000.0,
+) -> None:
     """Write the experiment that separates what is ambiguous, or shows what no run has shown.
 
     Example: stagectl gap next captures/ -o next.yaml
@@ -38,9 +49,12 @@ def following(folder: ResultArgument, output: Output = None, json: Json = None) 
     for line in told.advice(found) if one else ["no experiment is proposed: these data leave nothing that one tells"]:
         console.print(line)
     written = _written(found, one, folder, output) if one else None
+    if samples is not None and written is not None:
+        _sampled(found, written, rate, samples)
     emit({"next_experiment": one._asdict() if one else None, "written": str(written) if written else None}, json)
-    if output is not None and written is None:
-        console.print(f"{output} is not written: there is no trajectory to write")
+    asked = output or samples
+    if asked is not None and written is None:
+        console.print(f"{asked} is not written: there is no trajectory to write")
         raise typer.Exit(1)
 
 
@@ -71,3 +85,20 @@ def _commands(one: Next, place: Path, path: Path) -> list[str]:
         ]
     recording = place / f"{one.name}-1.h5"
     return [f"stagectl run STAGE.yaml {path} --output {recording}", f"stagectl gap diagnose {place}"]
+
+
+def _sampled(found: Found, trajectory: Path, rate: float, path: Path) -> None:
+    """The reference in axis units, from 0 where the axis stands, and the current to be injected."""
+    from stagectl.config.loader import Lengths
+    from stagectl.config.trajectory_file import Axis, load_trajectory
+    from stagectl.plan import SETTLE
+    from stagectl.recording.exports import write_columns
+    from stagectl.trajectories.sampled import sampled
+
+    angular = found.travel_unit == "rad"
+    lengths = Lengths(found.kind, 0.0 if angular else 2.0 * math.pi * found.travel_per_unit, angular)
+    rows = sampled(load_trajectory(trajectory, Axis(lengths, 0.0)), 1.0 / rate, SETTLE)
+    unit = "rad" if found.kind == ROTARY else "m"
+    reference = rows.position / found.travel_per_unit
+    write_columns(path, {"time_s": rows.time, f"reference_{unit}": reference, "injection_A": rows.current})
+    console.print(f"wrote {path}: {len(rows.time)} rows at {rate:g} Hz, from where the axis stands")

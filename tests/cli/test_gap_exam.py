@@ -42,5 +42,53 @@ def test_going_on_keeps_the_seed(tmp_path: Path) -> None:
 
 
 def test_strata_that_are_none(tmp_path: Path) -> None:
-    with pytest.raises(StageError, match="no such stratum"):
-        held(tmp_path / "exam", "--strata", "double")
+    """Refused with the names there are, before anything is written."""
+    with pytest.raises(StageError, match=r"--strata double: no such .* null, single, null-exact, .* alien, poor$"):
+        held(tmp_path / "exam", "--strata", "pair,double")
+    assert list(tmp_path.iterdir()) == []
+    held(tmp_path / "exam", "--strata", "pair")  # the folder is free for the exam that was meant
+    assert json.loads((tmp_path / "exam" / "exam.json").read_text())["strata"] == ["pair"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--seed", "4"], "--seed 4 (there: --seed 3)"),
+        (["--strata", "pair"], "--strata pair (there: all strata)"),
+        (["--short"], "--short (there: no --short)"),
+        (["--baselines", "--trials", "61"], "--trials 61 (there: --trials 60), --baselines (there: no --baselines)"),
+    ],
+)
+def test_another_exam_than_the_one_that_lies_there(tmp_path: Path, words: list[str], said: str) -> None:
+    """Both values are said, and what goes on with the one that lies there; it stays as it is."""
+    held(tmp_path / "exam", "--seed", "3")
+    before = (tmp_path / "exam" / "exam.json").read_bytes()
+    with pytest.raises(StageError) as refused:
+        held(tmp_path / "exam", "--resume", *words)
+    again = f"or: stagectl gap exam --resume --trials 60 --seed 3 -o {tmp_path / 'exam'}"
+    assert f"holds another exam: {said}; choose another folder, {again}" in str(refused.value)
+    assert (tmp_path / "exam" / "exam.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [("{", "describes no exam"), ("[]", "describes no exam"), ('{"seed": 3}', "another version, .* baselines")],
+)
+def test_a_description_that_is_none(tmp_path: Path, content: str, said: str) -> None:
+    (tmp_path / "exam.json").write_text(content)
+    with pytest.raises(StageError, match=f"exam.json .*{said}"):
+        held(tmp_path, "--resume")
+    assert (tmp_path / "exam.json").read_text() == content
+
+
+def test_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next step is said, and the exam that was begun lies there for it."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(exams, "held", interrupted)
+    with pytest.raises(StageError, match=r"interrupted: .* go on with --resume"):
+        held(tmp_path / "exam", "--seed", "3")
+    assert [path.name for path in (tmp_path / "exam").iterdir()] == ["exam.json"]
+    assert not (tmp_path / "ledger.jsonl").exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 
@@ -13,7 +14,7 @@ from stagectl.gap.stored import save
 from stagectl.units import StageError
 from tests.gap.examples import found
 
-TEXT = "type: sine\namplitude: 5 mm\nfrequency: 2 Hz\n"
+TEXT = "type: sine\namplitude: 5 mm\nfrequency: 2 Hz\nperiods: 3\n"
 MOTION = Next("micro-sweep", "micro-sweep.yaml", ("backlash", "presliding"), 31.4, 18.2, "Micro-sines.", TEXT)
 HAND = Next("added mass", "", ("inertia", "force_constant"), 0.0, 900.0, "Weigh a mass.")
 
@@ -59,3 +60,32 @@ def test_by_hand_and_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert not (tmp_path / "a.yaml").exists()
     assert following(tmp_path, None) == 0
     assert "no experiment is proposed" in capsys.readouterr().err
+
+
+def test_row_by_row_for_another_controller(tmp_path: Path) -> None:
+    """The sine at 1 kHz in axis units: 5 mm of travel over the travel of one radian; it begins and ends at rest."""
+    table, per_unit = tmp_path / "rows.csv", found("effects").travel_per_unit
+    assert following(tmp_path, MOTION, "--samples", str(table), "--rate", "1000") == 0
+    assert table.read_text().split("\n", 1)[0] == "time_s,reference_rad,injection_A"
+    time, reference, injection = np.loadtxt(table, delimiter=",", skiprows=1, unpack=True)
+    assert np.abs(np.diff(time) - 0.001).max() < 1e-12 and not injection.any()
+    assert np.abs(reference).max() == pytest.approx(0.005 / per_unit, rel=0.01)
+    assert reference[0] == 0.0 and np.ptp(reference[-100:]) < 1e-12
+
+
+def test_what_is_injected_stands_in_the_rows(tmp_path: Path) -> None:
+    text = """type: excited
+motion: {type: dwell, duration: 2 s}
+current: {type: current_sine, amplitude: 0.5 A, frequency: 10 Hz, periods: 8}
+start: 0.5 s
+"""
+    assert following(tmp_path, MOTION._replace(text=text), "--samples", str(tmp_path / "rows.csv")) == 0
+    time, _, injection = np.loadtxt(tmp_path / "rows.csv", delimiter=",", skiprows=1, unpack=True)
+    assert np.abs(np.diff(time) - 0.0005).max() < 1e-12
+    assert not injection[time < 0.5].any() and not injection[time > 1.5005].any()
+    assert np.abs(injection).max() == pytest.approx(0.5, rel=0.01)
+
+
+def test_by_hand_there_are_no_rows(tmp_path: Path) -> None:
+    assert following(tmp_path, HAND, "--samples", str(tmp_path / "rows.csv")) == 1
+    assert not (tmp_path / "rows.csv").exists()

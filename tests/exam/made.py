@@ -34,7 +34,8 @@ def _record(planned: Planned, random: np.random.Generator, skill: float) -> Reco
     before, floor = float(random.uniform(1e-5, 1e-4)), 4e-6
     gap = {"before": before, "floor": floor, "after": before * np.sqrt(1.0 - closure), "closure": closure}
     effects = [{"name": n, "scale": scale, "realised_scale": scale, "companion": False} for n in planned.effects]
-    return {
+    rounds = {"rounds": _rounds(truth, verdict, named)} if truth.poor else {}
+    return rounds | {
         "number": planned.number,
         "stratum": planned.stratum,
         "state": "scored",
@@ -48,6 +49,13 @@ def _record(planned: Planned, random: np.random.Generator, skill: float) -> Reco
         "gap": {**gap, "predicted": closure + float(random.normal(0.0, 0.02)), "stated": closure},
         "baselines": {name: _baseline(truth, random, chance, gap) for name, chance in BASELINES.items()},
     }
+
+
+def _rounds(truth: Truth, verdict: str, named: list[Entry]) -> list[Record]:
+    """Whatever it said first: after one experiment it is right, and asks for no more."""
+    strict, right = truth._replace(poor=False), [Entry(name, (), 0.9, False) for name in truth.hidden]
+    said = [(verdict, named), ("effects", right)]
+    return [{"naming": naming(strict, {"verdict": one}, each, considered(strict, each))} for one, each in said]
 
 
 def _entry(name: str, random: np.random.Generator, chance: float) -> Entry | None:

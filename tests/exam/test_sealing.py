@@ -33,7 +33,7 @@ def held(trial: Path) -> Path:
 
 def test_a_trial_as_it_should_be(trial: Path) -> None:
     register = held(trial)
-    assert broken(trial, trial / "answer", register) == []
+    assert broken(trial, [trial / "answer"], register) == []
     assert b"dwell" not in (trial / LABELS).read_bytes()
 
 
@@ -50,7 +50,7 @@ def test_truth_opened_early(trial: Path) -> None:
     with pytest.raises(SealError, match="opened before the answer"):
         seal.opened()
     seal.answered(trial / "answer")
-    assert broken(trial, trial / "answer", register) == ["the truth was opened before the answer was sealed"]
+    assert broken(trial, [trial / "answer"], register) == ["the truth was opened before the answer was sealed"]
 
 
 def test_an_entry_moved_in_the_journal(trial: Path) -> None:
@@ -62,7 +62,7 @@ def test_an_entry_moved_in_the_journal(trial: Path) -> None:
     seal.answered(trial / "answer")
     events = json.loads((trial / JOURNAL).read_text())
     (trial / JOURNAL).write_text(json.dumps([events[0], events[2], events[1]]))
-    assert "was changed" in broken(trial, trial / "answer", register)[0]
+    assert "was changed" in broken(trial, [trial / "answer"], register)[0]
 
 
 def test_a_label_changed_after_sealing(trial: Path) -> None:
@@ -81,7 +81,7 @@ def test_a_label_changed_after_scoring(trial: Path) -> None:
     register = held(trial)
     salt = bytes.fromhex(json.loads((trial / JOURNAL).read_text())[2]["sha256"])
     (trial / LABELS).write_bytes(enciphered(TRUTH.replace(b"dwell", b"jerks"), salt))
-    assert broken(trial, trial / "answer", register) == ["the labels are not those that were sealed"]
+    assert broken(trial, [trial / "answer"], register) == ["the labels are not those that were sealed"]
 
 
 def test_sealed_again_behind_the_register(trial: Path) -> None:
@@ -90,13 +90,34 @@ def test_sealed_again_behind_the_register(trial: Path) -> None:
     before = register.read_text()
     held(trial)
     register.write_text(before)
-    assert broken(trial, trial / "answer", register) == ["the hash of the labels is not that in the exam's register"]
+    assert broken(trial, [trial / "answer"], register) == ["the hash of the labels is not that in the exam's register"]
 
 
 def test_an_answer_changed_after_sealing(trial: Path) -> None:
     register = held(trial)
     (trial / "answer" / "answer.json").write_text('{"verdict": "effects"}')
-    assert broken(trial, trial / "answer", register) == ["the answer is not the one that was sealed"]
+    assert broken(trial, [trial / "answer"], register) == ["the answer is not the one that was sealed"]
+
+
+def test_each_answer_is_sealed_before_the_labels_are_opened(trial: Path) -> None:
+    """A further answer is one more seal; one that is withdrawn, changed, or comes after the opening is found."""
+    register, answers = trial.parents[1] / "register.jsonl", [trial / "answer", trial / "answer-1"]
+    answers[1].mkdir()
+    seal = Seal(trial, TRUTH, register)
+    for number, answer in enumerate(answers):
+        (answer / "answer.json").write_text(str(number))
+        seal.answered(answer)
+    seal.opened()
+    assert broken(trial, answers, register) == []
+    (found,) = broken(trial, answers[:1], register)
+    assert (
+        "labels sealed, answer sealed, answer sealed, labels opened; must be labels sealed, answer sealed, l" in found
+    )
+    (answers[1] / "answer.json").write_text("0")
+    assert broken(trial, answers, register) == ["the answer-1 is not the one that was sealed"]
+    seal.answered(answers[1])
+    (found,) = broken(trial, answers, register)
+    assert "labels opened, answer sealed; must be" in found
 
 
 def test_what_a_diagnosis_may_read(trial: Path, tmp_path: Path) -> None:

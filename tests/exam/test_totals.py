@@ -41,6 +41,15 @@ def test_skill_comes_back(told: dict[str, Any]) -> None:
         assert found["high"] - found["low"] < 0.27
 
 
+def test_what_experiments_bring(told: dict[str, Any]) -> None:
+    """The examinee is right after one experiment and asks for no second: then its answer stands."""
+    rows = [row(told, f"poor battery, named first {when}") for when in ("at once", "after one experiment")]
+    assert rows[0]["low"] <= 0.81 <= rows[0]["high"] and rows[0]["trials"] == 66
+    assert rows[1]["value"] == row(told, "poor battery, named first after two experiments")["value"] == 1.0
+    assert row(told, "poor battery, set holds the effect at once")["value"] == rows[0]["value"]
+    assert row(told, "poor battery, experiments run")["value"] == 1.0
+
+
 def test_limits_are_where_half_is_noticed(told: dict[str, Any]) -> None:
     """At half the typical size the examinee sees 0.45 of them, at typical size 0.9; a class has 5 to 40 trials."""
     found = list(told["limits"].values())

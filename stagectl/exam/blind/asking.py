@@ -4,18 +4,27 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from .plan import Planned
+from .plan import ExamError, Planned
+from .watched import OUT_OF_MEMORY
 
 CAPTURES, ANSWER, TOLD, SCRATCH = "captures", "answer", "told", "scratch"
 LOG, OUTPUT = "diagnosis.log", "output.txt"
 BLIND = ("refit", "ladder", "sparse", "blackbox")  # baselines that are told nothing
 ORACLE = "oracle"
+ENDED_FROM_OUTSIDE = frozenset(  # by a user, a system that shuts down, or one that is short of memory
+    {-signal.SIGINT, -signal.SIGTERM, -signal.SIGHUP, -signal.SIGKILL, OUT_OF_MEMORY}
+)
+
+
+class InterruptionError(ExamError):
+    """A program that was ended from outside: nothing is known of what it would have said."""
 
 
 class Manner(NamedTuple):
@@ -40,9 +49,14 @@ class Place(NamedTuple):
     out: str = ANSWER  # where the answer goes, below `folder`
 
 
+def answers(folder: Path) -> list[Path]:
+    """Folders of all answers of a trial, in their order."""
+    return sorted(path for path in folder.glob(f"{ANSWER}*") if path.is_dir())
+
+
 def diagnosed(place: Place, planned: Planned, manner: Manner) -> str:
     """The diagnosis; why it failed, empty where it did not."""
-    answer = place.folder / ANSWER
+    answer = place.folder / place.out
     words = ["gap", "diagnose", str(place.folder / CAPTURES), "--json", str(answer / "answer.json")]
     words += ["--predictions", str(answer / "predictions"), "-o", str(answer)]
     words += ["--report", str(answer / "page.html")] + (["--full"] if manner.full else [])
@@ -62,12 +76,16 @@ def baselines(place: Place, planned: Planned, manner: Manner, told: Sequence[str
 
 
 def asked(place: Place, module: str, words: Sequence[str], manner: Manner) -> str:
-    """Run `module` under watch; why it failed, empty where it did not."""
+    """Run `module` under watch; why it failed, empty where it did not.
+
+    Raises InterruptionError where it was ended from outside, or out of memory.
+    """
     out, scratch = place.folder / place.out, place.folder / SCRATCH
     own = [str(place.folder / CAPTURES), str(out), str(scratch), *filter(None, [manner.code])]
     for folder in (out, scratch):
         folder.mkdir(exist_ok=True)
     command = [sys.executable, "-m", f"{__package__}.watched", str(place.folder / LOG), "--module", module]
+    command += ["--parent", str(os.getpid())]
     command += [*(word for one in own for word in ("--own", one)), "--closed", str(place.root), "--", *words]
     output = place.folder / OUTPUT
     with output.open("ab") as file:
@@ -88,6 +106,8 @@ def asked(place: Place, module: str, words: Sequence[str], manner: Manner) -> st
             child.kill()
             child.wait()
             shutil.rmtree(scratch, ignore_errors=True)
+    if code in ENDED_FROM_OUTSIDE:
+        raise InterruptionError(f"{module} was interrupted, with code {code}: {_last(output)}")
     return "" if code == 0 else f"{module} ended with code {code}: {_last(output)}"
 
 

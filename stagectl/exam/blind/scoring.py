@@ -33,6 +33,18 @@ def record(labels: bytes, answer: Mapping[str, Any] | None, predictions: Path, c
     }
 
 
+def strictly(labels: bytes, answer: Mapping[str, Any] | None, predictions: Path, captures: Path) -> Record:
+    """Answer, naming and gap by the rules of a full battery, whatever the trial's own is."""
+    told, arrays = unpacked(labels)
+    truth, said = rules.truth_of(told)._replace(poor=False), answer or {}
+    named = [one for one in rules.entries(said) if one.probability >= rules.NAMED]
+    return {
+        "answer": _answer(said, named),
+        "naming": naming(truth, said, named, rules.considered(truth, named)),
+        "gap": _gap(told, arrays, said, (predictions, captures)),
+    }
+
+
 def read(path: Path) -> Record | None:
     """An answer; None where there is none."""
     try:

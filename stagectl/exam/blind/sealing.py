@@ -5,7 +5,7 @@ is the key too, is kept by the one process that runs the trial until the answer 
 Each step is an entry in the trial's journal, chained to the one before::
 
     labels sealed  sha256(salt + labels)
-    answer sealed  sha256(answer)
+    answer sealed  sha256(answer)           again for each answer that follows an experiment
     labels opened  salt
 
 The hash of the labels also stands in a register of the whole exam.  `broken` repeats all of it from the files.
@@ -25,7 +25,6 @@ import numpy as np
 
 LABELS, JOURNAL, REGISTER = "labels.bin", "journal.json", "register.jsonl"
 SEALED, ANSWERED, OPENED = "labels sealed", "answer sealed", "labels opened"
-ORDER = (SEALED, ANSWERED, OPENED)
 
 
 class SealError(Exception):
@@ -89,19 +88,22 @@ class Seal:
         return self._open
 
 
-def broken(folder: Path, answer: Path, register: Path) -> list[str]:
-    """What is wrong with the seals of a finished trial, from its files alone; nothing where all holds."""
+def broken(folder: Path, answers: Sequence[Path], register: Path) -> list[str]:
+    """What is wrong with the seals of a finished trial, from its files alone; nothing where all holds.
+
+    `answers` are the folders of all its answers, in their order.
+    """
     try:
         events = _read(folder)
-        found = _order(events)
+        found = _order(events, len(answers))
         if not found:
-            found = _contents(folder, answer, events, registered(register).get(folder.name))
+            found = _contents(folder, answers, events, registered(register).get(folder.name))
     except (OSError, ValueError, KeyError, TypeError) as error:
         return [f"the journal cannot be read: {type(error).__name__}: {error}"]
     return found
 
 
-def _order(events: Sequence[dict[str, Any]]) -> list[str]:
+def _order(events: Sequence[dict[str, Any]], answers: int) -> list[str]:
     names, chain = [one["event"] for one in events], ""
     for one in events:
         chain = _link(chain, one["event"], one["sha256"])
@@ -109,19 +111,19 @@ def _order(events: Sequence[dict[str, Any]]) -> list[str]:
             return [f"the entry '{one['event']}' of the journal was changed"]
     if OPENED in names and (ANSWERED not in names or names.index(OPENED) < names.index(ANSWERED)):
         return ["the truth was opened before the answer was sealed"]
-    return [] if tuple(names) == ORDER else [f"the journal says: {', '.join(names)}; must be {', '.join(ORDER)}"]
+    wanted = [SEALED, *[ANSWERED] * answers, OPENED]
+    return [] if names == wanted else [f"the journal says: {', '.join(names)}; must be {', '.join(wanted)}"]
 
 
-def _contents(folder: Path, answer: Path, events: Sequence[dict[str, Any]], known: str | None) -> list[str]:
-    sealed, answered, salt = (one["sha256"] for one in events)
+def _contents(folder: Path, answers: Sequence[Path], events: Sequence[dict[str, Any]], known: str | None) -> list[str]:
+    sealed, *answered, salt = (one["sha256"] for one in events)
     key, found = bytes.fromhex(salt), []
     if digest(key, enciphered((folder / LABELS).read_bytes(), key)) != sealed:
         found.append("the labels are not those that were sealed")
     if known != sealed:
         found.append("the hash of the labels is not that in the exam's register")
-    if answer_digest(answer) != answered:
-        found.append("the answer is not the one that was sealed")
-    return found
+    changed = [path.name for path, known in zip(answers, answered, strict=True) if answer_digest(path) != known]
+    return [*found, *(f"the {name} is not the one that was sealed" for name in changed)]
 
 
 def registered(register: Path) -> dict[str, str]:

@@ -9,10 +9,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from . import scoring
-from .asking import ANSWER, BLIND, CAPTURES, LOG, ORACLE, TOLD, Manner, Place, baselines, diagnosed
+from . import rounds, scoring
+from .asking import ANSWER, BLIND, CAPTURES, LOG, ORACLE, TOLD, Manner, Place, answers, baselines, diagnosed
 from .cores import taken
 from .plan import ExamError, Planned
+from .rounds import Round, Said
 from .sealing import Seal, SealError, broken
 from .staging import staged
 
@@ -65,7 +66,8 @@ def finished_job(job: Job) -> dict[str, Any] | None:
 def sit(job: Job) -> dict[str, Any]:
     """Stage, seal, diagnose, seal the answer, open, score: the record, which also stands in the trial's folder.
 
-    A trial whose seal is broken, or whose diagnosis looked elsewhere, is void: it has reasons and no score.
+    A trial whose seal is broken, or whose diagnosis looked elsewhere, is void: it has reasons and no score.  Raises
+    InterruptionError, and leaves no record, where the diagnosis was ended from outside: the trial is to be run again.
     """
     root, planned = Path(job.root).resolve(), job.planned
     folder, clock = folder_of(root, planned.number), Clock()
@@ -86,20 +88,29 @@ def sit(job: Job) -> dict[str, Any]:
 
 
 def _answered(place: Place, job: Job, seal: Seal, clock: Clock) -> dict[str, Any]:
+    found = judged(place, seal, _said(place, job, seal, clock))
+    if job.manner.baselines and found["state"] != VOID:
+        effects = [one["name"] for one in found["truth"]["effects"]]
+        baselines(place, job.planned, job.manner, effects or ["none"])
+        found["baselines"] |= scoring.beside(seal.again(), place.folder, (TOLD, (ORACLE,)))
+    clock("scoring")
+    return found
+
+
+def _said(place: Place, job: Job, seal: Seal, clock: Clock) -> Said:
+    """All answers, each sealed."""
     planned, manner = job.planned, job.manner
-    failure = diagnosed(place, planned, manner)
+    first = Round("", ANSWER, diagnosed(place, planned, manner))
     clock("diagnosis")
     if manner.baselines:
         baselines(place, planned, manner)
         clock("baselines")
     seal.answered(place.folder / ANSWER)
-    found = judged(place, seal, failure)
-    if manner.baselines and found["state"] != VOID:
-        effects = [one["name"] for one in found["truth"]["effects"]]
-        baselines(place, planned, manner, effects or ["none"])
-        found["baselines"] |= scoring.beside(seal.again(), place.folder, (TOLD, (ORACLE,)))
-    clock("scoring")
-    return found
+    if planned.stratum not in rounds.STRATA:
+        return Said((first,))
+    later = rounds.held(place, planned, manner, seal)
+    clock("rounds")
+    return later._replace(rounds=(first, *later.rounds))
 
 
 def _kept(folder: Path, planned: Planned, found: Mapping[str, Any], times: Mapping[str, float]) -> dict[str, Any]:
@@ -115,7 +126,7 @@ def _write(path: Path, content: Any) -> None:
     draft.replace(path)
 
 
-def judged(place: Place, seal: Seal, failure: str) -> dict[str, Any]:
+def judged(place: Place, seal: Seal, said: Said) -> dict[str, Any]:
     """The record's content: void, failed or scored."""
     folder = place.folder
     reasons = [f"the diagnosis looked elsewhere: {line}" for line in _lines(folder / LOG)]
@@ -123,14 +134,22 @@ def judged(place: Place, seal: Seal, failure: str) -> dict[str, Any]:
         labels = seal.opened()
     except SealError as error:
         return {"state": VOID, "reasons": [*reasons, str(error)]}
-    reasons += broken(folder, folder / ANSWER, place.root / REGISTER)
-    if reasons:
-        return {"state": VOID, "reasons": reasons}
+    reasons += broken(folder, answers(folder), place.root / REGISTER)
+    return {"state": VOID, "reasons": reasons} if reasons else _scored(labels, place, said)
+
+
+def _scored(labels: bytes, place: Place, said: Said) -> dict[str, Any]:
+    """The first answer's record; beside it, where more could be asked for, how right each answer was."""
+    folder, failure = place.folder, said.rounds[0].failure
     answer = None if failure else scoring.read(folder / ANSWER / "answer.json")
     found = scoring.record(labels, answer, folder / ANSWER / "predictions", folder / CAPTURES)
     state = SCORED if answer is not None else FAILED
     why = [failure or "no answer"] if answer is None else []
-    return {"state": state, "reasons": why, **found, "baselines": scoring.beside(labels, folder, (ANSWER, BLIND))}
+    why += [f"after {one.experiment}: {one.failure}" for one in said.rounds[1:] if one.failure]
+    if found["stratum"] in rounds.STRATA:
+        found["rounds"] = rounds.scored(labels, place, said.rounds)
+    beside = scoring.beside(labels, folder, (ANSWER, BLIND))
+    return {"state": state, "reasons": [*why, *filter(None, [said.refused])], **found, "baselines": beside}
 
 
 def _lines(path: Path) -> list[str]:

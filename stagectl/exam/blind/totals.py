@@ -116,7 +116,18 @@ def _poor(poor: Sequence[Record]) -> list[Row]:
     return [
         rate("  poor battery, set holds the effect when it speaks", _naming(spoken, "covered")),
         rate("  poor battery, a next experiment where it does not know", advised),
+        *_asked_for([one["rounds"] for one in poor if "rounds" in one]),  # an exam begun before there were any
     ]
+
+
+def _asked_for(trials: Sequence[Sequence[Record]]) -> list[Row]:
+    """How often the answer is right after how many of the experiments it asked for; one that asks no more stands."""
+    found = []
+    for count, words in enumerate(("at once", "after one experiment", "after two experiments")):
+        then = [one[min(count, len(one) - 1)] for one in trials]
+        found.append(rate(f"  poor battery, named first {words}", _naming(then, "top1")))
+        found.append(rate(f"  poor battery, set holds the effect {words}", _naming(then, "covered")))
+    return [*found, mean("  poor battery, experiments run", [len(one) - 1.0 for one in trials])]
 
 
 def _coordinates(records: Sequence[Record]) -> list[bool]:

@@ -27,6 +27,7 @@ SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/dev", "/sys", "/opt", "/va
 PROC = ("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys", "/proc/version", "/proc/filesystems")
 PATHS = {"open": 0, "os.listdir": 0, "os.scandir": 0}  # event -> place of the path among its arguments
 REFUSED = ("socket.connect", "socket.sendto", "subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.fork")
+OUT_OF_MEMORY = 75  # exit code: not the program's fault, to be tried again
 _DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG
 
 
@@ -103,23 +104,37 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--own", action="append", default=[])
     parser.add_argument("--closed", action="append", default=[])
     parser.add_argument("--module", default="stagectl")
+    parser.add_argument("--parent", type=int, help="process that this one ends with")
     split = list(arguments).index("--")
     given, command = parser.parse_args(arguments[:split]), arguments[split + 1 :]
-    _die_with_parent()
+    die_with(given.parent)
+    _end_by_interrupt()
     log = os.open(given.log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     tempfile.gettempdir()  # tries itself in a folder
     platform.uname().processor  # noqa: B018  asks another process, once
     sys.argv = [given.module, *command]
     sys.addaudithook(hook(rules(given.own, given.closed), lambda words: _written(log, words)))
-    runpy.run_module(given.module, run_name="__main__", alter_sys=True)
+    try:
+        runpy.run_module(given.module, run_name="__main__", alter_sys=True)
+    except MemoryError:
+        print("out of memory", file=sys.stderr)
+        raise SystemExit(OUT_OF_MEMORY) from None
 
 
-def _die_with_parent() -> None:
-    """The kernel ends this process with the worker that began it (Linux): no answer comes in after a killed trial."""
+def die_with(parent: int | None) -> None:
+    """The kernel ends this process with the one that began it (Linux): no answer comes in after a killed trial."""
     if sys.platform == "linux":
         import ctypes
 
         ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+        if parent is not None and os.getppid() != parent:  # it was quicker
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _end_by_interrupt() -> None:
+    """Ctrl-C ends this process by its signal, which no exit code of the program hides; ignored, it stays ignored."""
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _written(log: int, words: str) -> None:

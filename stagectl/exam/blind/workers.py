@@ -5,14 +5,18 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
 from typing import Any
 
+from .asking import OUTPUT, InterruptionError
 from .cores import available
 from .plan import ExamError
-from .sitting import Job, finished_job, sit
+from .sitting import Job, finished_job, folder_of, sit
+from .watched import die_with
 
 ATTEMPTS = 3  # of a trial whose worker dies
 _LOOK = 0.2  # s
@@ -26,17 +30,26 @@ def workers_and_threads(workers: int | None) -> tuple[int, int]:
 
 
 def local(jobs: Sequence[Job], workers: int) -> Iterator[dict[str, Any]]:
-    """Records of all jobs as they come, `workers` at once; raises ExamError where a trial's workers died each time."""
+    """Records of all jobs as they come, `workers` at once.
+
+    Raises ExamError, after all the others, for the trials whose workers died each time.
+    """
     stop = threading.Event()
+    lost: list[str] = []
     with ThreadPoolExecutor(workers) as pool:
         futures = [pool.submit(apart, job, stop) for job in jobs]
         try:
             for future in as_completed(futures):
-                yield future.result()
+                if isinstance(error := future.exception(), ExamError):
+                    lost.append(str(error))
+                else:
+                    yield future.result()
         except BaseException:
             stop.set()
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+    if lost:
+        raise ExamError(f"{'; '.join(lost)}; go on with --resume")
 
 
 def apart(job: Job, stop: threading.Event) -> dict[str, Any]:
@@ -53,10 +66,19 @@ def apart(job: Job, stop: threading.Event) -> dict[str, Any]:
         found = finished_job(job)
         if found is not None:
             return found
-    raise ExamError(f"trial {job.planned.number}: its worker died {ATTEMPTS} times, last with {process.exitcode}")
+    output = folder_of(Path(job.root), job.planned.number) / OUTPUT
+    raise ExamError(
+        f"trial {job.planned.number} has no record: its worker died {ATTEMPTS} times, the last time with code "
+        f"{process.exitcode} (see {output})"
+    )
 
 
 def _quietly(job: Job) -> None:
-    """Ctrl-C is the matter of the process that began this one."""
+    """Ctrl-C is the matter of the process that began this one, with which it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    sit(job)
+    beginner = multiprocessing.parent_process()
+    die_with(beginner.pid if beginner is not None else None)
+    try:
+        sit(job)
+    except InterruptionError as error:
+        sys.exit(f"trial {job.planned.number} is to be run again: {error}")
