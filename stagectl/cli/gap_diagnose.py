@@ -18,7 +18,10 @@ StageFile = Annotated[
     Path | None, typer.Option("--stage", metavar="STAGE.yaml", help="The model, where the logs carry none.")
 ]
 Exclude = Annotated[
-    list[str] | None, typer.Option("--exclude", metavar="NAMES", help="Effects that must not be candidates.")
+    list[str] | None,
+    typer.Option(
+        "--exclude", metavar="NAMES", help="Effects that must not be candidates, nor wider ones that hold them."
+    ),
 ]
 Predictions = Annotated[
     Path | None,

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from stagectl.gap import library_drive, library_friction, library_mechanics, library_sensor
+from stagectl.gap import library_drive, library_friction, library_mechanics, library_sensor, symmetries
 from stagectl.gap.columns import Direction, Model
 from stagectl.gap.library import Aging, Definition, Scales, coulomb, scaled
 from stagectl.gap.session import Array
@@ -104,5 +104,6 @@ def equipped(p: Model, effects: Sequence[Named]) -> Model:
 
 
 def without(effects: Sequence[Definition], excluded: Sequence[str]) -> list[Definition]:
-    """The library less the effects that must not be candidates."""
-    return [one for one in effects if one.name not in excluded]
+    """The library less the effects that must not be candidates, nor under the name of a wider one that holds them."""
+    gone = {*excluded, *(wider for name in excluded for wider in symmetries.WIDER.get(name, ()))}
+    return [one for one in effects if one.name not in gone]

@@ -51,6 +51,13 @@ def _check_predictions(session: Session, done: diagnose.Diagnosis, place: Path) 
     assert np.sqrt(np.mean(difference[1000:] ** 2)) < 1.5 * done.found.gap.before
 
 
+def test_what_looks_like_a_bias_is_told_from_it_by_its_reversals(tmp_path: Path) -> None:
+    """An asymmetry of the friction under another law: all but its way through the rolling zone is taken by the base."""
+    session, _ = _trial(tmp_path, 109, "single", effects=("coulomb_asymmetry",), scale=2.0)
+    found = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).found
+    assert found.verdict == "effects" and _named(found) == ["coulomb_asymmetry"]
+
+
 def test_another_friction_law_is_no_effect(tmp_path: Path) -> None:
     session, _ = _trial(tmp_path, 2, "null-law")
     found = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).found

@@ -45,3 +45,16 @@ def test_an_experiment_that_excites_it_alone_is_not_missed() -> None:
     effect = Definition("effect", "mechanics", "none", (Amplitude("size", "", (1.0,)),), (), lambda p, _: p)
     form = Form(effect, {}, (1.0,), ("effect.size",))
     assert inclusion(_grams(1, seen_in=1), [0], [form], 0.1, 20) > 0.95
+
+
+def test_the_base_may_stand_elsewhere_beside_an_effect() -> None:
+    """A nuisance that the effect had moved leaves a large constant: it is taken back, and is none of what is left."""
+    effect = Definition("effect", "mechanics", "none", (Amplitude("size", "", (1.0,)),), (), lambda p, _: p)
+    form = Form(effect, {}, (1.0,), ("effect.size",))
+    g = _grams(EXPERIMENTS)
+    moved = g.effort.copy()
+    shift = np.array([30.0, 0.0])  # of the residual along the constant, in each half stroke
+    moved[:, :2, 2] += g.effort[:, :2, :2] @ shift
+    moved[:, 2, :2] = moved[:, :2, 2]
+    moved[:, 2, 2] += 2.0 * g.effort[:, 2, :2] @ shift + shift @ (g.effort[:, :2, :2] @ shift).T
+    assert inclusion(g._replace(effort=moved), [0], [form], 0.1, 20) == inclusion(g, [0], [form], 0.1, 20) == 1.0

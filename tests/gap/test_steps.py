@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap import cuts, friction_family, grams, orders, shrink, tying
+from stagectl.gap import candidates, cuts, friction_family, grams, library, orders, shrink, tying
 from stagectl.gap.runs import half_strokes, known_from, standstills
 from stagectl.gap.tying import Lacking
 from stagectl.gap.tying import Path as Measured
@@ -143,3 +143,10 @@ def test_closure_counts_above_the_floor() -> None:
     gap = shrink.gap(one[0], one[1], one[2], "rad")
     assert gap.closure == pytest.approx(0.99) and gap.low == pytest.approx(0.99) and gap.high == pytest.approx(0.99)
     assert gap.before == pytest.approx(math.sqrt(10.1))
+
+
+def test_an_effect_left_out_is_not_found_under_a_wider_name() -> None:
+    size = library.Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
+    names = {one.name for one in candidates.without(candidates.library(size), ("stribeck",))}
+    assert {"stribeck", "friction_lag"}.isdisjoint(names) and "viscous_nonlinear" in names
+    assert "stribeck" in {one.name for one in candidates.without(candidates.library(size), ("friction_lag",))}
