@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 from stagectl.daemon import virtual
 from stagectl.daemon.axes import Post
 from stagectl.daemon.blackbox import Box
-from stagectl.daemon.board import PENDING, TAKEN, Order
+from stagectl.daemon.board import PENDING, TAKEN, Order, Status
 from stagectl.daemon.child import Child, start
 from stagectl.daemon.manned import COLUMNS, Manned, ServiceError, why_not
 from stagectl.daemon.notify import notify
@@ -205,13 +205,15 @@ class Service:
         self.note("", "process_died", f"{words}. A new one runs; next: `stagectl enable`")
         if len(self._deaths) > _DEATHS:
             raise ServiceError(f"the real-time process died {len(self._deaths)} times in {_DEATH_TIME:.0f} s: given up")
-        await asyncio.sleep(max(map(_silence, self.axes.values())))
+        for axis in self.axes.values():  # at once: what the dead one showed last is true no more
+            axis.begin()
+            axis.board.show(Status(state=State.CONNECTING))
         os.close(self._alive)
         for box in self._boxes.values():
-            box.wait(10.0)
+            await asyncio.to_thread(box.wait, 10.0)
         await asyncio.to_thread(self.recordings.cut)
-        for axis in self.axes.values():
-            axis.begin()
+        await asyncio.sleep(max(map(_silence, self.axes.values())))
+        notify("WATCHDOG=1")  # the new one has the whole time to come up
         self._start()
 
     # orders
