@@ -201,8 +201,8 @@ class Service:
             return
         now = time.monotonic()
         self._deaths = [when for when in self._deaths if now - when < _DEATH_TIME] + [now]
-        words = f"the real-time process died ({_exit(self._loop.ended)}); the drive stopped by its own time-outs"
-        self.note("", "process_died", f"{words}. A new one runs; next: `stagectl enable`")
+        words = f"the real-time process died ({_exit(self._loop.ended)}); the drive stops by its own time-outs"
+        self.note("", "process_died", f"{words}. A new one comes up after them; next: `stagectl enable`")
         if len(self._deaths) > _DEATHS:
             raise ServiceError(f"the real-time process died {len(self._deaths)} times in {_DEATH_TIME:.0f} s: given up")
         for axis in self.axes.values():  # at once: what the dead one showed last is true no more
@@ -232,11 +232,14 @@ class Service:
 
         Raises ServiceError with the reason where it cannot be given now.
         """
-        state = axis.state
-        number = axis.board.order(order)
+        state, board = axis.state, axis.board
+        if not axis.status.tick:  # it would never see an order that was there before it
+            raise ServiceError(f"{axis.name}: the real-time process is being started; see `stagectl status`")
+        number = board.order(order)
         end = time.monotonic() + _ANSWER
-        while (verdict := axis.board.verdict(number)) == PENDING:
-            if time.monotonic() > end and time.monotonic() - axis.status.tick > axis.status.patience:
+        while (verdict := board.verdict(number)) == PENDING:
+            silent = time.monotonic() > end and time.monotonic() - axis.status.tick > axis.status.patience
+            if silent or axis.board is not board:
                 raise ServiceError(f"{axis.name}: the real-time process does not answer; see `stagectl status`")
             await asyncio.sleep(0.002)
         if verdict != TAKEN:
