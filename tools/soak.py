@@ -22,6 +22,7 @@ sys.path.insert(0, str(ROOT))
 GROWTH, LARGEST, SOONEST = 1024, 80 * 1024, 0.5  # KiB, KiB, s: what is admitted
 SINE = "{type: sine, amplitude: 2 mm, frequency: 1 Hz, periods: 8}"
 CHILD = "-child"
+STARTS = 3  # the machine is shared: the best of so many
 
 
 def child() -> None:
@@ -110,8 +111,14 @@ class Soak:
             return self.axis.ring.written, file["samples"].shape[0], int(file.attrs["lost_rows"])
 
 
-def started() -> tuple[float, int]:
-    """With a CANopen drive that is there: s from the process' start to the drive's configuration, and KiB then."""
+def worked(pid: int) -> float:
+    """Processor time of a process (s)."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def started() -> tuple[float, float, int]:
+    """With a CANopen drive that is there, to its configuration: time (s), processor time of it (s), and then KiB."""
     from stagectl.daemon.axes import Post
     from stagectl.daemon.child import start
     from stagectl.daemon.machine import machine
@@ -128,7 +135,7 @@ def started() -> tuple[float, int]:
             loop = start("stagectl.daemon.axes", (axis.ring.descriptor, axis.board.descriptor), "interpreted")
             loop.send(post)
             assert loop.line()
-            found = time.monotonic() - began, resident(loop.pid)
+            found = time.monotonic() - began, worked(loop.pid), resident(loop.pid)
             loop.terminate()
             assert loop.wait(60.0) == 0
             return found
@@ -139,8 +146,12 @@ def started() -> tuple[float, int]:
 def main() -> None:
     words = [word for word in sys.argv[1:] if not word.startswith("-")]
     seconds, wall = float(words[0]) if words else 3600.0, "--wall" in sys.argv
-    soon, large = started()
-    print(f"start to configured drive {soon:.2f} s (admitted {SOONEST}), {large} KiB (admitted {LARGEST})", flush=True)
+    soon, busy, large = min(started() for _ in range(STARTS))
+    print(
+        f"start to configured drive, best of {STARTS}: {soon:.2f} s, {busy:.2f} s of it processor time "
+        f"(admitted {SOONEST}), {large} KiB (admitted {LARGEST})",
+        flush=True,
+    )
     with tempfile.TemporaryDirectory() as folder:
         began, soak = time.monotonic(), Soak(Path(folder), wall)
         seen = soak.run(seconds)
@@ -152,7 +163,7 @@ def main() -> None:
     )
     print(f"memory {settled[0]} KiB after a tenth, at most {growth} KiB more (admitted {GROWTH})")
     print(f"{written} rows, {kept} recorded, {lost} lost (admitted 0)")
-    raise SystemExit(growth > GROWTH or lost > 0 or kept != written or large > LARGEST)
+    raise SystemExit(growth > GROWTH or lost > 0 or kept != written or large > LARGEST or busy > SOONEST)
 
 
 if __name__ == "__main__":

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -169,8 +169,10 @@ def virtual_drive(
 
 def _tell(text: str) -> None:
     """One line, if anybody still reads them: a drive goes on without."""
-    with contextlib.suppress(BrokenPipeError):
+    try:
         print(text, flush=True)
+    except BrokenPipeError:  # the next ones, and what is left of this one at exit, go nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def demo(

@@ -12,7 +12,6 @@ import os
 import pickle
 import signal
 import sys
-import time
 from typing import NamedTuple
 
 from stagectl.daemon import realtime
@@ -49,9 +48,9 @@ class Loop:
     """All axes; `period` is one of theirs."""
 
     def __init__(self, post: Post, clock: Clock = WALL) -> None:
-        self._post = post
+        self._post, self._clock = post, clock
         self._ports: dict[tuple[str, str], Ports] = {}
-        self.axes = [Axis(p, Board(p.board), Ring(p.ring, post.width, post.capacity), self._connect) for p in post.axes]
+        self.axes = [self._axis(p) for p in post.axes]
         self._metronome = realtime.Metronome(post.dt, clock, post.spin)
         self._by_clock = all(p.by_clock for p in post.axes)
         self._missed = 0
@@ -86,8 +85,12 @@ class Loop:
         for axis in self.axes:
             axis.leave()
 
+    def _axis(self, p: Orders) -> Axis:
+        ring = Ring(p.ring, self._post.width, self._post.capacity)
+        return Axis(p, Board(p.board), ring, self._connect, self._clock)
+
     def _idle(self) -> None:
-        time.sleep(_IDLE)
+        self._clock.sleep(_IDLE)
         for axis in self.axes:
             axis.show()
         self._obey()

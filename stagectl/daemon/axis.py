@@ -24,6 +24,7 @@ from stagectl.daemon.sources import Hold, Model, Ramp, Rows, Source, held
 from stagectl.daemon.states import POWERED, STOPS_GOING_ON, Event, State, event_of, following
 from stagectl.daemon.stops import STOPS
 from stagectl.drives.canopen_power import Standstill
+from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive
 from stagectl.drives.simulated import Simulation
 from stagectl.kernels import law, stage
@@ -56,11 +57,14 @@ class Orders(NamedTuple):
     board: int
 
 
+Connect = Callable[[Orders], Drive]
+
+
 class Axis:
     """The state of one axis."""
 
-    def __init__(self, p: Orders, board: Board, ring: Ring, connect: Callable[[Orders], Drive]) -> None:
-        self.p, self.board, self.ring, self.connect = p, board, ring, connect
+    def __init__(self, p: Orders, board: Board, ring: Ring, connect: Connect, clock: Clock = WALL) -> None:
+        self.p, self.board, self.ring, self.connect, self.now = p, board, ring, connect, clock.now
         self.dt = p.ramp.dt
         self.state, self.fault, self.faults = State.OFFLINE, Fault.NONE, 0
         self.drive: Drive | None = None
@@ -74,7 +78,7 @@ class Axis:
         self.cycles, self.late, self.late_in_a_row, self.motions = 0, 0, 0, 0
         self.settled, self.stopped = 0.0, (0.0, 0.0)
         self.ordered = False  # the stop that goes on is an order, no fault
-        self.since, self.start, self.lost = 0, 0.0, _NAN
+        self.since, self.entered, self.start, self.lost = 0, 0.0, 0.0, _NAN
         self.still = Standstill(0.0)
 
     @property
@@ -92,7 +96,7 @@ class Axis:
 
     def act(self, lateness: float, late: bool, passed: int) -> None:
         """Law, judgement, command; then the row and the status of this period."""
-        fault = self._controlled(passed) if self.state in POWERED else self._watched()
+        fault = self._controlled(passed) if self.state in POWERED else self._watched(passed)
         self.cycles += 1
         self.late += late
         self.late_in_a_row = self.late_in_a_row + 1 if late else 0
@@ -127,7 +131,7 @@ class Axis:
         position = self.seen.position
         self.output, self.x = law.step(self.law, self.x, asked, position)
         now = safety.Seen(self.seen, asked.reference, self.output.error, self.current, passed * self.dt)
-        limits = self.p.envelope if self.search is None else _searching(self.p.envelope)
+        limits = self.p.envelope if self.search is None else safety.searching(self.p.envelope)
         fault, self.watch = safety.judge(limits, self.watch, now)
         gone = fault is not Fault.NONE
         self.current = 0.0 if gone else self.output.current
@@ -135,21 +139,22 @@ class Axis:
         if not starved:  # a motion goes on from its last speed, not from the standstill of one that ran dry
             self.speed = (asked.reference - self.asked.reference) / (passed * self.dt)
         self.asked = asked
-        near = abs(self.output.error) <= self.p.window
-        self.settled = self.settled + passed * self.dt if near and self.state is State.STANDING else 0.0
+        near = abs(self.output.error) <= self.p.window and self.state is State.STANDING
+        self.settled = self.settled + passed * self.dt if near else 0.0
         return Fault.STARVED if starved and not gone else fault
 
-    def _watched(self) -> Fault:
+    def _watched(self, passed: int) -> Fault:
         """Without our law: zero goes out; only what ends the connection is a fault of its own here."""
         assert self.drive is not None
         self.drive.apply(0.0)
+        jump = safety.leap(self.p.envelope, self.seen.position - self.asked.reference, passed * self.dt)
         self.current, self.output = 0.0, _NOTHING
         self.asked, self.speed = held(self.seen.position, 0.0), 0.0
         fault = self.seen.fault
         if self.state is State.DISABLED:
             old = fault is Fault.EMERGENCY and (self.cycles - self.since) * self.dt < _OLD_TIME
             return Fault.NONE if old or fault is Fault.DRIVE_FAULT else fault
-        return Fault.BUS if fault is Fault.BUS and self.state is State.ENABLING else Fault.NONE
+        return (fault if fault is Fault.BUS else jump) if self.state is State.ENABLING else Fault.NONE
 
     # what is going on
 
@@ -170,22 +175,25 @@ class Axis:
     def _enabling(self) -> None:
         if self.seen.fault is Fault.NONE:
             self.happen(Event.DONE)
-        elif (self.cycles - self.since) * self.dt > _ENABLE_TIME:
+        elif self._elapsed() > _ENABLE_TIME:
             self.happen(Event.FAILED, Fault.DRIVE_FAULT)
 
     def _stopping(self) -> None:
         """Until it stands; a drive that does not answer stops by its own time-outs, and is given up."""
-        elapsed = (self.cycles - self.since) * self.dt
         stands = self.still.stands(self.seen.position)
         if self.seen.fault in _GONE:
-            now = time.monotonic()
-            self.lost = now if math.isnan(self.lost) else self.lost
-            stands = now - self.lost > _LOST_TIME
+            self.lost = self.now() if math.isnan(self.lost) else self.lost
+            stands = self.now() - self.lost > _LOST_TIME
         if stands:
-            self.stopped = (max(elapsed - Standstill.CYCLES * self.dt, 0.0), abs(self.seen.position - self.start))
+            moved = max(self.cycles - self.since - Standstill.CYCLES, 0)
+            self.stopped = (moved * self.dt, abs(self.seen.position - self.start))
             self.happen(Event.DONE if self.ordered else Event.FAILED)
-        elif elapsed > _STOP_TIME:
+        elif self._elapsed() > _STOP_TIME:
             self.happen(Event.FAILED if self.state is State.COASTING else Event.COAST)
+
+    def _elapsed(self) -> float:
+        """Time (s) in this state; a drive that does not answer makes a period as long as its time-out."""
+        return max((self.cycles - self.since) * self.dt, self.now() - self.entered)
 
     def _seek(self) -> None:
         """A search that goes on: found, too far, or at rest behind it."""
@@ -223,6 +231,7 @@ class Axis:
         old, self.state = self.state, new
         if new is not old or new is State.CONNECTING:
             self.ordered = fault is Fault.NONE and event in (Event.DISABLE, Event.STOP, Event.QUICK_STOP)
+            self.entered = self.now()
             enter(self, old)
         return True
 
@@ -288,9 +297,3 @@ class Axis:
         """The process ends."""
         if self.drive is not None:
             self.drive.close()
-
-
-def _searching(p: safety.Envelope) -> safety.Envelope:
-    """A search does not know where the travel ends, and an end stop may hold it."""
-    inf = math.inf
-    return p._replace(low=-inf, high=inf, deceleration=inf, freeze=inf, breakaway=inf)

@@ -30,6 +30,7 @@ _WRITTEN, _FILLED, _SEQUENCE, _STATUS, _TEXT, _ORDERS, _ROWS = 0, 8, 16, 64, 102
 _LONGEST = _ORDERS - _TEXT - 16  # bytes of text
 SIZE = _ROWS + AHEAD * _ROW.size
 PENDING, TAKEN, REFUSED = 0, 1, 2
+_LOOKS = 1000  # at a status that is being written: longer than that only a process that died over it writes
 
 
 class Status(NamedTuple):
@@ -76,6 +77,7 @@ class Board:
         self.descriptor = descriptor
         self.memory = mmap.mmap(descriptor, SIZE)
         self._looked = self.ordered  # the next order to be taken
+        self._whole = Status()  # the last one that was read whole
 
     @classmethod
     def create(cls) -> Board:
@@ -106,12 +108,14 @@ class Board:
         return int(_COUNT.unpack_from(self.memory, _ORDERS + number % SLOTS * SLOT)[0])
 
     def status(self) -> Status:
-        """A status that was whole when it was read."""
-        while True:
+        """A status that was whole when it was read; the last such one where the writer died in the middle of it."""
+        for _ in range(_LOOKS):
             before = _COUNT.unpack_from(self.memory, _SEQUENCE)[0]
-            found = Status(*_PACKED.unpack_from(self.memory, _STATUS))
+            found = _PACKED.unpack_from(self.memory, _STATUS)
             if before % 2 == 0 and before == _COUNT.unpack_from(self.memory, _SEQUENCE)[0]:
-                return found
+                self._whole = Status(*found)
+                break
+        return self._whole
 
     @property
     def words(self) -> str:

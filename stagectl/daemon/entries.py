@@ -50,6 +50,7 @@ def _without_power(axis: Axis, _: State) -> None:
 
 def _enabling(axis: Axis, _: State) -> None:
     axis.since, axis.fault = axis.cycles, Fault.NONE
+    axis.asked = held(axis.seen.position, 0.0)  # from where a jump is told: not from before a new connection
     _ask(axis, Power.ON)
 
 

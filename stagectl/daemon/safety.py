@@ -149,3 +149,14 @@ def _load(p: Envelope, x: Watch) -> Fault:
     if x.excess > p.current_time:
         return Fault.CURRENT
     return Fault.OVERLOAD if x.heat > p.continuous_current * p.continuous_current else Fault.NONE
+
+
+def searching(p: Envelope) -> Envelope:
+    """A search does not know where the travel ends, and an end stop may hold it."""
+    inf = math.inf
+    return p._replace(low=-inf, high=inf, deceleration=inf, freeze=inf, breakaway=inf)
+
+
+def leap(p: Envelope, moved: float, time: float) -> Fault:
+    """Whether an axis that no law holds yet was `moved` (rad | m) further in `time` (s) than any motion goes."""
+    return Fault.JUMP if abs(moved) > p.jump + p.speed * time else Fault.NONE

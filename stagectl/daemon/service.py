@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 from stagectl.daemon import virtual
 from stagectl.daemon.axes import Post
 from stagectl.daemon.blackbox import Box
-from stagectl.daemon.board import PENDING, TAKEN, Order
+from stagectl.daemon.board import PENDING, TAKEN, Order, Status
 from stagectl.daemon.child import Child, start
 from stagectl.daemon.manned import COLUMNS, Manned, ServiceError
 from stagectl.daemon.notify import notify
@@ -201,17 +201,19 @@ class Service:
             return
         now = time.monotonic()
         self._deaths = [when for when in self._deaths if now - when < _DEATH_TIME] + [now]
-        words = f"the real-time process died ({_exit(self._loop.ended)}); the drive stopped by its own time-outs"
-        self.note("", "process_died", f"{words}. A new one runs; next: `stagectl enable`")
+        words = f"the real-time process died ({_exit(self._loop.ended)}); the drive stops by its own time-outs"
+        self.note("", "process_died", f"{words}. A new one comes up after them; next: `stagectl enable`")
         if len(self._deaths) > _DEATHS:
             raise ServiceError(f"the real-time process died {len(self._deaths)} times in {_DEATH_TIME:.0f} s: given up")
-        await asyncio.sleep(max(map(_silence, self.axes.values())))
+        for axis in self.axes.values():  # at once: what the dead one showed last is true no more
+            axis.begin()
+            axis.board.show(Status(state=State.CONNECTING))
         os.close(self._alive)
         for box in self._boxes.values():
-            box.wait(10.0)
+            await asyncio.to_thread(box.wait, 10.0)
         await asyncio.to_thread(self.recordings.cut)
-        for axis in self.axes.values():
-            axis.begin()
+        await asyncio.sleep(max(map(_silence, self.axes.values())))
+        notify("WATCHDOG=1")  # the new one has the whole time to come up
         self._start()
 
     # orders
@@ -230,11 +232,14 @@ class Service:
 
         Raises ServiceError with the reason where it cannot be given now.
         """
-        state = axis.state
-        number = axis.board.order(order)
+        state, board = axis.state, axis.board
+        if not axis.status.tick:  # it would never see an order that was there before it
+            raise ServiceError(f"{axis.name}: the real-time process is being started; see `stagectl status`")
+        number = board.order(order)
         end = time.monotonic() + _ANSWER
-        while (verdict := axis.board.verdict(number)) == PENDING:
-            if time.monotonic() > end and time.monotonic() - axis.status.tick > axis.status.patience:
+        while (verdict := board.verdict(number)) == PENDING:
+            silent = time.monotonic() > end and time.monotonic() - axis.status.tick > axis.status.patience
+            if silent or axis.board is not board:
                 raise ServiceError(f"{axis.name}: the real-time process does not answer; see `stagectl status`")
             await asyncio.sleep(0.002)
         if verdict != TAKEN:

@@ -44,6 +44,7 @@ def answers(wire: Canopen, patience: float = 0.2) -> bool:
 def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
     """Start ``stagectl virtual-drive`` with noise of this `seed` and wait until it is on the bus.
 
+    Nobody reads what it says after that, so the pipe is closed: a full one would hold the drive up in mid motion.
     Raises DriveError with what it printed where it is not.
     """
     options = ["--channel", channel, "--seed", str(seed), "--follow"]
@@ -52,9 +53,11 @@ def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
         command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True, start_new_session=True
     )
     assert process.stdout is not None
-    line = process.stdout.readline()
+    with process.stdout:
+        line = process.stdout.readline()
     if not line.startswith(_READY):
         process.kill()
+        process.wait()
         raise DriveError(f"the virtual drive did not start: {line.strip() or 'see the messages above'}")
     return process
 

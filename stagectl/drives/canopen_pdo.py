@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import struct
 
-import canopen
-
 from stagectl.drives import cia402
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.library import canopen
 from stagectl.drives.node_pdo import CODES
 
 _FIXED = {cia402.MODE << 8: cia402.CYCLIC_SYNCHRONOUS_TORQUE}  # fields of the RPDO that never change

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
-
 from stagectl.drives import cia402
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.library import SdoAbortedError, SdoCommunicationError, SdoError
 from stagectl.drives.wire import Partner
 
 MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) knows it

@@ -11,12 +11,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import canopen
-from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
-
 from stagectl.drives.bus import Bus
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.library import SdoAbortedError, SdoCommunicationError, canopen
 from stagectl.drives.wire import Network, Partner, load_eds
 
 _ANSWER_TIME = 0.5  # s for one answer

@@ -16,13 +16,12 @@ import struct
 from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
-import canopen
-
 from stagectl.drives import cia402, node_pdo
 from stagectl.drives.bus import Bus
 from stagectl.drives.clock import WALL, Clock, Skewed
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.faulty_bus import FaultyBus
+from stagectl.drives.library import canopen
 from stagectl.drives.node_axis import Axis, Stop
 from stagectl.drives.node_deeds import Machine, Repeats
 from stagectl.drives.node_faults import Faults

@@ -6,11 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import canopen
-from canopen.sdo.exceptions import SdoAbortedError
-
 from stagectl.drives import cia402, node_pdo
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.library import SdoAbortedError, canopen
 from stagectl.drives.node_axis import Axis, Options
 
 TARGET_CURRENT, ACTUAL_CURRENT = 0x2071, 0x2077  # vendor objects, finer than per mille of the rated current

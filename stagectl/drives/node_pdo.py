@@ -6,10 +6,8 @@ import struct
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import canopen
-from canopen.sdo.exceptions import SdoAbortedError
-
 from stagectl.drives import cia402
+from stagectl.drives.library import SdoAbortedError, canopen
 
 CODES = {
     0x2: "b",

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-import canopen
-from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
-
 from stagectl.drives import cia402, presets
 from stagectl.drives.bus import Bus, frame, parse
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
 from stagectl.drives.presets import Preset
 from stagectl.drives.wire import Network, Partner, load_eds
 

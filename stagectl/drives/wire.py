@@ -11,13 +11,10 @@ import struct
 from collections.abc import Iterable
 from typing import Any
 
-import canopen
-from canopen.sdo.client import SdoClient
-from canopen.sdo.exceptions import SdoCommunicationError
-
 from stagectl.drives.bus import EXTENDED, REMOTE, Bus, frame, parse
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError
+from stagectl.drives.library import SdoClient, SdoCommunicationError, canopen
 
 
 class Periodic:

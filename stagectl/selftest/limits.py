@@ -39,13 +39,31 @@ class Limit(NamedTuple):
 
 def limit(setup: Setup, row: Row, block: Any, speed: float) -> Limit:
     """For an axis that moves at `speed` (rad/s | m/s) as the fault begins."""
-    noticed = sum(_noticed(setup, name, block, speed) for name in row.must.noticed)
+    noticed = unnoticed(setup, row, block, speed)
     error = setup.file.limits.following_error
     force = acceleration(setup.stage)
     pushed = "error" in row.must.noticed or "chance" in row.must.noticed
     faster = speed + (math.sqrt(2.0 * force * error) + force * _WATCH) * pushed
     time, way = coast(setup.stage, faster) if row.must.brakes == "coast" else ramp(setup, faster)
     return Limit(noticed + time, speed * noticed + error + faster * _WATCH + way)
+
+
+def unnoticed(setup: Setup, row: Row, block: Any, speed: float) -> float:
+    """Time (s) until the fault is noticed by an axis that moves at `speed` (rad/s | m/s)."""
+    return sum(_noticed(setup, name, block, speed) for name in row.must.noticed)
+
+
+def pushed(p: stage.Stage, acceleration: float, time: float) -> tuple[float, float]:
+    """Way and speed that an axis gets which a command for so much `acceleration` pushes for so long against friction.
+
+    With the viscous rate d = D/J and a less the friction:  v = a/d (1 - exp(-d t)),  x = (a t - v)/d
+    """
+    left = max(acceleration - 2.0 * stage.sliding(p.friction) / p.mechanics.inertia, 0.0)  # it helped the braking
+    rate = p.mechanics.viscous / p.mechanics.inertia
+    if rate <= 0.0:
+        return left * time * time / 2.0, left * time
+    speed = -math.expm1(-rate * time) * left / rate
+    return (left * time - speed) / rate, speed
 
 
 def ramp(setup: Setup, speed: float) -> Limit:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -159,6 +160,7 @@ class Rig(Known):
     def __init__(self, setup: Setup, laid_out: Motions) -> None:
         time = Timeline()
         super().__init__(setup, laid_out, time)
+        self._timeline = time
         self.ours, theirs = Wire(time, self.settings.bitrate).ends
         self.said: list[str] = []
         self.node = virtual_node(setup, self.settings, theirs, self.said.append, time)
@@ -173,6 +175,10 @@ class Rig(Known):
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""
         self.node.faults.begin(block, self.node.now())
+
+    def later(self, seconds: float, event: Callable[[], None]) -> None:
+        """Have something happen while the controller waits for the drive."""
+        self._timeline.at(self.time.now() + seconds, event)
 
     def trip(self, code: int) -> None:
         """A fault that the drive itself finds, by its emergency `code`."""

@@ -45,6 +45,18 @@ def test_the_status_is_whole(sides: tuple[Board, Board]) -> None:
     assert service.words == "stands"
 
 
+def test_a_loop_killed_while_it_shows_its_status_does_not_hang_the_service(sides: tuple[Board, Board]) -> None:
+    service, loop = sides
+    shown = Status(*map(float, range(len(Status._fields))))
+    loop.show(shown)
+    assert service.status() == shown
+    loop.show(shown)
+    struct.pack_into("<Q", loop.memory, 16, 5)  # signal 9 between the count that opens a status and the one behind it
+    struct.pack_into("<d", loop.memory, 64, -1.0)
+    assert service.status() == shown
+    assert Board(service.descriptor).status() == Status()  # who never saw a whole one knows nothing
+
+
 def test_setpoints_wrap_around(sides: tuple[Board, Board]) -> None:
     service, loop = sides
     rows = b"".join(struct.pack("<8d", k, *[0.0] * 7) for k in range(20000))

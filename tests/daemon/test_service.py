@@ -17,7 +17,7 @@ from stagectl.daemon.client import ControlError, RefusedError, ask
 from stagectl.daemon.states import State
 from stagectl.recording.hdf5 import open_recording
 from tests.conftest import CONFIG, ROOT, Command
-from tests.daemon.serving import Served, served
+from tests.daemon.serving import SILENCE, Served, served
 
 MOST_MEMORY = 80 * 1024  # KiB, of the real-time process
 
@@ -132,6 +132,9 @@ def test_the_real_time_process_killed(machine: Served) -> None:
     machine.begin_moving()
     boxes = machine.boxes()
     machine.kill("stagectl.daemon.axes")
+    began = time.monotonic()
+    assert machine.until(lambda axis: axis["state"] != "moving")["state"] == "connecting"
+    assert time.monotonic() - began < SILENCE  # nothing pretends to move until the new one is there
     # By its time-out, or sooner: the new process configures it, and takes it out of operation for that.
     assert re.match(r"no (heartbeat|cyclic command)|taken out of operation", machine.drive_says())
     assert machine.drive_says().startswith("stands after ")

@@ -1,0 +1,145 @@
+"""One case of the self-test: a fault in one state of a single motion, and how long and how far it may go on."""
+
+from __future__ import annotations
+
+import math
+
+from stagectl.daemon import loop
+from stagectl.daemon.realtime import Metronome
+from stagectl.drives import faults
+from stagectl.drives.canopen import CanopenDrive
+from stagectl.drives.drive import DriveError, Fault
+from stagectl.drives.faults import Row
+from stagectl.selftest.limits import Limit, limit, ramp
+from stagectl.selftest.rig import Known, Sleepy
+
+STATES = ("connecting", "enabling", "holding", "moving", "stopping", "faulted")
+BEFORE = 0.15  # s of holding or moving before the fault
+AFTER = 0.3  # s that a motion which must go on is watched
+REST = 0.2  # s that an axis is watched after the loop has let go of it
+PATIENCE = 30.0  # s in which connecting must succeed or be given up
+TRIP = 0x2310
+
+
+class Case:
+    """One fault in one state."""
+
+    def __init__(self, rig: Known, row: Row) -> None:
+        self.setup, self.row, self.rig = rig.setup, row, rig
+        self.block = faults.default(row.name)
+        self.reason, self.begun, self.fault = "", math.nan, Fault.NONE
+        self.where = 0.0  # rad | m, of the axis when the fault began
+        self.dead = False
+        self.until = math.inf  # s, when what is judged of the motion ends
+        self.wrong = ""  # what else is not as it must be, in words
+
+    def run(self, state: str) -> None:
+        """Go to the state, let the fault begin, and hear out what follows.  Raises nothing."""
+        try:
+            {"connecting": self._connecting, "enabling": self._enabling}.get(state, lambda: self._enabled(state))()
+        except DriveError as error:
+            self.reason = str(error)
+        alone = "supervision" in self.row.must.noticed  # then the drive stops by its own time-outs
+        self.rig.time.sleep(REST + alone * self.limit(self.rig.laid_out.speed).time)
+        self.rig.settle()
+
+    def kind(self, state: str) -> str:
+        """What the state is judged as."""
+        return state
+
+    def begin(self, metronome: Metronome | None = None) -> None:
+        """The fault, now."""
+        seen = self.rig.seen
+        self.begun, self.where = seen.time, seen.position
+        name = self.row.name
+        if name == "interface-down":
+            self.rig.cut_off()
+        elif name == "controller-dead":
+            self.dead = True
+            self.rig.left_alone()
+        elif name == "loop-stalled":
+            if isinstance(metronome, Sleepy):
+                metronome.extra = self.block.delay
+        else:
+            self.rig.begin(self.block)
+
+    def _connecting(self) -> None:
+        self.begin()
+        drive = self._connect()
+        drive.enable()
+        drive.close()
+
+    def _enabling(self) -> None:
+        drive = self._connect()
+        self.begin()
+        if not self.dead:
+            drive.enable()
+            drive.close()
+
+    def _connect(self) -> CanopenDrive:
+        return self.rig.connect()
+
+    def _enabled(self, state: str) -> None:
+        drive = self._connect()
+        origin = drive.enable().position
+        rows = self.rig.laid_out.holding if state in ("holding", "faulted") else self.rig.laid_out.moving
+        cycle = self.rig.cycle(drive, rows, origin)
+        self._go(cycle, BEFORE)
+        if state == "faulted":
+            self.rig.trip(TRIP)
+            loop.stop(drive, self._go(cycle, AFTER))
+            self.begin()
+        elif state == "stopping":
+            self.begin(cycle.metronome)
+            if not self.dead:
+                drive.quick_stop()
+        else:
+            self.begin(cycle.metronome)
+            self.fault = Fault.NONE if self.dead else self._go(cycle, self._patience())
+            if self.fault is not Fault.NONE:
+                self.reason = self.fault.name
+                loop.stop(drive, self.fault)
+        if self.dead:
+            self.rig.time.sleep(self._patience())
+        elif self.row.must.category is not None or state not in ("holding", "moving") or self.fault:
+            drive.close()
+        else:
+            self.rig.let_go(drive)
+
+    def _go(self, cycle: loop.Cycle, seconds: float) -> Fault:
+        """Run the cycle so long, or to its first reason to stop."""
+        end, fault = self.rig.time.now() + seconds, Fault.NONE
+        while fault is Fault.NONE and self.rig.time.now() < end and cycle.row < cycle.rows:
+            fault = cycle()
+        return fault
+
+    def _patience(self) -> float:
+        if self.row.must.category is None:
+            return AFTER
+        return min(self.limit(self.rig.laid_out.speed).time + AFTER, PATIENCE)
+
+    def limit(self, speed: float) -> Limit:
+        """What is admitted for an axis at this speed (rad/s | m/s)."""
+        return limit(self.setup, self.row, self.block, speed)
+
+    def admitted(self, state: str) -> Limit | None:
+        """The most that is admitted in this state; None where the motion goes on."""
+        speed = self.rig.laid_out.speed
+        if state in ("connecting", "enabling", "faulted"):
+            return Limit(PATIENCE, self._creep())
+        if state == "holding":
+            return self.limit(0.0)._replace(time=PATIENCE)
+        if self.row.must.category is None:
+            return ramp(self.setup, speed) if state == "stopping" else None
+        return self.limit(speed)
+
+    def may_go_on(self, state: str) -> bool:
+        """Whether the axis may go on in this state as if nothing were."""
+        must = self.row.must
+        if state == "holding":
+            return must.holding in ("go on", "either")
+        return state == "moving" and must.category is None
+
+    def _creep(self) -> float:
+        """What an axis that nobody moves may seem to move (rad | m): the relaxing of its friction."""
+        return 4.0 * self.setup.stage.encoder.step + 1e-3 * self.setup.file.limits.following_error

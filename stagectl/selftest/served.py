@@ -1,0 +1,240 @@
+"""A fault in each state of the service's axis: its own real-time loop (`daemon.axes`), in virtual time.
+
+Every state of `daemon.states` is tried.  The controller's end is the service's: orders by the board, and whatever is
+under power when nothing more is to be seen is disabled by an order, which must be obeyed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from stagectl.config.homing import Homing
+from stagectl.config.stage_file import Setup
+from stagectl.daemon import axes
+from stagectl.daemon.axis import Orders
+from stagectl.daemon.board import PENDING, TAKEN, Order
+from stagectl.daemon.manned import COLUMNS, Manned, Motion
+from stagectl.daemon.states import STOPS_GOING_ON, Event, State
+from stagectl.drives.canopen import CanopenDrive
+from stagectl.drives.drive import DriveError, Fault
+from stagectl.drives.faults import Row
+from stagectl.selftest.case import AFTER, BEFORE, PATIENCE, TRIP, Case
+from stagectl.selftest.limits import Limit, coast, pushed, ramp, unnoticed
+from stagectl.selftest.rig import Rig, Sleepy, usual
+
+_MIDST = 0.005  # s after which a connection is in the middle of its requests
+_MARGIN = 1.5  # on braking under control
+_FEW = 3  # periods in which a stop has begun
+
+# What each state is judged as: a state of a single motion, or one of the three below.
+KINDS = {
+    State.OFFLINE: "connecting",
+    State.CONNECTING: "connecting",
+    State.DISABLED: "faulted",
+    State.ENABLING: "powering",
+    State.STANDING: "holding",
+    State.MOVING: "moving",
+    State.HOMING: "moving",
+    State.STOPPING: "braking",
+    State.QUICK_STOPPING: "stopping",
+    State.COASTING: "coasting",
+    State.FAULT: "faulted",
+}
+STATES = {f"service {state.name.lower().replace('_', ' ')}": state for state in State}
+_UNPOWERED = (State.OFFLINE, State.DISABLED, State.FAULT)
+_ENDS = {  # where a fault may leave the axis, once it has been disabled if it still had power
+    State.DISABLED: (State.DISABLED, State.FAULT),
+    State.STANDING: (State.FAULT,),
+    State.MOVING: (State.FAULT,),
+    State.HOMING: (State.FAULT,),
+    State.COASTING: (State.FAULT,),
+    State.FAULT: (State.FAULT,),
+}
+
+
+class Service(NamedTuple):
+    """What is laid out once for all cases."""
+
+    manned: Manned
+    motion: Motion
+    orders: Orders
+    searching: Orders  # for a home that does not come
+
+
+def laid_out(setup: Setup) -> Service:
+    """The service's side of the stage, with the self-test's motion."""
+    manned, pace, scale = Manned("axis", setup), usual(setup), setup.file.axis.travel_per_unit
+    motion = manned.move(pace.distance * scale, pace.speed * scale, pace.acceleration * scale)
+    orders = manned.orders()._replace(by_clock=True, homing=Homing())
+    return Service(manned, motion, orders, orders._replace(homing=Homing("limit", pace.speed, math.inf)))
+
+
+class Virtual(axes.Loop):
+    """The loop of the service's process, on the bus of a rig and in its time."""
+
+    def __init__(self, service: Service, orders: Orders, rig: Rig) -> None:
+        self._rig, manned = rig, service.manned
+        super().__init__(
+            axes.Post((orders,), rig.setup.dt, 0, None, len(COLUMNS), manned.ring.capacity, True), rig.time
+        )
+        self._metronome = self.metronome = Sleepy(rig.setup.dt, rig.time)
+
+    def _connect(self, p: Orders) -> CanopenDrive:
+        return self._rig.connect()
+
+
+class ServedCase(Case):
+    """One fault in one state of the service's axis."""
+
+    def __init__(self, rig: Rig, row: Row, service: Service) -> None:
+        super().__init__(rig, row)
+        self._virtual, self._service, self._faults = rig, service, 0
+
+    def run(self, state: str) -> None:
+        """Bring the axis there by orders, let the fault begin, and see what becomes of it."""
+        wanted = STATES[state]
+        orders = self._service.searching if wanted is State.HOMING else self._service.orders
+        self._loop = Virtual(self._service, orders, self._virtual)
+        self._axis = self._loop.axes[0]
+        self._axis.show()
+        self._to(wanted)
+        if math.isnan(self.begun):
+            self._faults = self._axis.faults
+            self.begin(self._loop.metronome)
+        self._hear_out(wanted)
+        self.rig.settle()
+
+    def kind(self, state: str) -> str:
+        """What the state is judged as."""
+        return KINDS[STATES[state]]
+
+    def admitted(self, kind: str) -> Limit | None:
+        """The most that is admitted; a stop that had begun before the fault may go its way."""
+        speed = self.rig.laid_out.speed
+        if kind == "powering":
+            return super().admitted("holding")
+        if kind == "braking":
+            return self._braking(speed)
+        if kind not in ("coasting", "stopping"):
+            return super().admitted(kind)
+        own = coast(self.setup.stage, speed) if kind == "coasting" else ramp(self.setup, speed)
+        return own if self.row.must.category is None else _larger(own, self.limit(speed))
+
+    def _braking(self, speed: float) -> Limit:
+        """Under control; a drive that hears nothing keeps the current that braked, and is pushed back by it."""
+        calm = self._service.manned.calm
+        own = Limit(_MARGIN * speed / calm + BEFORE, _MARGIN * speed * speed / (2.0 * calm) + speed * BEFORE)
+        if self.row.must.category is None:
+            return own
+        fault, noticed = self.limit(speed), unnoticed(self.setup, self.row, self.block, speed)
+        way, back = pushed(self.setup.stage, calm, noticed)
+        then = coast(self.setup.stage, back) if self.row.must.brakes == "coast" else ramp(self.setup, back)
+        return _larger(own, Limit(fault.time + then.time, fault.distance + way + then.distance))
+
+    # to the state
+
+    def _to(self, state: State) -> None:
+        if state is State.OFFLINE:
+            self.begin(self._loop.metronome)
+            self._order(Order(Event.RESET))
+            return
+        if state is State.CONNECTING:
+            self._virtual.later(_MIDST, lambda: self.begin(self._loop.metronome))
+        self._axis.happen(Event.CONNECT)
+        if state in (State.CONNECTING, State.DISABLED):
+            self._run(0.0 if state is State.CONNECTING else BEFORE)
+            return
+        self._take(Order(Event.ENABLE))
+        if state is not State.ENABLING:
+            self._until(State.STANDING)
+            self._run(BEFORE)
+            self._from_standing(state)
+        self._must_be(state)
+
+    def _from_standing(self, state: State) -> None:
+        if state is State.FAULT:
+            self.rig.trip(TRIP)
+            self._until(State.FAULT)
+        elif state is not State.STANDING:
+            self._take(Order(Event.HOME) if state is State.HOMING else self._move())
+            self._run(BEFORE)
+        if state is State.STOPPING:
+            self._take(Order(Event.STOP))
+        elif state is State.QUICK_STOPPING:
+            self._take(Order(Event.QUICK_STOP))
+        elif state is State.COASTING:
+            self._axis.happen(Event.COAST, Fault.JUMP)
+        if state in (State.STOPPING, *STOPS_GOING_ON):
+            self._run(_FEW * self.setup.dt)
+
+    def _move(self) -> Order:
+        service = self._service
+        return service.manned.start(service.motion._replace(first=service.manned.board.filled), 1)
+
+    # after the fault
+
+    def _hear_out(self, state: State) -> None:
+        """Until it has come to its end, or has had its time; then without power."""
+        if self.dead:
+            self.rig.time.sleep(self._patience() + AFTER)
+            return
+        end = self.rig.time.now() + max(self._patience(), AFTER)
+        while self._axis.state is State.ENABLING or (self.rig.time.now() < end and self._axis.state not in _UNPOWERED):
+            self._loop.period()
+        self._run(AFTER)
+        self._note()
+        if self.may_go_on(KINDS[state]) and not self.fault:
+            return
+        if self._axis.powered:
+            self.until = self.rig.time.now()  # what friction gives back without power is no part of the stop
+            self._order(Order(Event.DISABLE))
+            end = self.rig.time.now() + PATIENCE
+            while self._axis.powered and self.rig.time.now() < end:
+                self._loop.period()
+            self._run(AFTER)
+        self._check(state)
+
+    def _note(self) -> None:
+        if self._axis.faults != self._faults:
+            self.fault = self._axis.fault
+            self.reason = self.fault.name
+
+    def _check(self, state: State) -> None:
+        """Whether it ended in a state that the table of states leads to."""
+        found, allowed = self._axis.state, _ENDS.get(state, _UNPOWERED)
+        if found not in allowed:
+            self.wrong = f"ended {found.words}; must be: " + " or ".join(each.words for each in allowed)
+
+    # periods and orders
+
+    def _run(self, seconds: float) -> None:
+        end = self.rig.time.now() + seconds
+        while self.rig.time.now() < end:
+            self._loop.period()
+
+    def _until(self, state: State) -> None:
+        end = self.rig.time.now() + PATIENCE
+        while self._axis.state is not state and self.rig.time.now() < end:
+            self._loop.period()
+        self._must_be(state)
+
+    def _must_be(self, state: State) -> None:
+        if self._axis.state is not state:
+            raise DriveError(f"the axis is {self._axis.state.words}, must be {state.words} before the fault")
+
+    def _order(self, order: Order) -> bool:
+        """Give an order; whether it was taken."""
+        board = self._service.manned.board
+        number = board.order(order)
+        while board.verdict(number) == PENDING:
+            self._loop.period()
+        return board.verdict(number) == TAKEN
+
+    def _take(self, order: Order) -> None:
+        if not self._order(order):
+            raise DriveError(f"{Event(order.kind).name.lower()} was not taken: the axis {self._axis.state.words}")
+
+
+def _larger(one: Limit, other: Limit) -> Limit:
+    return Limit(max(one.time, other.time), max(one.distance, other.distance))

@@ -1,0 +1,45 @@
+"""Orders that no real-time process will ever take: they are refused, not waited for."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+
+from stagectl.daemon.board import Order, Status
+from stagectl.daemon.machine import machine
+from stagectl.daemon.manned import Manned, ServiceError
+from stagectl.daemon.service import Service, Where
+from stagectl.daemon.states import Event, State
+from tests.conftest import CONFIG
+
+
+@pytest.fixture
+def axis() -> Manned:
+    return machine([str(CONFIG / "ball-screw.yaml")], None)["axis"]
+
+
+@pytest.fixture
+def service(axis: Manned, tmp_path: Path) -> Service:
+    return Service({"axis": axis}, Where(tmp_path / "socket", tmp_path), False, lambda _: None)
+
+
+def test_before_the_process_is_there(service: Service, axis: Manned) -> None:
+    with pytest.raises(ServiceError, match="is being started"):
+        asyncio.run(service.order(axis, Order(Event.ENABLE)))
+    assert axis.board.ordered == 0  # nor does the new process find it when it comes up
+
+
+def test_the_process_dies_over_it(service: Service, axis: Manned) -> None:
+    axis.board.show(Status(state=State.DISABLED, tick=time.monotonic(), patience=1e6))
+
+    async def died() -> None:
+        order = asyncio.create_task(service.order(axis, Order(Event.ENABLE)))
+        await asyncio.sleep(0.05)
+        axis.begin()
+        await asyncio.wait_for(order, 10.0)
+
+    with pytest.raises(ServiceError, match="does not answer"):
+        asyncio.run(died())
