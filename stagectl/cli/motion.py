@@ -5,18 +5,22 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli.show import console, emit, summary
+from stagectl.cli.show import console, emit, said, stream, summary
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
 
 StageArgument = Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")]
 TrajectoryArgument = Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
+Lines = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="A line of JSON for each message; - for standard output.")
+]
 Without = Annotated[
     list[str] | None, typer.Option("--without", metavar="LAYER", help="Switch a layer off: ptc, friction, observer.")
 ]
@@ -140,6 +144,7 @@ def virtual_drive(
     follow: Annotated[
         bool, typer.Option(hidden=True, help="Leave when the process that started this one dies.")
     ] = False,
+    json: Lines = None,
 ) -> None:
     """Be a virtual CANopen drive, or ODrive, with the stage inside, until interrupted.
 
@@ -162,21 +167,29 @@ def virtual_drive(
         setup = setup._replace(file=setup.file._replace(simulation=simulation))
     wire = setup.file.drive.wire
     if isinstance(wire, Odrive):
-        serve_odrive(setup, wire, _tell, lambda: bool(stopped))
+        serve_odrive(setup, wire, _teller(json), lambda: bool(stopped))
     else:
-        serve(setup, canopen(setup), _tell, lambda: bool(stopped))
+        serve(setup, canopen(setup), _teller(json), lambda: bool(stopped))
 
 
-def _tell(text: str) -> None:
-    """One line, if anybody still reads them: a drive goes on without."""
-    with contextlib.suppress(BrokenPipeError):
-        print(text, flush=True)
+def _teller(json: str | None) -> Callable[[str], None]:
+    """What tells one line, if anybody still reads them: a drive goes on without."""
+    write = stream(json)
+
+    def tell(words: str) -> None:
+        write(said(words))
+        with contextlib.suppress(BrokenPipeError):
+            if json != "-":
+                print(words, flush=True)
+
+    return tell
 
 
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to put it all.")] = Path(
         "demo"
     ),
+    json: Json = None,
 ) -> None:
     """Move a virtual ball-screw stage over a CAN bus: three sines, with and without friction compensation.
 
@@ -185,9 +198,10 @@ def demo(
     os.environ["STAGECTL_KERNELS"] = "interpreted"
     from stagectl.demo import demo as show
 
-    page = show(output, console.print, bar)
-    console.print(f"report: {page}")
+    found = show(output, console.print, bar)
+    console.print(f"report: {found['report']}")
     console.print("live, in a browser: `make live`, or `stagectl serve config/ball-screw.yaml`")
+    emit(found, json)
 
 
 def layers_without(without: list[str] | None) -> frozenset[str]:

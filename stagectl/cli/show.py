@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,30 @@ def emit(result: dict[str, Any], target: str | None) -> None:
     else:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         Path(target).write_text(text, encoding="utf-8")
+
+
+def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
+    """What writes one line of JSON for each event of a verb that goes on: to the file `target`, ``-`` for output."""
+    if target is not None and target != "-":
+        Path(target).parent.mkdir(parents=True, exist_ok=True)
+        Path(target).write_text("", encoding="utf-8")
+
+    def write(event: dict[str, Any]) -> None:
+        line = json.dumps(event, allow_nan=False) + "\n"
+        if target == "-":
+            with suppress(BrokenPipeError):  # a drive goes on, whether anybody still reads or not
+                sys.stdout.write(line)
+                sys.stdout.flush()
+        elif target is not None:
+            with Path(target).open("a", encoding="utf-8") as file:
+                file.write(line)
+
+    return write
+
+
+def said(words: str) -> dict[str, Any]:
+    """A message of a verb that goes on, as an event."""
+    return {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "words": words}
 
 
 @contextmanager
