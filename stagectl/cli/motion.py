@@ -123,7 +123,7 @@ def simulate(
     from stagectl.session import prepare, pretend
 
     if cold():
-        console.print("compiling the kernels, once for this version: about ten seconds")
+        console.print("compiling the kernels, once for this version: up to a minute")
     motion = prepare(_load(stage), trajectory, layers_without(without), output, learned)
     machine = _load(plant) if plant else None
     with console.status(f"simulating {len(motion.plan.setpoints) * motion.setup.dt:.4g} s of motion"):
