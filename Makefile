@@ -1,10 +1,14 @@
 # `make run` moves a virtual stage over a CAN bus, `make live` shows one in a browser, `make test` checks everything,
 # `make docs` builds the manual.
-# All they need goes into .venv of this checkout; Debian without python3-venv is served, too.
+# What they need goes into .venv of this checkout, what tests and manual need beyond it when they are first asked for;
+# Debian without python3-venv is served, too.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
+DEVELOPER := $(VENV)/.stamp-dev
+# Modules are compiled when they are first imported: all of them at once would take half a minute.
+PIP := install -q --disable-pip-version-check --no-compile
 
 .PHONY: run live test vm check docs setup clean
 
@@ -14,26 +18,33 @@ run: $(STAMP)
 live: $(STAMP)
 	$(BIN)/stagectl serve config/ball-screw.yaml
 
-test: $(STAMP)
+test: $(DEVELOPER)
 	tools/check
 
-docs: $(STAMP)
+docs: $(DEVELOPER)
 	$(BIN)/mkdocs build -q -f .mkdocs.yml
 	@echo "the manual: site/index.html"
 
 # The tests that want a real CAN interface, systemd and a real-time kernel, in a virtual machine (see tools/vm).
-vm: $(STAMP)
+vm: $(DEVELOPER)
 	$(BIN)/python tools/vm
 
-setup: $(STAMP)
+setup: $(DEVELOPER)
+
+define install
+	@echo "setting up $(VENV) for '$(1)' (a minute, once)"
+	@if $(BIN)/python -m pip --version >/dev/null 2>&1; then $(BIN)/python -m pip $(PIP) -e '.[$(1)]'; \
+	else $(PYTHON) -m pip --python $(BIN)/python $(PIP) -e '.[$(1)]'; fi
+	@touch $@
+endef
 
 $(STAMP): pyproject.toml tools/backend/stagectl_build.py
 	@$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "stagectl needs Python >= 3.11, this is " + sys.version'
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) 2>/dev/null || $(PYTHON) -m venv --clear --without-pip $(VENV)
-	@echo "setting up $(VENV) (a minute, once)"
-	@if $(BIN)/python -m pip --version >/dev/null 2>&1; then $(BIN)/python -m pip install -q --disable-pip-version-check -e '.[dev]'; \
-	else $(PYTHON) -m pip --python $(BIN)/python install -q --disable-pip-version-check -e '.[dev]'; fi
-	@touch $@
+	$(call install,run)
+
+$(DEVELOPER): $(STAMP)
+	$(call install,dev)
 
 clean:
 	rm -rf $(VENV) demo recordings site build

@@ -25,8 +25,8 @@ Bar = Callable[[str, int], AbstractContextManager[Any]]
 Result = dict[str, Any]
 
 
-def demo(output: Path, say: Say, bar: Bar) -> Path:
-    """Run it all; returns the page."""
+def demo(output: Path, say: Say, bar: Bar) -> dict[str, Any]:
+    """Run it all; returns what each run achieved, and where the page is."""
     config = Path(__file__).parents[1] / "config"
     if not (config / "ball-screw.yaml").is_file():
         raise StageError(f"the demo needs the checkout's config folder, and there is none at {config}: run it there")
@@ -36,7 +36,9 @@ def demo(output: Path, say: Say, bar: Bar) -> Path:
             results = [_pair(setup, config / "trajectories" / f"{sine}.yaml", output, (say, bar)) for sine in SINES]
     page = _page(results, output)
     say("\n" + page.answer)
-    return write(page, output / "report.html")
+    report = write(page, output / "report.html")
+    runs = [run for pair in results for run in pair]
+    return {"answer": page.answer, "report": str(report), "runs": runs}
 
 
 def _pair(setup: Setup, trajectory: Path, output: Path, shown: tuple[Say, Bar]) -> tuple[Result, Result]:

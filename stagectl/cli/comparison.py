@@ -126,7 +126,7 @@ def engine(simulate: bool) -> None:
     from stagectl.kernels.jit import cold
 
     if cold():
-        console.print("compiling the kernels, once for this version: about ten seconds")
+        console.print("compiling the kernels, once for this version: up to a minute")
 
 
 def machine_of(stage: Path, simulate: bool, plant: Path | None, channel: str | None) -> Any:

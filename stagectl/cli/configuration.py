@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as text_of
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -83,7 +82,7 @@ def _stage_words(path: Path) -> str:
 
 
 @app.command()
-def schema(what: Annotated[str, typer.Argument(help="stage or trajectory")] = "stage") -> None:
+def schema(what: Annotated[str, typer.Argument(help="stage or trajectory")] = "stage", json: Json = "-") -> None:
     """Print the JSON schema of a stage or trajectory file, for editors.
 
     Example: stagectl config schema trajectory
@@ -92,4 +91,4 @@ def schema(what: Annotated[str, typer.Argument(help="stage or trajectory")] = "s
 
     if what not in SCHEMAS:
         raise StageError(f"no schema {what}; there are {', '.join(SCHEMAS)}")
-    print(text_of.dumps(SCHEMAS[what](), indent=2))
+    emit(SCHEMAS[what](), json)

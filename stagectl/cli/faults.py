@@ -37,7 +37,7 @@ def inject(
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
     if show:
-        _show()
+        _show(json)
         return
     from stagectl.config.fault_words import read_fault
     from stagectl.config.stage_file import load_stage
@@ -120,8 +120,10 @@ def _checked(stage: Path) -> Any:
     return setup
 
 
-def _show() -> None:
-    from stagectl.report.fault_table import lines
+def _show(json: str | None) -> None:
+    from stagectl.report.fault_table import faults
 
-    for line in lines():
-        print(line)
+    found = list(faults())
+    for one in found if json != "-" else ():
+        print(f"{one['fault']}: {one['what happens']} ({one['component']}; {one['stop']})\n    {one['parameters']}")
+    emit({"faults": found}, json)

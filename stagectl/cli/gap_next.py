@@ -69,6 +69,7 @@ def _written(found: Found, one: Next, folder: Path, output: Path | None) -> Path
     path = output or place / one.trajectory
     if path.exists() and path.read_text(encoding="utf-8") != one.text:
         raise StageError(f"{path} exists and holds something else: move it away, or name another file with -o")
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(one.text, encoding="utf-8")
     console.print(f"wrote {path}; to run it, and to diagnose again with it:")
     for line in _commands(one, place, path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 import os
 import time
 from pathlib import Path
@@ -15,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from stagectl.cli.motion import Json
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, stream
 from stagectl.units import Quantity, StageError
 from stagectl.words import duration
 
@@ -35,7 +34,9 @@ def watch(
         Path | None, typer.Argument(metavar="[FILE.twin.json]", help="Of one run; the newest in recordings/.")
     ] = None,
     once: Annotated[bool, typer.Option("--once", help="Show what there is now, and leave.")] = False,
-    lines: Annotated[bool, typer.Option("--lines", help="One line of JSON a snapshot, on standard output.")] = False,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help="A line of JSON a snapshot; - for standard output.")
+    ] = None,
 ) -> None:
     """Watch the twin of a run: the residual of each cut, the drifts, what differs.
 
@@ -46,8 +47,8 @@ def watch(
     path = file or newest(Path("recordings"))
     if path is None:
         raise StageError("no run in recordings/ has a twin: start one with `stagectl run STAGE TRAJECTORY --twin`")
-    if once or lines or not console.is_terminal:
-        console.print(_plain(path, once, lines), end="")
+    if once or json or not console.is_terminal:
+        console.print(_plain(path, once, json), end="")
         return
     with Live(_table(seen(path)), console=console, refresh_per_second=4) as live:
         while not (ended := _ended(now := seen(path))):
@@ -57,15 +58,15 @@ def watch(
     console.print(ended)
 
 
-def _plain(path: Path, once: bool, lines: bool) -> str:
+def _plain(path: Path, once: bool, json: str | None) -> str:
     """Every snapshot as it comes; why there will be no more, where that is so."""
     from stagectl.gap.twin_start import seen
 
-    last = 0.0
+    last, write = 0.0, stream(json)
     while True:
         now = seen(path)
         if now["written"] != last:
-            print(json_module.dumps(now), flush=True) if lines else console.print(_table(now))
+            write(now) if json else console.print(_table(now))
         last, ended = now["written"], _ended(now)
         if once or ended:
             return f"{ended}\n" if ended else ""

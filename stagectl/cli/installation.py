@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
 
 Stages = Annotated[list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several: x=STAGE.yaml ...")]
@@ -24,9 +25,7 @@ def register(app: typer.Typer) -> None:
 def doctor(
     stage: Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")],
     state: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Of the service; else $STATE_DIRECTORY.")] = None,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")
-    ] = None,
+    json: Json = None,
 ) -> None:
     """Say whether this machine is fit to run the stage, and how to mend what is not.
 
@@ -56,6 +55,7 @@ def install(
     root: Root = Path("/"),
     tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Also over TCP, with a token, to read.")] = "",
     no_start: Annotated[bool, typer.Option("--no-start", help="Enable it only.")] = False,
+    json: Json = None,
 ) -> None:
     """Install user, unit, network and udev files, and start the service.
 
@@ -67,17 +67,21 @@ def install(
 
     read = tuple((name, path.absolute(), load_stage(path)) for name, path in named(stages).items())
     wanted = systemd.Wanted(read, systemd.interpreter(), tcp, together(stages))
-    for line in systemd.install(wanted, root, not no_start):
-        console.print(line)
+    _tell(systemd.install(wanted, root, not no_start), json)
 
 
 @service_app.command("remove")
-def remove(root: Root = Path("/")) -> None:
+def remove(root: Root = Path("/"), json: Json = None) -> None:
     """Stop the service and remove what install wrote; recordings and black boxes stay.
 
     Example: sudo stagectl service remove
     """
     from stagectl.systemd.install import remove as take_away
 
-    for line in take_away(root):
+    _tell(take_away(root), json)
+
+
+def _tell(done: list[str], json: str | None) -> None:
+    for line in done:
         console.print(line)
+    emit({"done": done}, json)

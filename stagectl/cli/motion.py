@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli.show import console, emit, summary
+from stagectl.cli.show import console, emit, said, stream, summary, tell
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
 
 StageArgument = Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")]
 TrajectoryArgument = Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
+Lines = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="A line of JSON for each message; - for standard output.")
+]
 Without = Annotated[
     list[str] | None, typer.Option("--without", metavar="LAYER", help="Switch a layer off: ptc, friction, observer.")
 ]
@@ -119,7 +122,7 @@ def simulate(
     from stagectl.session import prepare, pretend
 
     if cold():
-        console.print("compiling the kernels, once for this version: about ten seconds")
+        console.print("compiling the kernels, once for this version: up to a minute")
     motion = prepare(_load(stage), trajectory, layers_without(without), output, learned)
     machine = _load(plant) if plant else None
     with console.status(f"simulating {len(motion.plan.setpoints) * motion.setup.dt:.4g} s of motion"):
@@ -140,6 +143,7 @@ def virtual_drive(
     follow: Annotated[
         bool, typer.Option(hidden=True, help="Leave when the process that started this one dies.")
     ] = False,
+    json: Lines = None,
 ) -> None:
     """Be a virtual CANopen drive, or ODrive, with the stage inside, until interrupted.
 
@@ -162,23 +166,28 @@ def virtual_drive(
         setup = setup._replace(file=setup.file._replace(simulation=simulation))
     wire = setup.file.drive.wire
     if isinstance(wire, Odrive):
-        serve_odrive(setup, wire, _tell, lambda: bool(stopped))
+        serve_odrive(setup, wire, _teller(json), lambda: bool(stopped))
     else:
-        serve(setup, canopen(setup), _tell, lambda: bool(stopped))
+        serve(setup, canopen(setup), _teller(json), lambda: bool(stopped))
 
 
-def _tell(text: str) -> None:
-    """One line, if anybody still reads them: a drive goes on without."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:  # the next ones, and what is left of this one at exit, go nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _teller(json: str | None) -> Callable[[str], None]:
+    """What tells one line in words, as an event of `json`, or both."""
+    write = stream(json)
+
+    def told(words: str) -> None:
+        write(said(words))
+        if json != "-":
+            tell(words)
+
+    return told
 
 
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to put it all.")] = Path(
         "demo"
     ),
+    json: Json = None,
 ) -> None:
     """Move a virtual ball-screw stage over a CAN bus: three sines, with and without friction compensation.
 
@@ -187,9 +196,10 @@ def demo(
     os.environ["STAGECTL_KERNELS"] = "interpreted"
     from stagectl.demo import demo as show
 
-    page = show(output, console.print, bar)
-    console.print(f"report: {page}")
+    found = show(output, console.print, bar)
+    console.print(f"report: {found['report']}")
     console.print("live, in a browser: `make live`, or `stagectl serve config/ball-screw.yaml`")
+    emit(found, json)
 
 
 def layers_without(without: list[str] | None) -> frozenset[str]:

@@ -34,7 +34,7 @@ def reproduce(paper: Paper, output: Output = Path("reproduced"), json: Json = No
     papers.check(paper)
     output.mkdir(parents=True, exist_ok=True)
     if cold():
-        console.print("compiling the kernels, once for this version: about ten seconds")
+        console.print("compiling the kernels, once for this version: up to a minute")
     with bar(f"reproduce {paper}", 1) as update:
         outcome = papers.reproduce(paper, update)
         page = papers.page(paper, outcome, output / f"{paper}.html")

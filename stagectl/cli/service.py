@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli.show import console, emit
+from stagectl.cli.motion import Lines
+from stagectl.cli.show import console, emit, said, stream
 from stagectl.units import StageError
 
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
@@ -49,6 +50,7 @@ def serve(
     uncoupled: Annotated[
         bool, typer.Option("--uncoupled", help="A fault of one axis does not stop the others.")
     ] = False,
+    json: Lines = None,
 ) -> None:
     """Run the machine as a service, for months: see README, "As a service".
 
@@ -67,7 +69,13 @@ def serve(
     runtime = os.environ.get("RUNTIME_DIRECTORY")
     place = socket or (Path(runtime) / "control.sock" if runtime else own_socket())
     axes, coupled = machine(stages, channel), together(stages) and not uncoupled
-    service = Service(axes, Where(place, folder), coupled, console.print)
+    write = stream(json)
+
+    def say(words: str) -> None:
+        console.print(words)
+        write(said(words))
+
+    service = Service(axes, Where(place, folder), coupled, say)
     run(service, _port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
 
 

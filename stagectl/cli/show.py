@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,6 +30,36 @@ def emit(result: dict[str, Any], target: str | None) -> None:
     else:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         Path(target).write_text(text, encoding="utf-8")
+
+
+def tell(line: str) -> None:
+    """One line, if anybody still reads them: a drive goes on without."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:  # the next ones, and what is left of this one at exit, go nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
+    """What writes one line of JSON for each event of a verb that goes on: to the file `target`, ``-`` for output."""
+    if target is not None and target != "-":
+        Path(target).parent.mkdir(parents=True, exist_ok=True)
+        Path(target).write_text("", encoding="utf-8")
+
+    def write(event: dict[str, Any]) -> None:
+        line = json.dumps(event, allow_nan=False)
+        if target == "-":
+            tell(line)
+        elif target is not None:
+            with Path(target).open("a", encoding="utf-8") as file:
+                file.write(f"{line}\n")
+
+    return write
+
+
+def said(words: str) -> dict[str, Any]:
+    """A message of a verb that goes on, as an event."""
+    return {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "words": words}
 
 
 @contextmanager

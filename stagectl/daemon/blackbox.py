@@ -71,8 +71,6 @@ class Watcher:
         folder.mkdir(parents=True, exist_ok=True)
         path = _fresh(folder, name)
         meta = {**self.p.meta, "blackbox": {"fault": name, "words": words, "fault_row": row - first}}
-        count = len(rows) // (8 * self.p.width)
-        meta["steady"] = [0.0, count * self.p.dt]
         unfinished = path.with_suffix(".unfinished")
         writer = Writer(unfinished, meta, self.p.columns)
         writer.append(np.frombuffer(rows).tobytes())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-import time
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
@@ -25,7 +24,7 @@ from stagectl.evaluation import WINDOW_COUNTS
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.friction import relaxed
 from stagectl.plan import plan
-from stagectl.recording.meta import portable, versions, written
+from stagectl.recording.meta import portable
 from stagectl.recording.ring import Ring
 from stagectl.trajectories import Experiment, SCurve
 from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
@@ -164,26 +163,6 @@ class Manned:
             "late_cycles": int(now.late),
             "faults": int(now.faults),
             "stop_time": now.stop_time,
-        }
-
-    def meta(self, what: str) -> dict[str, Any]:
-        """What a recording of its rows says about itself; `what` stands for the trajectory."""
-        p, axis = self.setup, self.setup.file.axis
-        return {
-            "name": p.file.name,
-            "trajectory": what,
-            "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-            "axis": {
-                "kind": axis.kind,
-                "travel_per_unit": axis.travel_per_unit,
-                "travel_unit": axis.travel_unit,
-                "encoder_step": p.stage.encoder.step,
-            },
-            "dt": p.dt,
-            "nd": p.stage.drive.delay_samples,
-            "nm": p.stage.encoder.delay_samples,
-            "law": written(self.controller.law),
-            "versions": versions(),
         }
 
     # motions

@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import re
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from stagectl.config.machine_file import text_of
 from stagectl.daemon.child import Child, start
 from stagectl.daemon.manned import COLUMNS, Manned, ServiceError
+from stagectl.recording.meta import of_axis
 from stagectl.recording.recorder import ENOUGH, Order
 
 LONGEST = 86400.0  # s
 KINDS = ("recordings", "blackbox")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.+-]{0,79}")
 _END = 60.0  # s that a recorder may take to finish its file: one that is killed leaves it cut off
+
+
+def about(axis: Manned, what: str) -> dict[str, Any]:
+    """What a recording of an axis says about itself; `what` stands for the trajectory."""
+    return {**of_axis(axis.setup, axis.controller, _loaded(axis.setup.path)), "trajectory": what}
+
+
+@functools.cache
+def _loaded(path: Path) -> str:
+    """The stage file's text when the service came up: it may be edited while that runs."""
+    return text_of(path)
 
 
 class _Running(NamedTuple):
@@ -56,9 +70,8 @@ class Recordings:
         reading, writing = os.pipe()
         child = start("stagectl.recording.recorder", (ring.descriptor, reading), "interpreted")
         os.close(reading)
-        child.send(
-            Order(ring.descriptor, ring.width, ring.capacity, reading, str(path), axis.meta("recorded"), COLUMNS, first)
-        )
+        meta = about(axis, "recorded")
+        child.send(Order(ring.descriptor, ring.width, ring.capacity, reading, str(path), meta, COLUMNS, first))
         until = time.monotonic() + seconds
         self._running[axis.name] = _Running(axis.name, path, child, writing, first, until)
         return path

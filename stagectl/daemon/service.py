@@ -33,7 +33,7 @@ from stagectl.daemon.board import PENDING, TAKEN, Order, Status
 from stagectl.daemon.child import Child, start
 from stagectl.daemon.manned import COLUMNS, Manned, ServiceError
 from stagectl.daemon.notify import notify
-from stagectl.daemon.recordings import Recordings
+from stagectl.daemon.recordings import Recordings, about
 from stagectl.daemon.states import Event, State, why_not
 from stagectl.drives.drive import Canopen, Fault
 from stagectl.evaluation import DWELL
@@ -145,7 +145,7 @@ class Service:
         return Post(orders, first.setup.dt, priority, realtime.cpu, len(COLUMNS), capacity, self.coupled, realtime.spin)
 
     def _box(self, axis: Manned) -> Child:
-        meta = axis.meta("black box")
+        meta = about(axis, "black box")
         folder = str(self.where.state / "blackbox" / axis.name)
         ring, board = axis.ring, axis.board.descriptor
         box = start("stagectl.daemon.blackbox", (ring.descriptor, board, self._alive), "interpreted")

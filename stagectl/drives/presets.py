@@ -55,7 +55,7 @@ PRESETS = (
         ),
         (
             "EPOS4 Firmware Specification, rel8234, edition November 2018: sections 2.3 (units), 3.8 (CST)",
-            "vendor id: github.com/ICube-Robotics/ethercat_driver_ros2/issues/200",
+            "EtherCAT information of the EPOS4 Micro 24/5: vendor 251, product 0x69500000",
         ),
     ),
     Preset(
@@ -89,11 +89,14 @@ PRESETS = (
             "0x6071 counts per mille of the rated torque, which belongs to the rated current 0x203B:01.",
             "Closed loop must have been commissioned in the drive, or torque mode does nothing.",
             "The cycle of 0x60C2 counts whole milliseconds: take control.period of 1 ms or a multiple.",
-            "The unit of accelerations is set by the user: look at 0x60AA, and set deceleration_scale.",
+            "The unit of accelerations is set by the user, in 0x60AA or, with firmware of 2016, by 0x2063 and 0x2064 "
+            "(of a revolution per second squared): look there, and set deceleration_scale.",
+            "None of these documents gives the vendor id: where `probe` does not know the drive, say --preset nanotec.",
         ),
         (
-            "PD4-E CANopen Online Manual: Cyclic Synchronous Torque; objects 6071h, 6077h",
-            "PD4-C Manual 1.4.1 of 2016, pages 201 and 209",
+            "PD4-E-M Technical Manual 1.0.1, FIR-v1748, page 246: 6077h; 6075h shows 203Bh:01 in mA",
+            "PD6-E and PD4-E-M online manuals, 6071h: the rated torque corresponds to the rated current 203Bh:01",
+            "PD4-C Manual 1.4.1 of 2016, pages 35 (user units), 201, 209 and 217 (60C2h:02 must be -3, milliseconds)",
         ),
     ),
     Preset(
@@ -112,6 +115,7 @@ PRESETS = (
         (
             "AKD CAN-BUS Communication, 903-200004-00, revision H, November 2012, pages 57 and 102",
             "AKD EtherCAT Communication, 903-200005-00, October 2017, page 143 (0x6087: 1000 per mille are DRV.ICONT)",
+            "vendor id: S300-S700 CANopen, December 2019, page 36, and AKD2G, object 1018h: 0x6A for all of Kollmorgen",
         ),
     ),
     Preset(

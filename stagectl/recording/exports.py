@@ -219,9 +219,7 @@ def _write_capture(recording: Recording, path: Path) -> list[str]:
     found, columns, notes = units(recording), {}, _losses(recording)
     rows = _kept(recording)
     if rows.stop:
-        notes.append(
-            f"its last {-rows.stop} rows are left out: the reference that they looked ahead to was never reached"
-        )
+        notes.append(f"its last {-rows.stop} rows are left out: what they looked ahead to is not in the recording")
     for name, ours in CAPTURE.items():
         if ours in found and not np.all(np.isnan(recording.column(ours))):
             columns[header(name, found[ours])] = recording.column(ours)[rows]
@@ -232,9 +230,9 @@ def _write_capture(recording: Recording, path: Path) -> list[str]:
 
 
 def _foresight(recording: Recording) -> int:
-    """Rows at the end whose feedforward depends on a reference beyond it: of a motion that was cut short."""
+    """Rows at the end whose feedforward depends on a reference beyond it: of a motion cut short, of a service's."""
     meta, time = recording.meta, recording.column("time")
-    whole = "law" not in meta or time[-1] >= meta["duration"]
+    whole = "law" not in meta or ("trajectory" in meta["files"] and time[-1] >= meta["duration"])
     return 0 if whole else min(meta["nd"] + 4, len(time) - 1)
 
 

@@ -251,7 +251,7 @@ def _timed(file: h5py.File) -> dict[str, Any]:
     """The meta; where nobody knew beforehand how long it would be, with its length, and all of it steady."""
     meta: dict[str, Any] = json.loads(file.attrs["meta"])
     rows = file["samples"]
-    if "steady" not in meta and "dt" in meta and len(rows):
+    if "duration" not in meta and "dt" in meta and len(rows):
         first, last = float(rows[0]["time"]), float(rows[-1]["time"])
         meta |= {"steady": [first, last + meta["dt"]], "duration": last}
     return meta

@@ -22,10 +22,22 @@ _PACKAGES = ("stagectl", "numpy", "scipy", "h5py", "canopen", "python-can")
 
 def describe(setup: Setup, plan: Plan, running: Controller, trajectory: Path) -> dict[str, Any]:
     """Everything that is needed to read the rows, and to run them again."""
+    common = of_axis(setup, running, text_of(setup.path))
+    return {
+        **common,
+        "trajectory": trajectory.stem,
+        "steady": list(plan.steady),
+        "duration": plan.duration,
+        "excitation": [span._asdict() for span in plan.excitation],
+        "files": {**common["files"], "trajectory": {"name": trajectory.name, "text": text_of(trajectory)}},
+    }
+
+
+def of_axis(setup: Setup, running: Controller, text: str) -> dict[str, Any]:
+    """What holds for any motion of an axis under this controller; `text`: its stage file's, as it was loaded."""
     axis, p = setup.file.axis, setup.stage
     return {
         "name": setup.file.name,
-        "trajectory": trajectory.stem,
         "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         "axis": {
             "kind": axis.kind,
@@ -36,16 +48,10 @@ def describe(setup: Setup, plan: Plan, running: Controller, trajectory: Path) ->
         "dt": setup.dt,
         "nd": p.drive.delay_samples,
         "nm": p.encoder.delay_samples,
-        "steady": list(plan.steady),
-        "duration": plan.duration,
-        "excitation": [span._asdict() for span in plan.excitation],
         "law": written(running.law),
         "feedforward": written(running.feedforward),
         "compensation": _form(setup.file.compensation),
-        "files": {
-            what: {"name": path.name, "text": text_of(path)}
-            for what, path in (("stage", setup.path), ("trajectory", trajectory))
-        },
+        "files": {"stage": {"name": setup.path.name, "text": text}},
         "versions": versions(),
     }
 

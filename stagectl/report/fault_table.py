@@ -1,4 +1,4 @@
-"""The table of faults as text: on the terminal, and in .docs/faults.md, which a test compares with it."""
+"""The faults in words: for the terminal, and as the table of .docs/faults.md, which a test compares with it."""
 
 from __future__ import annotations
 
@@ -15,9 +15,15 @@ def lines() -> Iterator[str]:
     """The table, a fault a line, in Markdown."""
     yield f"| {' | '.join(HEAD)} |"
     yield f"|{'---|' * len(HEAD)}"
+    for one in faults():
+        yield f"| `{one['fault']}` | {' | '.join(one[column] for column in HEAD[1:])} |"
+
+
+def faults() -> Iterator[dict[str, str]]:
+    """Each fault in words, by the columns of the table."""
     for row in TABLE:
-        cells = (f"`{row.name}`", row.component, row.kind, row.words, stop_words(row.must), _parameters(row))
-        yield f"| {' | '.join(cells)} |"
+        cells = (row.name, row.component, row.kind, row.words, stop_words(row.must), _parameters(row))
+        yield dict(zip(HEAD, cells, strict=True))
 
 
 def stop_words(must: Must) -> str:
@@ -30,10 +36,10 @@ def stop_words(must: Must) -> str:
 def _parameters(row: Row) -> str:
     hints = get_type_hints(row.block, include_extras=True)
     named = [name for name in row.block._fields if name != "fault"]
-    return ", ".join(f"{name} {_value(row.block._field_defaults[name], hints[name])}" for name in named)
+    return ", ".join(f"{name}={_value(name, row.block._field_defaults[name], hints[name])}" for name in named)
 
 
-def _value(value: Any, hint: Any) -> str:
+def _value(name: str, value: Any, hint: Any) -> str:
+    """As `stagectl inject` takes it."""
     quantity = quantity_of(hint)
-    unit = f" {quantity.unit}" if quantity is not None and quantity.unit else ""
-    return f"0x{value:04X}" if quantity is not None and "code" in quantity.meaning else f"{value:g}{unit}"
+    return f"0x{value:04X}" if name == "code" else f"{value:.7g}{quantity.unit if quantity is not None else ''}"

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import datetime
 import json
+import os
 import shlex
+import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,12 +18,12 @@ import pytest
 import typer
 
 from stagectl.cli.app import app
+from stagectl.daemon.client import ask
+from stagectl.units import StageError
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
 
 ROOT: Any = typer.main.get_command(app)
-# What runs until it is stopped, prints a schema or a report that is a page, or changes the machine.
-WITHOUT_JSON = {"virtual-drive", "demo", "serve", "service install", "service remove", "config schema", "gap watch"}
 
 
 def verbs(group: Any = ROOT, name: str = "") -> Iterator[tuple[str, Any]]:
@@ -38,9 +42,67 @@ def test_help_has_an_example_of_this_verb(name: str) -> None:
     assert f"stagectl {name}" in (VERBS[name].help or "").partition("Example:")[2]
 
 
-def test_results_for_machines() -> None:
-    without = {name for name, verb in VERBS.items() if not any("--json" in one.opts for one in verb.params)}
-    assert without <= WITHOUT_JSON
+@pytest.mark.parametrize("name", VERBS)
+def test_results_for_machines(name: str) -> None:
+    assert any("--json" in one.opts for one in VERBS[name].params)
+
+
+def test_all_verbs_were_walked() -> None:
+    """Those that go on until they are stopped, those of a group, and one deep in it."""
+    assert len(VERBS) >= 44
+    assert {"serve", "virtual-drive", "service install", "fault list", "gap watch", "config schema"} <= set(VERBS)
+
+
+def _answers(socket: Path) -> bool:
+    time.sleep(0.1)
+    try:
+        return bool(ask(socket, "GET", "/v1/status"))
+    except StageError:
+        return False
+
+
+@pytest.mark.parametrize("verb", ["virtual-drive", "serve"])
+def test_what_goes_on_tells_a_line_of_json_each(verb: str, tmp_path: Path) -> None:
+    """From its first words on; nothing else is on standard output."""
+    stage = shutil.copytree(CONFIG, tmp_path / "config") / "ball-screw.yaml"
+    places = ["--socket", str(tmp_path / "control"), "--state", str(tmp_path)] if verb == "serve" else []
+    command = [sys.executable, "-m", "stagectl", verb, str(stage), "--channel", str(tmp_path / "bus"), *places]
+    environment = {**os.environ, "PYTHONPATH": str(CONFIG.parent)}
+    with subprocess.Popen([*command, "--json", "-"], stdout=subprocess.PIPE, text=True, env=environment) as process:
+        try:
+            assert process.stdout is not None
+            first = json.loads(process.stdout.readline())
+            while verb == "serve" and not _answers(tmp_path / "control"):
+                assert process.poll() is None
+        finally:
+            process.terminate()
+        rest = [json.loads(line) for line in process.stdout]
+    assert process.returncode == 0
+    for event in (first, *rest):
+        assert set(event) == {"time", "words"}
+        assert datetime.datetime.fromisoformat(event["time"]).tzinfo is not None
+    assert {"virtual-drive": "virtual drive of ball-screw", "serve": "live page: http://127.0.0.1:"}[verb] in first[
+        "words"
+    ]
+
+
+def test_installing_tells_what_it_did(command: Command, tmp_path: Path) -> None:
+    done = []
+    for words in (("install", CONFIG / "ball-screw.yaml", "--no-start"), ("remove",)):
+        code, out, said = command("service", *words, "--root", tmp_path, "--json", "-")
+        assert code == 0, said
+        done.append(json.loads(out)["done"])
+        assert done[-1] == [line for line in said.splitlines() if line]
+    unit = tmp_path / "etc/systemd/system/stagectl.service"
+    assert f"wrote {unit}" in done[0]
+    assert f"removed {unit}" in done[1]
+
+
+def test_a_schema_goes_where_it_is_sent(command: Command, tmp_path: Path) -> None:
+    _, printed, _ = command("config", "schema", "trajectory")
+    code, out, said = command("config", "schema", "trajectory", "--json", tmp_path / "schema.json")
+    assert (code, out) == (0, ""), said
+    assert json.loads((tmp_path / "schema.json").read_text()) == json.loads(printed)
 
 
 def test_completion_knows_the_verbs() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from stagectl.config.fault_words import read_fault
 from stagectl.config.stage_file import load_stage
-from stagectl.drives.faults import BLOCKS, Jump, Plain
+from stagectl.drives.faults import BLOCKS, TABLE, Jump, Plain
 from stagectl.drives.inject import Doorway, InjectError, ask, doorway, obey
 from stagectl.report.fault_table import lines
 from stagectl.units import StageError
@@ -92,7 +92,12 @@ def test_words_are_read_as_strictly_as_a_file(command: Command) -> None:
     code, _, err = command("inject", CONFIG / "ball-screw.yaml")
     assert (code, "either the name of a fault" in err) == (2, True)
     code, out, _ = command("inject", "--list")
-    assert (code, out.count("\n")) == (0, 2 + len(list(lines())) - 2)
+    assert (code, out.count("after=0s")) == (0, len(TABLE))
+    code, out, _ = command("inject", "--list", "--json", "-")
+    listed = {one["fault"]: one for one in json.loads(out)["faults"]}
+    assert (code, list(listed)) == (0, [row.name for row in TABLE])
+    assert listed["encoder-jump"]["parameters"] == "counts=100000, every=0s, after=0s, duration=0s"
+    assert listed["emergency"]["parameters"].startswith("code=0x4310, ")
 
 
 def test_the_stage_file_takes_faults_and_refuses_what_is_none(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def _verbs_show_it(command: Command, folder: Path) -> None:
     assert code == 0, said
     assert "C mechanics" in said
     assert "viscous +20 %" in said
-    _, lines, _ = command("gap", "watch", folder / "whole.twin.json", "--lines")
+    _, lines, _ = command("gap", "watch", folder / "whole.twin.json", "--json", "-")
     assert json.loads(lines.splitlines()[0])["verdict"] == "effects"
     code, _, said = command("gap", "watch", folder / "none.twin.json")
     assert code == 2

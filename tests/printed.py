@@ -1,0 +1,105 @@
+"""What README and manual print, and a reader who types it: line by line, in a shell, in a folder of his own."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from stagectl.daemon.client import ask
+from stagectl.units import StageError
+from tests.conftest import CONFIG, ROOT
+
+DOCS = ROOT / ".docs"
+_NAMED = re.compile(r'(?m)^ *```yaml title="([\w.-]+\.yaml)"\n(.*?)^ *```', re.DOTALL)
+# Time-outs of the shipped stages, and those that a busy machine keeps: nothing else of them is changed.
+_LONG = {"heartbeat_timeout": "3 s", "rpdo_timeout": "3 s", "feedback_timeout": "1 s"}
+_SHORT = re.compile(rf"({'|'.join(_LONG)}): 500 ms")
+_PATIENCE = 300.0  # s: the machine is shared
+
+
+def text(page: str) -> str:
+    """A page of the manual, or the README."""
+    if page == "drives.md":  # it is made as the manual is built
+        return str(tool("presets").pages()[page])
+    return (ROOT / page if page == "README.md" else DOCS / page).read_text(encoding="utf-8")
+
+
+def tool(name: str) -> Any:
+    """A module of tools/manual, which is no package."""
+    spec = importlib.util.spec_from_file_location(f"manual_{name}", ROOT / "tools" / "manual" / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def commands(page: str, blocks: str = "sh") -> list[str]:
+    """The lines of its shell blocks, in order; what needs root or hardware stands in blocks of kind ``console``."""
+    found = re.findall(rf"(?ms)^ *```(?:{blocks})\n(.*?)^ *```", text(page))
+    return [line.strip() for block in found for line in block.splitlines() if line.strip()]
+
+
+class Reader:
+    """Somebody in a folder with the configuration and an environment; what goes on until it is stopped goes on."""
+
+    def __init__(self, folder: Path, page: str = "") -> None:
+        self.folder = folder
+        shutil.copytree(CONFIG, folder / "config")
+        for path in (folder / "config").glob("*.yaml"):
+            path.write_text(_SHORT.sub(lambda found: f"{found[1]}: {_LONG[found[1]]}", path.read_text()))
+        (folder / ".venv").symlink_to(sys.prefix)
+        for name, content in _NAMED.findall(text(page)) if page else ():
+            (folder / name).write_text(content)
+        cache = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
+        mine = {"XDG_RUNTIME_DIR": str(folder), "HOME": str(folder), "XDG_CACHE_HOME": cache, "COLUMNS": "120"}
+        programs = f"{folder / '.venv' / 'bin'}:{os.environ['PATH']}"
+        self.environment = {**os.environ, **mine, "PATH": programs, "PYTHONPATH": str(ROOT), "LC_ALL": "C.UTF-8"}
+        self._going: list[subprocess.Popen[str]] = []
+
+    def types(self, line: str, patience: float = 600.0) -> subprocess.CompletedProcess[str]:
+        """One line, to its end."""
+        return subprocess.run(
+            line, shell=True, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=patience
+        )
+
+    def begins(self, line: str) -> None:
+        """A line that goes on, in another terminal; returns when it can be asked."""
+        with (self.folder / "terminal").open("w") as said:
+            going = subprocess.Popen(
+                f"exec {line}", shell=True, cwd=self.folder, env=self.environment, stdout=said, stderr=said, text=True
+            )
+        self._going.append(going)
+        end = time.monotonic() + _PATIENCE
+        while not self._can_be_asked(line):
+            heard = (self.folder / "terminal").read_text()
+            assert going.poll() is None and time.monotonic() < end, heard
+            time.sleep(0.1)
+
+    def _can_be_asked(self, line: str) -> bool:
+        if " serve " not in line:
+            return "virtual drive of" in (self.folder / "terminal").read_text()
+        try:
+            return bool(ask(self.folder / "stagectl" / "control.sock", "GET", "/v1/status"))
+        except StageError:
+            return False
+
+    def ends(self) -> None:
+        """Ctrl-C in the other terminals."""
+        for going in self._going:
+            going.send_signal(signal.SIGINT)
+            assert going.wait(timeout=_PATIENCE) == 0, (self.folder / "terminal").read_text()
+        self._going.clear()
+
+    def closes(self) -> None:
+        """Close the terminals, however the test ended."""
+        for going in self._going:
+            going.kill()
+            going.wait()

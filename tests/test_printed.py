@@ -1,0 +1,123 @@
+"""Every command in README and manual: the shell's are typed, line by line; those within a sentence exist."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from stagectl.gap.stored import save
+from tests.cli.test_help import ROOT as ROOT_COMMAND
+from tests.cli.test_help import verbs
+from tests.conftest import ROOT
+from tests.gap.examples import found
+from tests.printed import DOCS, Reader, commands, text
+
+DATA = ROOT.parent / "shared" / "data" / "emps" / "DATA_EMPS.mat"
+GO_ON = ("stagectl serve", "stagectl virtual-drive")
+# Each takes minutes: here with less of the same; `tests/gap` and `tests/selftest` hold them whole.
+SHORTER = {
+    "stagectl gap record": " --only sine-slow,check-sine-slow --repeats 1",
+    "stagectl selftest": " --only cable-out",
+}
+# What a no is right for: this machine is not fit, or a probe has seen something.
+MAY_SAY_NO = ("stagectl doctor",)
+WITHIN = re.compile(r"`((?:sudo )?(?:\.venv/bin/)?stagectl [a-z][^`]*)`")
+
+
+@pytest.fixture
+def reader(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Reader]:
+    someone = Reader(tmp_path, request.param)
+    yield someone
+    someone.closes()
+
+
+def reads(reader: Reader, lines: list[str]) -> int:
+    """Type them all; how many were stagectl's."""
+    done = 0
+    for line in lines:
+        if line.startswith("make ") or ("EMPS" in line.upper() and not DATA.is_file()):
+            continue
+        done += "stagectl" in line
+        if line.startswith(GO_ON):
+            reader.ends()
+            reader.begins(line)
+            continue
+        outcome = reader.types(_shorter(line))
+        said = f"{line}\n{outcome.stdout}\n{outcome.stderr}"
+        assert "Traceback" not in outcome.stderr, said
+        good = (0, 1) if line.startswith(MAY_SAY_NO) else (0,)
+        assert outcome.returncode in good, said
+    reader.ends()
+    return done
+
+
+def _shorter(line: str) -> str:
+    command, hash_, comment = line.partition(" #")
+    more = next((words for start, words in SHORTER.items() if line.startswith(start)), "")
+    return f"{command.rstrip()}{more} {hash_}{comment}"
+
+
+PAGES = [("README.md", 30), ("index.md", 10), ("bench.md", 8), ("adding.md", 1), ("faults.md", 5), ("drives.md", 2)]
+
+
+@pytest.mark.parametrize(("reader", "least"), PAGES, indirect=["reader"], ids=[page for page, _ in PAGES])
+def test_every_command_runs_as_printed(reader: Reader, least: int, request: pytest.FixtureRequest) -> None:
+    """In order, in one folder, as a reader would.  The diagnosis is put there: it takes minutes."""
+    page = str(request.node.callspec.id)
+    if DATA.is_file():
+        (reader.folder / DATA.name).symlink_to(DATA)
+    lines = commands(page)
+    for line in lines:
+        if line.startswith("stagectl gap diagnose"):
+            folder = reader.folder / line.split()[3]
+            folder.mkdir()
+            save(found("effects"), folder)
+    assert reads(reader, [line for line in lines if not line.startswith("stagectl gap diagnose")]) >= least
+
+
+def test_every_page_with_commands_is_read() -> None:
+    assert {page.name for page in DOCS.glob("*.md") if commands(page.name)} <= {page for page, _ in PAGES}
+
+
+@pytest.mark.parametrize("reader", ["index.md"], indirect=True)
+def test_the_gap_of_the_tour_is_found(reader: Reader) -> None:
+    """The slow commands of the tour, whole, and their answer; README prints the same ones."""
+    slow = ("sed ", "stagectl gap record", "stagectl gap diagnose")
+    lines, again = (
+        [line.partition(" #")[0].strip() for line in commands(page) if line.startswith(slow)]
+        for page in ("index.md", "README.md")
+    )
+    assert len(lines) == 3 and lines == again
+    for line in lines:
+        outcome = reader.types(line)
+        assert outcome.returncode == 0, outcome.stderr
+    assert outcome.stderr.lstrip().startswith("effects: 100 % of the closable gap is viscous asymmetry (size 0.1)")
+    assert (reader.folder / "session" / "diagnosis.html").exists()
+
+
+def spoken() -> Iterator[tuple[str, str]]:
+    """Every command within a sentence or a block, by its page."""
+    for page in ("README.md", *sorted(path.name for path in DOCS.glob("*.md"))):
+        typed = [line for line in commands(page, "sh|console") if "stagectl " in line.partition(" #")[0]]
+        for line in (*WITHIN.findall(text(page)), *typed):
+            yield page, line
+    for _, verb in verbs():
+        yield "help", (verb.help or "").partition("Example: ")[2].splitlines()[0]
+
+
+@pytest.mark.parametrize(("page", "line"), sorted(set(spoken())))
+def test_what_a_sentence_names_exists(page: str, line: str) -> None:
+    """Its verb, and each of its options."""
+    words = shlex.split(line.replace("'s ", " ").partition(" #")[0])
+    command = ROOT_COMMAND
+    for word in words[words.index(next(one for one in words if one.endswith("stagectl"))) + 1 :]:
+        if hasattr(command, "commands"):
+            assert word in command.commands, line
+            command = command.commands[word]
+        elif word.startswith("-") and word != "-":
+            assert word.partition("=")[0] in {option for one in command.params for option in one.opts}, line
+    assert not hasattr(command, "commands"), f"{line} names a group, not a verb"
