@@ -49,6 +49,11 @@ def evidence(runs: Sequence[Run], refitted: Base) -> Evidence:
     return Evidence(runs, refitted, deviations)
 
 
+def repeated(e: Evidence) -> bool:
+    """Whether anything was done twice: without that there is no floor."""
+    return any(len(one) > 1 for one in e.deviations)
+
+
 def left(e: Evidence, model: Model, effects: Sequence[Named]) -> list[list[Array]]:
     """Whitened residual of each run and repeat under `model` with `effects`."""
     whole = equipped(model, effects)

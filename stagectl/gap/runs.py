@@ -60,7 +60,21 @@ def runs(session: Session, held_out: bool = False) -> list[Run]:
     """The experiments of `session`, those held out or the others."""
     found = by_experiment([log for log in session.logs if log.held_out == held_out])
     zone = friction_family.length(session.stage.friction)
-    return [_run(name, logs, session.dt, zone) for name, logs in found.items()]
+    return [_run(name, distinct(logs), session.dt, zone) for name, logs in found.items()]
+
+
+def distinct(logs: Sequence[Log]) -> list[Log]:
+    """`logs` without copies: a repeat that is the same to the last bit tells nothing of what varies by chance."""
+    found: list[Log] = []
+    for log in logs:
+        if not any(_same(log, other) for other in found):
+            found.append(log)
+    return found
+
+
+def _same(one: Log, other: Log) -> bool:
+    pairs = ((one.position, other.position), (one.command, other.command), (one.current, other.current))
+    return all(a is b or (a is not None and b is not None and np.array_equal(a, b, equal_nan=True)) for a, b in pairs)
 
 
 def _run(name: str, logs: Sequence[Log], dt: float, zone: float) -> Run:

@@ -163,7 +163,7 @@ def closable(g: Grams) -> tuple[float, float]:
 
 def material(e: Evidence) -> float:
     """Share of what is left that an effect must take."""
-    return MATERIAL if any(len(one) > 1 for one in e.deviations) else ALONE
+    return MATERIAL if refine.repeated(e) else ALONE
 
 
 def _eligible(e: Evidence, g: Grams, found: Sequence[Score], library: Library, now: Fitted) -> list[Score]:

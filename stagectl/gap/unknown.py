@@ -57,7 +57,8 @@ def unknown(e: Evidence, selected: search.Selected, library: search.Library, smo
     """
     now, known = selected.fitted, _known(e, selected.fitted, library)
     largest = max((gain for block, _, gain in _taken(e, selected) if block != "drive"), default=0.0)
-    if found := _ordered(e, selected, known, smooth):
+    found = _ordered(e, selected, known, smooth)
+    if found or not refine.repeated(e):  # noise has no order either: what is not repeated cannot be told from it
         return found
     left = unordered.left_of(now, known)
     rows = unordered.freed(e, left, 0)

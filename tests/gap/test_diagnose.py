@@ -16,6 +16,7 @@ from stagectl.gap import diagnose, folder, predictions
 from stagectl.gap.found import Found
 from stagectl.gap.session import Session
 from stagectl.gap.stored import as_json
+from tests.gap.captured import SINE, TRAPEZOID, exported, recorded
 
 
 def _trial(place: Path, seed: int, stratum: str, **left: Any) -> tuple[Session, dict[str, Any]]:
@@ -82,3 +83,11 @@ def test_logs_without_a_force_tell_nothing(tmp_path: Path) -> None:
         session._replace(logs=bare, law=None), diagnose.Options(advice=False), lambda _: None
     ).found
     assert found.verdict == "not-identifiable" and "current" in found.reason
+
+
+def test_a_machine_that_is_its_model_lacks_nothing(tmp_path: Path) -> None:
+    """Without noise all that is left is rounding, the same in every repeat: it repeats, and is no gap."""
+    session = folder.load([exported([*recorded(tmp_path, SINE), *recorded(tmp_path, TRAPEZOID)], tmp_path / "session")])
+    found = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).found
+    assert (found.verdict, _named(found), found.unknown, found.gap.before) == ("none", [], None, 0.0)
+    assert any("copies" in note for note in found.notes)
