@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import subprocess
@@ -65,7 +66,6 @@ def test_swapped_sign(command: Command, folder: Path) -> None:
 
 def test_wrong_node_id(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     """The drive has another id than the stage file says: who does answer is told."""
-    from stagectl.cli import drive as verbs
     from stagectl.drives.bus import Embedded, frame, parse
 
     class Answering(Embedded):
@@ -81,24 +81,10 @@ def test_wrong_node_id(command: Command, monkeypatch: pytest.MonkeyPatch) -> Non
 
         waiting: list[bytes] = []  # noqa: RUF012
 
-    assert verbs is not None
-    monkeypatch.setattr("stagectl.drives.bus.open_bus", lambda *_: Answering("alone"))
-    monkeypatch.setattr("stagectl.session.drive_present", _nothing)
+    monkeypatch.setattr("stagectl.session.open_bus", lambda *_: Answering("alone"))
+    monkeypatch.setattr("stagectl.session.drive_present", lambda *_: contextlib.nullcontext())
     stage = stage_with("node: 5", "node: 9")
     ends(command("drive", "probe", stage), "node 9 does not answer", "node 5 does: set 'node: 5'", "stagectl doctor")
-
-
-class _nothing:  # noqa: N801 - stands for a function
-    """No virtual drive is started."""
-
-    def __init__(self, *_: object) -> None:
-        pass
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, *_: object) -> None:
-        pass
 
 
 def test_bus_down(command: Command) -> None:
