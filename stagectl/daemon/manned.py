@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
@@ -66,6 +67,12 @@ class Manned:
         self._put = 0  # rows of the motion that are on the board
         self._stops: Any = None  # friction operators as the last motion left them
         self._next_stops: Any = None
+
+    def renew(self) -> None:
+        """The same after one that died; what it wrote stays in memory as long as somebody reads it."""
+        for shared in (self.ring, self.board):
+            os.close(shared.descriptor)
+        self.begin()
 
     def orders(self) -> Orders:
         """What the real-time process must know."""

@@ -196,6 +196,7 @@ class Service:
         for name, box in self._boxes.items():
             if box.ended is not None and self._loop.ended is None:
                 self.note(name, "blackbox_died", f"the black box ended ({box.ended}); a new one watches")
+                box.wait()  # it has ended: its pipes go
                 self._boxes[name] = self._box(self.axes[name])
         if self._loop.ended is None:
             return
@@ -206,11 +207,11 @@ class Service:
         if len(self._deaths) > _DEATHS:
             raise ServiceError(f"the real-time process died {len(self._deaths)} times in {_DEATH_TIME:.0f} s: given up")
         for axis in self.axes.values():  # at once: what the dead one showed last is true no more
-            axis.begin()
+            axis.renew()
             axis.board.show(Status(state=State.CONNECTING))
         os.close(self._alive)
-        for box in self._boxes.values():
-            await asyncio.to_thread(box.wait, 10.0)
+        for child in (self._loop, *self._boxes.values()):
+            await asyncio.to_thread(child.wait, 10.0)
         await asyncio.to_thread(self.recordings.cut)
         await asyncio.sleep(max(map(_silence, self.axes.values())))
         notify("WATCHDOG=1")  # the new one has the whole time to come up

@@ -6,6 +6,7 @@ import contextlib
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -18,6 +19,11 @@ from tests.conftest import CONFIG, ROOT
 
 STAGE = CONFIG / "ball-screw.yaml"
 SILENCE = 3.0  # s that either side waits for the other: on a shared machine one of them may be held up for long
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return int(probe.getsockname()[1])
 
 
 def patient(folder: Path, name: str = "stage", source: Path = STAGE, **changes: str) -> Path:
@@ -119,6 +125,22 @@ class Served:
         os.kill(self.child(module) if module else self.process.pid, signal.SIGKILL)
         if not module:
             self.process.wait(timeout=60)
+
+    def descriptors(self) -> list[str]:
+        """What the service holds open, but for those who ask and for files."""
+        assert self.process is not None
+        found = []
+        for one in Path(f"/proc/{self.process.pid}/fd").iterdir():
+            with contextlib.suppress(FileNotFoundError):
+                found.append(os.readlink(one).partition(":")[0])
+        return sorted(one for one in found if one in ("pipe", "/memfd"))
+
+    def holds_no_more_than(self, held: list[str]) -> bool:
+        """Whether it comes back to that, within 10 s."""
+        end = time.monotonic() + 10.0
+        while self.descriptors() != held and time.monotonic() < end:
+            time.sleep(0.05)
+        return self.descriptors() == held
 
     def boxes(self) -> list[Path]:
         return sorted((self.folder / "state" / "blackbox").rglob("*.h5"))

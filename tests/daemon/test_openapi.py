@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -10,14 +9,9 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT
-from tests.daemon.serving import served
+from tests.daemon.serving import free_port, served
 
 EXAMPLES = 12  # drawn for each operation, beside the systematic ones
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return int(probe.getsockname()[1])
 
 
 def test_schemathesis_finds_nothing(tmp_path: Path) -> None:

@@ -17,14 +17,15 @@ from stagectl.daemon.client import ControlError, RefusedError, ask
 from stagectl.daemon.states import State
 from stagectl.recording.hdf5 import open_recording
 from tests.conftest import CONFIG, ROOT, Command
-from tests.daemon.serving import SILENCE, Served, served
+from tests.daemon.serving import SILENCE, Served, free_port, served
 
+PORT = free_port()
 MOST_MEMORY = 80 * 1024  # KiB, of the real-time process
 
 
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("served"), "--tcp", "127.0.0.1:18402") as found:
+    with served(tmp_path_factory.mktemp("served"), "--tcp", f"127.0.0.1:{PORT}") as found:
         yield found
 
 
@@ -80,7 +81,7 @@ def test_who_may_do_what(machine: Served, tmp_path: Path) -> None:
     assert stat.S_IMODE(token.stat().st_mode) == 0o600
 
     def asked(method: str, header: dict[str, str]) -> int:
-        link = http.client.HTTPConnection("127.0.0.1", 18402, timeout=10)
+        link = http.client.HTTPConnection("127.0.0.1", PORT, timeout=10)
         link.request(method, "/v1/status" if method == "GET" else "/v1/enable", headers=header)
         status = link.getresponse().status
         link.close()
@@ -130,7 +131,7 @@ def test_the_real_time_process_is_small_and_alone(machine: Served) -> None:
 def test_the_real_time_process_killed(machine: Served) -> None:
     """The drive stops by itself; the service comes back without power, says why, and has the black box."""
     machine.begin_moving()
-    boxes = machine.boxes()
+    boxes, held = machine.boxes(), machine.descriptors()
     machine.kill("stagectl.daemon.axes")
     began = time.monotonic()
     assert machine.until(lambda axis: axis["state"] != "moving")["state"] == "connecting"
@@ -144,12 +145,14 @@ def test_the_real_time_process_killed(machine: Served) -> None:
     rows = open_recording(kept).samples
     assert rows["state"][-1] == State.MOVING
     assert np.all(np.diff(rows["time"]) > 0.0)
+    assert machine.holds_no_more_than(held)  # months of that must not use up the descriptors
     with pytest.raises(RefusedError, match="without power"):
         machine.ask("POST", "move", by={"axis": "1 mm"})
 
 
 def test_the_black_box_killed(machine: Served) -> None:
     machine.begin_moving()
+    held = machine.descriptors()
     machine.kill("stagectl.daemon.blackbox")
     end = time.monotonic() + 20.0
     while "blackbox_died" not in machine.faults() and time.monotonic() < end:
@@ -157,6 +160,7 @@ def test_the_black_box_killed(machine: Served) -> None:
     assert machine.faults()[-1] == "blackbox_died"
     assert machine.axis()["state"] == "moving"  # the axis goes its way
     assert machine.child("stagectl.daemon.blackbox")
+    assert machine.holds_no_more_than(held)
 
 
 def test_the_service_killed_in_mid_motion(machine: Served) -> None:

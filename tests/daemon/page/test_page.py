@@ -17,7 +17,7 @@ import pytest
 
 from stagectl.daemon.page import assets
 from stagectl.recording.hdf5 import open_recording
-from tests.daemon.serving import Served, served
+from tests.daemon.serving import Served, free_port, served
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -25,7 +25,7 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium"),
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
 ]
-PORT = 18403
+PORT = free_port()
 PATIENCE = 60_000.0  # ms: the machine is shared
 SHOTS = os.environ.get("STAGECTL_SCREENSHOTS")  # a folder, for who wants to look
 
