@@ -14,10 +14,10 @@ from tests.conftest import ROOT
 PIPE = 1 << 16  # bytes that a pipe holds before its writer waits
 TALKATIVE = """
 import sys
-from stagectl.cli.motion import _tell
-_tell("virtual drive of a stage")
+from stagectl.cli.show import tell
+tell("virtual drive of a stage")
 for _ in range({lines}):
-    _tell("x" * 99)
+    tell("x" * 99)
 open({mark!r}, "w").write("all said")
 """
 
