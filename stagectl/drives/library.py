@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import logging
 import sys
 from collections.abc import Iterator
 from types import ModuleType
@@ -61,5 +62,8 @@ with _without_python_can():
     import canopen
     from canopen.sdo.client import SdoClient
     from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
+
+# What the library logs, it raises as well, and we say it in words: its own lines need not appear beside ours.
+logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 __all__ = ["SdoAbortedError", "SdoClient", "SdoCommunicationError", "SdoError", "canopen"]

@@ -48,3 +48,9 @@ def test_the_real_time_process_imports_neither_python_can_nor_asyncio() -> None:
 def test_the_librarys_own_network_still_reaches_python_can(tmp_path: Path) -> None:
     """Its notifier calls a listener that was derived from our stand-in."""
     assert printed(BOTH, str(tmp_path)) == "[b'true']"
+
+
+def test_what_the_library_logs_does_not_appear_beside_our_words() -> None:
+    program = "import logging, stagectl.drives.library; logging.getLogger('canopen.sdo.client').error('no answer')"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
