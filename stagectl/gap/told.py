@@ -22,7 +22,7 @@ _PLACES = {  # a quantity that a gap is measured in, as a sentence calls it
     "current": "current gap",
 }
 _BLIND = "These logs cannot tell what causes the gap."
-MOST = 3  # effects in the sentence
+MOST = 3  # effects in the sentence, and values that are off
 _SMALL = 0.005  # share that is not worth a word
 
 
@@ -36,15 +36,15 @@ def _none(found: Found) -> str:
 
 
 def _parameters(found: Found) -> str:
-    return f"No effect is missing, but values of the model are off: {_shares(found)}."
+    return f"No effect is missing, but values of the model are off: {_shares(found, found.named)}."
 
 
 def _effects(found: Found) -> str:
-    return f"{_capital(_shares(found))}."
+    return f"{_capital(_missing(found))}."
 
 
 def _partly(found: Found) -> str:
-    return f"{_capital(_shares(found))}; {_unknown(found)}."
+    return f"{_capital(_missing(found))}; {_unknown(found)}."
 
 
 def _unexplained(found: Found) -> str:
@@ -79,14 +79,20 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _shares(found: Found) -> str:
+def _missing(found: Found) -> str:
+    """The effects; they are the news, however much more is a value that is off."""
+    values = [one for one in found.named if one.parameter]
+    told = _shares(found, [one for one in found.named if not one.parameter] or found.effects[:1])
+    return f"{told}; values of the model are off, too: {_shares(found, values)}" if values else told
+
+
+def _shares(found: Found, those: Sequence[Effect]) -> str:
     """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``."""
-    largest = sorted(found.named, key=lambda one: -one.share)
-    first, *rest = largest[:MOST] or found.effects[:1]
+    first, *rest = sorted(those, key=lambda one: -one.share)[:MOST]
     told = [f"{percent(first.share)} of the closable gap is {_with_value(first, found)}"]
     told += [f"{percent(one.share)} {_with_value(one, found)}" for one in rest]
-    more = len(found.named) - MOST
-    return ", ".join(told) + (f", and {more} smaller effect{'s' if more > 1 else ''}" if more > 0 else "")
+    more = len(those) - MOST
+    return ", ".join(told) + (f", and {more} smaller one{'s' if more > 1 else ''}" if more > 0 else "")
 
 
 def _with_value(one: Effect, found: Found) -> str:

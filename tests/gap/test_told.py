@@ -48,10 +48,22 @@ def test_the_sentence(verdict: str, expected: str) -> None:
     assert FOUND[verdict].sentence == expected
 
 
+def test_a_value_that_is_off_hides_no_effect() -> None:
+    """However much more it takes of the gap: what is missing in the model is the news."""
+    values = [
+        ASYMMETRY._replace(name=name, share=0.3, parameter=True) for name in ("inertia", "viscous", "coulomb", "bias")
+    ]
+    told = found("effects", effects=(*values, ASYMMETRY._replace(share=0.05))).sentence
+    assert told.startswith(
+        "5 % of the closable gap is viscous asymmetry (share 0.182); values of the model are off, too: 30 %"
+    )
+    assert "and 1 smaller one." in told
+
+
 def test_effects_without_a_name_are_not_in_the_sentence() -> None:
     assert "Stribeck" not in FOUND["effects"].sentence and len(FOUND["effects"].effects) == 3
     many = tuple(ASYMMETRY._replace(name=f"effect_{n}") for n in range(5))
-    assert "and 2 smaller effects" in found("effects", effects=many).sentence
+    assert "and 2 smaller ones" in found("effects", effects=many).sentence
 
 
 def test_numbers_share_the_prefix_of_the_largest() -> None:
