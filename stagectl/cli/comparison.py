@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import os
-import shlex
 import signal
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from stagectl.cli.motion import LAYERS, Channel, Json, StageArgument, TrajectoryArgument, Without, layers_without
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, typed
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
 
@@ -112,7 +110,7 @@ def compare(
     found |= {"simulated": simulate, "seed": seed, "learned": courses, "notes": many.course_words(courses)}
     for line in (*found["notes"], *found["verdict"]):
         console.print(line)
-    written = write(page(found, [shlex.join(["stagectl", *sys.argv[1:]])]), folder / "report.html")
+    written = write(page(found, [typed()]), folder / "report.html")
     console.print(f"report: {written}")
     emit({**found, "report": str(written)}, json)
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli.motion import Json
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, typed
 
 Folder = Annotated[
     list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
@@ -76,7 +76,7 @@ def diagnose(
     if predictions is not None:
         write(session, done.improved, predictions)
     path = report or target / "diagnosis.html"
-    write_page(page.page(done.found, str(target), []), path)
+    write_page(page.page(done.found, str(target), [typed()]), path)
     if json is not None:
         emit(as_json(done.found), json)
     if json is None or str(json) != "-":

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import shlex
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +13,7 @@ import typer
 from rich.table import Table
 
 from stagectl.cli.motion import Json, StageArgument
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, typed
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
 
@@ -130,8 +128,7 @@ def _page(result: dict[str, Any], what: tuple[Any, Any, Any], path: Path) -> Non
     from stagectl.report.page import write
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    command = shlex.join(["stagectl", *sys.argv[1:]])
-    console.print(f"report: {write(page(result, what, command), path)}")
+    console.print(f"report: {write(page(result, what, typed()), path)}")
 
 
 def _fresh(method: str) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -30,6 +31,11 @@ def emit(result: dict[str, Any], target: str | None) -> None:
     else:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         Path(target).write_text(text, encoding="utf-8")
+
+
+def typed() -> str:
+    """The command that runs, as it was typed: a report says how to do it again."""
+    return shlex.join(["stagectl", *sys.argv[1:]])
 
 
 def tell(line: str) -> None:

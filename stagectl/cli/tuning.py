@@ -5,8 +5,6 @@ from __future__ import annotations
 import enum
 import itertools
 import math
-import shlex
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +13,7 @@ import typer
 from rich.table import Table
 
 from stagectl.cli.motion import Json, StageArgument
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, typed
 from stagectl.units import Quantity, StageError, UnitError, parse
 
 if TYPE_CHECKING:
@@ -148,7 +146,7 @@ def _page(setup: Setup, found: Tuned, path: Path) -> None:
     from stagectl.report.tuning import page
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    console.print(f"report: {write(page(setup, found, shlex.join(['stagectl', *sys.argv[1:]])), path)}")
+    console.print(f"report: {write(page(setup, found, typed()), path)}")
 
 
 def _fresh(stage: str) -> Path:
