@@ -40,6 +40,7 @@ class Box(NamedTuple):
     meta: dict[str, Any]
     columns: tuple[str, ...]
     dt: float
+    faults: int = 0  # that there were when it was asked for: what comes while it starts is kept, too
 
 
 class Watcher:
@@ -48,7 +49,7 @@ class Watcher:
     def __init__(self, p: Box) -> None:
         self.p = p
         self.ring, self.board = Ring(p.ring, p.width, p.capacity), Board(p.board)
-        self.seen = int(self.board.status().faults)
+        self.seen = p.faults
 
     def look(self, gone: bool) -> Path | None:
         """One look; the file that was written, where there was a reason.  `gone`: the real-time process is no more."""

@@ -149,8 +149,8 @@ class Service:
         folder = str(self.where.state / "blackbox" / axis.name)
         ring, board = axis.ring, axis.board.descriptor
         box = start("stagectl.daemon.blackbox", (ring.descriptor, board, self._alive), "interpreted")
-        dt = axis.setup.dt
-        box.send(Box(ring.descriptor, ring.width, ring.capacity, board, self._alive, folder, meta, COLUMNS, dt))
+        dt, faults = axis.setup.dt, int(axis.status.faults)
+        box.send(Box(ring.descriptor, ring.width, ring.capacity, board, self._alive, folder, meta, COLUMNS, dt, faults))
         return box
 
     # what goes on by itself

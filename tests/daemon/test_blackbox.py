@@ -61,6 +61,19 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return open_recording(path)
 
 
+def test_a_fault_while_it_starts_is_kept(tmp_path: Path) -> None:
+    """The process takes a second to be there; the one before it was killed, and now the service dies, too."""
+    axis = Manned("axis", load_stage(CONFIG / "ball-screw.yaml"))
+    alive, _ = os.pipe()
+    shared = (axis.ring.descriptor, axis.ring.width, axis.ring.capacity, axis.board.descriptor, alive)
+    axis.board.show(Status(state=float(State.FAULT), fault=float(Fault.JUMP), faults=3.0))
+    axis.ring.write((0.0,) * len(COLUMNS))
+    p = Box(*shared, str(tmp_path), about(axis, "black box"), COLUMNS, axis.setup.dt, faults=2)
+    kept = Watcher(p).look(True)
+    assert kept is not None and "jump" in kept.name
+    assert Watcher(p._replace(faults=3)).look(True) is None
+
+
 def test_it_knows_its_fault_its_time_and_its_stage(box: Recording) -> None:
     assert box.meta["blackbox"]["fault"] == "jump"
     assert box.meta["blackbox"]["words"] == "the encoder jumps"
