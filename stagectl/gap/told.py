@@ -83,13 +83,13 @@ def _missing(found: Found) -> str:
     """The effects; they are the news, however much more is a value that is off."""
     values = [one for one in found.named if one.parameter]
     told = _shares(found, [one for one in found.named if not one.parameter] or found.effects[:1])
-    return f"{told}; values of the model are off, too: {_shares(found, values)}" if values else told
+    return f"{told}; values of the model are off, too: {_shares(found, values, '')}" if values else told
 
 
-def _shares(found: Found, those: Sequence[Effect]) -> str:
+def _shares(found: Found, those: Sequence[Effect], of: str = " of the closable gap is") -> str:
     """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``."""
     first, *rest = sorted(those, key=lambda one: -one.share)[:MOST]
-    told = [f"{percent(first.share)} of the closable gap is {_with_value(first, found)}"]
+    told = [f"{percent(first.share)}{of} {_with_value(first, found)}"]
     told += [f"{percent(one.share)} {_with_value(one, found)}" for one in rest]
     more = len(those) - MOST
     return ", ".join(told) + (f", and {more} smaller one{'s' if more > 1 else ''}" if more > 0 else "")

@@ -55,7 +55,7 @@ def test_a_value_that_is_off_hides_no_effect() -> None:
     ]
     told = found("effects", effects=(*values, ASYMMETRY._replace(share=0.05))).sentence
     assert told.startswith(
-        "5 % of the closable gap is viscous asymmetry (share 0.182); values of the model are off, too: 30 %"
+        "5 % of the closable gap is viscous asymmetry (share 0.182); values of the model are off, too: 30 % "
     )
     assert "and 1 smaller one." in told
 
