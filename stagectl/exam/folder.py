@@ -131,15 +131,20 @@ def write_yaml(path: Path, content: dict[str, Any]) -> None:
     path.write_text(yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=160), encoding="utf-8")
 
 
+def write_capture(capture: Capture, trace: Trace, folder: Path) -> None:
+    """One capture, and with the first of an experiment's repeats the current that was injected."""
+    write_csv(folder / capture.file, capture_columns(capture, trace))
+    name = injection_name(capture)
+    if name is not None and capture.repeat == 1:
+        injection = capture.experiment.injection
+        time = np.round(np.arange(injection.size) * PERIOD, 7)
+        write_csv(folder / name, {"time_s": time, "injection_A": injection})
+
+
 def write_folder(trial: Trial, traces: Sequence[Trace], folder: Path) -> None:
     """The folder of captures, as its format page says."""
     folder.mkdir(parents=True, exist_ok=True)
     for capture, trace in zip(trial.captures, traces, strict=True):
-        write_csv(folder / capture.file, capture_columns(capture, trace))
-        name = injection_name(capture)
-        if name is not None and capture.repeat == 1:
-            injection = capture.experiment.injection
-            time = np.round(np.arange(injection.size) * PERIOD, 7)
-            write_csv(folder / name, {"time_s": time, "injection_A": injection})
+        write_capture(capture, trace, folder)
     write_yaml(folder / "captures.yaml", {"captures": [entry(capture) for capture in trial.captures]})
     write_yaml(folder / "nominal.yaml", nominal(trial))

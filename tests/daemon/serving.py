@@ -26,6 +26,14 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def within(seconds: float, true: Callable[[], bool]) -> bool:
+    """Whether something comes true in that time."""
+    end = time.monotonic() + seconds
+    while not (now := true()) and time.monotonic() < end:
+        time.sleep(0.05)
+    return now
+
+
 def patient(folder: Path, name: str = "stage", source: Path = STAGE, **changes: str) -> Path:
     """A stage file with time-outs that a busy machine keeps, and other `changes` of its text."""
     text = source.read_text()
@@ -137,10 +145,7 @@ class Served:
 
     def holds_no_more_than(self, held: list[str]) -> bool:
         """Whether it comes back to that, within 10 s."""
-        end = time.monotonic() + 10.0
-        while self.descriptors() != held and time.monotonic() < end:
-            time.sleep(0.05)
-        return self.descriptors() == held
+        return within(10.0, lambda: self.descriptors() == held)
 
     def boxes(self) -> list[Path]:
         return sorted((self.folder / "state" / "blackbox").rglob("*.h5"))

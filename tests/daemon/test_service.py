@@ -17,7 +17,7 @@ from stagectl.daemon.client import ControlError, RefusedError, ask
 from stagectl.daemon.states import State
 from stagectl.recording.hdf5 import open_recording
 from tests.conftest import CONFIG, ROOT, Command
-from tests.daemon.serving import SILENCE, Served, free_port, served
+from tests.daemon.serving import SILENCE, Served, free_port, served, within
 
 PORT = free_port()
 MOST_MEMORY = 80 * 1024  # KiB, of the real-time process
@@ -154,9 +154,7 @@ def test_the_black_box_killed(machine: Served) -> None:
     machine.begin_moving()
     held = machine.descriptors()
     machine.kill("stagectl.daemon.blackbox")
-    end = time.monotonic() + 20.0
-    while "blackbox_died" not in machine.faults() and time.monotonic() < end:
-        time.sleep(0.05)
+    within(20.0, lambda: "blackbox_died" in machine.faults())
     assert machine.faults()[-1] == "blackbox_died"
     assert machine.axis()["state"] == "moving"  # the axis goes its way
     assert machine.child("stagectl.daemon.blackbox")
@@ -171,9 +169,7 @@ def test_the_service_killed_in_mid_motion(machine: Served) -> None:
     machine.start()
     assert machine.axis()["state"] == "disabled"
     assert machine.faults()[0] == "service_died"
-    end = time.monotonic() + 20.0
-    while machine.boxes() == boxes and time.monotonic() < end:  # the dead service's black box may still be writing
-        time.sleep(0.05)
+    within(20.0, lambda: machine.boxes() != boxes)  # the dead service's black box may still be writing
     (kept,) = [path for path in machine.boxes() if path not in boxes]
     assert "unattended" in kept.name
     recording = open_recording(kept)

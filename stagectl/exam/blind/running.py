@@ -11,9 +11,8 @@ import numpy as np
 
 from ..battery import HALF_STROKE, REPEATS, Experiment
 from ..controller import prepared
-from ..folder import capture_columns, entry, injection_name, write_csv, write_yaml
+from ..folder import entry, write_capture, write_yaml
 from ..machine import Floats
-from ..plant import Trace
 from ..reference import PERIOD
 from ..trials import BREAK, Capture, Trial, noisy
 from .closing import column
@@ -92,15 +91,6 @@ def ran(trial: Trial, wanted: Wanted, folder: Path) -> Trial:
     if lost:
         raise RefusedError(f"{wanted.name}: the axis was lost in {', '.join(lost)}")
     for k, trace in zip(new, traces, strict=True):
-        _write(longer.captures[k], trace, folder)
+        write_capture(longer.captures[k], trace, folder)
     write_yaml(folder / "captures.yaml", {"captures": [entry(one) for one in longer.captures]})
     return longer
-
-
-def _write(capture: Capture, trace: Trace, folder: Path) -> None:
-    write_csv(folder / capture.file, capture_columns(capture, trace))
-    name = injection_name(capture)
-    if name is not None and capture.repeat == 1:
-        injection = capture.experiment.injection
-        time = np.round(np.arange(injection.size) * PERIOD, 7)
-        write_csv(folder / name, {"time_s": time, "injection_A": injection})
