@@ -15,13 +15,10 @@ from typing import Any
 
 from stagectl.daemon.client import ask
 from stagectl.units import StageError
-from tests.conftest import CONFIG, ROOT
+from tests.conftest import CONFIG, ROOT, unhurried
 
 DOCS = ROOT / ".docs"
 _NAMED = re.compile(r'(?m)^ *```yaml title="([\w.-]+\.yaml)"\n(.*?)^ *```', re.DOTALL)
-# Time-outs of the shipped stages, and those that a busy machine keeps: nothing else of them is changed.
-_LONG = {"heartbeat_timeout": "3 s", "rpdo_timeout": "3 s", "feedback_timeout": "1 s"}
-_SHORT = re.compile(rf"({'|'.join(_LONG)}): 500 ms")
 _PATIENCE = 300.0  # s: the machine is shared
 
 
@@ -54,7 +51,7 @@ class Reader:
         self.folder = folder
         shutil.copytree(CONFIG, folder / "config")
         for path in (folder / "config").glob("*.yaml"):
-            path.write_text(_SHORT.sub(lambda found: f"{found[1]}: {_LONG[found[1]]}", path.read_text()))
+            path.write_text(unhurried(path.read_text(), Path("drives")))
         (folder / ".venv").symlink_to(sys.prefix)
         for name, content in _NAMED.findall(text(page)) if page else ():
             (folder / name).write_text(content)

@@ -16,23 +16,23 @@ import numpy as np
 import pytest
 
 from stagectl.kernels import law
-from stagectl.recording.hdf5 import RecordingError, open_recording
+from stagectl.recording.hdf5 import open_recording
 from tests.conftest import ROOT
-from tests.test_run import SINE, STAGE, drive, members, stagectl
+from tests.test_run import SINE, drive, members, rows, stagectl
 
 COLUMNS = ("measured", *law.Setpoint._fields, *law.Output._fields)
 
 
 @pytest.fixture(scope="module")
-def expected(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def expected(tmp_path_factory: pytest.TempPathFactory, unhurried_stage: Path) -> Any:
     path = tmp_path_factory.mktemp("disks") / "s.h5"
-    assert stagectl("simulate", STAGE, SINE, "-o", path).returncode == 0
+    assert stagectl("simulate", unhurried_stage, SINE, "-o", path).returncode == 0
     return open_recording(path).samples
 
 
-def begun(folder: Path) -> tuple[subprocess.Popen[str], int]:
+def begun(stage: Path, folder: Path) -> tuple[subprocess.Popen[str], int]:
     """A run, and the process id of its recorder, which has opened its file."""
-    words = ["run", STAGE, SINE, "--channel", folder / "bus", "-o", folder / "r.h5", "--json", "-"]
+    words = ["run", stage, SINE, "--channel", folder / "bus", "-o", folder / "r.h5", "--json", "-"]
     run = subprocess.Popen(
         [sys.executable, "-m", "stagectl", *map(str, words)],
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
@@ -44,19 +44,9 @@ def begun(folder: Path) -> tuple[subprocess.Popen[str], int]:
     return run, members(run.pid)["stagectl.recording.recorder"]
 
 
-def rows(path: Path) -> int:
-    """How many there are; none as long as the file is being made."""
-    try:
-        return len(open_recording(path).samples)
-    except RecordingError as error:
-        if "unable to lock" in str(error):
-            return 0
-        raise
-
-
-def test_a_disk_that_takes_nothing_for_two_seconds(tmp_path: Path, expected: Any) -> None:
-    with drive(STAGE, tmp_path / "bus"):
-        run, recorder = begun(tmp_path)
+def test_a_disk_that_takes_nothing_for_two_seconds(tmp_path: Path, expected: Any, unhurried_stage: Path) -> None:
+    with drive(unhurried_stage, tmp_path / "bus"):
+        run, recorder = begun(unhurried_stage, tmp_path)
         while not rows(tmp_path / "r.h5"):
             time.sleep(0.005)
         os.kill(recorder, signal.SIGSTOP)  # as where it sleeps in a write
@@ -73,9 +63,9 @@ def test_a_disk_that_takes_nothing_for_two_seconds(tmp_path: Path, expected: Any
         assert np.array_equal(recording.samples[column], expected[column]), column
 
 
-def test_a_disk_that_becomes_full(tmp_path: Path, expected: Any) -> None:
-    with drive(STAGE, tmp_path / "bus"):
-        run, recorder = begun(tmp_path)
+def test_a_disk_that_becomes_full(tmp_path: Path, expected: Any, unhurried_stage: Path) -> None:
+    with drive(unhurried_stage, tmp_path / "bus"):
+        run, recorder = begun(unhurried_stage, tmp_path)
         while not rows(tmp_path / "r.h5"):
             time.sleep(0.005)
         size = (tmp_path / "r.h5").stat().st_size

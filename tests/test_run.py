@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 from stagectl.kernels import law
-from stagectl.recording.hdf5 import BLOCK, open_recording, repair
+from stagectl.recording.hdf5 import BLOCK, RecordingError, open_recording, repair
 from stagectl.recording.replay import replay
-from tests.conftest import CONFIG, ROOT
+from tests.conftest import CONFIG, ROOT, unhurried
 
 STAGE = CONFIG / "ball-screw.yaml"
 SINE = CONFIG / "trajectories" / "sine-3.2hz.yaml"
@@ -45,14 +45,16 @@ def drive(stage: Path, channel: Path) -> Iterator[subprocess.Popen[str]]:
         process.communicate()
 
 
-def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path) -> None:
+def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path, unhurried_stage: Path) -> None:
     """To the encoder count, late cycles or not, in a second run on the same drive, too; and replay agrees."""
-    simulated = stagectl("simulate", STAGE, SINE, "-o", tmp_path / "s.h5", "--json", "-")
+    simulated = stagectl("simulate", unhurried_stage, SINE, "-o", tmp_path / "s.h5", "--json", "-")
     assert simulated.returncode == 0, simulated.stderr
     expected = open_recording(tmp_path / "s.h5").samples
-    with drive(STAGE, tmp_path / "bus"):
+    with drive(unhurried_stage, tmp_path / "bus"):
         for name in ("first.h5", "second.h5"):
-            done = stagectl("run", STAGE, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / name, "--json", "-")
+            done = stagectl(
+                "run", unhurried_stage, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / name, "--json", "-"
+            )
             assert done.returncode == 0, done.stderr
             recording = open_recording(tmp_path / name)
             assert recording.complete
@@ -71,7 +73,7 @@ def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path) -> None:
 def test_a_biased_axis_runs_as_it_simulates(tmp_path: Path) -> None:
     """EMPS: linear, 1 kHz, a constant force on the axis; and a name that looks like markup."""
     stage, move = tmp_path / "stage.yaml", tmp_path / "move.yaml"
-    text = (CONFIG / "emps.yaml").read_text()
+    text = unhurried((CONFIG / "emps.yaml").read_text())
     stage.write_text(re.sub(r"(?m)^name: .*", "name: 'a [/b] stage'", text))
     move.write_text("{type: s_curve, distance: 20 mm, velocity: 80 mm/s, acceleration: 0.5 m/s^2, jerk: 20 m/s^3}")
     done = stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
@@ -84,7 +86,8 @@ def test_a_biased_axis_runs_as_it_simulates(tmp_path: Path) -> None:
 
 def test_an_experiment_in_a_cascade_runs_as_it_simulates(tmp_path: Path) -> None:
     """A motion with a current injected, on the slider; the loop opens at its end, and the axis springs back."""
-    stage, move = CONFIG / "linear-slider.yaml", tmp_path / "move.yaml"
+    stage, move = tmp_path / "stage.yaml", tmp_path / "move.yaml"
+    stage.write_text(unhurried((CONFIG / "linear-slider.yaml").read_text()))
     motion = "{type: trapezoid, distance: 1 mm, velocity: 10 mm/s, acceleration: 0.1 m/s^2, one_way: true}"
     experiments = {
         "excited": f"current: {{type: current_sine, amplitude: 100 mA, frequency: 40 Hz, periods: 6}}\n"
@@ -129,10 +132,10 @@ def test_replay_notices_a_changed_position_and_a_changed_law(tmp_path: Path) -> 
     assert not replay(recording)["identical"]
 
 
-def start_moving(tmp_path: Path, name: str) -> subprocess.Popen[bytes]:
+def start_moving(tmp_path: Path, name: str, stage: Path = STAGE) -> subprocess.Popen[bytes]:
     """``stagectl run`` in a process group of its own, well into its motion."""
     path = tmp_path / name
-    command = [sys.executable, "-m", "stagectl", "run", str(STAGE), str(CONFIG / "trajectories" / "sine-0.8hz.yaml")]
+    command = [sys.executable, "-m", "stagectl", "run", str(stage), str(CONFIG / "trajectories" / "sine-0.8hz.yaml")]
     command += ["--channel", str(tmp_path / "bus"), "-o", str(path)]
     process = subprocess.Popen(command, cwd=ROOT, start_new_session=True, stderr=subprocess.DEVNULL)
     end = time.monotonic() + 60.0  # the machine is shared; a run that has ended is not waited for
@@ -157,6 +160,16 @@ def members(group: int) -> dict[str, int]:
     return found
 
 
+def rows(path: Path) -> int:
+    """How many there are; none as long as the file is being made."""
+    try:
+        return len(open_recording(path).samples)
+    except RecordingError as error:
+        if "unable to lock" in str(error):
+            return 0
+        raise
+
+
 @pytest.mark.parametrize("victim", ["stagectl.daemon.loop", "everything"])
 def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
     """The drive stops by itself within its time-out; the recording lacks at most its last block."""
@@ -169,7 +182,7 @@ def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
             os.killpg(run.pid, signal.SIGKILL)
         else:
             os.kill(modules[victim], signal.SIGKILL)
-        run.wait(timeout=10)
+        run.wait(timeout=60)
         assert virtual.stdout is not None
         lost, stands = virtual.stdout.readline(), virtual.stdout.readline()
     partner = r"no (heartbeat|cyclic command \(RPDO\)) from the controller"
@@ -190,9 +203,9 @@ def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
         assert recording.ended == "the loop process died"
 
 
-def test_the_loop_has_no_other_thread_and_no_heavy_module(tmp_path: Path) -> None:
-    with drive(STAGE, tmp_path / "bus"):
-        run = start_moving(tmp_path, "watched.h5")
+def test_the_loop_has_no_other_thread_and_no_heavy_module(tmp_path: Path, unhurried_stage: Path) -> None:
+    with drive(unhurried_stage, tmp_path / "bus"):
+        run = start_moving(tmp_path, "watched.h5", unhurried_stage)
         loop = members(run.pid)["stagectl.daemon.loop"]
         threads = len(list(Path(f"/proc/{loop}/task").iterdir()))
         mapped = Path(f"/proc/{loop}/maps").read_text()
@@ -203,22 +216,22 @@ def test_the_loop_has_no_other_thread_and_no_heavy_module(tmp_path: Path) -> Non
         assert f"/{heavy}/" not in mapped, heavy
 
 
-def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path) -> None:
-    with drive(STAGE, tmp_path / "bus"):
-        run = start_moving(tmp_path, "interrupted.h5")
+def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path, unhurried_stage: Path) -> None:
+    with drive(unhurried_stage, tmp_path / "bus"):
+        run = start_moving(tmp_path, "interrupted.h5", unhurried_stage)
         os.killpg(run.pid, signal.SIGINT)
-        assert run.wait(timeout=10) == 1
+        assert run.wait(timeout=60) == 1
     recording = open_recording(tmp_path / "interrupted.h5")
     assert recording.complete
     assert recording.samples["fault"][-1] == 0 or recording.samples["fault"][-1] == 14
 
 
-def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path) -> None:
+def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path, unhurried_stage: Path) -> None:
     """kill -9 of `stagectl run` itself: its loop must not go on unattended."""
-    with drive(STAGE, tmp_path / "bus") as virtual:
-        run = start_moving(tmp_path, "orphaned.h5")
+    with drive(unhurried_stage, tmp_path / "bus") as virtual:
+        run = start_moving(tmp_path, "orphaned.h5", unhurried_stage)
         os.kill(run.pid, signal.SIGKILL)
-        run.wait(timeout=10)
+        run.wait(timeout=60)
         assert virtual.stdout is not None
         assert virtual.stdout.readline().startswith("stands after ")
     end = time.monotonic() + 10.0
@@ -230,19 +243,18 @@ def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path) -> N
     assert replay(recording)["identical"]
 
 
-def test_a_lost_recorder_does_not_stop_the_axis_but_is_told(tmp_path: Path) -> None:
-    short = tmp_path / "short.yaml"
-    short.write_text(SINE.read_text())
-    with drive(STAGE, tmp_path / "bus"):
-        command = [sys.executable, "-m", "stagectl", "run", str(STAGE), str(short), "--channel", str(tmp_path / "bus")]
-        command += ["-o", str(tmp_path / "lost.h5"), "--json", "-"]
+def test_a_lost_recorder_does_not_stop_the_axis_but_is_told(tmp_path: Path, unhurried_stage: Path) -> None:
+    with drive(unhurried_stage, tmp_path / "bus"):
+        words = ["run", unhurried_stage, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / "lost.h5", "--json", "-"]
+        command = [sys.executable, "-m", "stagectl", *map(str, words)]
         pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
         run = subprocess.Popen(command, cwd=ROOT, **pipes)
         while "stagectl.recording.recorder" not in members(run.pid) or not (tmp_path / "lost.h5").exists():
             time.sleep(0.02)
-        time.sleep(0.8)
+        while not rows(tmp_path / "lost.h5"):  # a late start is made up for: what moves is over soon
+            time.sleep(0.005)
         os.kill(members(run.pid)["stagectl.recording.recorder"], signal.SIGKILL)
-        out, err = run.communicate(timeout=30)
+        out, err = run.communicate(timeout=120)
     assert run.returncode == 1
     assert "the recorder stopped before the motion did" in err
     result = json.loads(out)
@@ -261,7 +273,7 @@ def test_one_drive_a_bus(tmp_path: Path) -> None:
 def test_noise_is_the_same_noise(tmp_path: Path) -> None:
     stage, move = tmp_path / "stage.yaml", tmp_path / "move.yaml"
     noisy = "simulation:\n  current_noise: 45 mA\n  encoder_noise: 20 nm"
-    stage.write_text(STAGE.read_text().replace("simulation:", noisy))
+    stage.write_text(unhurried(STAGE.read_text()).replace("simulation:", noisy))
     move.write_text("{type: sine, amplitude: 1 mm, frequency: 3.2 Hz, periods: 1}")
     assert stagectl("simulate", stage, move, "-o", tmp_path / "s.h5").returncode == 0
     assert stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5").returncode == 0

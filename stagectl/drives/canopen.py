@@ -54,8 +54,7 @@ class CanopenDrive:
         self._node = Partner(settings.node, od)
         self._network[settings.node] = self._node
         self._walk = Walk(Power.OFF, self._standstill())
-        self._heartbeat_cycles = max(1, round(settings.heartbeat / dt))
-        self._cycle = 0  # cycles until our next heartbeat
+        self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
         self._serving = False  # enabled, and not asked to stop
@@ -145,15 +144,15 @@ class CanopenDrive:
         """Send the command (A); never raises: what went wrong is in the next `sample`."""
         try:
             self._bus.send(self._command.encode(self._walk.controlword, current))
-            if self._cycle <= 0:
-                self._cycle = self._heartbeat_cycles
+            now = self._now()
+            if now >= self._beat:
+                self._beat = now + self._settings.heartbeat
                 self._bus.send(_HEARTBEAT)
         except ValueError as error:
             self._problem = f"{error}; zero was sent instead"
             self.apply(0.0)
         except OSError as error:
             self._problem = f"the bus failed: {error}"
-        self._cycle -= 1
 
     def quick_stop(self) -> Feedback:
         """Quick stop by the drive's own ramp, until it stands, its power is off, or ten seconds are over."""

@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.daemon.client import ask
-from tests.conftest import CONFIG, ROOT
+from tests.conftest import CONFIG, ROOT, unhurried
 
 STAGE = CONFIG / "ball-screw.yaml"
-SILENCE = 3.0  # s that either side waits for the other: on a shared machine one of them may be held up for long
 
 
 def free_port() -> int:
@@ -36,18 +35,12 @@ def within(seconds: float, true: Callable[[], bool]) -> bool:
 
 def patient(folder: Path, name: str = "stage", source: Path = STAGE, **changes: str) -> Path:
     """A stage file with time-outs that a busy machine keeps, and other `changes` of its text."""
-    text = source.read_text()
-    for what, silence in (
-        ("heartbeat_timeout", SILENCE),
-        ("rpdo_timeout", SILENCE),
-        ("feedback_timeout", SILENCE / 3.0),
-    ):
-        text = text.replace(f"{what}: 500 ms", f"{what}: {1e3 * silence:.0f} ms")
+    text = unhurried(source.read_text())
     text = text.replace("reset: node", "reset: none")  # a machine is not as new after each restart of its service
     for old, new in changes.items():
         text = re.sub(rf"(?m)^(  +{old}:) [^#\n]*", rf"\1 {new} ", text)
     path = folder / f"{name}.yaml"
-    path.write_text(text.replace("eds: drives/", f"eds: {CONFIG / 'drives'}/"))
+    path.write_text(text)
     return path
 
 

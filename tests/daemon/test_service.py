@@ -16,8 +16,8 @@ import pytest
 from stagectl.daemon.client import ControlError, RefusedError, ask
 from stagectl.daemon.states import State
 from stagectl.recording.hdf5 import open_recording
-from tests.conftest import CONFIG, ROOT, Command
-from tests.daemon.serving import SILENCE, Served, free_port, served, within
+from tests.conftest import CONFIG, ROOT, SILENCE, Command
+from tests.daemon.serving import Served, free_port, served, within
 
 PORT = free_port()
 MOST_MEMORY = 80 * 1024  # KiB, of the real-time process

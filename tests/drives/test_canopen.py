@@ -26,6 +26,7 @@ from stagectl.drives.canopen_pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.canopen_words import WHAT
 from stagectl.drives.cia402 import State
 from stagectl.drives.cia402 import state as state_of
+from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Power
 from stagectl.drives.node import VirtualNode
 from stagectl.drives.wire import load_eds
@@ -115,15 +116,32 @@ def test_it_configures_and_describes_the_drive(bench: Workbench, bus: Tapped) ->
     assert [node.objects.number(0x1600, n) for n in range(3)] == [2, 0x60400010, 0x20710020]
 
 
-def test_heartbeats_are_counted_in_cycles(bench: Workbench, bus: Tapped) -> None:
+class Hurried:
+    """A clock that is ahead of the wall's by `ahead` s."""
+
+    def __init__(self) -> None:
+        self.ahead = 0.0
+
+    def now(self) -> float:
+        return WALL.now() + self.ahead
+
+    def sleep(self, seconds: float) -> None:
+        WALL.sleep(seconds)
+
+
+def test_heartbeats_go_by_time_however_late_the_cycles(bench: Workbench, bus: Tapped) -> None:
+    """Counted in cycles, a loop ten times too slow would be taken for a dead one."""
     bench.running("sync")
-    drive = drive_on(bench, bus)
+    clock = Hurried()
+    drive = CanopenDrive(bench.settings(), bus, STEP, DT, clock=clock)
     drive.enable()
+    begun = clock.now()
     bus.sent.clear()
     for _ in range(100):
+        clock.ahead += 10.0 * DT
         drive.sample()
         drive.apply(0.0)
-    assert bus.sent.count(frame(0x77F, b"\x05")) == 5  # 20 ms in cycles of 1 ms
+    assert 49 <= bus.sent.count(frame(0x77F, b"\x05")) <= (clock.now() - begun) / 0.02 + 1.0  # each 20 ms
     assert bus.sent.count(SYNC) == 100
 
 

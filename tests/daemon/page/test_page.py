@@ -64,7 +64,7 @@ class Viewed:
         return self.page
 
     def until(self, selector: str, words: str) -> None:
-        playwright.expect(self.page.locator(selector)).to_contain_text(words, timeout=30_000)
+        playwright.expect(self.page.locator(selector)).to_contain_text(words, timeout=PATIENCE)
 
     def shot(self, name: str) -> None:
         if SHOTS:
