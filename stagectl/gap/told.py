@@ -21,8 +21,10 @@ _PLACES = {  # a quantity that a gap is measured in, as a sentence calls it
     "force": "force gap",
     "current": "current gap",
 }
+_NOT_CLOSED = ("none", "not-identifiable")  # verdicts under which nothing was put into the model
 _BLIND = "These logs cannot tell what causes the gap."
 MOST = 3  # effects in the sentence, and values that are off
+_OF_ALL = " of the closable gap is"
 _SMALL = 0.005  # share that is not worth a word
 
 
@@ -36,7 +38,8 @@ def _none(found: Found) -> str:
 
 
 def _parameters(found: Found) -> str:
-    return f"No effect is missing, but values of the model are off: {_shares(found, found.named)}."
+    of = _OF_ALL if _shrinks(found) else ""
+    return f"No effect is missing, but values of the model are off: {_shares(found, found.named, of)}."
 
 
 def _effects(found: Found) -> str:
@@ -86,11 +89,15 @@ def _missing(found: Found) -> str:
     return f"{told}; values of the model are off, too: {_shares(found, values, '')}" if values else told
 
 
-def _shares(found: Found, those: Sequence[Effect], of: str = " of the closable gap is") -> str:
+def _shares(found: Found, those: Sequence[Effect], of: str = _OF_ALL) -> str:
     """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``."""
     first, *rest = sorted(those, key=lambda one: -one.share)[:MOST]
-    told = [f"{percent(first.share)}{of} {_with_value(first, found)}"]
-    told += [f"{percent(one.share)} {_with_value(one, found)}" for one in rest]
+    if _shrinks(found):
+        told = [f"{percent(first.share)}{of} {_with_value(first, found)}"]
+        told += [f"{percent(one.share)} {_with_value(one, found)}" for one in rest]
+    else:  # shares of a gap that stays are no shares
+        told = [f"{'the model lacks ' if of else ''}{_with_value(first, found)}"]
+        told += [_with_value(one, found) for one in rest]
     more = len(those) - MOST
     return ", ".join(told) + (f", and {more} smaller one{'s' if more > 1 else ''}" if more > 0 else "")
 
@@ -141,9 +148,17 @@ def _distance(found: Found) -> str:
         return ""
     what, gap = headline(found)
     (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, found)
-    size = f"{before} {unit}" if found.verdict in ("none", "not-identifiable") else f"{before} -> {after} {unit}"
+    size = f"{before} {unit}" if found.verdict in _NOT_CLOSED else f"{before} -> {after} {unit}"
     known = f"floor {floor} {unit}" if math.isfinite(gap.floor) else "floor not known: no run was repeated"
-    return f"{_capital(what)} {size} on held-out runs, {known}."
+    put_in = found.named and found.verdict not in _NOT_CLOSED
+    doubt = "" if _shrinks(found) or not put_in else ": not surely smaller, so only the forces speak for it"
+    return f"{_capital(what)} {size} on held-out runs, {known}{doubt}."
+
+
+def _shrinks(found: Found) -> bool:
+    """Whether the held-out runs say that the gap is smaller with what is named; at its floor they cannot."""
+    _, gap = headline(found)
+    return not gap.low <= 0.0  # unknown counts as before
 
 
 def headline(found: Found) -> tuple[str, Gap]:

@@ -146,3 +146,14 @@ def test_ambiguity_and_advice_in_words() -> None:
 def test_an_effect_nobody_has_described_is_shown_by_its_name() -> None:
     odd = Effect("brand_new_effect", (), 0.9, 0.5, {})
     assert "50 % of the closable gap is brand new effect." in found("effects", effects=(odd,)).sentence
+
+
+def test_a_gap_that_stays_is_not_told_in_shares() -> None:
+    """Near its floor the held-out position says nothing: what is named stands on the forces, and that is said."""
+    before = found("effects")
+    stays = before._replace(gaps={}, gap=Gap(9.2e-6, 1.06e-5, 5e-6, "rad", -0.46, -1.6, -0.2, 0.45))
+    said = told.sentence(stays)
+    assert said.startswith("The model lacks ")
+    assert "%" not in said and "closable" not in said
+    assert said.endswith("not surely smaller, so only the forces speak for it.")
+    assert "closable gap" in told.sentence(before) and "forces" not in told.sentence(before)
