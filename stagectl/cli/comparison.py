@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from stagectl.cli.motion import LAYERS, Channel, Json, StageArgument, TrajectoryArgument, Without, layers_without
+from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, typed
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
@@ -118,7 +118,7 @@ def compare(
 def engine(simulate: bool) -> None:
     """Compiled kernels where runs are simulated, else none in this process."""
     if not simulate:
-        os.environ["STAGECTL_KERNELS"] = "interpreted"
+        without_compiler()
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
         return
     from stagectl.kernels.jit import cold

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
@@ -35,7 +35,7 @@ def probe(
 
     Example: stagectl drive probe config/ball-screw.yaml
     """
-    os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
+    without_compiler()
     from stagectl.config.stage_file import load_stage
     from stagectl.drives.probe import probe as ask
     from stagectl.session import line_of, on_channel

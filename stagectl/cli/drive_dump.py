@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, progress
 
 
@@ -25,7 +25,7 @@ def dump(
 
     Example: stagectl drive dump config/ball-screw.yaml -o drive.dcf
     """
-    os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
+    without_compiler()
     from stagectl.config.stage_file import load_stage
     from stagectl.drives.dump import dump as read
     from stagectl.drives.dump import write_dcf

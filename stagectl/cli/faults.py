@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, progress
 from stagectl.units import StageError
 
@@ -35,7 +35,7 @@ def inject(
 
     Example: stagectl inject config/ball-screw.yaml encoder-stuck duration=0.5s
     """
-    os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
+    without_compiler()
     if show:
         _show(json)
         return
@@ -70,7 +70,7 @@ def selftest(
 
     Example: stagectl selftest config/ball-screw.yaml --report selftest.html
     """
-    os.environ["STAGECTL_KERNELS"] = "interpreted"
+    without_compiler()
     from stagectl.selftest import result
     from stagectl.session import drive_present
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from stagectl.cli.motion import Json
+from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, typed
 
 Folder = Annotated[
@@ -55,7 +55,7 @@ def diagnose(
 
     Example: stagectl gap diagnose recordings/gap-ball-screw --json -
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our own threads use both cores already
+    single_threaded_algebra()
     from stagectl.cli.gap_show import show
     from stagectl.config.stage_file import load_stage
     from stagectl.gap import diagnose as pipeline

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,6 +11,7 @@ from rich.table import Table
 
 from stagectl.cli.gap_diagnose import Exclude, Full
 from stagectl.cli.motion import Json
+from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, progress
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def fleet(
 
     Example: stagectl gap fleet captures/machine-*
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    single_threaded_algebra()
     from stagectl.gap.fleet import Machine
     from stagectl.gap.library_names import excluded
 

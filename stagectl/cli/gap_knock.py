@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Annotated
 
 import typer
@@ -10,6 +9,7 @@ from rich.table import Table
 
 from stagectl.cli.gap_diagnose import Folder, Full, StageFile
 from stagectl.cli.motion import Json
+from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit
 
 Into = Annotated[
@@ -37,7 +37,7 @@ def knock(
 
     Example: stagectl gap knock DATA_EMPS.mat --stage config/emps.yaml
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    single_threaded_algebra()
     from stagectl.config.stage_file import load_stage
     from stagectl.gap import diagnose as pipeline
     from stagectl.gap import folder as folders

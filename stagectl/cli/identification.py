@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +12,7 @@ import typer
 from rich.table import Table
 
 from stagectl.cli.motion import Json, StageArgument
+from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, typed
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
@@ -65,7 +65,7 @@ def identify(
 
     Example: stagectl identify least-squares config/emps.yaml recordings/emps.h5 --json -
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # tall and narrow matrices: a second thread only costs
+    single_threaded_algebra()
     from stagectl.config.stage_file import load_stage
     from stagectl.identification import methods
     from stagectl.identification.captures import held_out, opened, prepared

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli.motion import Json
+from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 
 Stages = Annotated[list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several: x=STAGE.yaml ...")]
@@ -31,7 +32,7 @@ def doctor(
 
     Example: stagectl doctor config/ball-screw.yaml
     """
-    os.environ["STAGECTL_KERNELS"] = "interpreted"
+    without_compiler()
     from stagectl.config.stage_file import load_stage
     from stagectl.daemon.client import default_socket
     from stagectl.daemon.doctor import examine

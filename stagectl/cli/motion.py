@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, said, stream, summary, tell
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
@@ -62,7 +63,7 @@ def run(
 
     Example: stagectl run config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
     """
-    os.environ["STAGECTL_KERNELS"] = "interpreted"  # nothing is simulated in this process
+    without_compiler()
     from stagectl.session import on_channel, perform, prepare
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
@@ -149,7 +150,7 @@ def virtual_drive(
 
     Example: stagectl virtual-drive config/ball-screw.yaml
     """
-    os.environ.setdefault("STAGECTL_KERNELS", "interpreted")
+    os.environ.setdefault("STAGECTL_KERNELS", "interpreted")  # compiled, its plant is lighter on the machine
     from stagectl.daemon.realtime import follow_parent
     from stagectl.daemon.virtual import serve, serve_odrive
     from stagectl.drives.drive import Odrive
@@ -193,7 +194,7 @@ def demo(
 
     Example: stagectl demo -o demo
     """
-    os.environ["STAGECTL_KERNELS"] = "interpreted"
+    without_compiler()
     from stagectl.demo import demo as show
 
     found = show(output, console.print, bar)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from stagectl.cli.motion import Lines
+from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, said, stream
 from stagectl.units import StageError
 
@@ -56,7 +57,7 @@ def serve(
 
     Example: stagectl serve config/ball-screw.yaml
     """
-    os.environ["STAGECTL_KERNELS"] = "interpreted"
+    without_compiler()
     try:
         from stagectl.daemon.server import run
     except ModuleNotFoundError as error:
