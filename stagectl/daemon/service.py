@@ -77,6 +77,8 @@ class Service:
         if mark.exists():
             self.note("", "service_died", "the service ended without being told to; the axes were stopped without it")
         mark.write_text(str(os.getpid()))
+        for name in self.recordings.tidy():
+            self.say(f"the black box {name} was cut off while it was written; the rows that it has are kept")
         self._present_drives()
         self._start()
 
