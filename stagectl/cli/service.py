@@ -10,6 +10,7 @@ import typer
 
 from stagectl.cli.motion import Lines
 from stagectl.cli.show import console, emit, said, stream
+from stagectl.daemon import leaving
 from stagectl.units import StageError
 
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
@@ -56,6 +57,7 @@ def serve(
 
     Example: stagectl serve config/ball-screw.yaml
     """
+    leaving.hold_back()
     os.environ["STAGECTL_KERNELS"] = "interpreted"
     try:
         from stagectl.daemon.server import run

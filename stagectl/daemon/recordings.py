@@ -121,12 +121,13 @@ class Recordings:
                 self._running[name] = running._replace(told=True)
         return failed
 
-    def cut(self) -> None:
-        """The real-time process is gone: what was being recorded ends here, and says so."""
-        for running in self._running.values():
-            os.close(running.pipe)
-            running.child.wait(_END)
+    def cut(self) -> list[tuple[Child, float]]:
+        """The real-time process is gone: what was being recorded ends here; recorders, and what (s) each may take."""
+        gone = list(self._running.values())
         self._running.clear()
+        for running in gone:
+            os.close(running.pipe)
+        return [(running.child, _END) for running in gone]
 
     def told(self, axis: Manned) -> dict[str, Any] | None:
         """The recording of an axis that goes on."""

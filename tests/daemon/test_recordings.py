@@ -84,7 +84,8 @@ def test_the_end_of_the_real_time_process_is_written_down(axis: Manned, tmp_path
     recordings = Recordings(tmp_path)
     write(axis, 10)
     path = recordings.begin(axis, "cut", 1.0, 3600.0)
-    recordings.cut()
+    for child, patience in recordings.cut():
+        assert child.wait(patience) == 0
     found = open_recording(path)
     assert not found.complete
     assert found.ended == "the loop process died"
