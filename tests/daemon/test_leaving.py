@@ -51,19 +51,25 @@ MOMENTS: dict[str, Callable[[Served], bool]] = {
 }
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("moment", MOMENTS)
-def test_a_signal_that_comes_early(tmp_path: Path, moment: str, number: int) -> None:
-    """It has no drive on its bus: it starts one, which has to leave with it."""
-    machine = Served(tmp_path)
-    with (tmp_path / "log").open("w") as log:
+def begun(folder: Path, moment: str) -> tuple[Served, subprocess.Popen[str]]:
+    """A service that has come to this moment of its start."""
+    machine = Served(folder)
+    with (folder / "log").open("w") as log:
         machine.process = subprocess.Popen(machine.command, cwd=ROOT, stderr=log, text=True)
     end = time.monotonic() + PATIENCE
     while not MOMENTS[moment](machine):
         assert machine.process.poll() is None and time.monotonic() < end, machine.log
         time.sleep(0.001)
-    machine.process.send_signal(number)
-    assert machine.process.wait(PATIENCE) == 0, machine.log
+    return machine, machine.process
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_a_signal_that_comes_early(tmp_path: Path, moment: str, number: int) -> None:
+    """It has no drive on its bus: it starts one, which has to leave with it."""
+    machine, process = begun(tmp_path, moment)
+    process.send_signal(number)
+    assert process.wait(PATIENCE) == 0, machine.log
     assert "stopped: all its processes have ended" in machine.log and "Traceback" not in machine.log
     assert not machine.socket.exists() and not (tmp_path / "state" / "running").exists()
     assert within(PATIENCE, lambda: processes(tmp_path) == []), processes(tmp_path)
@@ -102,3 +108,12 @@ def test_it_answers_while_its_real_time_process_is_restarted(machine: Served) ->
     assert machine.process is not None
     machine.process.send_signal(signal.SIGTERM)
     assert machine.process.wait(PATIENCE) == 0, machine.log
+
+
+@pytest.mark.parametrize("moment", ["it has started a drive", "its processes start"])
+def test_killed_while_its_processes_start(tmp_path: Path, moment: str) -> None:
+    """None of them outlives it, though the kernel tells only those that have asked it to by then."""
+    _, process = begun(tmp_path, moment)
+    process.kill()
+    process.wait()
+    assert within(PATIENCE, lambda: processes(tmp_path) == []), processes(tmp_path)
