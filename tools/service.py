@@ -29,7 +29,8 @@ import numpy as np
 from stagectl.daemon.client import RefusedError
 from stagectl.recording.hdf5 import open_recording
 from stagectl.units import StageError
-from tests.daemon.serving import SILENCE, Served, served
+from tests.conftest import SILENCE
+from tests.daemon.serving import Served, served
 
 
 class Victim(NamedTuple):
