@@ -23,6 +23,7 @@ from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.evaluation import evaluate
 from stagectl.kernels.law import Setpoint
 from stagectl.plan import plan
+from stagectl.recording.claim import sweep
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair, save
 from stagectl.recording.learned import Learned, check, load, nothing
 from stagectl.recording.meta import describe
@@ -151,6 +152,7 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     """
     if isinstance(motion.setup.file.drive.wire, Canopen):
         canopen(motion.setup)
+    sweep(motion.recording.parent)
     for path in sorted(motion.recording.parent.glob("*.h5")):
         with contextlib.suppress(RecordingError, OSError):  # no recording of ours: none of our business
             if path.is_file() and repair(path):

@@ -11,6 +11,7 @@ import typer
 from stagectl.cli.motion import Lines
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, said, stream
+from stagectl.daemon import leaving
 from stagectl.units import StageError
 
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
@@ -57,6 +58,7 @@ def serve(
 
     Example: stagectl serve config/ball-screw.yaml
     """
+    leaving.hold_back()
     without_compiler()
     try:
         from stagectl.daemon.server import run

@@ -25,6 +25,7 @@ from stagectl.recording.ring import Ring
 
 POLL = 0.05  # s
 BEFORE, AFTER = 10.0, 2.0  # s kept of either side of a fault
+UNFINISHED = ".unfinished"  # in place of .h5, until all rows are there
 _PATIENCE = 5.0  # s for the rows after the fault: a lost drive gives none
 
 
@@ -72,7 +73,7 @@ class Watcher:
         folder.mkdir(parents=True, exist_ok=True)
         path = _fresh(folder, name)
         meta = {**self.p.meta, "blackbox": {"fault": name, "words": words, "fault_row": row - first}}
-        unfinished = path.with_suffix(".unfinished")
+        unfinished = path.with_suffix(UNFINISHED)
         writer = Writer(unfinished, meta, self.p.columns)
         writer.append(np.frombuffer(rows).tobytes())
         writer.close(words, 0)

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from stagectl.daemon.realtime import PARENT
 from stagectl.recording.ring import Ring
 
 _PATIENCE = 180.0  # s for a companion to be ready: it may have to compile
@@ -90,7 +91,7 @@ def start(module: str, descriptors: tuple[int, ...], kernels: str) -> Child:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         pass_fds=descriptors,
-        env={**os.environ, "STAGECTL_KERNELS": kernels},
+        env={**os.environ, "STAGECTL_KERNELS": kernels, PARENT: str(os.getpid())},
     )
     return Child(process)
 

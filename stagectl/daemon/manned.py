@@ -32,6 +32,7 @@ from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
 
 _CALM = 0.7  # of what the axis can be braked with: the controller needs the rest
 _JERK_TIME = 0.02  # s in which a move's acceleration rises, unless a jerk is asked for
+RESTARTING = "restarting: its real-time process died, a new one is coming up; nothing moves, no order is taken"
 BLACKBOX = 14.0  # s that the ring holds at least
 COLUMNS = (*rollout.COLUMNS, "state")
 
@@ -156,7 +157,7 @@ class Manned:
         return {
             "axis": self.name,
             "state": state.name.lower(),
-            "state_words": state.words,
+            "state_words": state.words if now.tick else RESTARTING,
             "fault": fault.name.lower() if fault else "",
             "words": self.board.words if fault or state is State.OFFLINE else "",
             "unit": unit,

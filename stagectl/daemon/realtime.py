@@ -11,14 +11,17 @@ from collections.abc import Callable
 
 from stagectl.drives.clock import WALL, Clock
 
+PARENT = "STAGECTL_PARENT"  # environment of a child: the process id of who started it
 _MCL_CURRENT_AND_FUTURE = 3
 _PR_SET_PDEATHSIG = 1
 _PR_SET_TIMERSLACK = 29
 
 
 def follow_parent() -> None:
-    """Have the kernel send SIGTERM when the process that started this one dies, however it dies."""
+    """Have the kernel send SIGTERM when the process that started this one dies, however and whenever it dies."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+    if os.environ.get(PARENT, str(os.getppid())) != str(os.getppid()):  # it was dead before the kernel was asked
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 def prepare(priority: int, cpu: int | None) -> list[str]:

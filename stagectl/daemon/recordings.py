@@ -7,12 +7,16 @@ import functools
 import os
 import re
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.config.machine_file import text_of
+from stagectl.daemon.blackbox import UNFINISHED
 from stagectl.daemon.child import Child, start
 from stagectl.daemon.manned import COLUMNS, Manned, ServiceError
+from stagectl.recording.claim import being_written, discard, sweep
+from stagectl.recording.hdf5 import RecordingError, repair
 from stagectl.recording.meta import of_axis
 from stagectl.recording.recorder import ENOUGH, Order
 
@@ -76,6 +80,19 @@ class Recordings:
         self._running[axis.name] = _Running(axis.name, path, child, writing, first, until)
         return path
 
+    def tidy(self) -> Iterator[str]:
+        """Take away what killed processes have begun; black boxes that one was writing keep their rows: their names.
+
+        What is still being written is left alone, as by the black box of a service that has just died.
+        """
+        for folder in [folder for kind in KINDS for folder in (self._state / kind).glob("*/")]:
+            sweep(folder)
+            for left in folder.glob(f"*{UNFINISHED}"):
+                with contextlib.suppress(OSError, RecordingError):
+                    if not being_written(left):
+                        repair(left)
+                        yield left.rename(left.with_suffix(".h5")).name
+
     def end(self, name: str) -> Path:
         """End the recording of an axis; returns when its file is whole.  Raises ServiceError where there is none."""
         running = self._running.pop(name, None)
@@ -84,6 +101,7 @@ class Recordings:
         _tell(running)
         os.close(running.pipe)
         code = running.child.wait(_END)
+        discard(running.path)
         if code or not running.path.exists():
             raise ServiceError(f"{running.path}: the recorder failed ({code}); see the service's messages")
         return running.path
@@ -96,18 +114,20 @@ class Recordings:
                 del self._running[name]
                 os.close(running.pipe)
                 if running.child.wait(_END):
+                    discard(running.path)
                     failed.append(name)
             elif time.monotonic() > running.until and not running.told:
                 _tell(running)
                 self._running[name] = running._replace(told=True)
         return failed
 
-    def cut(self) -> None:
-        """The real-time process is gone: what was being recorded ends here, and says so."""
-        for running in self._running.values():
-            os.close(running.pipe)
-            running.child.wait(_END)
+    def cut(self) -> list[tuple[Child, float]]:
+        """The real-time process is gone: what was being recorded ends here; recorders, and what (s) each may take."""
+        gone = list(self._running.values())
         self._running.clear()
+        for running in gone:
+            os.close(running.pipe)
+        return [(running.child, _END) for running in gone]
 
     def told(self, axis: Manned) -> dict[str, Any] | None:
         """The recording of an axis that goes on."""

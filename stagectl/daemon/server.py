@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import signal
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ from typing import Any, NamedTuple
 
 import uvicorn
 
+from stagectl.daemon import leaving
 from stagectl.daemon.door import Guard, Keys, SameSite, secret
 from stagectl.daemon.http import application
 from stagectl.daemon.manned import ServiceError
@@ -22,6 +22,7 @@ from stagectl.daemon.page import assets
 from stagectl.daemon.page.routes import Port
 from stagectl.daemon.service import Service
 
+_AT_ONCE = 0.2  # s
 _OWNERS = 0o660  # of the socket: who is neither its owner nor in its group cannot move anything
 
 
@@ -51,6 +52,7 @@ def run(service: Service, tcp: Tcp | None) -> None:
 
 
 async def _run(service: Service, tcp: Tcp | None) -> None:
+    stopped = leaving.told()
     listening = unix_socket(service.where.socket)
     ports = [listening]
     keys, address = None, None
@@ -65,21 +67,36 @@ async def _run(service: Service, tcp: Tcp | None) -> None:
     if tcp is not None and keys is not None:
         service.say(f"live page: {address}#{keys.key}" if tcp.virtual else f"live page: {address} (`stagectl page`)")
         threading.Thread(target=_plots, args=(service.say,), daemon=True).start()
-    service.begin()
     try:
-        await _until_stopped(service, servers)
+        if await _begun(service, stopped):
+            await _until_stopped(service, servers, stopped)
     finally:
         notify("STOPPING=1")
         service.end()
+        service.say("stopped: all its processes have ended")
         for one in ports:
             one.close()
         service.where.socket.unlink(missing_ok=True)
 
 
-async def _until_stopped(service: Service, servers: list[tuple[_Server, list[socket.socket]]]) -> None:
-    stopped = asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        asyncio.get_running_loop().add_signal_handler(number, stopped.set)
+async def _begun(service: Service, stopped: asyncio.Event) -> bool:
+    """Begin; False where it was told to leave over it.  Raises ServiceError."""
+    beginning, waiting = asyncio.create_task(service.begin()), asyncio.create_task(stopped.wait())
+    await asyncio.wait([beginning, waiting], return_when=asyncio.FIRST_COMPLETED)
+    if beginning.done() and beginning.exception():  # systemd tells all processes at once: a child may be the first
+        await asyncio.wait([waiting], timeout=_AT_ONCE)
+    waiting.cancel()
+    if stopped.is_set():
+        beginning.cancel()
+        await asyncio.wait([beginning])
+        return False
+    await beginning
+    return True
+
+
+async def _until_stopped(
+    service: Service, servers: list[tuple[_Server, list[socket.socket]]], stopped: asyncio.Event
+) -> None:
     serving = [asyncio.create_task(server.serve(sockets=sockets)) for server, sockets in servers]
     watching, waiting = asyncio.create_task(service.watch()), asyncio.create_task(stopped.wait())
     notify("READY=1", f"STATUS={service.words()}")

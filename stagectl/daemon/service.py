@@ -20,20 +20,17 @@ import contextlib
 import fcntl
 import json
 import os
-import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.daemon import virtual
-from stagectl.daemon.axes import Post
-from stagectl.daemon.blackbox import Box
+from stagectl.daemon import processes, virtual
 from stagectl.daemon.board import PENDING, TAKEN, Order, Status
 from stagectl.daemon.child import Child, start
-from stagectl.daemon.manned import COLUMNS, Manned, ServiceError
+from stagectl.daemon.manned import Manned, ServiceError
 from stagectl.daemon.notify import notify
-from stagectl.daemon.recordings import Recordings, about
+from stagectl.daemon.recordings import Recordings
 from stagectl.daemon.states import Event, State, why_not
 from stagectl.drives.drive import Canopen, Fault
 from stagectl.evaluation import DWELL
@@ -41,8 +38,9 @@ from stagectl.evaluation import DWELL
 LOOK = 0.02  # s between two looks at the processes
 _ANSWER = 2.0  # s in which the loop takes an order; longer only while it configures a drive
 _LOCK = 20.0  # s to wait for an earlier process that still stops its axes
+_LEAVE, _WRITE = 15.0, 10.0  # s for the end of the real-time process, and of a black box
+_UP = 120.0  # s that a new real-time process may take to be there: import, and the drives' answers
 _SETTLE = 3.0  # s after a motion in which the axis must be in position
-_RAMP = 0.5  # s that a drive's own ramp may take
 _DEATHS, _DEATH_TIME = 5, 60.0  # as many ends of the real-time process within that time, s, and the service gives up
 _KEPT = 200  # entries of the fault list
 
@@ -61,42 +59,53 @@ class Service:
         self.axes, self.where, self.coupled, self.say = axes, where, coupled, say
         self.faults: collections.deque[dict[str, Any]] = collections.deque(maxlen=_KEPT)
         self.refused: list[str] = []
-        self._seen: dict[str, int] = {}
-        self._drives: list[subprocess.Popen[str]] = []
+        self._seen = dict.fromkeys(axes, 0)
         self._deaths: list[float] = []
-        self._lock = -1
+        self._restarting: asyncio.Task[None] | None = None
+        self._ends = contextlib.ExitStack()  # of what has been begun, the last one first
         self.recordings = Recordings(where.state)
 
     # begin and end
 
-    def begin(self) -> None:
-        """Take the machine, start its processes; the drives are configured, nothing has power."""
+    async def begin(self) -> None:
+        """Take the machine, start its processes; the drives are configured, nothing has power.
+
+        It may be cancelled: `end` undoes what there is.  Raises ServiceError.
+        """
         self.where.state.mkdir(parents=True, exist_ok=True)
-        self._take_lock()
+        await self._take_lock()
         mark = self.where.state / "running"
         if mark.exists():
             self.note("", "service_died", "the service ended without being told to; the axes were stopped without it")
         mark.write_text(str(os.getpid()))
+        self._ends.callback(_unlink, mark)
+        for name in self.recordings.tidy():
+            self.say(f"the black box {name} was cut off while it was written; the rows that it has are kept")
         self._present_drives()
-        self._start()
+        self._spawn()
+        self._ends.callback(self._stop)
+        await self._up()
 
     def end(self) -> None:
         """Stop what moves, end the processes, give the machine back."""
-        self._loop.terminate()
-        self._loop.wait(15.0)
-        for box in self._boxes.values():
-            box.wait(10.0)
-        self.recordings.cut()
-        for drive in self._drives:
-            drive.terminate()
-            drive.wait()
-        with contextlib.suppress(OSError):
-            (self.where.state / "running").unlink()
-        os.close(self._lock)
+        if self._restarting is not None:
+            self._restarting.cancel()
+        self._ends.close()
 
-    def _take_lock(self) -> None:
+    def _stop(self) -> None:
+        self._loop.terminate()
+        self._loop.wait(_LEAVE)
+        for child, patience in self._companions():
+            child.wait(patience)
+
+    def _companions(self) -> list[tuple[Child, float]]:
+        """All that lives by the real-time process, and how long (s) its end may take; recordings end here."""
+        return [*((box, _WRITE) for box in self._boxes.values()), *self.recordings.cut()]
+
+    async def _take_lock(self) -> None:
         """One service a machine; the processes of an earlier one hold the lock until their axes stand."""
         self._lock = os.open(self.where.state / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+        self._ends.callback(os.close, self._lock)
         end = time.monotonic() + _LOCK
         while True:
             try:
@@ -107,7 +116,7 @@ class Service:
                     raise ServiceError(
                         f"{self.where.state} belongs to another service that runs: stop it first"
                     ) from error
-                time.sleep(0.1)
+                await asyncio.sleep(0.1)
 
     def _present_drives(self) -> None:
         """Virtual drives where the embedded bus has none."""
@@ -115,43 +124,37 @@ class Service:
             wire = axis.setup.file.drive.wire
             if isinstance(wire, Canopen) and wire.interface == "embedded" and not virtual.answers(wire):
                 self.say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
-                seed = axis.setup.file.simulation.seed
-                self._drives.append(virtual.start(axis.setup.path, wire.channel, seed))
+                drive = virtual.start(axis.setup.path, wire.channel, axis.setup.file.simulation.seed)
+                self._ends.callback(drive.wait)
+                self._ends.callback(drive.terminate)
 
-    def _start(self) -> None:
+    def _spawn(self) -> None:
+        """Start the real-time process and the black boxes: from this thread, whose end would be theirs."""
         self._alive, held = os.pipe()
         axes = list(self.axes.values())
         shared = [descriptor for axis in axes for descriptor in (axis.ring.descriptor, axis.board.descriptor)]
         self._loop = start("stagectl.daemon.axes", (*shared, held, self._lock), "interpreted")
         os.close(held)
-        self._loop.send(self._post())
+        self._loop.send(processes.post(list(self.axes.values()), self.coupled))
         self._boxes = {name: self._box(axis) for name, axis in self.axes.items()}
+
+    async def _up(self) -> None:
+        """Wait until the real-time process has looked for its drives.  Raises ServiceError where it does not come."""
+        end = time.monotonic() + _UP
+        while not self._loop.readable(0.0):
+            if time.monotonic() > end:
+                raise ServiceError(f"the real-time process was not there after {_UP:.0f} s; see the messages above")
+            await asyncio.sleep(LOOK)
         line = self._loop.line()
         if not line:
             raise ServiceError("the real-time process did not start; see the messages above")
         self.refused = json.loads(line)["refused"]
-        self._seen = {axis.name: 0 for axis in axes}
-        for axis in axes:
+        for axis in self.axes.values():
             if axis.state is State.OFFLINE:
                 self.say(f"{axis.name}: {axis.board.words}")
 
-    def _post(self) -> Post:
-        first = next(iter(self.axes.values()))
-        realtime = first.setup.file.realtime
-        orders = tuple(axis.orders() for axis in self.axes.values())
-        # A plant in this process takes longer than its period: at real-time priority it would starve the machine.
-        priority = realtime.priority if all(order.wire for order in orders) else 0
-        capacity = first.ring.capacity
-        return Post(orders, first.setup.dt, priority, realtime.cpu, len(COLUMNS), capacity, self.coupled, realtime.spin)
-
     def _box(self, axis: Manned) -> Child:
-        meta = about(axis, "black box")
-        folder = str(self.where.state / "blackbox" / axis.name)
-        ring, board = axis.ring, axis.board.descriptor
-        box = start("stagectl.daemon.blackbox", (ring.descriptor, board, self._alive), "interpreted")
-        dt, faults = axis.setup.dt, int(axis.status.faults)
-        box.send(Box(ring.descriptor, ring.width, ring.capacity, board, self._alive, folder, meta, COLUMNS, dt, faults))
-        return box
+        return processes.box(axis, self.where.state, self._alive)
 
     # what goes on by itself
 
@@ -163,10 +166,10 @@ class Service:
             for axis in self.axes.values():
                 axis.fill()
                 self._notice(axis)
-            await self._revive()
+            self._revive()
             for name in self.recordings.look():
                 self.note(name, "recorder_died", "the recorder failed; see the messages above, and `df`")
-            if self.alive() and time.monotonic() - petted > 0.5:
+            if (self.alive() or self._restarting) and time.monotonic() - petted > 0.5:
                 petted = time.monotonic()
                 notify("WATCHDOG=1", f"STATUS={self.words()}")
 
@@ -191,31 +194,37 @@ class Service:
             self.note(axis.name, Fault(int(status.fault)).name.lower(), axis.board.words)
             axis.finished(False)
 
-    async def _revive(self) -> None:
-        """Processes that died are started again; the axes come back without power, after the drives have stopped."""
+    def _revive(self) -> None:
+        """Processes that died are started again; whoever asks meanwhile is answered, see `Manned.told`."""
         for name, box in self._boxes.items():
             if box.ended is not None and self._loop.ended is None:
                 self.note(name, "blackbox_died", f"the black box ended ({box.ended}); a new one watches")
                 box.wait()  # it has ended: its pipes go
                 self._boxes[name] = self._box(self.axes[name])
-        if self._loop.ended is None:
-            return
+        if self._restarting is not None and self._restarting.done():
+            self._restarting.result()
+            self._restarting = None
+        if self._restarting is None and self._loop.ended is not None:
+            self._restarting = asyncio.create_task(self._restart(self._loop.ended))
+
+    async def _restart(self, ended: int) -> None:
+        """A new real-time process; the axes come back without power, after the drives have stopped."""
         now = time.monotonic()
         self._deaths = [when for when in self._deaths if now - when < _DEATH_TIME] + [now]
-        words = f"the real-time process died ({_exit(self._loop.ended)}); the drive stops by its own time-outs"
+        words = f"the real-time process died ({processes.ending(ended)}); the drive stops by its own time-outs"
         self.note("", "process_died", f"{words}. A new one comes up after them; next: `stagectl enable`")
         if len(self._deaths) > _DEATHS:
             raise ServiceError(f"the real-time process died {len(self._deaths)} times in {_DEATH_TIME:.0f} s: given up")
         for axis in self.axes.values():  # at once: what the dead one showed last is true no more
             axis.renew()
             axis.board.show(Status(state=State.CONNECTING))
+            self._seen[axis.name] = 0
+        for child, patience in [(self._loop, _LEAVE), *self._companions()]:
+            await asyncio.to_thread(child.wait, patience)
+        await asyncio.sleep(max(map(processes.silence, self.axes.values())))
         os.close(self._alive)
-        for child in (self._loop, *self._boxes.values()):
-            await asyncio.to_thread(child.wait, 10.0)
-        await asyncio.to_thread(self.recordings.cut)
-        await asyncio.sleep(max(map(_silence, self.axes.values())))
-        notify("WATCHDOG=1")  # the new one has the whole time to come up
-        self._start()
+        self._spawn()
+        await self._up()
 
     # orders
 
@@ -275,11 +284,6 @@ class Service:
         return False
 
 
-def _silence(axis: Manned) -> float:
-    """Time (s) after which the drive has stopped by itself; sooner a new configuration would disturb its ramp."""
-    wire = axis.setup.file.drive.wire
-    return max(wire.heartbeat_timeout, wire.rpdo_timeout) + _RAMP if isinstance(wire, Canopen) else 0.0
-
-
-def _exit(code: int) -> str:
-    return f"signal {-code}" if code < 0 else f"exit {code}"
+def _unlink(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        path.unlink()

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stagectl.config.stage_file import Setup
+from stagectl.daemon.realtime import PARENT
 from stagectl.drives.bus import Bus, open_bus
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Odrive
@@ -50,7 +51,12 @@ def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
     options = ["--channel", channel, "--seed", str(seed), "--follow"]
     command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage_file), *options]
     process = subprocess.Popen(  # a session of its own: a Ctrl-C is for the controller, which stops the axis
-        command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True, start_new_session=True
+        command,
+        stdout=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, PARENT: str(os.getpid())},
     )
     assert process.stdout is not None
     with process.stdout:

@@ -7,8 +7,8 @@
     /samples  (n,)  one compound row per control period, float64 columns in SI units; unit and meaning of
                     each column as JSON in its attributes
 
-While it is written the file is in SWMR mode: others may read along.  If the writer dies, HDF5 leaves a mark that
-it is still open; `open_recording` then rewrites the file once, whole.
+It appears under its name when it can be read, see `claim`.  While it is written it is in SWMR mode: others may read
+along.  If the writer dies, HDF5 leaves a mark that it is still open; `repair` then rewrites the file once, whole.
 
 HDF5 does not survive a write that fails.  So the room for each block is taken from the file system beforehand, and
 what the end has to say is there from the beginning, as long as it can get: a disk that is full costs rows, no file.
@@ -17,19 +17,20 @@ what the end has to say is there from the beginning, as long as it can get: a di
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import law, rollout
-from stagectl.units import Quantity, StageError, quantity_of
+from stagectl.recording.claim import RecordingError as RecordingError
+from stagectl.recording.claim import beginning, being_written, claimed
+from stagectl.units import Quantity, quantity_of
 
 FORMAT = "stagectl-recording/1"
 BLOCK = 512  # rows: chunk size, and what a crash costs at most
@@ -37,10 +38,6 @@ GAPS = 32  # that a file can mark; further ones are added to the last
 _MARGIN, _EACH = 1 << 14, 256  # bytes of room for what HDF5 keeps beside the rows: at once, and with each block
 _LONGEST = 480  # bytes of the reason of the end
 _CUT_OFF = "the recorder was cut off: the rows end at its last block"
-
-
-class RecordingError(StageError):
-    """A file that is no recording, or one that lacks what was asked for."""
 
 
 class DamagedError(RecordingError):
@@ -93,20 +90,28 @@ class Writer:
     def __init__(self, path: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
         self.path = path
         self._dtype = np.dtype([(name, "<f8") for name in columns])
-        self._held, self._room = _claimed(path), 0
+        if path.is_file() and path.stat().st_size and not _ours(path):
+            raise RecordingError(f"{path} is no recording and is left as it is: choose another file with -o")
+        place = path.resolve()  # a link stays one
+        self._held, self._room = claimed(place), 0
         try:
-            self._reserve(_MARGIN)
-        except RecordingError:
+            self._lay_out(beginning(place), meta, columns)
+            os.replace(beginning(place), place)
+        except (OSError, RuntimeError, RecordingError):
+            beginning(place).unlink(missing_ok=True)
             self._held.close()
             raise
-        self._file = h5py.File(path, "w", libver="latest")
+
+    def _lay_out(self, place: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
+        """All that makes it a file that can be read, and room for the first rows."""
+        self._reserve(_MARGIN)
+        self._file = h5py.File(place, "w", libver="latest")
         self._file.attrs.update({"format": FORMAT, "created": meta["created"], "meta": json.dumps(meta)})
         self._file.attrs.update(_ending(_CUT_OFF, False, 0, ()))
         self._samples = self._file.create_dataset("samples", (0,), self._dtype, maxshape=(None,), chunks=(BLOCK,))
         self._samples.attrs.update(_column_attributes(meta["axis"], columns))
         self._file.flush()
         self._file.swmr_mode = True
-        fcntl.lockf(self._held, fcntl.LOCK_EX)  # again: it goes whenever HDF5 closes a descriptor of the file
         self._room = os.fstat(self._held.fileno()).st_size
         self._reserve(_MARGIN)
 
@@ -168,25 +173,6 @@ def _column_attributes(axis: dict[str, Any], columns: tuple[str, ...]) -> dict[s
     return {"units": json.dumps(units), "meanings": json.dumps({n: known[n].meaning for n in units})}
 
 
-def _claimed(path: Path) -> IO[bytes]:
-    """The file, locked for as long as its writer lives; HDF5 itself gives its lock up in SWMR mode.
-
-    Raises RecordingError where another writer has it, or it cannot be written.
-    """
-    if path.is_file() and path.stat().st_size and not _ours(path):
-        raise RecordingError(f"{path} is no recording and is left as it is: choose another file with -o")
-    try:
-        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "r+b")
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be written: {error.strerror}; choose another file with -o") from error
-    try:
-        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        file.close()
-        raise RecordingError(f"{path} is being written by another run: choose another file with -o") from error
-    return file
-
-
 def _ours(path: Path) -> bool:
     """Whether a file may be written over: a recording, whole or cut off."""
     try:
@@ -194,14 +180,6 @@ def _ours(path: Path) -> bool:
             return str(file.attrs.get("format")) == FORMAT
     except RecordingError:
         return False
-
-
-def _being_written(path: Path) -> bool:
-    try:
-        _claimed(path).close()
-    except RecordingError:
-        return True
-    return False
 
 
 def save(path: Path, meta: dict[str, Any], samples: NDArray[Any], ended: str, complete: bool = True) -> None:
@@ -276,7 +254,7 @@ def repair(path: Path) -> bool:
         h5py.File(path, "r").close()
         return False
     except OSError:
-        if _being_written(path):
+        if being_written(path):
             return False
         recording = open_recording(path)
     fresh = path.with_suffix(".repaired")

@@ -148,7 +148,7 @@ class Served:
         self.ask("POST", "move", by={"axis": "20 mm"}, speed="5 mm/s", wait=False)
         self.until(lambda axis: axis["state"] == "moving" and axis["progress"] > 0.1)
 
-    def drive_says(self, seconds: float = 60.0) -> str:
+    def drive_says(self, seconds: float = 300.0) -> str:
         """The virtual drive's next line; it must come within so long."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from pathlib import Path
 
@@ -10,8 +11,9 @@ import pytest
 
 from stagectl.daemon.machine import machine
 from stagectl.daemon.manned import COLUMNS, Manned, ServiceError
-from stagectl.daemon.recordings import Recordings
-from stagectl.recording.hdf5 import open_recording
+from stagectl.daemon.recordings import Recordings, about
+from stagectl.recording.claim import beginning, claimed
+from stagectl.recording.hdf5 import Writer, open_recording
 from tests.conftest import CONFIG
 
 PATIENCE = 60.0  # s: the machine is shared
@@ -82,11 +84,43 @@ def test_the_end_of_the_real_time_process_is_written_down(axis: Manned, tmp_path
     recordings = Recordings(tmp_path)
     write(axis, 10)
     path = recordings.begin(axis, "cut", 1.0, 3600.0)
-    recordings.cut()
+    for child, patience in recordings.cut():
+        assert child.wait(patience) == 0
     found = open_recording(path)
     assert not found.complete
     assert found.ended == "the loop process died"
     assert len(found.samples) == 10
+
+
+def test_what_killed_processes_have_left_is_cleared_away_or_kept(axis: Manned, tmp_path: Path) -> None:
+    recordings, folder = Recordings(tmp_path), tmp_path / "blackbox" / "axis"
+    folder.mkdir(parents=True)
+    beginning(folder / "one.unfinished").write_bytes(bytes(100))
+    rows = np.zeros(3, dtype=[(name, "<f8") for name in COLUMNS])
+    going_on = Writer(folder / "two.unfinished", about(axis, "black box"), COLUMNS)
+    going_on.append(rows.tobytes())
+    writing = claimed(folder / "three.unfinished")
+    assert list(recordings.tidy()) == []
+    assert sorted(path.name for path in folder.iterdir()) == ["three.unfinished.begun", "two.unfinished"]
+    going_on._held.close()  # as the kernel does when it is killed
+    writing.close()
+    assert list(recordings.tidy()) == ["two.h5"]
+    assert [path.name for path in folder.iterdir()] == ["two.h5"]
+    found = open_recording(folder / "two.h5")
+    assert len(found.samples) == 3 and not found.complete
+
+
+def test_a_recorder_killed_before_its_file_can_be_read(axis: Manned, tmp_path: Path) -> None:
+    recordings = Recordings(tmp_path)
+    path = recordings.begin(axis, "early", 0.0, 3600.0)
+    running = recordings._running["axis"]
+    running.child.signal(signal.SIGKILL)
+    while running.child.ended is None:
+        time.sleep(0.01)
+    with claimed(path):  # what it leaves where it was killed over it
+        pass
+    assert recordings.look() == ["axis"]
+    assert list(path.parent.iterdir()) == [] == recordings.files()
 
 
 @pytest.mark.parametrize("name", ["../one", "a/b", ".hidden", "x" * 81, "a\x00", "ü"])

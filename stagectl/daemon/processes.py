@@ -1,0 +1,47 @@
+"""What the service's processes are told as they start, and what their ends mean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from stagectl.daemon.axes import Post
+from stagectl.daemon.blackbox import Box
+from stagectl.daemon.child import Child, start
+from stagectl.daemon.manned import COLUMNS, Manned
+from stagectl.daemon.recordings import about
+from stagectl.drives.drive import Canopen
+
+_RAMP = 0.5  # s that a drive's own ramp may take
+
+
+def post(axes: list[Manned], coupled: bool) -> Post:
+    """The order of the real-time process."""
+    first = axes[0]
+    realtime = first.setup.file.realtime
+    orders = tuple(axis.orders() for axis in axes)
+    # A plant in this process takes longer than its period: at real-time priority it would starve the machine.
+    priority = realtime.priority if all(order.wire for order in orders) else 0
+    capacity = first.ring.capacity
+    return Post(orders, first.setup.dt, priority, realtime.cpu, len(COLUMNS), capacity, coupled, realtime.spin)
+
+
+def box(axis: Manned, state: Path, alive: int) -> Child:
+    """A black box of this axis, started; `alive` is the pipe that the real-time process holds."""
+    meta = about(axis, "black box")
+    folder = str(state / "blackbox" / axis.name)
+    ring, board = axis.ring, axis.board.descriptor
+    found = start("stagectl.daemon.blackbox", (ring.descriptor, board, alive), "interpreted")
+    dt, faults = axis.setup.dt, int(axis.status.faults)
+    found.send(Box(ring.descriptor, ring.width, ring.capacity, board, alive, folder, meta, COLUMNS, dt, faults))
+    return found
+
+
+def silence(axis: Manned) -> float:
+    """Time (s) after which the drive has stopped by itself; sooner a new configuration would disturb its ramp."""
+    wire = axis.setup.file.drive.wire
+    return max(wire.heartbeat_timeout, wire.rpdo_timeout) + _RAMP if isinstance(wire, Canopen) else 0.0
+
+
+def ending(code: int) -> str:
+    """An exit code in words."""
+    return f"signal {-code}" if code < 0 else f"exit {code}"

@@ -1,0 +1,119 @@
+"""A service that is told to leave before it is there, and one that is asked while it restarts its real-time process."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from stagectl.daemon.client import RefusedError
+from tests.conftest import ROOT
+from tests.daemon.serving import Served, served, within
+
+PATIENCE = 300.0  # s: the machine is shared
+ANSWER = 5.0  # s for a status, on a machine that is busy; a new process is held up for as long as it takes
+
+
+def processes(folder: Path) -> list[str]:
+    """Command lines of all processes that have to do with this folder."""
+    found = []
+    for one in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            found.append(one.read_bytes().replace(b"\0", b" ").decode())
+    return [words for words in found if str(folder) in words]
+
+
+def held_back(machine: Served) -> bool:
+    """Whether a signal to leave would wait: from then on no end is but the orderly one."""
+    assert machine.process is not None
+    status = Path(f"/proc/{machine.process.pid}/status").read_text()
+    blocked = int(status.split("SigBlk:")[1].split()[0], 16)
+    return bool(blocked >> (signal.SIGTERM - 1) & 1)
+
+
+def has_a_loop(machine: Served) -> bool:
+    with contextlib.suppress(StopIteration, FileNotFoundError):
+        return bool(machine.child("stagectl.daemon.axes"))
+    return False
+
+
+MOMENTS: dict[str, Callable[[Served], bool]] = {
+    "it loads": held_back,
+    "it has its socket": lambda machine: machine.socket.exists(),
+    "it has started a drive": lambda machine: "starting a virtual one" in machine.log,
+    "its processes start": has_a_loop,
+}
+
+
+def begun(folder: Path, moment: str) -> tuple[Served, subprocess.Popen[str]]:
+    """A service that has come to this moment of its start."""
+    machine = Served(folder)
+    with (folder / "log").open("w") as log:
+        machine.process = subprocess.Popen(machine.command, cwd=ROOT, stderr=log, text=True)
+    end = time.monotonic() + PATIENCE
+    while not MOMENTS[moment](machine):
+        assert machine.process.poll() is None and time.monotonic() < end, machine.log
+        time.sleep(0.001)
+    return machine, machine.process
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_a_signal_that_comes_early(tmp_path: Path, moment: str, number: int) -> None:
+    """It has no drive on its bus: it starts one, which has to leave with it."""
+    machine, process = begun(tmp_path, moment)
+    process.send_signal(number)
+    assert process.wait(PATIENCE) == 0, machine.log
+    assert "stopped: all its processes have ended" in machine.log and "Traceback" not in machine.log
+    assert not machine.socket.exists() and not (tmp_path / "state" / "running").exists()
+    assert within(PATIENCE, lambda: processes(tmp_path) == []), processes(tmp_path)
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Iterator[Served]:
+    with served(tmp_path) as found:
+        yield found
+
+
+def test_it_answers_while_its_real_time_process_is_restarted(machine: Served) -> None:
+    """The new process is stopped over its start: who asks is answered all the same, then it comes up."""
+    machine.begin_moving()
+    dead = machine.child("stagectl.daemon.axes")
+    machine.kill("stagectl.daemon.axes")
+    machine.until(lambda axis: axis["state"] == "connecting")
+    assert within(PATIENCE, lambda: has_a_loop(machine) and machine.child("stagectl.daemon.axes") != dead)
+    new = machine.child("stagectl.daemon.axes")
+    os.kill(new, signal.SIGSTOP)
+    try:
+        for _ in range(10):
+            began = time.monotonic()
+            found = machine.ask("GET", "status")
+            assert time.monotonic() - began < ANSWER
+            (axis,) = found["axes"]
+            assert axis["state"] == "connecting" and not found["alive"]
+            assert axis["state_words"].startswith("restarting") and axis["speed"] == 0.0
+        with pytest.raises(RefusedError, match="is being started"):
+            machine.ask("POST", "enable")
+    finally:
+        os.kill(new, signal.SIGCONT)
+    assert machine.until(lambda axis: axis["state"] == "disabled")["state_words"] == "without power"
+    assert machine.faults() == ["process_died"]
+    machine.begin_moving()
+    assert machine.process is not None
+    machine.process.send_signal(signal.SIGTERM)
+    assert machine.process.wait(PATIENCE) == 0, machine.log
+
+
+@pytest.mark.parametrize("moment", ["it has started a drive", "its processes start"])
+def test_killed_while_its_processes_start(tmp_path: Path, moment: str) -> None:
+    """None of them outlives it, though the kernel tells only those that have asked it to by then."""
+    _, process = begun(tmp_path, moment)
+    process.kill()
+    process.wait()
+    assert within(PATIENCE, lambda: processes(tmp_path) == []), processes(tmp_path)
