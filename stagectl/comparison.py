@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special  # not `stats`, which takes a second to import
 
 from stagectl.units import StageError
 from stagectl.words import length
@@ -95,8 +95,8 @@ def _difference(one: Figures, other: Figures, measure: str) -> Difference:
         nan = math.nan
         return Difference(one.name, other.name, mean, nan, nan, nan, nan, agree, n)
     error = spread / math.sqrt(n)
-    reach = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, n - 1)) * error
-    chance = float(2.0 * stats.t.sf(abs(mean) / error, n - 1))
+    reach = float(special.stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * error
+    chance = float(2.0 * special.stdtr(n - 1, -abs(mean) / error))
     return Difference(one.name, other.name, mean, mean - reach, mean + reach, chance, chance, agree, n)
 
 

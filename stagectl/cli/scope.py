@@ -23,7 +23,10 @@ def register(app: typer.Typer) -> None:
 
 def scope(
     channels: Annotated[
-        list[str] | None, typer.Argument(metavar="[CHANNEL]...", help="At most 16; error and measured_current.")
+        list[str] | None,
+        typer.Argument(
+            metavar="[CHANNEL]...", help="At most 16; error and measured_current. x.error and y.error: of several axes."
+        ),
     ] = None,
     span: Annotated[str, typer.Option(metavar="TIME", help="Of a capture.")] = "1 s",
     trigger: Annotated[
@@ -86,10 +89,10 @@ def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | Non
 
 
 def _about(machine: dict[str, Any], axis: str) -> tuple[str, dict[str, Any]]:
-    """Name and channels of the axis that is shown."""
+    """Name of the axis that is shown and all channels: its own by their full names, too."""
     name = axis or next(iter(machine))
     found: dict[str, Any] = machine[name]["channels"]
-    return name, found
+    return name, {**found, **{f"{name}.{channel}": about for channel, about in found.items()}}
 
 
 def _told(capture: Any, names: list[str], axis: str, about: dict[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.recording.ring import Ring
+from stagectl.recording.joined import Source
 
 Array = NDArray[np.float64]
 Edge = Literal["rising", "falling", "both"]
@@ -62,7 +62,7 @@ class Scope:
         self._found: int | None = None
         self.done = False  # a single capture has been taken
 
-    def look(self, ring: Ring) -> Capture | None:
+    def look(self, ring: Source) -> Capture | None:
         """The next capture, once it is whole."""
         if self.done:
             return None
@@ -76,7 +76,7 @@ class Scope:
             return self._taken(ring, ring.written - s.rows + s.before, False)
         return None
 
-    def _seek(self, ring: Ring) -> None:
+    def _seek(self, ring: Source) -> None:
         """The first row from `_sought` on that is a trigger."""
         trigger = self.settings.trigger
         if trigger is None:
@@ -91,7 +91,7 @@ class Scope:
             self._found = first + int(hits[0])
         self._sought = max(first + len(values), self._sought)
 
-    def _taken(self, ring: Ring, trigger: int, triggered: bool) -> Capture | None:
+    def _taken(self, ring: Source, trigger: int, triggered: bool) -> Capture | None:
         s = self.settings
         wanted = max(trigger - s.before, 0)
         first, raw = ring.read(wanted, trigger - s.before + s.rows - wanted)

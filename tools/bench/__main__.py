@@ -1,4 +1,4 @@
-"""The benchmarks of the project: ``python tools/bench [--quick] [--json FILE]``.
+"""The benchmarks of the project: ``python tools/bench [--quick] [--json FILE]``; ``--page FILE`` compares with peers.
 
 Every figure is a median with quartiles (extremes below four values); contenders run interleaved in one
 process, so that a busy machine disturbs all alike.  Bounds come from the issue; a line that misses its bound
@@ -21,6 +21,7 @@ import cycle
 import engines
 import gap
 import identification
+import peers
 import processes
 import simulator
 import twin
@@ -39,9 +40,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="bench", description="Measure what the project promises.")
     parser.add_argument("--quick", action="store_true", help="fewer rounds, without the memory of long captures")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures there")
+    parser.add_argument("--page", type=Path, metavar="FILE.html", help="measure against peers instead; write a page")
+    parser.add_argument("--manual", type=Path, metavar="FILE.md", help="with --page: the same as Markdown")
+    parser.add_argument("--exam", type=Path, metavar="scores.json", help="with --page: an exam held with --baselines")
+    parser.add_argument(
+        "--only", choices=peers.PARTS, default="", help="with --page: one part anew, others from --json"
+    )
     chosen = parser.parse_args()
     if importlib.util.find_spec("mujoco") is None:
         parser.error("MuJoCo is not installed, and there is nothing to compare with: pip install -e '.[bench]'")
+    if chosen.page:
+        peers.main(chosen.page, chosen.manual, chosen.json, peers.Wish(chosen.quick, chosen.only, chosen.exam))
+        return
+    _promises(chosen)
+
+
+def _promises(chosen: argparse.Namespace) -> None:
     begin = time.perf_counter()
     rounds = 5 if chosen.quick else 25
     table = simulator.tracking()

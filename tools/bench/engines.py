@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from measure import Contender, Row, Wanted, interleaved, scaled, times_faster
+from measure import Against, Contender, Row, Wanted, interleaved, scaled, times_faster, versus
 from scene import Scene, scene, with_substeps
 from scipy.integrate import solve_ivp
 from simulator import STATED, run
@@ -223,6 +223,33 @@ def rows(rounds: int) -> list[Row]:
         ),
         _shown("MuJoCo / ours, one step a period", found[_COARSE], found[_STEPPED_COARSE], "2 kHz steps on both sides"),
         *(_cost(name, seconds, moved[name]) for name, seconds in found.items()),
+    ]
+
+
+def against(rounds: int) -> list[Against]:
+    """The same as comparisons with each engine, what it is slower at included."""
+    one = scene("sine-1.6hz")
+    found = interleaved(contenders(one, quarter(one)), rounds)
+    pairs = [
+        (_CLOSED, _STEPPED, "whole run; mj_step, 20 kHz"),
+        (_CLOSED, _ROLLOUT, "whole run; mujoco.rollout, 20 kHz"),
+        (_ALONE, _STEPPED, "plant called from Python; mj_step, 20 kHz"),
+        (_COARSE, _STEPPED_COARSE, "whole run; mj_step, 2 kHz"),
+        *((_CLOSED, name, f"whole run; {name.removeprefix('solve_ivp ')}") for name in found if "solve_ivp" in name),
+    ]
+    method = (
+        "elapsed time per control period on one thread, interleaved; ours in closed loop with the law where it says "
+        "whole run, theirs in open loop under the same commands; scipy's at rtol 1e-6, its right-hand side compiled. "
+        "What each computes stands at the top of tools/bench/engines.py"
+    )
+    return [
+        versus(
+            ("Simulator", "scipy solve_ivp" if "solve_ivp" in theirs else "MuJoCo", what),
+            (found[ours], found[theirs]),
+            ("us", 1e6),
+            method,
+        )
+        for ours, theirs, what in pairs
     ]
 
 

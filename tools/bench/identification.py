@@ -7,42 +7,25 @@ a fifth off.  What each computes, so that the ratio can be judged::
     output error    inertia, viscous friction, and the three parameters of the rolling friction that the plant really
                     has: a simulation with four steps a period, compiled, for each of scipy's differences
 
-The output-error fit is told the plant's own structure and that the axis began at rest; simultaneous is not.
+The output-error fit (fits.py) is told the plant's own structure and that the axis began at rest; simultaneous is not.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import subprocess
 import sys
-import time
 from pathlib import Path
-from typing import Any, NamedTuple
 
-import numpy as np
-from measure import Row, Wanted, scaled, times_faster
+from fits import Fit, cma_es, output_error, simultaneous
+from measure import Against, Row, Wanted, scaled, times_faster, versus
 from scene import STAGE
-from scipy.optimize import least_squares
 
-from stagectl.config.stage_file import Rolling, Setup, load_stage
-from stagectl.identification.capture import Capture
+from stagectl.config.stage_file import load_stage
 from stagectl.identification.captures import load
-from stagectl.identification.simultaneous.method import identify
-from stagectl.kernels import stage
-from stagectl.kernels.jit import kernel
 
-SUBSTEPS = 4
-THINNED = 20  # rows of the position error that the output-error fit looks at: every twentieth
-WRONG = 1.2  # times the truth, where it starts
 _MOTION = "type: current_sine\namplitude: 5 A\nfrequency: 1.6 Hz\nperiods: {periods}\n"
-
-
-class Fit(NamedTuple):
-    """What one of them took, and found."""
-
-    seconds: float
-    inertia: float  # kg m^2
-    simulations: int
 
 
 def rows(folder: Path, rounds: int, memory: bool) -> list[Row]:
@@ -50,10 +33,10 @@ def rows(folder: Path, rounds: int, memory: bool) -> list[Row]:
     setup = load_stage(_noisy(folder))
     minute = load([_recorded(folder, "minute", 94)], setup)
     ours, theirs = [], []
-    _simultaneous(minute, setup)  # compiles
+    simultaneous(minute, setup)  # compiles
     output_error(minute[0], setup)
     for _ in range(rounds):
-        ours.append(_simultaneous(minute, setup))
+        ours.append(simultaneous(minute, setup))
         theirs.append(output_error(minute[0], setup))
     truth = setup.stage.mechanics.inertia
     errors = [100.0 * abs(fits[-1].inertia / truth - 1.0) for fits in (ours, theirs)]
@@ -71,6 +54,39 @@ def rows(folder: Path, rounds: int, memory: bool) -> list[Row]:
         Row("output error / simultaneous", times_faster(*seconds), "x", None, f"{method}; {told}"),
     ]
     return [*lines, *([_memory_row(folder)] if memory else [])]
+
+
+def against(folder: Path, rounds: int) -> tuple[list[Against], dict[str, str]]:
+    """Time and error of the inertia beside both simulating fits, and what could not be compared."""
+    setup = load_stage(_noisy(folder))
+    minute, truth = load([_recorded(folder, "minute", 94)], setup), setup.stage.mechanics.inertia
+    peers = {"scipy, output error": output_error, "CMA-ES over rollouts, as BAM": cma_es}
+    skipped = {}
+    if importlib.util.find_spec("cma") is None:
+        del peers["CMA-ES over rollouts, as BAM"]
+        skipped["identification against CMA-ES"] = "cma is not installed: pip install -e '.[bench]'"
+    simultaneous(minute, setup)  # compiles
+    output_error(minute[0], setup)
+    ours, theirs = [], {name: list[Fit]() for name in peers}
+    for _ in range(rounds):
+        ours.append(simultaneous(minute, setup))
+        for name, fit in peers.items():
+            theirs[name].append(fit(minute[0], setup))
+    lines = []
+    for name, fits in theirs.items():
+        method = (
+            f"{name}: {fits[-1].simulations} simulations of 60 s of a current sine at 2 kHz with noise, which ours "
+            f"sees, too; in turn, rounds: {rounds}, elapsed time; theirs starts a fifth off and knows the friction's "
+            "form, ours does not"
+        )
+        told, seconds = (
+            ("Identification", name, "time of a fit"),
+            ([one.seconds for one in each] for each in (ours, fits)),
+        )
+        lines.append(versus(told, tuple(seconds), ("s", 1.0), method))
+        errors = tuple([100.0 * abs(one.inertia / truth - 1.0) for one in each] for each in (ours, fits))
+        lines.append(versus((*told[:2], "error of the inertia"), errors, ("%", 1.0), method))
+    return lines, skipped
 
 
 def _memory_row(folder: Path) -> Row:
@@ -107,51 +123,3 @@ def _memory(folder: Path) -> float:
     verb = ("identify", "simultaneous", folder / "noisy.yaml", long, "--report", folder / "page.html")
     told = subprocess.run([sys.executable, "-c", script, *map(str, verb)], check=True, capture_output=True, text=True)
     return float(json.loads(told.stdout)) / 1024.0
-
-
-def _simultaneous(captures: list[Capture], setup: Setup) -> Fit:
-    begin = time.perf_counter()
-    found = identify(captures, setup.file)
-    return Fit(time.perf_counter() - begin, found.parameters["inertia"].value, 0)
-
-
-@kernel
-def _driven(p: stage.Stage, x: stage.State, inputs: Any, dt: float, substeps: int) -> stage.State:
-    """The plant under measured currents: inputs = (currents (n,) A, positions (n,) to be filled)."""
-    currents, positions = inputs
-    for k in range(len(currents)):
-        positions[k] = x.position
-        x = stage.period(p, x, currents[k], stage.SILENT, dt, substeps)
-    return x
-
-
-def output_error(capture: Capture, setup: Setup) -> Fit:
-    """Parameters for which the simulated position is the measured one, by scipy's trust region."""
-    begin = time.perf_counter()
-    positions = np.empty(len(capture.current))
-    friction = setup.file.friction
-    assert isinstance(friction, Rolling)
-    # The measured current is the motor's: no delay, no current loop.
-    drive = setup.stage.drive._replace(current_quantum=0.0, delay_samples=0, current_lag=0.0)
-    count = 0
-
-    def error(logarithms: Any) -> Any:
-        nonlocal count
-        count += 1
-        inertia, viscous, coulomb, shortest, longest = (float(value) for value in nominal * np.exp(logarithms))
-        rolling = friction._replace(coulomb=coulomb, shortest=shortest, longest=max(longest, shortest))
-        p = setup.stage._replace(
-            drive=drive,
-            mechanics=setup.stage.mechanics._replace(inertia=inertia, viscous=viscous),
-            friction=setup.stage.friction._replace(operators=rolling.operators()),
-        )
-        _driven(p, stage.at_rest(p, capture.position[0]), (capture.current, positions), capture.dt, SUBSTEPS)
-        return (positions - capture.position)[::THINNED]
-
-    mechanics = setup.stage.mechanics
-    nominal = np.array(
-        [mechanics.inertia, mechanics.viscous, friction.coulomb, friction.shortest, friction.longest], dtype=np.float64
-    )
-    start = np.full(len(nominal), np.log(WRONG))
-    solved = least_squares(error, start, x_scale=0.1, diff_step=1e-4, ftol=1e-6, xtol=1e-6)
-    return Fit(time.perf_counter() - begin, float(nominal[0] * np.exp(solved.x[0])), count)

@@ -48,6 +48,19 @@ class Row(NamedTuple):
         return "met" if self.ratio >= 1.0 else "not met"
 
 
+class Against(NamedTuple):
+    """Ours beside a peer's in one run: something of which less is better."""
+
+    topic: str
+    peer: str
+    what: str
+    ours: Spread
+    theirs: Spread
+    unit: str
+    ratio: Spread  # theirs over ours, round by round: above 1 ours is the better one
+    method: str
+
+
 class Contender(NamedTuple):
     """Something that computes control periods when called."""
 
@@ -81,6 +94,17 @@ def interleaved(contenders: Sequence[Contender], rounds: int) -> dict[str, list[
 def times_faster(ours: Sequence[float], theirs: Sequence[float]) -> Spread:
     """Spread of `theirs` over `ours`, round by round."""
     return spread([b / a for a, b in zip(ours, theirs, strict=True)])
+
+
+def versus(
+    told: tuple[str, str, str], values: tuple[Sequence[float], Sequence[float]], unit: tuple[str, float], method: str
+) -> Against:
+    """Ours and theirs, round by round; `told` = (topic, peer, what), `unit` with what the values are multiplied by."""
+    topic, peer, what = told
+    ours, theirs = values
+    name, factor = unit
+    shown = scaled(ours, factor), scaled(theirs, factor)
+    return Against(topic, peer, what, *shown, name, times_faster(ours, theirs), method)
 
 
 def scaled(values: Sequence[float], factor: float) -> Spread:

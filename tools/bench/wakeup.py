@@ -17,7 +17,8 @@ import sys
 import time
 from pathlib import Path
 
-os.environ["STAGECTL_KERNELS"] = "interpreted"
+if __name__ == "__main__":  # the page's process needs compiled ones
+    os.environ["STAGECTL_KERNELS"] = "interpreted"
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from stagectl.daemon import realtime
@@ -64,16 +65,22 @@ def child(seconds: float, spin: float) -> None:
     print(json.dumps(quantiles(late)))
 
 
-def main() -> None:
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 5.0
-    rounds = int(sys.argv[2]) if len(sys.argv) > 2 else 4
-    if shutil.which("cyclictest") is None:
-        raise SystemExit("there is no cyclictest: apt install rt-tests")
+def sliced(seconds: float, rounds: int) -> dict[str, list[list[float]]]:
+    """Quantiles of all slices, round by round."""
     slices: dict[str, list[list[float]]] = {"cyclictest": [], "metronome": [], "with spin": []}
     for _ in range(rounds):
         slices["cyclictest"].append(cyclictest(seconds))
         slices["metronome"].append(metronome(seconds, 0.0))
         slices["with spin"].append(metronome(seconds, SPIN))
+    return slices
+
+
+def main() -> None:
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 5.0
+    rounds = int(sys.argv[2]) if len(sys.argv) > 2 else 4
+    if shutil.which("cyclictest") is None:
+        raise SystemExit("there is no cyclictest: apt install rt-tests")
+    slices = sliced(seconds, rounds)
     middle = {name: [statistics.median(one) for one in zip(*found, strict=True)] for name, found in slices.items()}
     load, kernel = os.getloadavg()[0], os.uname().release
     print(f"{rounds} rounds of {seconds:g} s at {1.0 / PERIOD:.0f} Hz, CPU {CPU}, {kernel}, load {load:.1f}: us late")

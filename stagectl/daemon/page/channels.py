@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple, get_type_hints
 
 from stagectl.config.stage_file import Setup
@@ -35,6 +36,15 @@ def channels(setup: Setup) -> dict[str, Channel]:
                 unit, scale = unit.replace(angle, axis.travel_unit, 1), axis.travel_per_unit
         found[name] = Channel(name, COLUMNS.index(name), unit, scale, quantity.meaning)
     return found
+
+
+def side_by_side(setups: Mapping[str, Setup]) -> dict[str, Channel]:
+    """Channels of several axes by dotted names (``x.error``), of rows that hold one axis after the other."""
+    return {
+        f"{name}.{one.name}": one._replace(name=f"{name}.{one.name}", column=place * len(COLUMNS) + one.column)
+        for place, (name, setup) in enumerate(setups.items())
+        for one in channels(setup).values()
+    }
 
 
 def chosen(known: dict[str, Channel], names: list[str]) -> list[Channel]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from stagectl.daemon.page.channels import Channel
 from stagectl.recording.extremes import Extremes, extremes
+from stagectl.recording.joined import Source
 from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Capture, Scope, Settings
 
@@ -67,7 +68,7 @@ class Strip:
 class Sight:
     """A scope with what it has caught, which can be looked at again and closer."""
 
-    def __init__(self, ring: Ring, dt: float, window: Window, settings: Settings) -> None:
+    def __init__(self, ring: Source, dt: float, window: Window, settings: Settings) -> None:
         self._ring, self._dt, self._window = ring, dt, window
         self._scope = Scope(settings, ring.written)
         self.held: Capture | None = None

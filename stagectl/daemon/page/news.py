@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from stagectl.daemon.manned import Manned
-from stagectl.daemon.page.channels import channels
+from stagectl.daemon.page.channels import Channel, channels, side_by_side
 from stagectl.daemon.page.lateness import Lateness
 from stagectl.daemon.service import Service
 from stagectl.drives import bus
@@ -36,11 +36,16 @@ class News:
                 "homing": axis.setup.file.homing.method,
                 "bus": _wire(axis),
                 "channels": {
-                    one.name: {"unit": one.unit, "meaning": one.meaning} for one in channels(axis.setup).values()
+                    name: {"unit": one.unit, "meaning": one.meaning} for name, one in self._seen_from(axis).items()
                 },
             }
             for axis in self._service.axes.values()
         }
+
+    def _seen_from(self, axis: Manned) -> dict[str, Channel]:
+        """The axis' own channels, then those of the others."""
+        others = {name: one.setup for name, one in self._service.axes.items() if one is not axis}
+        return {**channels(axis.setup), **side_by_side(others)}
 
     def told(self) -> dict[str, Any]:
         """The machine now."""

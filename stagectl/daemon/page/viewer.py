@@ -22,9 +22,10 @@ from typing import Any
 
 from stagectl.daemon.manned import Manned, ServiceError
 from stagectl.daemon.page.asked import Asked, Closer, Hold, Stripes, read
-from stagectl.daemon.page.channels import channels, chosen, level
+from stagectl.daemon.page.channels import Channel, channels, chosen, level, side_by_side
 from stagectl.daemon.page.live import Sight, Strip, Window
 from stagectl.daemon.service import Service
+from stagectl.recording.joined import Joined, Source
 from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Settings, Trigger
 
@@ -40,7 +41,7 @@ class Viewer:
     def __init__(self, service: Service, status: Callable[[], dict[str, Any]], say: Say) -> None:
         self._service, self._status, self._say = service, status, say
         self._strip: tuple[Strip, Ring, Stripes] | None = None
-        self._sight: tuple[Sight, Ring, Asked] | None = None
+        self._sight: tuple[Sight, Source, Asked] | None = None
         self._held, self._said = False, 0.0
 
     async def hear(self, text: str) -> None:
@@ -84,8 +85,14 @@ class Viewer:
         """A new real-time process has a new ring."""
         if self._strip is not None and self._strip[1] is not self._axis(self._strip[2].axis).ring:
             self._strip = self._stripes(self._strip[2])
-        if self._sight is not None and not self._held and self._sight[1] is not self._axis(self._sight[2].axis).ring:
+        if self._sight is not None and not self._held and self._gone(self._sight[1]):
             self._sight = self._scope(self._sight[2])
+
+    def _gone(self, source: Source) -> bool:
+        """Whether nobody writes there any more, or the axes began anew."""
+        rings = [axis.ring for axis in self._service.axes.values()]
+        looked_at = source.rings if isinstance(source, Joined) else (source,)
+        return any(ring not in rings for ring in looked_at) or (isinstance(source, Joined) and source.apart)
 
     def _axis(self, name: str) -> Manned:
         if name and name not in self._service.axes:
@@ -97,22 +104,36 @@ class Viewer:
         window = Window(tuple(chosen(channels(axis.setup), p.channels)), p.span, p.points)
         return Strip(axis.ring, axis.setup.dt, window), axis.ring, p
 
-    def _scope(self, p: Asked) -> tuple[Sight, Ring, Asked]:
+    def _field(self, axis: Manned, names: list[str]) -> tuple[Source, dict[str, Channel]]:
+        """Where a scope of `axis` reads, and what it finds there; another axis' channels have dotted names."""
+        own = channels(axis.setup)
+        others = {name.partition(".")[0] for name in names if "." in name and name not in own}
+        if not others:
+            return axis.ring, own
+        wanted = {self._axis(name).name for name in others}
+        wanted |= {axis.name} if any(name in own for name in names) else set()
+        axes = {name: one for name, one in self._service.axes.items() if name in wanted}  # as they are served
+        found = side_by_side({name: one.setup for name, one in axes.items()})
+        plain = {name: found[f"{axis.name}.{name}"] for name in own if axis.name in axes}
+        return Joined([one.ring for one in axes.values()]), {**plain, **found}
+
+    def _scope(self, p: Asked) -> tuple[Sight, Source, Asked]:
         axis = self._axis(p.axis)
-        known, dt = channels(axis.setup), axis.setup.dt
-        longest = _LONGEST_SHARE * axis.ring.capacity * dt
+        source, known = self._field(axis, [*p.channels, *([p.trigger.channel] if p.trigger else [])])
+        dt = axis.setup.dt
+        longest = _LONGEST_SHARE * source.capacity * dt
         if p.span > longest:
             raise ServiceError(f"span {p.span:g} s; a capture of {axis.name} has {longest:.3g} s at most")
         trigger = None
         if p.trigger is not None:
-            (source,) = chosen(known, [p.trigger.channel])
-            trigger = Trigger(source.column, level(source, p.trigger.level), p.trigger.edge)
+            (cause,) = chosen(known, [p.trigger.channel])
+            trigger = Trigger(cause.column, level(cause, p.trigger.level), p.trigger.edge)
         rows = max(round(p.span / dt), 2)
         pause = round(min(max(p.span, 0.05), 0.5) / dt)
         mode = "single" if p.mode == "off" else p.mode
         settings = Settings(rows, min(round(p.before * rows), rows - 1), trigger, mode, pause, round(0.05 / dt))
         window = Window(tuple(chosen(known, p.channels)), p.span, p.points)
-        return Sight(axis.ring, dt, window, settings), axis.ring, p
+        return Sight(source, dt, window, settings), source, p
 
     async def _closer(self, p: Closer) -> None:
         if self._sight is None:

@@ -16,7 +16,7 @@ from stagectl.daemon.client import ControlError, RefusedError
 from stagectl.daemon.page.live import CAPTURE, FREE, HEAD
 
 _PATIENCE = 10.0  # s for the connection
-_TRIGGER = re.compile(r"\s*(\w+)\s*(>|<|=)\s*(.+?)\s*")
+_TRIGGER = re.compile(r"\s*([\w.]+)\s*(>|<|=)\s*(.+?)\s*")
 _EDGES = {">": "rising", "<": "falling", "=": "both"}
 
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from stagectl.daemon.manned import Manned
+from stagectl.daemon.machine import machine
+from stagectl.daemon.manned import COLUMNS, Manned
 from stagectl.daemon.page.news import News
 from stagectl.daemon.page.viewer import RATE, Viewer
 from stagectl.daemon.page.watching import Seen, trigger, unpacked
-from stagectl.daemon.service import Service
+from stagectl.daemon.service import Service, Where
+from tests.conftest import CONFIG
 from tests.daemon.page.conftest import Write
 
 SIXTEEN = ["reference", "target", "feedforward", "friction", "velocity", "learned", "error", "proportional", "integral"]
@@ -80,6 +83,67 @@ def test_a_new_real_time_process_is_followed(service: Service, axis: Manned, wri
     write(100)
     (raw,) = [one for one in heard.frame() if isinstance(one, bytes)]
     assert np.frombuffer(raw)[2] == 5  # all of the new ring
+
+
+@pytest.fixture
+def both(tmp_path: Path) -> Service:
+    axes = machine([str(CONFIG / "xy.yaml")], None)
+    return Service(axes, Where(tmp_path / "control.sock", tmp_path / "state"), True, lambda _: None)
+
+
+def period(service: Service, names: str, number: float) -> None:
+    """What the loop does in one period: the axes write one after the other."""
+    for name in names:
+        row = dict.fromkeys(COLUMNS, number)
+        service.axes[name].ring.write(tuple(row.values()))
+
+
+@pytest.mark.parametrize("late", ["x", "y"])
+def test_two_axes_are_seen_row_by_row_of_the_same_period(both: Service, late: str) -> None:
+    """One began a while after the other; the trigger may be of either."""
+    for _ in range(37):
+        period(both, {"x": "y", "y": "x"}[late], -1.0)
+    for _ in range(3):
+        period(both, "xy", -1.0)
+    heard = Heard(both)
+    condition = trigger(f"{late}.lateness > 500 s")
+    asked = {"axis": "x", "channels": ["lateness", "y.lateness"], "span": 0.1, "before": 0.5, "trigger": condition}
+    heard.ask(scope={**asked, "mode": "single"})
+    assert heard.said == []
+    for number in range(1000):
+        period(both, "xy", number)
+    (seen,) = heard.captures()
+    assert seen.low[0].tolist() == seen.low[1].tolist() == [450.0 + k for k in range(100)]
+    assert seen.time[50] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_an_axis_that_begins_anew_is_lined_up_anew(both: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stagectl.recording.joined._ANEW", 0.0)
+    heard = Heard(both)
+    heard.ask(scope={"channels": ["x.lateness", "y.lateness"], "span": 0.01, "mode": "auto"})
+    for number in range(100):
+        period(both, "x", number)  # y has lost its drive
+    assert heard.captures() == []
+    for number in range(100, 200):
+        period(both, "xy", number)
+    seen = heard.captures()[-1]
+    assert seen.low[0].tolist() == seen.low[1].tolist()
+
+
+def test_the_machine_tells_of_the_channels_of_other_axes(both: Service) -> None:
+    known = News(both).machine()["x"]["channels"]
+    assert known["y.error"] == known["error"]
+    assert "x.error" not in known
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("q.error", "no axis q; there are x, y"), ("y.nothing", "no channel y.nothing; there are")]
+)
+def test_what_another_axis_has_not(both: Service, name: str, words: str) -> None:
+    heard = Heard(both)
+    heard.ask(scope={"channels": [name]})
+    (said,) = heard.said
+    assert words in json.loads(said)["error"]
 
 
 def test_what_is_held_stays(service: Service, write: Write) -> None:

@@ -10,7 +10,8 @@ const MOST = 16, POINTS = 1200;
 // Channels that are compared share a scale; each other has its own.
 function family(name, unit) {
   if (unit === "A") return "A";
-  return ["reference", "target", "measured"].includes(name) ? "place" : name;
+  const own = name.split(".").pop();  // of an axis: "y.error"
+  return ["reference", "target", "measured"].includes(own) ? "place" : own;
 }
 
 export class Scope {
