@@ -22,6 +22,7 @@ from stagectl.drives.odrive_virtual import Pty, VirtualOdrive
 from stagectl.drives.simulated import Plant
 from stagectl.words import length
 
+VELOCITY_LOOP = 20.0  # Hz, of the virtual drive's own stops
 _READY = "virtual drive"
 _FRAME = struct.Struct("<IB3x8s")
 _UPLOAD_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"  # SDO: upload 0x1000
@@ -101,7 +102,7 @@ def virtual_node(
     # The bus itself delays the command by one period; the plant's own delay line adds the rest of nd.
     inside = p._replace(drive=p.drive._replace(delay_samples=p.drive.delay_samples - 1))
     plant = Plant(inside, setup.file.simulation, setup.dt)
-    damping = p.mechanics.inertia * 2.0 * math.pi * 20.0 / p.motor.force_constant  # a 20 Hz velocity loop
+    damping = p.mechanics.inertia * 2.0 * math.pi * VELOCITY_LOOP / p.motor.force_constant
     axis = setup.file.axis
     return VirtualNode(
         wire,

@@ -30,6 +30,8 @@ from stagectl.drives.wire import Network, Partner, load_eds
 _SYNC = frame(0x080)
 _HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
 _EMERGENCY = struct.Struct("<8xHB5s")
+_WRITE_WORD = struct.Struct("<BHBI")  # SDO: expedited download
+_UNHEARD = 8  # cycles in which a drive leaves operation that has heard so
 _ENABLED_MASK, _ENABLED = State.OPERATION_ENABLED.value
 _ENABLE_TIME = 5.0  # s in which Operation enabled must be reached
 _STOP_TIME = 10.0  # s after which a quick stop is given up
@@ -65,7 +67,7 @@ class CanopenDrive:
         self._closed = False
         self._rebooted = False  # since it was configured
         self._silent = False  # no answer to the last SYNC
-        self._braking = Braking(self._pace, settings.quick_stop_deceleration)
+        self._braking, self._unheard = Braking(self._pace, settings.quick_stop_deceleration), Repeated(_UNHEARD)
         setup = Setup(settings, self._node, encoder_step, clock)
         try:
             setup.run()
@@ -117,6 +119,7 @@ class CanopenDrive:
             return self._failed(Fault.REBOOTED if self._rebooted else Fault.FEEDBACK_LOST, "")
         statusword, counts, current = self._answer.decode(raw)
         self._pace.add(counts * self._step)
+        self._insist(cia402.state(statusword))
         fault = Fault.NONE
         if self._rebooted:
             fault = Fault.REBOOTED
@@ -139,6 +142,14 @@ class CanopenDrive:
         if failure in FAILED:
             self._problem = FAILED[failure]
             self._walk = Walk(Power.OFF, self._standstill())
+
+    def _insist(self, state: State) -> None:
+        """A drive that must stop and stays in operation has not heard it: the same word again, by SDO."""
+        if self._unheard.certain(self._walk.power is not Power.ON and state is State.OPERATION_ENABLED):
+            self._unheard = Repeated(_UNHEARD)
+            word = _WRITE_WORD.pack(0x2B, cia402.CONTROLWORD, 0, self._walk.controlword)
+            with contextlib.suppress(OSError):
+                self._bus.send(frame(0x600 + self._settings.node, word))
 
     def apply(self, current: float) -> None:
         """Send the command (A); never raises: what went wrong is in the next `sample`."""

@@ -128,7 +128,7 @@ class Case:
         if state in ("connecting", "enabling", "faulted"):
             return Limit(PATIENCE, self._creep())
         if state == "holding":
-            return self.limit(0.0)._replace(time=PATIENCE)
+            return Limit(PATIENCE, self.limit(0.0).distance + self._creep())
         if self.row.must.category is None:
             return ramp(self.setup, speed) if state == "stopping" else None
         return self.limit(speed)

@@ -5,6 +5,9 @@
     time      = what notices it (time-outs, periods, following error)  +  braking on the ramp, or coasting
     distance  = speed x the time until it is noticed  +  what the fault itself may move  +  braking
 
+A fault may itself move the axis where it is seen by the following error, or by chance: then by that error, up to the
+speed that all the force gives over it.  Else the axis goes on as it went until somebody notices.
+
 Coasting from v under Coulomb friction T and viscous friction D, with the inertia J (both closed forms)::
 
     t = J/D ln(1 + D v/T)        x = J/D (v - T/D ln(1 + D v/T))
@@ -17,14 +20,17 @@ from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
 from stagectl.daemon.envelope import acceleration
+from stagectl.daemon.virtual import VELOCITY_LOOP
 from stagectl.drives.drive import Canopen
 from stagectl.drives.faults import Row
 from stagectl.kernels import stage
 
 _CYCLES = 12  # periods in which what is seen at once is acted upon: three bent answers, the way to the drive and back
-_SETTLES = 0.06  # s of a braked stop beyond its ramp: the drive's velocity loop
+_LAG = 1.0 / (2.0 * math.pi * VELOCITY_LOOP)  # s by which the speed is behind the drive's ramp
+_SETTLES = 7.5 * _LAG  # s of a braked stop beyond its ramp, until 1/2000 of its speed is left
 _MARGIN = 1.5  # on braking: a ramp that is followed, not led
 _WATCH = 0.02  # s in which an axis that gets faster under its stop is found out
+_WILD = {"error", "chance"}
 _TRIES = 40  # chances after which what happens by chance has happened
 LONGEST = 2.0  # s that a motion takes
 _LOOP = 0.005  # s between two looks of the drive at its time-outs, with what is on the way
@@ -39,13 +45,29 @@ class Limit(NamedTuple):
 
 def limit(setup: Setup, row: Row, block: Any, speed: float) -> Limit:
     """For an axis that moves at `speed` (rad/s | m/s) as the fault begins."""
-    noticed = unnoticed(setup, row, block, speed)
-    error = setup.file.limits.following_error
-    force = acceleration(setup.stage)
-    pushed = "error" in row.must.noticed or "chance" in row.must.noticed
-    faster = speed + (math.sqrt(2.0 * force * error) + force * _WATCH) * pushed
-    time, way = coast(setup.stage, faster) if row.must.brakes == "coast" else ramp(setup, faster)
-    return Limit(noticed + time, speed * noticed + error + faster * _WATCH + way)
+    noticed, way, faster = unnoticed(setup, row, block, speed), 0.0, speed
+    if _WILD & set(row.must.noticed):
+        error, force = setup.file.limits.following_error, acceleration(setup.stage)
+        faster = speed + math.sqrt(2.0 * force * error) + force * _WATCH
+        way = error + faster * _WATCH
+    stop = braked(setup, row, faster)
+    return Limit(noticed + stop.time, speed * noticed + way + stop.distance)
+
+
+def turned(setup: Setup, row: Row, block: Any, calm: float) -> Limit:
+    """For an axis that braked by its controller with the deceleration `calm` (rad/s^2 | m/s^2) as the fault began.
+
+    A drive that hears nothing keeps the current that braked: the axis comes to a stand, and is pushed back by it.
+    """
+    noticed = unnoticed(setup, row, block, 0.0)
+    way, back = pushed(setup.stage, calm, noticed)
+    stop = braked(setup, row, back)
+    return Limit(noticed + stop.time, way + stop.distance)
+
+
+def braked(setup: Setup, row: Row, speed: float) -> Limit:
+    """The stop that this fault leaves."""
+    return coast(setup.stage, speed) if row.must.brakes == "coast" else ramp(setup, speed)
 
 
 def unnoticed(setup: Setup, row: Row, block: Any, speed: float) -> float:
@@ -71,7 +93,7 @@ def ramp(setup: Setup, speed: float) -> Limit:
     wire = setup.file.drive.wire
     assert isinstance(wire, Canopen)
     a = wire.quick_stop_deceleration
-    return Limit(_MARGIN * speed / a + _SETTLES, _MARGIN * speed * speed / (2.0 * a) + speed * _SETTLES)
+    return Limit(_MARGIN * speed / a + _SETTLES, _MARGIN * (speed * speed / (2.0 * a) + speed * _LAG))
 
 
 def coast(p: stage.Stage, speed: float) -> Limit:
@@ -82,7 +104,7 @@ def coast(p: stage.Stage, speed: float) -> Limit:
     if viscous <= 0.0:
         return Limit(_MARGIN * inertia * speed / coulomb, _MARGIN * inertia * speed * speed / (2.0 * coulomb))
     decay, ratio = inertia / viscous, math.log1p(viscous * speed / coulomb)
-    return Limit(_MARGIN * decay * ratio + _SETTLES, _MARGIN * decay * (speed - coulomb / viscous * ratio))
+    return Limit(_MARGIN * decay * ratio, _MARGIN * decay * (speed - coulomb / viscous * ratio))
 
 
 def _noticed(setup: Setup, name: str, block: Any, speed: float) -> float:
@@ -90,7 +112,9 @@ def _noticed(setup: Setup, name: str, block: Any, speed: float) -> float:
     wire, dt = setup.file.drive.wire, setup.dt
     assert isinstance(wire, Canopen)
     silence = wire.heartbeat_timeout + wire.heartbeat + _LOOP
-    command = wire.rpdo_timeout + _LOOP if wire.rpdo_timeout else silence
+    error = 2.0 * setup.file.limits.following_error / speed + _LOOP if speed else _LOOP
+    # A drive without an RPDO time-out keeps its last current, as long as it hears heartbeats: see "motion".
+    command = wire.rpdo_timeout + _LOOP if wire.rpdo_timeout else LONGEST + error
     found: dict[str, float] = {
         "cycle": _CYCLES * dt,
         "feedback": wire.feedback_timeout + _CYCLES * dt,
@@ -98,7 +122,7 @@ def _noticed(setup: Setup, name: str, block: Any, speed: float) -> float:
         "command": command,
         "supervision": min(silence, command),
         "chance": _TRIES * dt / getattr(block, "share", 1.0),
-        "error": 2.0 * setup.file.limits.following_error / speed + _LOOP if speed else _LOOP,
+        "error": error,
         "motion": LONGEST,  # where the current that was right will be so no more
         "delay": _CYCLES * getattr(block, "delay", 0.0),
         "unbraked": _MARGIN * speed / wire.quick_stop_deceleration + _SETTLES + _CYCLES * dt,  # see `canopen_stop`

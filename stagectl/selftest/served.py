@@ -20,11 +20,11 @@ from stagectl.drives.canopen import CanopenDrive
 from stagectl.drives.drive import DriveError, Fault
 from stagectl.drives.faults import Row
 from stagectl.selftest.case import AFTER, BEFORE, PATIENCE, TRIP, Case
-from stagectl.selftest.limits import Limit, coast, pushed, ramp, unnoticed
+from stagectl.selftest.limits import Limit, coast, limit, ramp, turned
 from stagectl.selftest.rig import Rig, Sleepy, usual
 
 _MIDST = 0.005  # s after which a connection is in the middle of its requests
-_MARGIN = 1.5  # on braking under control
+_MARGIN, _CONTROLLED = 1.5, 0.15  # on braking under control, and s of it beyond its ramp
 _FEW = 3  # periods in which a stop has begun
 
 # What each state is judged as: a state of a single motion, or one of the three below.
@@ -122,15 +122,15 @@ class ServedCase(Case):
         return own if self.row.must.category is None else _larger(own, self.limit(speed))
 
     def _braking(self, speed: float) -> Limit:
-        """Under control; a drive that hears nothing keeps the current that braked, and is pushed back by it."""
-        calm = self._service.manned.calm
-        own = Limit(_MARGIN * speed / calm + BEFORE, _MARGIN * speed * speed / (2.0 * calm) + speed * BEFORE)
+        """Under control, or as the fault leaves it: from its speed on, or turned round; whichever allows most."""
+        calm, error = self._service.manned.calm, self.setup.file.limits.following_error
+        own = Limit(_MARGIN * speed / calm + _CONTROLLED, _MARGIN * speed * speed / (2.0 * calm) + error)
         if self.row.must.category is None:
             return own
-        fault, noticed = self.limit(speed), unnoticed(self.setup, self.row, self.block, speed)
-        way, back = pushed(self.setup.stage, calm, noticed)
-        then = coast(self.setup.stage, back) if self.row.must.brakes == "coast" else ramp(self.setup, back)
-        return _larger(own, Limit(fault.time + then.time, fault.distance + way + then.distance))
+        names = tuple(name for name in self.row.must.noticed if name != "motion")  # the motion has come to that
+        row = self.row._replace(must=self.row.must._replace(noticed=names))
+        back = turned(self.setup, row, self.block, calm)
+        return _larger(own, _larger(limit(self.setup, row, self.block, speed), back))
 
     # to the state
 
