@@ -5,8 +5,8 @@ Inside the package every number is SI and a field's name is bare.  A field of a 
     inertia: Annotated[float, Quantity("kg m^2 | kg", "(0, inf)", "all that moves, seen at the motor")]
 
 and configuration, error messages, the JSON schema and the manual all read that one declaration.  Where a
-rotary and a linear axis differ, the unit names both, rotary first.  The units are those of the table below, in which
-the angle is a dimension: 1 Hz is not 1 rad/s, and 1 N m is not 1 N m/rad.
+rotary and a linear axis differ, the unit names both, rotary first.  Units are parsed by pint with a registry
+of our own in which the angle is a dimension: 1 Hz is not 1 rad/s, and 1 N m is not 1 N m/rad.
 """
 
 from __future__ import annotations
@@ -14,9 +14,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections import Counter
 from decimal import Decimal
-from fractions import Fraction
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
 ROTARY, LINEAR = "rotary", "linear"
@@ -62,7 +60,7 @@ def quantity_of(hint: Any) -> Quantity | None:
     return next((extra for extra in get_args(hint)[1:] if isinstance(extra, Quantity)), None)
 
 
-# Only what a motion system needs, and the angle is a dimension: name = what it is = other names.
+# A registry of our own: only what a motion system needs, and the angle is a dimension.
 _DEFINITIONS = """
 micro- = 1e-6 = u- = µ- = μ-
 nano- = 1e-9 = n-
@@ -75,19 +73,19 @@ kilogram = [mass] = kg
 gram = 1e-3 kg = g
 ampere = [current] = A
 radian = [angle] = rad
-count = [count]
-bit = [information]
+count = [count] = count = counts
+bit = [information] = bit
 minute = 60 s = min
 hour = 3600 s = h
 revolution = 6.283185307179586 rad = rev
 degree = 0.017453292519943295 rad = deg = °
 arcminute = 2.908882086657216e-4 rad = arcmin
 arcsecond = 4.84813681109536e-6 rad = arcsec
-hertz = 1 1/s = Hz
-rpm = 1 rev/min
-newton = 1 kg m/s^2 = N
-volt = 1 kg m^2/A/s^3 = V
-ohm = 1 V/A = Ohm = Ω
+hertz = 1 / s = Hz
+rpm = rev / min
+newton = kg * m / s ** 2 = N
+volt = kg * m ** 2 / A / s ** 3 = V
+ohm = V / A = Ohm = Ω
 percent = 0.01 = %
 permille = 0.001 = ‰
 """
@@ -95,60 +93,16 @@ permille = 0.001 = ‰
 _VALUE = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)(?![0-9.,_])(.*)", re.DOTALL)
 _POWER = r"[A-Za-zµμ°Ω%‰]+(?:(?:\^|\*\*)-?[0-9])?"
 _UNIT = re.compile(rf"(?:1(?= ?/)|{_POWER})(?:(?: ?[*·/] ?| ){_POWER}){{0,8}}")
-_FACTOR = re.compile(r"(/?) ?([^ /^]+)(?:\^(-?[0-9]))?")
-_PLURAL = 4  # letters of a name that may end in s: "counts"; "Ns" may have been meant as N s
 _LONGEST = 80  # characters of a value; no expression may keep the parsers busy
 
 
-class _Size(NamedTuple):
-    """What a unit is: so many times a product of powers of the dimensions; exact, rounded once at the end."""
-
-    times: Fraction
-    powers: Counter[str]
-
-
 @functools.cache
-def _known() -> tuple[dict[str, Fraction], dict[str, _Size]]:
-    """Prefixes and units by all their names."""
-    prefixes: dict[str, Fraction] = {}
-    units: dict[str, _Size] = {"1": _Size(Fraction(1), Counter())}
-    for line in _DEFINITIONS.strip().splitlines():
-        name, meaning, *others = line.split(" = ")
-        if name.endswith("-"):
-            prefixes |= dict.fromkeys((one[:-1] for one in (name, *others)), Fraction(meaning))
-        else:
-            units |= dict.fromkeys((name, *others), _defined(meaning, prefixes, units))
-    return prefixes, units
+def _registry() -> Any:
+    import pint  # a third of a second: only where configuration is read
 
-
-def _defined(meaning: str, prefixes: dict[str, Fraction], units: dict[str, _Size]) -> _Size:
-    if meaning.startswith("["):
-        return _Size(Fraction(1), Counter({meaning: 1}))
-    number, _, unit = meaning.partition(" ")
-    size = _product(unit, prefixes, units)
-    return size._replace(times=size.times * Fraction(number))
-
-
-def _product(unit: str, prefixes: dict[str, Fraction], units: dict[str, _Size]) -> _Size:
-    """Of all factors, from left to right.  Raises UnitError."""
-    times, powers = Fraction(1), Counter[str]()
-    for over, name, power in _FACTOR.findall(unit):
-        one, exponent = _named(name, prefixes, units), int(power or 1) * (-1 if over else 1)
-        times *= one.times**exponent
-        for dimension, count in one.powers.items():
-            powers[dimension] += count * exponent
-    return _Size(times, powers)
-
-
-def _named(name: str, prefixes: dict[str, Fraction], units: dict[str, _Size]) -> _Size:
-    for each in (name, name[:-1]) if name.endswith("s") and len(name) >= _PLURAL else (name,):
-        if each in units:
-            return units[each]
-        for prefix, times in prefixes.items():
-            base = units.get(each.removeprefix(prefix)) if each.startswith(prefix) else None
-            if base is not None:
-                return base._replace(times=base.times * times)
-    raise UnitError(f"unknown unit {name!r}")
+    registry: Any = pint.UnitRegistry(None)
+    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    return registry
 
 
 @functools.lru_cache(maxsize=1024)
@@ -157,24 +111,29 @@ def factor(unit: str, to: str) -> float:
 
     Raises UnitError where the unit is unknown, of another dimension, or beyond what a float holds.
     """
-    given, wanted = (_product(_spelled(one), *_known()) for one in (unit, to))
-    if given.powers != wanted.powers:
-        raise UnitError(f"{unit!r} does not measure {to or 'a pure number'}")
+    import pint
+
+    registry = _registry()
     try:
-        found = float(given.times / wanted.times)
-    except OverflowError:
-        found = math.inf
+        found = float(registry.Quantity(1.0, _spelled(unit)).to(_spelled(to)).magnitude)
+    except UnitError:
+        raise
+    except pint.errors.UndefinedUnitError as error:
+        raise UnitError(f"unknown unit {unit!r}") from error
+    except pint.errors.DimensionalityError as error:
+        raise UnitError(f"{unit!r} does not measure {to or 'a pure number'}") from error
+    except Exception as error:  # pint raises many kinds on text that is no unit at all
+        raise UnitError(f"{unit!r} is not a unit") from error
     if not 0.0 < found < math.inf:
         raise UnitError(f"{unit!r} is out of all proportion")
     return found
 
 
 def _spelled(unit: str) -> str:
-    """With ``^`` for powers and a space between factors.  Raises UnitError where it is no unit at all."""
     tidy = " ".join(unit.split())
     if len(tidy) > _LONGEST or (tidy and not _UNIT.fullmatch(tidy)):
         raise UnitError(f"{unit[:_LONGEST]!r} is not a unit")
-    return " ".join(re.sub(r"[*·]", " ", tidy.replace("**", "^")).split()).replace(" /", "/")
+    return tidy.replace("·", "*") or "dimensionless"
 
 
 def parse(text: str, to: str) -> float:
