@@ -66,8 +66,17 @@ def turned(setup: Setup, row: Row, block: Any, calm: float) -> Limit:
 
 
 def braked(setup: Setup, row: Row, speed: float) -> Limit:
-    """The stop that this fault leaves."""
-    return coast(setup.stage, speed) if row.must.brakes == "coast" else ramp(setup, speed)
+    """The stop that this fault leaves; where a drive that should brake may coast, the longer one of both."""
+    if row.must.brakes == "ramp":
+        return ramp(setup, speed)
+    return (
+        coast(setup.stage, speed) if row.must.category == 0 else larger(coast(setup.stage, speed), ramp(setup, speed))
+    )
+
+
+def larger(one: Limit, other: Limit) -> Limit:
+    """The most of both."""
+    return Limit(max(one.time, other.time), max(one.distance, other.distance))
 
 
 def unnoticed(setup: Setup, row: Row, block: Any, speed: float) -> float:

@@ -18,7 +18,7 @@ from stagectl.selftest.served import ServedCase
 STATES = (*case.STATES, *served.STATES)
 
 _STANDING = 1e-4  # s of the ramp's deceleration: speed below which an axis stands
-_UNSEEN = 0.05  # s between two looks at the axis after which nothing is known of what was between them
+UNSEEN = 0.05  # s between two looks at the axis after which nothing is known of what was between them
 _SUBSTEPS = 2  # a stop is not a matter of nanometres: 2 do as well as 160, see .docs/architecture.md
 
 
@@ -160,7 +160,7 @@ def _stop_time(tried: Case, after: list[Seen]) -> float | None:
     last = moving[-1]
     if last == len(after) - 1 or after[last].time == after[-1].time:
         return None
-    return math.nan if after[last + 1].time - after[last].time > _UNSEEN else after[last].time - tried.begun
+    return math.nan if after[last + 1].time - after[last].time > UNSEEN else after[last].time - tried.begun
 
 
 def _category(tried: Case, after: list[Seen]) -> int:

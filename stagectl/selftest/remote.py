@@ -29,7 +29,7 @@ from stagectl.drives.faulty_bus import Act, FaultyBus, Rule, Way
 from stagectl.drives.wire import load_eds
 from stagectl.kernels import stage
 from stagectl.selftest.limits import LONGEST
-from stagectl.selftest.matrix import Bench
+from stagectl.selftest.matrix import UNSEEN, Bench
 from stagectl.selftest.rig import Known, Motions, Pace, Seen, motions
 from stagectl.units import StageError
 
@@ -131,6 +131,8 @@ class Listening:
     def _see(self, raw: bytes) -> None:
         statusword, counts, _ = self._answer.decode(raw)
         now, position, window = self._now(), counts * self._step, self._window
+        if window and now - window[-1][0] > UNSEEN:  # what it did meanwhile says nothing of its speed now
+            window.clear()
         window.append((now, position))
         while len(window) > 2 and now - window[1][0] >= self._span:
             window.popleft()

@@ -20,7 +20,7 @@ from stagectl.drives.canopen import CanopenDrive
 from stagectl.drives.drive import DriveError, Fault
 from stagectl.drives.faults import Row
 from stagectl.selftest.case import AFTER, BEFORE, PATIENCE, TRIP, Case
-from stagectl.selftest.limits import Limit, coast, limit, ramp, turned
+from stagectl.selftest.limits import Limit, coast, larger, limit, ramp, turned
 from stagectl.selftest.rig import Rig, Sleepy, usual
 
 _MIDST = 0.005  # s after which a connection is in the middle of its requests
@@ -119,7 +119,7 @@ class ServedCase(Case):
         if kind not in ("coasting", "stopping"):
             return super().admitted(kind)
         own = coast(self.setup.stage, speed) if kind == "coasting" else ramp(self.setup, speed)
-        return own if self.row.must.category is None else _larger(own, self.limit(speed))
+        return own if self.row.must.category is None else larger(own, self.limit(speed))
 
     def _braking(self, speed: float) -> Limit:
         """Under control, or as the fault leaves it: from its speed on, or turned round; whichever allows most."""
@@ -130,7 +130,7 @@ class ServedCase(Case):
         names = tuple(name for name in self.row.must.noticed if name != "motion")  # the motion has come to that
         row = self.row._replace(must=self.row.must._replace(noticed=names))
         back = turned(self.setup, row, self.block, calm)
-        return _larger(own, _larger(limit(self.setup, row, self.block, speed), back))
+        return larger(own, larger(limit(self.setup, row, self.block, speed), back))
 
     # to the state
 
@@ -234,7 +234,3 @@ class ServedCase(Case):
     def _take(self, order: Order) -> None:
         if not self._order(order):
             raise DriveError(f"{Event(order.kind).name.lower()} was not taken: the axis {self._axis.state.words}")
-
-
-def _larger(one: Limit, other: Limit) -> Limit:
-    return Limit(max(one.time, other.time), max(one.distance, other.distance))
