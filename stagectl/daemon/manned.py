@@ -32,6 +32,7 @@ from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
 
 _CALM = 0.7  # of what the axis can be braked with: the controller needs the rest
 _JERK_TIME = 0.02  # s in which a move's acceleration rises, unless a jerk is asked for
+STARTING = "starting: its real-time process is coming up; nothing moves, no order is taken"
 RESTARTING = "restarting: its real-time process died, a new one is coming up; nothing moves, no order is taken"
 BLACKBOX = 14.0  # s that the ring holds at least
 COLUMNS = (*rollout.COLUMNS, "state")
@@ -58,6 +59,7 @@ class Manned:
         self.name, self.setup = name, setup
         self.control = setup.file.control
         self.controller = design.design(setup.stage, self.control)
+        self._silence = STARTING  # what its state is called as long as the real-time process has not told one
         self.begin()
 
     def begin(self) -> None:
@@ -73,6 +75,7 @@ class Manned:
         """The same after one that died; what it wrote stays in memory as long as somebody reads it."""
         for shared in (self.ring, self.board):
             os.close(shared.descriptor)
+        self._silence = RESTARTING
         self.begin()
 
     def orders(self) -> Orders:
@@ -157,7 +160,7 @@ class Manned:
         return {
             "axis": self.name,
             "state": state.name.lower(),
-            "state_words": state.words if now.tick else RESTARTING,
+            "state_words": state.words if now.tick else self._silence,
             "fault": fault.name.lower() if fault else "",
             "words": self.board.words if fault or state is State.OFFLINE else "",
             "unit": unit,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stagectl.daemon.machine import machine
-from stagectl.daemon.manned import COLUMNS, Manned
+from stagectl.daemon.manned import COLUMNS, STARTING, Manned
 from stagectl.daemon.page.news import News
 from stagectl.daemon.page.viewer import RATE, Viewer
 from stagectl.daemon.page.watching import Seen, trigger, unpacked
@@ -51,7 +51,7 @@ def test_the_status_says_how_the_machine_is(service: Service, write: Write) -> N
     heard = Heard(service)
     (news,) = heard.frame(1.0)
     (axis,) = json.loads(news)["status"]["axes"]
-    assert axis["state_words"] == "no drive on the bus"
+    assert axis["state_words"] == STARTING
     assert axis["lateness"]["rows"] == 100
     assert axis["recording"] is None
     assert heard.frame(1.05) == []

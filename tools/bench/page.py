@@ -1,0 +1,142 @@
+"""What the live page costs the service, and whether it grows: ``python tools/bench/page.py [MINUTES]``.
+
+A service on a virtual drive moves to and fro at 2 kHz.  First nobody looks, then chromium does, for so many minutes:
+the CPU time of the service with and without it, the frames that the page gets a second, and the memory of both.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import sync_playwright
+
+from stagectl.daemon.client import ask
+from stagectl.units import StageError
+
+ROOT = Path(__file__).parents[2]
+SHARE, GROWTH = 5.0, 4096  # % of a core, KiB: what is admitted
+SINE = "{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 50}"
+ALONE, SETTLED, AGAIN = 30.0, 60.0, 55.0  # s without a viewer; after which memory is compared; of one motion
+_TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def main() -> None:
+    """Measure, say; exit 1 where it grows or costs more than admitted."""
+    minutes = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
+    with tempfile.TemporaryDirectory(prefix="stagectl-") as name:
+        folder, port = Path(name), _free_port()
+        process = _service(folder, port)
+        try:
+            alone = _share(process.pid, ALONE)
+            told = _watched(process.pid, folder, port, 60.0 * minutes)
+        finally:
+            process.terminate()
+            process.wait()
+    good = _say(alone, told)
+    sys.exit(0 if good else 1)
+
+
+def _service(folder: Path, port: int) -> subprocess.Popen[bytes]:
+    """A service whose axis moves."""
+    words = ["serve", str(_unhurried(folder)), "--socket", str(folder / "control.sock")]
+    words += ["--state", str(folder / "state"), "--channel", str(folder / "bus"), "--tcp", f"127.0.0.1:{port}"]
+    process = subprocess.Popen([sys.executable, "-m", "stagectl", *words], cwd=ROOT)
+    _asked(folder, "GET", "status")
+    _asked(folder, "POST", "enable")
+    _asked(folder, "POST", "trajectory", yaml=SINE, wait=False)
+    return process
+
+
+def _unhurried(folder: Path) -> Path:
+    """The shipped stage with time-outs that a machine keeps on which a browser runs beside drive and loop."""
+    shutil.copytree(ROOT / "config", folder / "config")
+    path = folder / "config" / "ball-screw.yaml"
+    text = (
+        path.read_text().replace("timeout: 500 ms", "timeout: 5 s").replace("late_limit: 2000", "late_limit: 1000000")
+    )
+    path.write_text(text)
+    return path
+
+
+def _asked(folder: Path, method: str, what: str, **body: Any) -> None:
+    """Ask until it agrees: it takes its time to come up, and to end a motion."""
+    end = time.monotonic() + 120.0
+    while True:
+        try:
+            ask(folder / "control.sock", method, f"/v1/{what}", body or None)
+            return
+        except (StageError, OSError):
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.5)
+
+
+def _watched(pid: int, folder: Path, port: int, seconds: float) -> dict[str, float]:
+    """What it costs while a browser looks."""
+    key = (folder / "state" / "key").read_text().strip()
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page, frames = browser.new_page(), [0]
+        page.on("websocket", lambda link: link.on("framereceived", lambda _: frames.__setitem__(0, frames[0] + 1)))
+        _asked(folder, "POST", "trajectory", yaml=SINE, wait=False)
+        page.goto(f"http://127.0.0.1:{port}/#{key}")
+        page.wait_for_timeout(1e3 * SETTLED)
+        _asked(folder, "POST", "trajectory", yaml=SINE, wait=False)
+        first, begun, seen, spent = _memory(pid, page), time.monotonic(), frames[0], _cpu(pid)
+        while (left := begun + seconds - time.monotonic()) > 0.0:
+            page.wait_for_timeout(1e3 * min(left, AGAIN))
+            _asked(folder, "POST", "trajectory", yaml=SINE, wait=False)
+            print(f"{time.monotonic() - begun:6.0f} s  service, page (KiB): {_memory(pid, page)}", flush=True)
+        took = time.monotonic() - begun
+        last = _memory(pid, page)
+        found = {"share": 100.0 * (_cpu(pid) - spent) / took, "frames": (frames[0] - seen) / took}
+        browser.close()
+    return {**found, "service": last[0] - first[0], "page": last[1] - first[1]}
+
+
+def _memory(pid: int, page: Any) -> tuple[int, int]:
+    """Resident memory of the service, and what the page's script holds after a collection (KiB)."""
+    text = Path(f"/proc/{pid}/status").read_text()
+    session = page.context.new_cdp_session(page)
+    session.send("HeapProfiler.collectGarbage")
+    held = session.send("Runtime.getHeapUsage")["usedSize"]
+    session.detach()
+    return int(text.split("VmRSS:")[1].split()[0]), int(held / 1024)
+
+
+def _cpu(pid: int) -> float:
+    """CPU time of a process (s)."""
+    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / _TICKS
+
+
+def _share(pid: int, seconds: float) -> float:
+    before = _cpu(pid)
+    time.sleep(seconds)
+    return 100.0 * (_cpu(pid) - before) / seconds
+
+
+def _say(alone: float, told: dict[str, float]) -> bool:
+    costs = told["share"] - alone
+    print(f"service: {alone:.1f} % of a core alone, {told['share']:.1f} % with a viewer: the page costs {costs:.1f} %")
+    print(f"frames: {told['frames']:.0f} a second")
+    print(f"growth: service {told['service']:.0f} KiB, page {told['page']:.0f} KiB")
+    return costs <= SHARE and max(told["service"], told["page"]) <= GROWTH
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+if __name__ == "__main__":
+    main()
