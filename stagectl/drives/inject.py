@@ -45,7 +45,7 @@ class Doorway:
             self._socket.bind(os.fspath(path))
         except OSError as error:
             self._socket.close()
-            raise InjectError(f"{path}: {error.strerror}: no faults can be injected there") from error
+            raise InjectError(f"{path}: {error.strerror or error}: no faults can be injected there") from error
 
     def look(self, obey: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         """Hand a request to `obey` and its answer back."""

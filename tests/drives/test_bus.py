@@ -104,10 +104,9 @@ def test_what_is_no_frame_is_counted_and_dropped(join: Callable[[], Embedded]) -
     assert bus.malformed == 2
 
 
-def test_the_channel_belongs_to_this_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def test_the_channel_belongs_to_this_user(runtime: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with contextlib.closing(Embedded("stage")) as bus:
-        assert bus.folder == tmp_path / "stagectl" / "stage"
+        assert bus.folder == runtime / "stagectl" / "stage"
     assert bus.folder.stat().st_mode & 0o777 == 0o700
     monkeypatch.setattr(os, "getuid", lambda: 12345)
     with pytest.raises(BusError, match=r"belongs to user id .* must be 12345"):

@@ -69,12 +69,18 @@ def test_noise_at_the_door_is_answered_and_harmless(drive: Path, tmp_path: Path)
             assert "error" in json.loads(ours.recv(4096))
 
 
-def test_where_no_drive_listens_the_next_step_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def test_where_no_drive_listens_the_next_step_is_said(tmp_path: Path, runtime: Path) -> None:
     with pytest.raises(InjectError, match="start one with 'stagectl virtual-drive"):
         ask(tmp_path / "nobody", {"do": "clear"})
     assert doorway("embedded", str(tmp_path), 5) == tmp_path / "node-5.inject"
-    Doorway(doorway("socketcan", "can0", 5)).close()  # no participant of the bus makes that folder
+    path = doorway("socketcan", "can0", 5)  # no participant of the bus makes that folder
+    Doorway(path).close()
+    assert path.is_relative_to(runtime)
+
+
+def test_a_path_that_is_too_long_is_said_to_be(tmp_path: Path) -> None:
+    with pytest.raises(InjectError, match="AF_UNIX path too long: no faults"):
+        Doorway(tmp_path / ("x" * 100))
 
 
 def test_words_are_read_as_strictly_as_a_file(command: Command) -> None:
