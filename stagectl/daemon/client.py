@@ -15,7 +15,8 @@ from typing import Any
 from stagectl.units import StageError
 
 SYSTEM = Path("/run/stagectl/control.sock")
-_PATIENCE = 3600.0  # s: a request may wait for a long motion
+MOTIONS = ("/v1/move", "/v1/home", "/v1/trajectory")  # are answered when they have ended
+_MOTION_TIME, _ANSWER_TIME = 3600.0, 60.0  # s until an answer; everything but a motion is done at once, or after a stop
 
 
 class ControlError(StageError):
@@ -27,13 +28,13 @@ class RefusedError(ControlError):
 
 
 class _UnixConnection(http.client.HTTPConnection):
-    def __init__(self, path: Path) -> None:
-        super().__init__("localhost", timeout=_PATIENCE)
+    def __init__(self, path: Path, patience: float) -> None:
+        super().__init__("localhost", timeout=patience)
         self._path = path
 
     def connect(self) -> None:
         self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self.sock.settimeout(_PATIENCE)
+        self.sock.settimeout(self.timeout)
         self.sock.connect(os.fspath(self._path))
 
 
@@ -61,11 +62,12 @@ def _group(path: Path) -> str:
 
 
 def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
-    """The answer to a request.
+    """The answer to a request; a service that is stuck is not waited for, but for a motion.
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask.
     """
-    link = _UnixConnection(path)
+    patience = _MOTION_TIME if what.partition("?")[0] in MOTIONS else _ANSWER_TIME
+    link = _UnixConnection(path, patience)
     try:
         content = None if body is None else json.dumps(body)
         link.request(method, what, content, {"Content-Type": "application/json"} if content else {})
@@ -74,6 +76,11 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None) 
     except PermissionError as error:
         raise ControlError(
             f"{path}: you may not use it, its group may: `sudo usermod -aG {_group(path)} $USER`, then log in again"
+        ) from error
+    except TimeoutError as error:
+        raise ControlError(
+            f"the service on {path} is there but has not answered for {patience:g} s: `systemctl restart stagectl`, "
+            "or kill it and start it again; either stops the axes"
         ) from error
     except (OSError, http.client.HTTPException, ValueError) as error:
         raise ControlError(
@@ -92,7 +99,7 @@ def fetch(path: Path, what: str, target: Path) -> None:
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask.
     """
-    link = _UnixConnection(path)
+    link = _UnixConnection(path, _MOTION_TIME)
     try:
         link.request("GET", urllib.parse.quote(what))
         answer = link.getresponse()
