@@ -107,7 +107,7 @@ def test_it_configures_and_describes_the_drive(bench: Workbench, bus: Tapped) ->
     assert told["device type"] == "0x00020192: CiA 402, servo drive"
     assert told["device name"] == "stagectl virtual drive"
     assert told["rated current (0x6075)"] == "10 A"
-    assert told["heartbeat time-out in the drive (0x1016)"] == "1000 ms"
+    assert told["heartbeat time-out in the drive (0x1016)"] == "10000 ms"
     assert told["RPDO time-out (0x1400:05)"] == "1000 ms"
     assert told["quick stop option (0x605A)"].startswith("slow down on the quick stop ramp")
     assert told["abort connection option (0x6007)"] == "quick stop"
@@ -525,9 +525,11 @@ def test_it_drives_a_node_of_the_stock_library(bench: Workbench, bus: Tapped, st
     assert positions == [0, 3, 6, 9]
     assert state_of(drive.quick_stop().statusword) is State.QUICK_STOP_ACTIVE
     drive.close()
-    time.sleep(0.1)
-    assert stock.state is State.SWITCH_ON_DISABLED
+    end = time.monotonic() + 10.0
+    while stock.node.nmt.state != "PRE-OPERATIONAL" and time.monotonic() < end:
+        time.sleep(0.01)
     assert stock.node.nmt.state == "PRE-OPERATIONAL"
+    assert stock.state is State.SWITCH_ON_DISABLED
 
 
 def test_every_emergency_but_class_zero_is_one(bench: Workbench, bus: Tapped) -> None:

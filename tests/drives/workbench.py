@@ -35,7 +35,7 @@ def linear_stage() -> stage.Stage:
 
 
 def canopen_settings(channel: str, **changes: Any) -> Canopen:
-    """Settings of the virtual drive with the fine command, and time-outs for tests."""
+    """Settings of the virtual drive with the fine command, and time-outs that a busy machine keeps."""
     settings = Canopen(
         eds=str(EDS),
         node=5,
@@ -48,9 +48,9 @@ def canopen_settings(channel: str, **changes: Any) -> Canopen:
         rpdo=(0x604000, 0x207100),
         command_object=0x207100,
         heartbeat=0.02,
-        heartbeat_timeout=1.0,
-        rpdo_timeout=1.0,
-        feedback_timeout=0.5,
+        heartbeat_timeout=10.0,
+        rpdo_timeout=10.0,
+        feedback_timeout=5.0,
     )
     return settings._replace(**changes)
 
