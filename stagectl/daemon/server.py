@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import uvicorn
+import websockets  # noqa: F401  uvicorn asks for it by name, when nobody hears that it is not there
 
 from stagectl.daemon import leaving
 from stagectl.daemon.door import Guard, Keys, SameSite, secret
@@ -47,7 +48,10 @@ class _Server(uvicorn.Server):
 
 
 def run(service: Service, tcp: Tcp | None) -> None:
-    """Serve until SIGTERM or SIGINT, or until the real-time process does not stay alive: then raises ServiceError."""
+    """Serve until SIGTERM or SIGINT.
+
+    Raises ServiceError where the real-time process does not stay alive, or a server ends by itself.
+    """
     asyncio.run(_run(service, tcp))
 
 
@@ -107,8 +111,10 @@ async def _until_stopped(
     for task in (watching, waiting):
         task.cancel()
     await asyncio.gather(*serving, watching, waiting, return_exceptions=True)
-    if watching in done:
-        watching.result()
+    for ended in done:
+        ended.result()
+    if waiting not in done:
+        raise ServiceError("a server of the service ended by itself: start it again, and tell us of it")
 
 
 def _server(app: Any) -> _Server:
