@@ -73,11 +73,13 @@ def _stage_words(path: Path) -> str:
     watching = [design.watched(setup.stage, control, designed)] if observing else []
     reached = design.margins(setup.stage, designed, setup.dt, *watching)
     name, value, unit = design.speed(control)
+    restless = design.unrest(setup.stage, control)
     return (
         f"{setup.file.name}, {name.replace('_', ' ')} {value:g} {unit} at {setup.dt * 1e3:g} ms; phase margin "
         f"{math.degrees(reached.phase):.1f} deg, gain margin {20 * math.log10(reached.gain):.1f} dB, "
         f"crossover {reached.crossover:.1f} Hz{', with the observer' if observing else ''} "
         f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples})"
+        f"{'; but ' + restless if restless else ''}"
     )
 
 

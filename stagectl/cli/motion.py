@@ -67,7 +67,7 @@ def run(
     from stagectl.session import on_channel, perform, prepare
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
-    setup = on_channel(_load(stage), channel)
+    setup = on_channel(_judged(stage), channel)
     motion = prepare(setup, trajectory, layers_without(without), output, learned)
     if twin or state:
         motion = _with_twin(motion, state)
@@ -124,7 +124,7 @@ def simulate(
 
     if cold():
         console.print("compiling the kernels, once for this version: up to a minute")
-    motion = prepare(_load(stage), trajectory, layers_without(without), output, learned)
+    motion = prepare(_judged(stage), trajectory, layers_without(without), output, learned)
     machine = _load(plant) if plant else None
     with console.status(f"simulating {len(motion.plan.setpoints) * motion.setup.dt:.4g} s of motion"):
         result = pretend(motion, machine)
@@ -212,6 +212,16 @@ def layers_without(without: list[str] | None) -> frozenset[str]:
         if layer not in LAYERS:
             raise StageError(f"--without {layer}; must be one of {', '.join(LAYERS)}")
     return frozenset(without or ())
+
+
+def _judged(path: Path) -> Any:
+    """The stage, whose user is told where its loop would not stand still."""
+    from stagectl import design
+
+    setup = _load(path)
+    if restless := design.unrest(setup.stage, setup.file.control):
+        console.print(f"note: {restless}")
+    return setup
 
 
 def _load(path: Path) -> Any:

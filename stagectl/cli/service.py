@@ -64,6 +64,7 @@ def serve(
         from stagectl.daemon.server import run
     except ModuleNotFoundError as error:
         raise StageError(f"{error.name} is not installed: `pip install 'stagectl[service]'`") from error
+    from stagectl import design
     from stagectl.daemon.client import own_socket
     from stagectl.daemon.machine import machine, together, virtual
     from stagectl.daemon.service import Service, Where
@@ -78,6 +79,9 @@ def serve(
         console.print(words)
         write(said(words))
 
+    for name, axis in axes.items():
+        if restless := design.unrest(axis.setup.stage, axis.control):
+            say(f"{name}: {restless}")
     service = Service(axes, Where(place, folder), coupled, say)
     run(service, _port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
 

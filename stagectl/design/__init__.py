@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from stagectl.design.control import (
     slower,
     speed,
 )
-from stagectl.design.margins import Margins, Rational, compensator, margins, observed, plant
+from stagectl.design.margins import Margins, Rational, compensator, margins, observed, plant, swings
 from stagectl.kernels import feedback, feedforward, law, observer, stage
 
 __all__ = [
@@ -43,8 +44,13 @@ __all__ = [
     "plant",
     "running",
     "speed",
+    "swings",
+    "unjudged",
+    "unrest",
     "watched",
 ]
+
+_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)  # of what is too fast: what is advised instead
 
 
 class Controller(NamedTuple):
@@ -97,8 +103,46 @@ def watched(p: stage.Stage, control: Settings, designed: Feedback) -> observer.O
     )
 
 
+def unrest(p: stage.Stage, control: Settings) -> str:
+    """What is wrong with this control on an axis that friction holds, in words; empty where it comes to rest.
+
+    Raises DesignError where its gains cannot be realised.
+    """
+    frequency = swings(p, *unjudged(p, control))
+    if frequency is None:
+        return ""
+    return (
+        f"when it stands, and friction is a spring, the loop swings by itself at {frequency:.3g} Hz, about as wide as "
+        f"the friction's shortest slip: {_quieter(p, control)} or a shorter period"
+    )
+
+
+def _quieter(p: stage.Stage, control: Settings) -> str:
+    name, _, unit = speed(control)
+    for share in _SHARES:
+        lower = slower(control, share)
+        with contextlib.suppress(DesignError):
+            if swings(p, *unjudged(p, lower)) is None:
+                return f"take {name} = {speed(lower)[1]:.3g} {unit}"
+    return "take less delay"
+
+
+def unjudged(p: stage.Stage, control: Settings) -> tuple[Feedback, float, observer.Observer]:
+    """Feedback, period (s) and observer of a control, whatever its margin.
+
+    Raises DesignError where they cannot be realised.
+    """
+    designed = designed_feedback(p, control)
+    if "observer" not in control.layers:
+        return designed, control.period, observer.ABSENT
+    try:
+        return designed, control.period, observer.designed(p, control.period, observer_bandwidth(control))
+    except observer.DelayError as error:
+        raise DesignError(f"control.layers holds observer: {error}") from error
+
+
 def _calmer(p: stage.Stage, control: Settings, designed: Feedback) -> str:
-    for share in (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1):
+    for share in _SHARES:
         lower = share * observer_bandwidth(control)
         reached = margins(p, designed, control.period, observer.designed(p, control.period, lower))
         if reached.stable and reached.phase >= control.margin:
@@ -126,7 +170,7 @@ def _refusal(p: stage.Stage, control: Settings, reached: Margins) -> str:
 
 
 def _advice(p: stage.Stage, control: Settings) -> str:
-    for share in (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1):
+    for share in _SHARES:
         lower = slower(control, share)
         try:
             reached = margins(p, designed_feedback(p, lower), control.period)

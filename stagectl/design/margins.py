@@ -48,11 +48,27 @@ def _margins(p: stage.Stage, controller: Rational, dt: float) -> Margins:
     return Margins(margin, gain, crossover, delay, stable)
 
 
-def _held(p: stage.Stage, dt: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Plant with current loop, (position, velocity, current), sampled under zero-order hold."""
+def swings(
+    p: stage.Stage, designed: Feedback, dt: float, watching: observer.Observer = observer.ABSENT
+) -> float | None:
+    """Frequency (Hz) at which the loop swings by itself on an axis that friction holds; None where it comes to rest.
+
+    Until anything slips, friction is a spring of `stage.stiffness`, with the damping of a bristle.  What grows in this
+    linear loop is caught by the elements that then slip: a limit cycle of about the shortest slip, for as long as there
+    is power.  Simulated ones begin at the bandwidth that this gives, and have its frequency (tests/test_rest.py).
+    """
+    with computable(p):
+        poles = _poles(_plant(p, dt, held=True), observed(compensator(designed, dt), watching))
+    worst = poles[np.argmax(np.abs(poles))]
+    return float(abs(np.angle(worst))) / (2.0 * np.pi * dt) if abs(worst) >= 1.0 else None
+
+
+def _sampled(p: stage.Stage, dt: float, held: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Plant with current loop, (position, velocity, current), sampled under zero-order hold; `held`: by friction."""
     lag = max(p.drive.current_lag, 1e-9)  # a current loop this fast is none
-    rate = p.mechanics.viscous / p.mechanics.inertia
-    a = np.array([[0, 1, 0], [0, -rate, p.motor.force_constant / p.mechanics.inertia], [0, 0, -1 / lag]])
+    spring, damping = (stage.stiffness(p.friction), p.friction.bristle.damping) if held else (0.0, 0.0)
+    rates = -np.array([spring, p.mechanics.viscous + damping, -p.motor.force_constant]) / p.mechanics.inertia
+    a = np.array([[0, 1, 0], rates, [0, 0, -1 / lag]])
     whole: NDArray[np.float64] = np.zeros((4, 4))
     whole[:3, :3], whole[2, 3] = a, 1 / lag
     stepped = expm(whole * dt)
@@ -114,7 +130,11 @@ def _cascade(p: cascade.Cascade) -> Rational:
 
 def plant(p: stage.Stage, dt: float) -> Rational:
     """From the command to the measured position: zero-order hold, current loop, inertia, and nd + nm periods."""
-    a, b = _held(p, dt)
+    return _plant(p, dt, held=False)
+
+
+def _plant(p: stage.Stage, dt: float, held: bool) -> Rational:
+    a, b = _sampled(p, dt, held)
     denominator = np.poly(a)
     pulse = [float(b[0]), float((a @ b)[0]), float((a @ a @ b)[0])]  # position after 1, 2 and 3 periods
     numerator = np.convolve(pulse, denominator)[:3]
@@ -130,13 +150,13 @@ def _open_loop(p: stage.Stage, controller: Rational, dt: float, z: NDArray[Any])
 
 def _stable(p: stage.Stage, controller: Rational, dt: float) -> bool:
     """Whether all closed-loop poles of the sampled loop lie inside the unit circle."""
-    moved = plant(p, dt)
-    poles = np.roots(
-        np.polyadd(
-            np.polymul(moved.denominator, controller.denominator), np.polymul(moved.numerator, controller.numerator)
-        )
-    )
-    return bool(np.max(np.abs(poles)) < 1.0)
+    return bool(np.max(np.abs(_poles(plant(p, dt), controller))) < 1.0)
+
+
+def _poles(moved: Rational, controller: Rational) -> NDArray[Any]:
+    """Of the closed loop."""
+    ways = np.polymul(moved.numerator, controller.numerator)
+    return np.roots(np.polyadd(np.polymul(moved.denominator, controller.denominator), ways))
 
 
 def _phase_margin(frequency: NDArray[Any], level: NDArray[Any], phase: NDArray[Any]) -> tuple[float, float]:

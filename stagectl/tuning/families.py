@@ -19,7 +19,7 @@ import math
 from typing import Any, NamedTuple
 
 from stagectl import design
-from stagectl.kernels import observer, stage
+from stagectl.kernels import stage
 from stagectl.tuning.robustness import Loop, Robustness, loops, robustness
 from stagectl.units import StageError
 
@@ -115,20 +115,6 @@ def cut(p: stage.Stage, control: design.Settings) -> dict[str, Loop]:
 
     Raises DesignError where the gains cannot be realised.
     """
-    designed, dt, watching = running(p, control)
+    designed, dt, watching = design.unjudged(p, control)
     found = loops(p, designed, dt, watching)
     return found | {"without observer": next(iter(loops(p, designed, dt).values()))} if watching.active else found
-
-
-def running(p: stage.Stage, control: design.Settings) -> tuple[design.Feedback, float, observer.Observer]:
-    """Feedback, period (s) and observer of a control, whatever its margin.
-
-    Raises DesignError where they cannot be realised.
-    """
-    designed = design.designed_feedback(p, control)
-    if "observer" not in control.layers:
-        return designed, control.period, observer.ABSENT
-    try:
-        return designed, control.period, observer.designed(p, control.period, design.observer_bandwidth(control))
-    except observer.DelayError as error:
-        raise design.DesignError(f"control.layers holds observer: {error}") from error

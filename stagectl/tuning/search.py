@@ -104,7 +104,12 @@ def _holds(family: Family, demand: Demand, bandwidth: float) -> bool:
         phase, peak = essence(loop)
         if phase < demand.margin or (number == 0 and peak > demand.peak):
             return False
-    return True
+    return _swings(family, bandwidth) is None
+
+
+def _swings(family: Family, bandwidth: float) -> float | None:
+    """Where friction holds the axis; a bandwidth that nobody asked for must let it come to rest."""
+    return design.swings(family.stage, *design.unjudged(family.stage, chosen(family, bandwidth)))
 
 
 def _range(family: Family) -> tuple[float, float]:
@@ -145,7 +150,10 @@ def _fastest(family: Family, demand: Demand) -> Tuned:
             f"{_best(family)}"
         )
     control = chosen(family, found)
-    binding = tuple(_missing(family, demand, 1.01 * found)) or ("it is the highest that is looked at",)
+    more = 1.01 * found
+    swings = _swings(family, more)
+    restless = f"where friction holds the axis, the loop swings by itself at {swings:.3g} Hz" if swings else ""
+    binding = tuple(_missing(family, demand, more)) or (restless or "it is the highest that is looked at",)
     without = None
     if any("Ms" in words for words in binding):
         without = _highest(family, demand._replace(peak=math.inf))
@@ -180,7 +188,7 @@ def _best(family: Family) -> str:
 
 def _asked(demand: Demand) -> str:
     peak = f" and Ms of at most {demand.peak:g}" if math.isfinite(demand.peak) else ""
-    return f"at least {math.degrees(demand.margin):g} deg{peak} are asked for"
+    return f"at least {math.degrees(demand.margin):g} deg{peak} are asked for, and an axis that comes to rest"
 
 
 def _span(family: Family) -> str:

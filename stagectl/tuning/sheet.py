@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import cascade, feedback
-from stagectl.tuning.families import law_of, running
+from stagectl.tuning.families import law_of
 from stagectl.tuning.robustness import Peak, Robustness, attenuated, bandwidth, following, loops, softest, stepped
 from stagectl.tuning.search import PEAK, Tuned
 from stagectl.words import duration
@@ -74,7 +74,7 @@ def _of_cascade(p: cascade.Cascade, control: design.CascadeControl, unit: str) -
 def closed(setup: Setup, tuned: Tuned) -> Closed:
     """What the closed loop does."""
     control = tuned.control
-    parts = running(setup.stage, control)
+    parts = design.unjudged(setup.stage, control)
     way, cut = following(setup.stage, *parts), next(iter(loops(setup.stage, *parts).values()))
     response = step(setup, tuned, 20.0)
     outside = np.flatnonzero(np.abs(response - 1.0) > SETTLED)
@@ -93,7 +93,7 @@ def step(setup: Setup, tuned: Tuned, periods: float) -> NDArray[np.float64]:
     """Measured position (n,) after a step of the target, over so many `periods` of the bandwidth."""
     dt = tuned.control.period
     length = min(math.ceil(periods / (tuned.bandwidth * dt)), LONGEST)
-    return stepped(following(setup.stage, *running(setup.stage, tuned.control)), length)
+    return stepped(following(setup.stage, *design.unjudged(setup.stage, tuned.control)), length)
 
 
 def headline(setup: Setup, tuned: Tuned) -> str:
@@ -136,10 +136,14 @@ def notes(tuned: Tuned) -> list[str]:
         )
     if isinstance(control, design.CascadeControl) and control.force_filter == 0.0:
         said.append("No force filter: its corner would lie above Nyquist's frequency.")
-    said.append(
-        "Margins are those of the sliding axis; rolling friction, which adds stiffness near rest, is not in them."
-    )
+    said.append(f"Margins are those of the sliding axis; {_standing(tuned)}.")
     return said
+
+
+def _standing(tuned: Tuned) -> str:
+    """What the loop does where friction holds the axis."""
+    calm = "when it stands, and friction is a spring, the loop is stable, too"
+    return design.unrest(tuned.family.stage, tuned.control) or calm
 
 
 def margins(tuned: Tuned) -> list[list[str]]:

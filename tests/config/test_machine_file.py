@@ -78,7 +78,7 @@ def test_an_axis_must_be_named_and_be_there(command: Command) -> None:
     with pytest.raises(ConfigError, match="no block `axes`, it is one axis: leave #x away"):
         load_stage(CONFIG / "ball-screw.yaml#x")
     code, _, said = command("config", "check", XY)
-    assert code == 0 and said.count("bandwidth 20 Hz at 1 ms") == 2
+    assert code == 0 and said.count("bandwidth 8 Hz at 1 ms") == 2
 
 
 def test_what_two_axes_on_a_bus_cannot_be(tmp_path: Path) -> None:

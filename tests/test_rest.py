@@ -1,0 +1,85 @@
+"""An axis that friction holds as by a spring comes to rest where the design says so, and swings where it says that."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stagectl import design
+from stagectl.config.stage_file import Setup, load_stage
+from stagectl.plan import plan
+from stagectl.simulation import simulate
+from stagectl.trajectories import SCurve
+from stagectl.tuning.families import family
+from stagectl.tuning.search import Demand, tuned
+from tests.conftest import CONFIG, Command
+
+STAGES = [CONFIG / "xy.yaml#x", CONFIG / "xy.yaml#y", *sorted(set(CONFIG.glob("*.yaml")) - {CONFIG / "xy.yaml"})]
+LAST = 2.0  # s that are looked at
+
+
+def of_bandwidth(axis: str, bandwidth: float, substeps: int = 10) -> Setup:
+    """An axis of the X-Y stage with another bandwidth (Hz)."""
+    setup = load_stage(CONFIG / f"xy.yaml#{axis}")
+    control, simulation = setup.file.control, setup.file.simulation._replace(substeps=substeps)
+    assert isinstance(control, design.Control)
+    return setup._replace(
+        file=setup.file._replace(control=control._replace(bandwidth=bandwidth), simulation=simulation)
+    )
+
+
+def standing(setup: Setup) -> Any:
+    """Tracking error (n,) rad of the last seconds, long after a move."""
+    move = SCurve(10e-3, 5e-3, 0.5, 25.0, 25.0, one_way=True)
+    controller = design.design(setup.stage, setup.file.control)
+    return simulate(setup, plan(setup, move, controller.feedforward), controller.law)["error"][-int(LAST / setup.dt) :]
+
+
+def swinging(setup: Setup) -> float | None:
+    return design.swings(setup.stage, *design.unjudged(setup.stage, setup.file.control))
+
+
+@pytest.mark.parametrize("path", STAGES, ids=lambda path: path.stem + path.suffix)
+def test_every_shipped_stage_comes_to_rest(path: Path) -> None:
+    setup = load_stage(path)
+    assert design.unrest(setup.stage, setup.file.control) == ""
+
+
+@pytest.mark.parametrize(("axis", "bandwidth"), [("x", 8.0), ("y", 9.0)])
+def test_where_it_is_said_to_it_comes_to_rest(axis: str, bandwidth: float) -> None:
+    setup = of_bandwidth(axis, bandwidth)
+    assert swinging(setup) is None
+    assert np.ptp(standing(setup)) <= 6.0 * setup.stage.encoder.step
+
+
+@pytest.mark.parametrize("substeps", [10, 20])
+@pytest.mark.parametrize(("axis", "bandwidth"), [("x", 12.0), ("y", 14.0)])
+def test_where_it_is_said_to_swing_it_does_at_that_frequency(axis: str, bandwidth: float, substeps: int) -> None:
+    setup = of_bandwidth(axis, bandwidth, substeps)
+    said, error = swinging(setup), standing(setup)
+    spectrum = np.abs(np.fft.rfft(error - error.mean()))
+    assert said is not None
+    assert int(np.argmax(spectrum)) / LAST == pytest.approx(said, rel=0.1)  # what slips makes it softer
+    shortest = float(min(setup.stage.friction.operators.slip))
+    assert 0.5 * shortest < np.ptp(error) < 5.0 * shortest
+
+
+def test_the_fastest_that_is_tuned_comes_to_rest() -> None:
+    setup = of_bandwidth("x", 20.0)
+    found = tuned(family(setup.stage, setup.file.control, "pid"), Demand(setup.file.control.margin))
+    assert 9.0 < found.bandwidth < 10.0
+    assert any("swings by itself" in words for words in found.binding)
+
+
+def test_a_loop_that_would_swing_is_told_before_it_moves(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "x.yaml"
+    text = (CONFIG / "ball-screw.yaml").read_text().replace("eds: drives/", f"eds: {CONFIG}/drives/")
+    path.write_text(text.replace("period: 0.5 ms", "period: 1 ms").replace("bandwidth: 40 Hz", "bandwidth: 20 Hz"))
+    code, _, err = command("config", "check", path)
+    assert code == 0
+    assert "when it stands, and friction is a spring, the loop swings by itself at 80.3 Hz" in " ".join(err.split())
+    _, _, err = command("simulate", path, CONFIG / "trajectories" / "sine-2um.yaml", "-o", tmp_path / "a.h5")
+    assert "note: when it stands" in " ".join(err.split())
