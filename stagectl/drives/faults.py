@@ -217,7 +217,8 @@ TABLE: tuple[Row, ...] = (
     Row("controller-dead", "controller", "off", Plain, "the loop's process dies (kill -9)",
         Must(1, ("supervision",))),
     Row("interface-down", "controller", "off", Plain, "the controller's own CAN interface fails",
-        Must(1, ("supervision",), reasons=(Fault.BUS,))),
+        # while the kernel takes it down, what is sent is lost before anything is refused
+        Must(1, ("supervision",), reasons=(Fault.BUS, Fault.FEEDBACK_LOST))),
 )  # fmt: skip
 
 ROWS = {row.name: row for row in TABLE}

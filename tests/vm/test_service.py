@@ -22,6 +22,7 @@ SPEED = 0.03  # m/s
 
 
 def test_one_command_installs_a_service_that_runs(machine: Installed) -> None:
+    machine.ready()  # whatever other tests have done to it
     assert machine.shows("ActiveState") == "active"
     assert machine.shows("Type") == "notify"
     assert machine.shows("UnitFileState") == "enabled"
