@@ -1,7 +1,8 @@
 """What the live page costs the service, and whether it grows: ``python tools/bench/page.py [MINUTES]``.
 
 A service on a virtual drive moves to and fro at 2 kHz.  First nobody looks, then chromium does, for so many minutes:
-the CPU time of the service with and without it, the frames that the page gets a second, and the memory of both.
+the CPU time of the service with and without it, the frames that the page gets a second, and the memory of both: medians
+of the first and of the last third, as a motion that is laid out takes some for a while.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from playwright.sync_api import sync_playwright
 
 from stagectl.daemon.client import ask
@@ -59,10 +61,8 @@ def _unhurried(folder: Path) -> Path:
     """The shipped stage with time-outs that a machine keeps on which a browser runs beside drive and loop."""
     shutil.copytree(ROOT / "config", folder / "config")
     path = folder / "config" / "ball-screw.yaml"
-    text = (
-        path.read_text().replace("timeout: 500 ms", "timeout: 5 s").replace("late_limit: 2000", "late_limit: 1000000")
-    )
-    path.write_text(text)
+    text = path.read_text().replace("timeout: 500 ms", "timeout: 5 s")
+    path.write_text(text.replace("late_limit: 2000", "late_limit: 1000000"))
     return path
 
 
@@ -90,16 +90,18 @@ def _watched(pid: int, folder: Path, port: int, seconds: float) -> dict[str, flo
         page.goto(f"http://127.0.0.1:{port}/#{key}")
         page.wait_for_timeout(1e3 * SETTLED)
         _asked(folder, "POST", "trajectory", yaml=SINE, wait=False)
-        first, begun, seen, spent = _memory(pid, page), time.monotonic(), frames[0], _cpu(pid)
+        held, begun, seen, spent = [_memory(pid, page)], time.monotonic(), frames[0], _cpu(pid)
         while (left := begun + seconds - time.monotonic()) > 0.0:
             page.wait_for_timeout(1e3 * min(left, AGAIN))
             _asked(folder, "POST", "trajectory", yaml=SINE, wait=False)
-            print(f"{time.monotonic() - begun:6.0f} s  service, page (KiB): {_memory(pid, page)}", flush=True)
+            held.append(_memory(pid, page))
+            print(f"{time.monotonic() - begun:6.0f} s  service, page (KiB): {held[-1]}", flush=True)
         took = time.monotonic() - begun
-        last = _memory(pid, page)
         found = {"share": 100.0 * (_cpu(pid) - spent) / took, "frames": (frames[0] - seen) / took}
         browser.close()
-    return {**found, "service": last[0] - first[0], "page": last[1] - first[1]}
+    third = max(len(held) // 3, 1)
+    growth = np.median(held[-third:], axis=0) - np.median(held[:third], axis=0)
+    return {**found, "service": float(growth[0]), "page": float(growth[1])}
 
 
 def _memory(pid: int, page: Any) -> tuple[int, int]:
