@@ -108,11 +108,11 @@ def test_it_configures_and_describes_the_drive(bench: Workbench, bus: Tapped) ->
     assert told["device name"] == "stagectl virtual drive"
     assert told["rated current (0x6075)"] == "10 A"
     assert told["heartbeat time-out in the drive (0x1016)"] == "10000 ms"
-    assert told["RPDO time-out (0x1400:05)"] == "1000 ms"
+    assert told["RPDO time-out (0x1400:05)"] == "10000 ms"
     assert told["quick stop option (0x605A)"].startswith("slow down on the quick stop ramp")
     assert told["abort connection option (0x6007)"] == "quick stop"
     assert node.objects.number(0x6085) == round(2.0 / STEP)
-    assert node.objects.number(0x1016, 1) == 127 << 16 | 1000
+    assert node.objects.number(0x1016, 1) == 127 << 16 | 10000
     assert [node.objects.number(0x1600, n) for n in range(3)] == [2, 0x60400010, 0x20710020]
 
 
