@@ -68,10 +68,8 @@ def _stage_words(path: Path) -> str:
 
     setup = load_stage(path)
     control = setup.file.control
-    designed = design.designed_feedback(setup.stage, control)
     observing = "observer" in control.layers
-    watching = [design.watched(setup.stage, control, designed)] if observing else []
-    reached = design.margins(setup.stage, designed, setup.dt, *watching)
+    reached = design.margins(setup.stage, *design.unjudged(setup.stage, control))  # it was judged as it was read
     name, value, unit = design.speed(control)
     restless = design.unrest(setup.stage, control)
     return (

@@ -88,11 +88,8 @@ def watched(p: stage.Stage, control: Settings, designed: Feedback) -> observer.O
     Raises DesignError where the two together fall below ``control.margin``, or the delay is too long to observe.
     """
     bandwidth, dt = observer_bandwidth(control), control.period
-    try:
-        found = observer.designed(p, dt, bandwidth)
-        reached = margins(p, designed, dt, found)
-    except observer.DelayError as error:
-        raise DesignError(f"control.layers holds observer: {error}") from error
+    found = _observing(p, control)
+    reached = margins(p, designed, dt, found)
     if reached.stable and reached.phase >= control.margin:
         return found
     alone = math.degrees(margins(p, designed, dt).phase)
@@ -133,10 +130,12 @@ def unjudged(p: stage.Stage, control: Settings) -> tuple[Feedback, float, observ
     Raises DesignError where they cannot be realised.
     """
     designed = designed_feedback(p, control)
-    if "observer" not in control.layers:
-        return designed, control.period, observer.ABSENT
+    return designed, control.period, _observing(p, control) if "observer" in control.layers else observer.ABSENT
+
+
+def _observing(p: stage.Stage, control: Settings) -> observer.Observer:
     try:
-        return designed, control.period, observer.designed(p, control.period, observer_bandwidth(control))
+        return observer.designed(p, control.period, observer_bandwidth(control))
     except observer.DelayError as error:
         raise DesignError(f"control.layers holds observer: {error}") from error
 

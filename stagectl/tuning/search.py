@@ -112,6 +112,14 @@ def _swings(family: Family, bandwidth: float) -> float | None:
     return design.swings(family.stage, *design.unjudged(family.stage, chosen(family, bandwidth)))
 
 
+def _restless(family: Family, bandwidth: float) -> str:
+    """What binds where no margin does."""
+    frequency = _swings(family, bandwidth)
+    if frequency is None:
+        return "it is the highest that is looked at"
+    return f"where friction holds the axis, the loop swings by itself at {frequency:.3g} Hz"
+
+
 def _range(family: Family) -> tuple[float, float]:
     """Bandwidths (Hz) that are looked at."""
     dt = family.control.period
@@ -151,9 +159,7 @@ def _fastest(family: Family, demand: Demand) -> Tuned:
         )
     control = chosen(family, found)
     more = 1.01 * found
-    swings = _swings(family, more)
-    restless = f"where friction holds the axis, the loop swings by itself at {swings:.3g} Hz" if swings else ""
-    binding = tuple(_missing(family, demand, more)) or (restless or "it is the highest that is looked at",)
+    binding = tuple(_missing(family, demand, more)) or (_restless(family, more),)
     without = None
     if any("Ms" in words for words in binding):
         without = _highest(family, demand._replace(peak=math.inf))
