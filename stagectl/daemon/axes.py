@@ -116,11 +116,11 @@ class Loop:
         complete = bool(together) and len(together) >= together[0][1].numbers[-1]
         possible = complete and all([axis.may_begin(order) for axis, order in together])
         for axis, order in pending:
-            if (axis, order) not in together:
-                axis.board.answer(self._may(axis, order) and axis.take(order))
-            elif complete:
-                axis.board.answer(possible and axis.take(order))
-            axis.show()
+            if complete or (axis, order) not in together:
+                allowed = possible if (axis, order) in together else self._may(axis, order)
+                taken = allowed and axis.take(order)
+                axis.show()  # before the answer: whoever gets it sees the state that follows
+                axis.board.answer(taken)
 
     def _may(self, axis: Axis, order: Order) -> bool:
         connects = order.kind in (Event.CONNECT, Event.RESET)

@@ -20,13 +20,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from stagectl.kernels import law
+from stagectl.recording.ring import counts
+from stagectl.units import StageError
 
 SLOTS, SLOT = 16, 1024  # orders, and bytes of each
 AHEAD = 1 << 15  # rows of setpoints, 16 s at 2 kHz
 NUMBERS = (SLOT - 24) // 8
-_COUNT, _ORDER = struct.Struct("<Q"), struct.Struct("<QQ")
+_ORDER = struct.Struct("<QQ")
 _ROW = struct.Struct(f"<{len(law.Setpoint._fields)}d")
-_WRITTEN, _FILLED, _SEQUENCE, _STATUS, _TEXT, _ORDERS, _ROWS = 0, 8, 16, 64, 1024, 8192, 32768
+_STATUS, _TEXT, _ORDERS, _ROWS = 64, 1024, 8192, 32768  # bytes from the start
+_WRITTEN, _FILLED, _SEQUENCE, _LENGTH = 0, 1, 2, _TEXT // 8  # places among the counts
 _LONGEST = _ORDERS - _TEXT - 16  # bytes of text
 SIZE = _ROWS + AHEAD * _ROW.size
 PENDING, TAKEN, REFUSED = 0, 1, 2
@@ -67,6 +70,10 @@ class Order(NamedTuple):
     numbers: tuple[float, ...] = ()
 
 
+class BoardFullError(StageError):
+    """An order that there is no room for: the loop takes none at present."""
+
+
 _PACKED = struct.Struct(f"<{len(Status._fields)}d")
 
 
@@ -76,6 +83,7 @@ class Board:
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
         self.memory = mmap.mmap(descriptor, SIZE)
+        self._counts = counts(self.memory, _ROWS)
         self._looked = self.ordered  # the next order to be taken
         self._whole = Status()  # the last one that was read whole
 
@@ -91,28 +99,36 @@ class Board:
     @property
     def ordered(self) -> int:
         """Orders given."""
-        return int(_COUNT.unpack_from(self.memory, _WRITTEN)[0])
+        return self._counts[_WRITTEN]
 
     def order(self, order: Order) -> int:
-        """Give an order; its number."""
+        """Give an order; its number.
+
+        Raises BoardFullError where the loop has taken none of the last `SLOTS`.
+        """
         number = self.ordered
+        if number >= SLOTS and self.verdict(number - SLOTS) == PENDING:
+            raise BoardFullError(
+                f"{SLOTS} orders wait already, and the real-time process takes none while it configures a drive: "
+                "`stagectl status`, then try again"
+            )
         start = _ORDERS + number % SLOTS * SLOT
-        _COUNT.pack_into(self.memory, start, PENDING)
+        self._counts[start // 8] = PENDING
         _ORDER.pack_into(self.memory, start + 8, order.kind, len(order.numbers))
         struct.pack_into(f"<{len(order.numbers)}d", self.memory, start + 24, *order.numbers)
-        _COUNT.pack_into(self.memory, _WRITTEN, number + 1)
+        self._counts[_WRITTEN] = number + 1
         return number
 
     def verdict(self, number: int) -> int:
         """What became of an order: PENDING, TAKEN or REFUSED."""
-        return int(_COUNT.unpack_from(self.memory, _ORDERS + number % SLOTS * SLOT)[0])
+        return self._counts[(_ORDERS + number % SLOTS * SLOT) // 8]
 
     def status(self) -> Status:
         """A status that was whole when it was read; the last such one where the writer died in the middle of it."""
         for _ in range(_LOOKS):
-            before = _COUNT.unpack_from(self.memory, _SEQUENCE)[0]
+            before = self._counts[_SEQUENCE]
             found = _PACKED.unpack_from(self.memory, _STATUS)
-            if before % 2 == 0 and before == _COUNT.unpack_from(self.memory, _SEQUENCE)[0]:
+            if before % 2 == 0 and before == self._counts[_SEQUENCE]:
                 self._whole = Status(*found)
                 break
         return self._whole
@@ -120,13 +136,13 @@ class Board:
     @property
     def words(self) -> str:
         """The last thing that the loop had to say."""
-        length = _COUNT.unpack_from(self.memory, _TEXT)[0]
+        length = self._counts[_LENGTH]
         return bytes(self.memory[_TEXT + 8 : _TEXT + 8 + length]).decode(errors="replace")
 
     @property
     def filled(self) -> int:
         """Rows of setpoints put in so far."""
-        return int(_COUNT.unpack_from(self.memory, _FILLED)[0])
+        return self._counts[_FILLED]
 
     def fill(self, rows: bytes) -> None:
         """Put rows behind the last one; there must be room: see `AHEAD`."""
@@ -137,13 +153,13 @@ class Board:
             begin = _ROWS + slot * _ROW.size
             self.memory[begin : begin + run * _ROW.size] = rows[done * _ROW.size : (done + run) * _ROW.size]
             done += run
-        _COUNT.pack_into(self.memory, _FILLED, number + count)
+        self._counts[_FILLED] = number + count
 
     # the loop's side
 
     def next_order(self) -> Order | None:
         """The order that is due, if there is one; it must be answered."""
-        if _COUNT.unpack_from(self.memory, _WRITTEN)[0] == self._looked:
+        if self.ordered == self._looked:
             return None
         start = _ORDERS + self._looked % SLOTS * SLOT
         kind, count = _ORDER.unpack_from(self.memory, start + 8)
@@ -151,25 +167,24 @@ class Board:
 
     def answer(self, taken: bool) -> None:
         """What becomes of the order that was due."""
-        _COUNT.pack_into(self.memory, _ORDERS + self._looked % SLOTS * SLOT, TAKEN if taken else REFUSED)
+        self._counts[(_ORDERS + self._looked % SLOTS * SLOT) // 8] = TAKEN if taken else REFUSED
         self._looked += 1
 
     def show(self, status: Sequence[float]) -> None:
         """Put the status where the service sees it."""
-        memory = self.memory
-        sequence = _COUNT.unpack_from(memory, _SEQUENCE)[0]
-        _COUNT.pack_into(memory, _SEQUENCE, sequence + 1)
-        _PACKED.pack_into(memory, _STATUS, *status)
-        _COUNT.pack_into(memory, _SEQUENCE, sequence + 2)
+        sequence = self._counts[_SEQUENCE]
+        self._counts[_SEQUENCE] = sequence + 1
+        _PACKED.pack_into(self.memory, _STATUS, *status)
+        self._counts[_SEQUENCE] = sequence + 2
 
     def say(self, words: str) -> None:
         """Tell something in words."""
         text = words.encode()[:_LONGEST]
         self.memory[_TEXT + 8 : _TEXT + 8 + len(text)] = text
-        _COUNT.pack_into(self.memory, _TEXT, len(text))
+        self._counts[_LENGTH] = len(text)
 
     def setpoint(self, number: int) -> tuple[float, ...] | None:
         """The row of this number, or None where it has not been put in yet."""
-        if number >= _COUNT.unpack_from(self.memory, _FILLED)[0]:
+        if number >= self.filled:
             return None
         return _ROW.unpack_from(self.memory, _ROWS + number % AHEAD * _ROW.size)

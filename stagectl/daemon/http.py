@@ -16,6 +16,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.routing import Match, Route
 
+from stagectl.daemon.board import BoardFullError
 from stagectl.daemon.manned import Manned, ServiceError
 from stagectl.daemon.orders import Orderly
 from stagectl.daemon.page import routes
@@ -123,6 +124,7 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
     """The whole interface; `port` is what the page tells of the TCP port."""
     app = FastAPI(title="stagectl", version="1", docs_url=None, redoc_url=None, responses=_GUARDED)
     app.add_exception_handler(ServiceError, _refusal(409))
+    app.add_exception_handler(BoardFullError, _refusal(409))
     app.add_exception_handler(StageError, _refusal(422))
     app.add_exception_handler(422, _refusal(422))
     app.add_exception_handler(400, _refusal(400))

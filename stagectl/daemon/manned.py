@@ -48,7 +48,6 @@ class Motion(NamedTuple):
     name: str
     rows: bytes
     length: int  # rows
-    first: int  # number of its first row on the board
     span: tuple[float, float]  # rad | m, lowest and highest position, from where it begins
 
 
@@ -212,7 +211,7 @@ class Manned:
         self._next_stops = stops
         rows = planned.setpoints
         span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
-        return Motion(name, np.ascontiguousarray(rows).tobytes(), len(rows), self.board.filled, span)
+        return Motion(name, np.ascontiguousarray(rows).tobytes(), len(rows), span)
 
     def _from_here(self) -> Setup:
         """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands."""
@@ -226,8 +225,9 @@ class Manned:
         """Put the first rows on the board; the order that begins it, at once with those of `together` axes in all."""
         self.motion, self._put = motion, 0
         self._stops = None  # until the motion has come to its end
+        first = self.board.filled
         self.fill()
-        return Order(Event.MOVE, (float(motion.first), float(motion.length), *motion.span, float(together)))
+        return Order(Event.MOVE, (float(first), float(motion.length), *motion.span, float(together)))
 
     def fill(self) -> None:
         """Put further rows of the motion on the board, as far as there is room."""
@@ -235,7 +235,7 @@ class Manned:
         if motion is None or self._put >= motion.length:
             return
         done = min(int(self.status.row), self._put) if self.state is State.MOVING else 0
-        room = AHEAD - 2 - (self._put - done)
+        room = max(AHEAD - 2 - (self._put - done), 0)  # a motion that was stopped has left its rows
         size = len(motion.rows) // motion.length
         end = min(self._put + room, motion.length)
         self.board.fill(motion.rows[self._put * size : end * size])

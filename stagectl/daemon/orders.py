@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 
 from stagectl.daemon.board import Order
 from stagectl.daemon.manned import Manned, Motion, ServiceError
@@ -11,6 +13,7 @@ from stagectl.daemon.states import Event, State, why_not
 from stagectl.units import UnitError, parse
 
 _ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, a stop and a connection may take
+Layout = Callable[[], Awaitable[Motion | None]]  # None: the axis is there already
 _UNPOWERED = (State.DISABLED, State.FAULT, State.OFFLINE)
 
 
@@ -19,6 +22,8 @@ class Orderly:
 
     def __init__(self, service: Service) -> None:
         self.service = service
+        self._begin = asyncio.Lock()  # one at a time lays its motion out from where the axes stand, and begins it
+        self._stops = 0
 
     async def enable(self, axes: list[Manned]) -> None:
         """Switch power on; the axes then hold where they stand."""
@@ -66,21 +71,20 @@ class Orderly:
         """
         if (not to and not by) or to.keys() & by.keys():
             raise ServiceError("a move needs a position or a distance for at least one axis, and one of them each")
-        motions = []
+        asked = []
         for name, text in (*to.items(), *by.items()):
             (axis,) = self.service.chosen(name) if name or len(self.service.axes) == 1 else (None,)
             if axis is None:
                 raise ServiceError(f"the move must name its axis; there are {', '.join(self.service.axes)}")
-            motions.append((axis, await self._planned(axis, (text, name in to), pace)))
-        await self._run([(axis, motion) for axis, motion in motions if motion is not None], wait)
+            asked.append((axis, partial(self._planned, axis, (text, name in to), pace)))
+        await self._run(asked, wait)
 
     async def trajectory(self, name: str, text: tuple[str, str], wait: bool) -> None:
         """Run a trajectory of this (name, YAML)."""
         axes = self.service.chosen(name)
         if len(axes) != 1:
             raise ServiceError(f"the trajectory must name its axis; there are {', '.join(self.service.axes)}")
-        self._ready(axes[0])
-        await self._run([(axes[0], await asyncio.to_thread(axes[0].trajectory, *text))], wait)
+        await self._run([(axes[0], partial(asyncio.to_thread, axes[0].trajectory, *text))], wait)
 
     async def change(self, name: str, values: dict[str, str]) -> None:
         """Other gains for an axis, or for all."""
@@ -95,6 +99,7 @@ class Orderly:
 
     async def _stop(self, axes: list[Manned], event: Event, ends: tuple[State, ...]) -> None:
         """All at once; then wait for each."""
+        self._stops += 1
         for axis in axes:
             axis.board.order(Order(event))
         for axis in axes:
@@ -109,7 +114,6 @@ class Orderly:
         self, axis: Manned, where: tuple[str, bool], pace: tuple[str | None, str | None]
     ) -> Motion | None:
         """The move to a position, or by a distance; None where the axis is there already."""
-        self._ready(axis)
         unit, scale = axis.setup.file.axis.travel_unit, axis.setup.file.axis.travel_per_unit
         text, absolute = where
         distance = _value(text, unit)
@@ -121,15 +125,28 @@ class Orderly:
         acceleration = _value(pace[1], f"{unit}/s^2") if pace[1] else None
         return await asyncio.to_thread(axis.move, distance, speed, acceleration)
 
-    async def _run(self, motions: list[tuple[Manned, Motion]], wait: bool) -> None:
-        orders = [(axis, axis.start(motion, len(motions))) for axis, motion in motions]
-        await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
+    async def _run(self, asked: Sequence[tuple[Manned, Layout]], wait: bool) -> None:
+        async with self._begin:
+            motions = await self._begun(asked)
         if wait:
             good = await asyncio.gather(*(self.service.settle(axis) for axis, _ in motions))
             for (axis, _), well in zip(motions, good, strict=True):
                 if not well:
                     why = axis.board.words if axis.status.fault else "it was stopped, or does not stand in position"
                     raise ServiceError(f"{axis.name}: not in position: {why}")
+
+    async def _begun(self, asked: Sequence[tuple[Manned, Layout]]) -> list[tuple[Manned, Motion]]:
+        """Lay all of them out, then begin them; none where a stop is ordered meanwhile."""
+        for axis, _ in asked:
+            self._ready(axis)
+        stops = self._stops
+        laid_out = [(axis, await layout()) for axis, layout in asked]
+        if self._stops != stops:
+            raise ServiceError("stopped before it began: the motion was still being laid out")
+        motions = [(axis, motion) for axis, motion in laid_out if motion is not None]
+        orders = [(axis, axis.start(motion, len(motions))) for axis, motion in motions]
+        await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
+        return motions
 
 
 def _value(text: str, unit: str) -> float:

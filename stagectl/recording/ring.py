@@ -17,8 +17,16 @@ import struct
 from collections.abc import Sequence
 
 HEADER = 64
-_COUNT = struct.Struct("<Q")
-_CLOSED = 8
+_WRITTEN, _CLOSED = 0, 1  # places among the counts
+
+
+def counts(memory: mmap.mmap, size: int) -> memoryview:
+    """The first `size` bytes of shared memory as uint64, each written in a single store.
+
+    Nothing else will do for a number that another process looks at: `struct` clears the bytes that it packs into, and
+    a reader sees a count of 0 now and then (2 % of the looks at one that is counted up all the time).
+    """
+    return memoryview(memory)[:size].cast("Q")
 
 
 class Ring:
@@ -28,7 +36,8 @@ class Ring:
         self.descriptor, self.width, self.capacity = descriptor, width, capacity
         self.memory = mmap.mmap(descriptor, HEADER + 8 * width * capacity)
         self._row = struct.Struct(f"<{width}d")
-        self._pack, self._count = self._row.pack_into, _COUNT.pack_into  # looked up once, not in every cycle
+        self._pack = self._row.pack_into  # looked up once, not in every cycle
+        self._counts = counts(self.memory, HEADER)
         self._written = self.written
 
     @classmethod
@@ -41,24 +50,22 @@ class Ring:
     @property
     def written(self) -> int:
         """Rows written since the start."""
-        count: int = _COUNT.unpack_from(self.memory, 0)[0]
-        return count
+        return self._counts[_WRITTEN]
 
     @property
     def closed(self) -> bool:
         """Whether the writer has said that no more rows will come."""
-        return bool(_COUNT.unpack_from(self.memory, _CLOSED)[0])
+        return bool(self._counts[_CLOSED])
 
     def write(self, row: Sequence[float]) -> None:
         """Add one row; never waits, never fails."""
-        written, memory = self._written, self.memory
-        self._pack(memory, HEADER + written % self.capacity * self._row.size, *row)
-        self._written = written = written + 1
-        self._count(memory, 0, written)
+        written = self._written
+        self._pack(self.memory, HEADER + written % self.capacity * self._row.size, *row)
+        self._written = self._counts[_WRITTEN] = written + 1
 
     def close(self) -> None:
         """Say that no more rows will come."""
-        _COUNT.pack_into(self.memory, _CLOSED, 1)
+        self._counts[_CLOSED] = 1
 
     def read(self, start: int, most: int) -> tuple[int, bytes]:
         """Rows from number `start` on, at most `most`: (number of the first one returned, their bytes).

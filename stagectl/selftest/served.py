@@ -170,7 +170,7 @@ class ServedCase(Case):
 
     def _move(self) -> Order:
         service = self._service
-        return service.manned.start(service.motion._replace(first=service.manned.board.filled), 1)
+        return service.manned.start(service.motion, 1)
 
     # after the fault
 

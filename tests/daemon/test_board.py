@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import struct
+import subprocess
+import sys
 
 import pytest
 
-from stagectl.daemon.board import AHEAD, PENDING, REFUSED, SLOTS, TAKEN, Board, Order, Status
+from stagectl.daemon.board import AHEAD, PENDING, REFUSED, SLOTS, TAKEN, Board, BoardFullError, Order, Status
+
+LOOKS = 300_000
 
 
 @pytest.fixture
@@ -45,13 +49,44 @@ def test_the_status_is_whole(sides: tuple[Board, Board]) -> None:
     assert service.words == "stands"
 
 
+def test_an_order_too_many_is_refused_and_loses_none(sides: tuple[Board, Board]) -> None:
+    service, loop = sides
+    for k in range(SLOTS):
+        service.order(Order(k))
+    with pytest.raises(BoardFullError, match="16 orders wait already"):
+        service.order(Order(99))
+    for k in range(SLOTS):
+        assert loop.next_order() == Order(k)
+        loop.answer(True)
+    service.order(Order(99))
+    assert loop.next_order() == Order(99)
+
+
+def test_no_count_is_ever_seen_as_zero_while_another_process_writes_it() -> None:
+    """`struct.pack_into` clears first: motions ended as "setpoints ran out", with 16 s of them on the board."""
+    ours = Board.create()
+    ours.fill(bytes(64))
+    ours.order(Order(1))
+    ours.next_order()
+    ours.answer(True)
+    writer = "import sys; from stagectl.daemon.board import Board, Status; b = Board(int(sys.argv[1])); print()\n"
+    writer += "while True: b.fill(b''); b.show(Status()); b._counts[0] = b.ordered"
+    words = [sys.executable, "-uc", writer, str(ours.descriptor)]
+    with subprocess.Popen(words, pass_fds=[ours.descriptor], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        seen = {(ours.setpoint(0) is None, ours.next_order() is None) for _ in range(LOOKS)}
+        process.kill()
+    assert seen == {(False, True)}
+
+
 def test_a_loop_killed_while_it_shows_its_status_does_not_hang_the_service(sides: tuple[Board, Board]) -> None:
     service, loop = sides
     shown = Status(*map(float, range(len(Status._fields))))
     loop.show(shown)
     assert service.status() == shown
     loop.show(shown)
-    struct.pack_into("<Q", loop.memory, 16, 5)  # signal 9 between the count that opens a status and the one behind it
+    loop._counts[2] = 5  # signal 9 between the count that opens a status and the one behind it
     struct.pack_into("<d", loop.memory, 64, -1.0)
     assert service.status() == shown
     assert Board(service.descriptor).status() == Status()  # who never saw a whole one knows nothing

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 
 import numpy as np
 from hypothesis import given
@@ -36,6 +38,21 @@ def test_a_reader_that_is_too_slow_knows_how_many_rows_it_lost() -> None:
     first, data = ring.read(3, 100)
     assert first == 12
     assert rows(data, 1) == [[k] for k in range(12, 20)]
+
+
+def test_its_count_never_goes_back_while_another_process_writes() -> None:
+    ring = Ring.create(1, capacity=8)
+    ring.write((0.0,))
+    writer = "import sys; from stagectl.recording.ring import Ring; ring = Ring(int(sys.argv[1]), 1, 8); print()\n"
+    writer += "while True: ring.write((0.0,))"
+    words = [sys.executable, "-uc", writer, str(ring.descriptor)]
+    with subprocess.Popen(words, pass_fds=[ring.descriptor], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        seen = [ring.written for _ in range(300_000)]
+        process.kill()
+    assert seen == sorted(seen)
+    assert seen[-1] > seen[0] >= 1
 
 
 @given(st.lists(st.tuples(st.integers(1, 12), st.integers(1, 12)), max_size=30))
