@@ -88,7 +88,7 @@ class Soak:
             status = axis.status
             assert status.fault == 0.0, axis.board.words
             if status.state == State.STANDING:
-                axis.board.order(axis.start(self.motion._replace(first=axis.board.filled), 1))
+                axis.board.order(axis.start(self.motion, 1))
                 while axis.status.motions == status.motions:
                     time.sleep(0.001)
             axis.fill()
