@@ -91,8 +91,8 @@ def beside(p: Products, columns: Columns) -> Products:
 
 
 def beside_each(p: Products, columns_of: Callable[[Run], Mapping[str, Sequence[Array]]]) -> Products:
-    """`p` with more columns, made and multiplied run by run: those of one run alone are in memory twice."""
-    joined = [beside(p._replace(parts=(part,)), [columns_of(part.run)]) for part in p.parts]
+    """`p` with more columns, made and multiplied run by run: few runs' are in memory twice."""
+    joined = in_parallel(lambda part: beside(p._replace(parts=(part,)), [columns_of(part.run)]), p.parts)
     return Products(joined[0].names, tuple(one.parts[0] for one in joined))
 
 

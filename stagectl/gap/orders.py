@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import welch
 
@@ -17,7 +18,7 @@ from stagectl.gap.session import Array
 
 HIGHEST = 60  # order
 PEAKS = 3  # of each kind that are tried
-STEP = 0.05  # between orders that need not be whole
+FINE, APART_FROM_WHOLE = 20, 2  # orders that need not be whole are in twentieths, so many of them off a whole one
 LOWEST, HIGHEST_MODE = 6.0, 75.0  # Hz: where a base rings
 RINGING = 2.0  # s of a spectrum's segments: a mode of a few per cent of damping rings as long
 SURROUNDINGS = 6.0  # Hz, to either side, of which a line stands out
@@ -27,14 +28,17 @@ APART = 2.0  # Hz between two modes
 def orders(runs: Sequence[Run], left: Sequence[list[Array]], pitch: float) -> dict[str, tuple[float, ...]]:
     """Orders by effect, strongest first, from the whitened effort that is left."""
     effort, angle, side, current = (np.concatenate(parts) for parts in _samples(runs, left, pitch))
-    whole = np.arange(1.0, HIGHEST + 1.0)
-    between = np.arange(1.3, HIGHEST / 2.0, STEP)
-    between = between[np.abs(between - np.round(between)) > 0.1]
+    whole = np.arange(1, HIGHEST + 1)
+    steps = np.arange(26, FINE * HIGHEST // 2)
+    steps = steps[np.abs(steps - FINE * np.round(steps / FINE)) >= APART_FROM_WHOLE]
+    signals = np.stack([effort, effort * current, effort * side])
+    cogging, ripple, lead = power(signals, angle, whole)
+    balls = power(signals[2:], angle / FINE, steps)[0]
     return {
-        "cogging": peaks(whole, power(effort, angle, whole)),
-        "current_ripple": peaks(whole, power(effort * current, angle, whole)),
-        "lead_friction": tuple(n for n in peaks(whole, power(effort * side, angle, whole)) if n in (2.0, 3.0)),
-        "ball_pass_ripple": peaks(between, power(effort * side, angle, between), 0.5),
+        "cogging": peaks(whole, cogging),
+        "current_ripple": peaks(whole, ripple),
+        "lead_friction": tuple(n for n in peaks(whole, lead) if n in (2.0, 3.0)),
+        "ball_pass_ripple": peaks(steps / FINE, balls, 0.5),
     }
 
 
@@ -69,13 +73,24 @@ def _samples(runs: Sequence[Run], left: Sequence[list[Array]], pitch: float) -> 
     return tuple(one or [np.zeros(1)] for one in found)
 
 
-def power(signal: Array, angle: Array, grid: Array) -> Array:
-    """Periodogram (k,) of `signal` (n,) over `angle` (n,) rad at the orders `grid` (k,)."""
-    signal = signal - signal.mean()
-    return np.array([np.abs(np.exp(-1j * n * angle) @ signal) ** 2 for n in grid]) / len(signal)
+def power(signals: Array, angle: Array, grid: NDArray[np.int64]) -> Array:
+    """Periodograms (s, k) of `signals` (s, n) over `angle` (n,) rad at the whole orders `grid` (k,), which rise.
+
+    From one order to the next it turns by products, not by sines: 1e-12 after a thousand of them.
+    """
+    signals = signals - signals.mean(axis=1, keepdims=True)
+    turn, turned, at = np.exp(-1j * angle), np.exp(-1j * float(grid[0]) * angle), int(grid[0])
+    found: Array = np.empty((len(signals), len(grid)))
+    for k, order in enumerate(grid.tolist()):
+        for _ in range(order - at):
+            turned *= turn
+        at = order
+        found[:, k] = np.abs(signals @ turned) ** 2
+    found /= signals.shape[1]
+    return found
 
 
-def peaks(grid: Array, found: Array, apart: float = 0.0) -> tuple[float, ...]:
+def peaks(grid: Array | NDArray[np.int64], found: Array, apart: float = 0.0) -> tuple[float, ...]:
     """The `PEAKS` strongest orders that are `apart` from each other."""
     chosen: list[float] = []
     for k in np.argsort(found)[::-1]:
