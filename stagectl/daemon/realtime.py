@@ -88,12 +88,13 @@ class Metronome:
     def wait(self) -> float:
         """Sleep until the next deadline; returns how late (s) the caller woke up."""
         self.deadline = deadline = self.deadline + self.period
-        asleep = deadline - self._spin - self._now()
+        now, spin = self._now, self._spin  # looked up before the sleep: after it, that is a cache miss, too
+        asleep = deadline - spin - now()
         if asleep > 0.0:
             self._sleep(asleep)
-        late = self._now() - deadline
-        while late < 0.0 and self._spin:
-            late = self._now() - deadline
+        late = now() - deadline
+        while late < 0.0 and spin:
+            late = now() - deadline
         return late
 
     def restart(self) -> None:

@@ -2,7 +2,8 @@
 
 Slices of cyclictest (Debian: rt-tests), of the loop's metronome and of the metronome with a spin of 50 us follow each
 other in one run, all at 1 kHz with SCHED_FIFO 80, memory locked and the same CPU, so that the machine disturbs all
-alike.  The figures are medians over the rounds of each slice's quantiles, and their ratios; cyclictest counts in us.
+alike.  The figures are medians over the rounds of each slice's quantiles, and their ratios; cyclictest counts in whole
+us, cut off, of which the middle is taken.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def cyclictest(seconds: float) -> list[float]:
     words = ["cyclictest", "-q", "-m", "-t1", f"-p{PRIORITY}", f"-i{PERIOD * 1e6:.0f}", f"-a{CPU}", "-h100000"]
     done = subprocess.run([*words, f"-l{seconds / PERIOD:.0f}"], capture_output=True, text=True, check=True)
     found = re.findall(r"(?m)^(\d+)\s+(\d+)$", done.stdout)
-    late = [float(us) for us, count in found for _ in range(int(count))]
+    late = [float(us) + 0.5 for us, count in found for _ in range(int(count))]
     return quantiles(late + [1e5] * (round(seconds / PERIOD) - len(late)))  # what its histogram does not hold
 
 
