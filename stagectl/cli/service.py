@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from pathlib import Path
 from typing import Annotated, Any
@@ -49,6 +50,9 @@ def serve(
     ] = None,
     token: Annotated[Path | None, typer.Option(metavar="FILE", help="The token; made where there is none.")] = None,
     tcp_may_move: Annotated[bool, typer.Option("--tcp-may-move", help="Who has the token may move, too.")] = False,
+    foxglove: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Each row live for Foxglove, to whoever connects.")
+    ] = None,
     uncoupled: Annotated[
         bool, typer.Option("--uncoupled", help="A fault of one axis does not stop the others.")
     ] = False,
@@ -82,7 +86,7 @@ def serve(
     for name, axis in axes.items():
         if restless := design.unrest(axis.setup.stage, axis.control):
             say(f"{name}: {restless}")
-    service = Service(axes, Where(place, folder), coupled, say)
+    service = Service(axes, Where(place, folder, _foxglove(foxglove)), coupled, say)
     run(service, _port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
 
 
@@ -92,10 +96,23 @@ def _port(tcp: str | None, token: Path, writes: bool, virtual: bool) -> Any:
 
     if tcp is None:
         return Tcp("127.0.0.1", 8402, token, writes, virtual, any_port=True) if virtual else None
-    host, colon, port = tcp.rpartition(":")
+    return Tcp(*_address("--tcp", tcp, 8402), token, writes, virtual)
+
+
+def _foxglove(text: str | None) -> tuple[str, int] | None:
+    """Where Foxglove's server is to listen."""
+    if text is None:
+        return None
+    if importlib.util.find_spec("foxglove") is None:
+        raise StageError("foxglove-sdk is not installed: `pip install 'stagectl[foxglove]'`")
+    return _address("--foxglove", text, 8765)
+
+
+def _address(option: str, text: str, usual: int) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
     if not colon or not port.isdigit() or not 0 < int(port) < 65536:
-        raise StageError(f"--tcp {tcp}; must be HOST:PORT, such as 127.0.0.1:8402")
-    return Tcp(host, int(port), token, writes, virtual)
+        raise StageError(f"{option} {text}; must be HOST:PORT, such as 127.0.0.1:{usual}")
+    return host, int(port)
 
 
 def page(socket: Socket = None, json: Json = None) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from stagectl.daemon.axes import Post
 from stagectl.daemon.blackbox import Box
 from stagectl.daemon.child import Child, start
+from stagectl.daemon.foxglove_live import Feed, Source
 from stagectl.daemon.manned import COLUMNS, Manned
 from stagectl.daemon.recordings import about
 from stagectl.drives.drive import Canopen
@@ -34,6 +35,22 @@ def box(axis: Manned, state: Path, alive: int) -> Child:
     dt, faults = axis.setup.dt, int(axis.status.faults)
     found.send(Box(ring.descriptor, ring.width, ring.capacity, board, alive, folder, meta, COLUMNS, dt, faults))
     return found
+
+
+def foxglove(axes: list[Manned], address: tuple[str, int], alive: int) -> Child:
+    """Foxglove's server for these axes at `address`, started."""
+    found = start("stagectl.daemon.foxglove_live", (*(axis.ring.descriptor for axis in axes), alive), "interpreted")
+    found.send(Feed(tuple(_source(axis) for axis in axes), *address, alive))
+    return found
+
+
+def _source(axis: Manned) -> Source:
+    from stagectl.recording.exports import described, units_of  # large, and seldom asked for
+    from stagectl.recording.mcap_log import definition
+
+    ring, fields = axis.ring, described(units_of(COLUMNS, axis.setup.file.axis.kind))
+    places = tuple(COLUMNS.index(name) for name in fields)
+    return Source(axis.name, ring.descriptor, ring.width, ring.capacity, places, definition(fields))
 
 
 def silence(axis: Manned) -> float:

@@ -50,6 +50,7 @@ class Where(NamedTuple):
 
     socket: Path
     state: Path  # folder: black boxes, and the mark of a service that runs
+    foxglove: tuple[str, int] | None = None  # host and port of its live view; None: there is none
 
 
 class Service:
@@ -85,6 +86,8 @@ class Service:
         self._spawn()
         self._ends.callback(self._stop)
         await self._up()
+        if self._live is not None and (address := await asyncio.to_thread(self._live.line)):
+            self.say(f"for Foxglove: {address}")
 
     def end(self) -> None:
         """Stop what moves, end the processes, give the machine back."""
@@ -100,7 +103,8 @@ class Service:
 
     def _companions(self) -> list[tuple[Child, float]]:
         """All that lives by the real-time process, and how long (s) its end may take; recordings end here."""
-        return [*((box, _WRITE) for box in self._boxes.values()), *self.recordings.cut()]
+        live = [(self._live, _LEAVE)] if self._live else []
+        return [*((box, _WRITE) for box in self._boxes.values()), *self.recordings.cut(), *live]
 
     async def _take_lock(self) -> None:
         """One service a machine; the processes of an earlier one hold the lock until their axes stand."""
@@ -135,8 +139,9 @@ class Service:
         shared = [descriptor for axis in axes for descriptor in (axis.ring.descriptor, axis.board.descriptor)]
         self._loop = start("stagectl.daemon.axes", (*shared, held, self._lock), "interpreted")
         os.close(held)
-        self._loop.send(processes.post(list(self.axes.values()), self.coupled))
+        self._loop.send(processes.post(axes, self.coupled))
         self._boxes = {name: self._box(axis) for name, axis in self.axes.items()}
+        self._live = processes.foxglove(axes, self.where.foxglove, self._alive) if self.where.foxglove else None
 
     async def _up(self) -> None:
         """Wait until the real-time process has looked for its drives.  Raises ServiceError where it does not come."""
@@ -201,6 +206,10 @@ class Service:
                 self.note(name, "blackbox_died", f"the black box ended ({box.ended}); a new one watches")
                 box.wait()  # it has ended: its pipes go
                 self._boxes[name] = self._box(self.axes[name])
+        if self._live is not None and self._live.ended is not None and self._loop.ended is None:
+            self._live.wait()
+            self._live = None
+            self.note("", "foxglove_ended", "Foxglove's server ended; see above, then start the service anew")
         if self._restarting is not None and self._restarting.done():
             self._restarting.result()
             self._restarting = None

@@ -10,7 +10,7 @@ import datetime
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -85,8 +85,13 @@ def _losses(recording: Recording) -> list[str]:
 
 def units(recording: Recording) -> dict[str, str]:
     """SI unit of every column on this axis."""
-    known, kind = quantities(), recording.meta["axis"]["kind"]
-    return {name: known[name].unit_for(kind) for name in recording.samples.dtype.names or () if name in known}
+    return units_of(recording.samples.dtype.names or (), recording.meta["axis"]["kind"])
+
+
+def units_of(columns: Iterable[str], kind: str) -> dict[str, str]:
+    """SI units of these columns, of an axis of this kind; a column that is no quantity is left out."""
+    known = quantities()
+    return {name: known[name].unit_for(kind) for name in columns if name in known}
 
 
 def header(name: str, unit: str) -> str:
@@ -134,11 +139,14 @@ def write_mat(recording: Recording, path: Path) -> list[str]:
 
 def write_mcap(recording: Recording, path: Path) -> list[str]:
     """All columns as MCAP, for Foxglove and PlotJuggler."""
-    known = quantities()
-    mcap_log.write(
-        recording, path, {name: (header(name, unit), known[name].meaning) for name, unit in units(recording).items()}
-    )
+    mcap_log.write(recording, path, described(units(recording)))
     return []
+
+
+def described(found: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """Of each column, by name and unit: its name with the unit, and what it means."""
+    known = quantities()
+    return {name: (header(name, unit), known[name].meaning) for name, unit in found.items()}
 
 
 def write_trajectory(recording: Recording, path: Path) -> list[str]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from stagectl.recording.hdf5 import Recording, RecordingError
 
 TOPIC, DEFINITION = "/axis", "stagectl_msgs/msg/Period"
-_CDR = b"\x00\x01\x00\x00"  # little-endian; what follows is aligned to its end
+CDR = b"\x00\x01\x00\x00"  # little-endian; what follows is aligned to its end
 
 
 def write(recording: Recording, path: Path, fields: dict[str, tuple[str, str]]) -> None:
@@ -37,7 +37,7 @@ def write(recording: Recording, path: Path, fields: dict[str, tuple[str, str]]) 
         schema = writer.register_schema(DEFINITION, "ros2msg", definition(fields).encode())
         channel = writer.register_channel(TOPIC, "cdr", schema)
         for number, (time, row) in enumerate(zip(times.tolist(), _rows(recording, list(fields)), strict=True)):
-            writer.add_message(channel, time, _CDR + row, time, number)
+            writer.add_message(channel, time, CDR + row, time, number)
         writer.add_metadata("stagectl", {"meta": json.dumps(recording.meta), "ended": recording.ended})
         for name, text in _files(recording):
             writer.add_attachment(int(times[0]), int(times[0]), name, "application/yaml", text.encode())
