@@ -29,10 +29,15 @@ def prepare(priority: int, cpu: int | None) -> list[str]:
     libc = ctypes.CDLL(None, use_errno=True)
     refused = [*_schedule(priority), *_lock(libc), *_pin(cpu), *_awake()]
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    gc.collect()
-    gc.freeze()
+    settle()
     gc.disable()
     return refused
+
+
+def settle() -> None:
+    """What is there now stays: collections from here on look at what comes after it, and are short."""
+    gc.collect()
+    gc.freeze()
 
 
 def _schedule(priority: int) -> list[str]:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stagectl.config.stage_file import Setup
-from stagectl.daemon.realtime import PARENT
+from stagectl.daemon.realtime import PARENT, settle
 from stagectl.drives.bus import Bus, open_bus
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Odrive
@@ -79,6 +79,7 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     bus = open_bus(wire.interface, wire.channel, wire.bitrate)
     door = Doorway(doorway(wire.interface, wire.channel, wire.node))
     node = virtual_node(setup, wire, bus, report)
+    settle()  # a collection of all that was imported takes longer than a period
     report(f"{_READY} of {setup.file.name}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}")
 
     def over() -> bool:
@@ -124,6 +125,7 @@ def serve_odrive(setup: Setup, wire: Odrive, report: Callable[[str], None], unti
     inside = p._replace(drive=p.drive._replace(delay_samples=0))  # the line itself is the delay
     drive = VirtualOdrive(wire, Plant(inside, setup.file.simulation, setup.dt))
     pty = Pty(drive, wire.port, wire.baud)
+    settle()
     report(f"{_READY} of {setup.file.name}: ODrive axis {wire.axis} on {wire.port}, process {os.getpid()}")
     try:
         pty.run(until)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.config.stage_file import load_stage
+from stagectl.daemon.realtime import settle
 from stagectl.daemon.virtual import virtual_node
 from stagectl.drives.bus import open_bus
 from stagectl.drives.drive import Canopen
@@ -77,6 +78,7 @@ def main(path: str) -> None:
     witness = Witness(node)
     with contextlib.suppress(OSError):  # below the loop, above all else: a drive has a processor of its own
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(setup.file.realtime.priority - 10))
+    settle()
     print(f"virtual drive of {setup.file.name}, process {os.getpid()}", flush=True)
 
     def over() -> bool:
