@@ -90,6 +90,7 @@
     [24] daemon/blackbox.py  ten seconds before each fault and two after it     recordings.py  what is wanted
     [25] daemon/page/        the live page: viewer.py reads the ring, live.py packs it, static/ is it; door.py who may
          recording/extremes.py, triggering.py   no peak lost; what a scope waits for; `stagectl scope` is the terminal's
+         daemon/foxglove_live.py  every row for Foxglove
 
 **Signs.**  Positive current gives positive effort and moves towards positive positions.  The error is reference
 minus measured.  Friction is what opposes the velocity: positive at positive velocity::
