@@ -108,7 +108,10 @@ class Loop:
             self._faults = [axis.faults for axis in self.axes]
 
     def _obey(self) -> None:
-        """One order an axis; moves that begin together wait for each other, and begin all or not at all."""
+        """One order an axis; moves that begin together wait for each other, and begin all or not at all.
+
+        Nothing else waits for them: an order behind one that waits is its end.
+        """
         pending = [(axis, order) for axis in self.axes if (order := axis.board.next_order()) is not None]
         if not pending:
             return
@@ -121,6 +124,8 @@ class Loop:
                 taken = allowed and axis.take(order)
                 axis.show()  # before the answer: whoever gets it sees the state that follows
                 axis.board.answer(taken)
+            elif axis.board.waiting > 1:  # the others have not come, and behind it may be a stop
+                axis.board.answer(False)
 
     def _may(self, axis: Axis, order: Order) -> bool:
         connects = order.kind in (Event.CONNECT, Event.RESET)

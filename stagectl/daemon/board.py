@@ -165,6 +165,11 @@ class Board:
         kind, count = _ORDER.unpack_from(self.memory, start + 8)
         return Order(kind, struct.unpack_from(f"<{min(count, NUMBERS)}d", self.memory, start + 24))
 
+    @property
+    def waiting(self) -> int:
+        """Orders that are not answered yet."""
+        return self.ordered - self._looked
+
     def answer(self, taken: bool) -> None:
         """What becomes of the order that was due."""
         self._counts[(_ORDERS + self._looked % SLOTS * SLOT) // 8] = TAKEN if taken else REFUSED

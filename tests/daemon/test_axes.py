@@ -80,6 +80,19 @@ def test_moves_begin_in_one_period(ball_screw: Setup, monkeypatch: pytest.Monkey
     assert found == pytest.approx([0.002, -0.001], abs=3e-7)
 
 
+def test_a_move_that_waits_for_another_is_in_no_stops_way(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    group = Group(ball_screw, monkeypatch)
+    group.enable()
+    waits = group.order("x", group.moves()["x"])
+    group.run(5)
+    off = group.order("x", Order(Event.DISABLE))
+    group.run(2)
+    board = group.manned["x"].board
+    assert (board.verdict(waits), board.verdict(off)) == (REFUSED, TAKEN)
+    group.run(200)
+    assert group.states() == [State.DISABLED, State.STANDING]
+
+
 def test_where_one_cannot_begin_none_does(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     group = Group(ball_screw, monkeypatch)
     group.enable()
