@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import struct
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ import pytest
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from tests.conftest import Command
+from tests.conftest import ROOT
 from tests.daemon.serving import Served, free_port, served, within
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: pip install 'stagectl[foxglove]'")
@@ -88,7 +90,8 @@ def test_its_end_is_told_and_disturbs_nothing(machine: Served) -> None:
 
 
 @pytest.mark.parametrize("text", ["8765", "localhost:none", "127.0.0.1:99999"])
-def test_where_it_cannot_listen(command: Command, tmp_path: Path, text: str) -> None:
-    code, _, err = command("serve", "config/ball-screw.yaml", "--foxglove", text, "--socket", tmp_path / "s")
-    assert code == 2
-    assert "must be HOST:PORT, such as 127.0.0.1:8765" in " ".join(err.split())
+def test_where_it_cannot_listen(tmp_path: Path, text: str) -> None:
+    words = ["serve", "config/ball-screw.yaml", "--foxglove", text, "--socket", str(tmp_path / "s")]
+    done = subprocess.run([sys.executable, "-m", "stagectl", *words], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "must be HOST:PORT, such as 127.0.0.1:8765" in " ".join(done.stderr.split())
