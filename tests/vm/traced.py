@@ -22,6 +22,7 @@ from stagectl.drives.inject import Doorway, doorway, obey
 
 FIELDS = ("time", "position", "velocity", "powered")  # s, rad, rad/s, 1 or 0
 _LOOK = 0.001  # s
+_BLOCK = 4096  # numbers
 
 
 class Enduring:
@@ -48,7 +49,9 @@ class Witness:
     """Rows of the axis' true motion."""
 
     def __init__(self, node: Any) -> None:
-        self._node, self._rows, self._next = node, array("d"), 0.0
+        self._node, self._next = node, 0.0
+        # Block by block: to move all rows of a minute to a larger place would hold the drive up for a period.
+        self._full, self._rows = list[array[float]](), array("d")
 
     def look(self) -> None:
         now = self._node.now()
@@ -57,12 +60,16 @@ class Witness:
             state = axis.plant.state
             self._rows.extend((now, state.position, state.velocity, float(axis.enabled)))
             self._next = now + _LOOK
+            if len(self._rows) >= _BLOCK:
+                self._full.append(self._rows)
+                self._rows = array("d")
 
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
         if request["do"] == "trace":
             with open(request["file"], "wb") as file:
-                self._rows.tofile(file)
-            self._rows = array("d")
+                for rows in (*self._full, self._rows):
+                    rows.tofile(file)
+            self._full, self._rows = [], array("d")
             return {"words": "written"}
         begun = self._node.now()
         return {**obey(self._node.faults, begun, request), "begun": begun}
