@@ -51,7 +51,8 @@ class Witness:
     def __init__(self, node: Any) -> None:
         self._node, self._next = node, 0.0
         # Block by block: to move all rows of a minute to a larger place would hold the drive up for a period.
-        self._full, self._rows = list[array[float]](), array("d")
+        self._full: list[array[float]] = []
+        self._rows = array("d")
 
     def look(self) -> None:
         now = self._node.now()
