@@ -98,6 +98,7 @@ class Soak:
                 shown = time.monotonic()
                 print(f"  {now:.0f} s of {seconds:.0f} s, {seen[-1][1]} KiB", flush=True)
             time.sleep(0.005)
+        seen.append((now, resident(self.loop.pid)))  # a short one may be over before a second look
         return seen
 
     def end(self) -> tuple[int, int, int]:
