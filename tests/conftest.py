@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +70,18 @@ def command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
         return int(ended.value.code or 0), out, err
 
     return run
+
+
+@contextlib.contextmanager
+def endlessly(program: str, descriptor: int) -> Iterator[None]:
+    """Another process runs `program` again and again after its first line; `descriptor` is shared, its argument."""
+    begin, again = program.split("\n")
+    words = [sys.executable, "-uc", f"import sys; {begin}; print()\nwhile True: {again}", str(descriptor)]
+    with subprocess.Popen(words, pass_fds=[descriptor], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        yield
+        process.kill()
 
 
 def varied(setup: Setup, **changes: Any) -> Setup:

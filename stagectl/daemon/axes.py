@@ -119,9 +119,9 @@ class Loop:
         complete = bool(together) and len(together) >= together[0][1].numbers[-1]
         possible = complete and all([axis.may_begin(order) for axis, order in together])
         for axis, order in pending:
-            if complete or (axis, order) not in together:
-                allowed = possible if (axis, order) in together else self._may(axis, order)
-                taken = allowed and axis.take(order)
+            joint = (axis, order) in together
+            if complete or not joint:
+                taken = (possible if joint else self._may(axis, order)) and axis.take(order)
                 axis.show()  # before the answer: whoever gets it sees the state that follows
                 axis.board.answer(taken)
             elif axis.board.waiting > 1:  # the others have not come, and behind it may be a stop

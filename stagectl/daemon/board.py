@@ -77,6 +77,11 @@ class BoardFullError(StageError):
 _PACKED = struct.Struct(f"<{len(Status._fields)}d")
 
 
+def _slot(number: int) -> int:
+    """First byte of an order's slot: its verdict."""
+    return _ORDERS + number % SLOTS * SLOT
+
+
 class Board:
     """The shared memory of one axis; the service's side and the loop's side of it."""
 
@@ -112,7 +117,7 @@ class Board:
                 f"{SLOTS} orders wait already, and the real-time process takes none while it configures a drive: "
                 "`stagectl status`, then try again"
             )
-        start = _ORDERS + number % SLOTS * SLOT
+        start = _slot(number)
         self._counts[start // 8] = PENDING
         _ORDER.pack_into(self.memory, start + 8, order.kind, len(order.numbers))
         struct.pack_into(f"<{len(order.numbers)}d", self.memory, start + 24, *order.numbers)
@@ -121,7 +126,7 @@ class Board:
 
     def verdict(self, number: int) -> int:
         """What became of an order: PENDING, TAKEN or REFUSED."""
-        return self._counts[(_ORDERS + number % SLOTS * SLOT) // 8]
+        return self._counts[_slot(number) // 8]
 
     def status(self) -> Status:
         """A status that was whole when it was read; the last such one where the writer died in the middle of it."""
@@ -161,7 +166,7 @@ class Board:
         """The order that is due, if there is one; it must be answered."""
         if self.ordered == self._looked:
             return None
-        start = _ORDERS + self._looked % SLOTS * SLOT
+        start = _slot(self._looked)
         kind, count = _ORDER.unpack_from(self.memory, start + 8)
         return Order(kind, struct.unpack_from(f"<{min(count, NUMBERS)}d", self.memory, start + 24))
 
@@ -172,7 +177,7 @@ class Board:
 
     def answer(self, taken: bool) -> None:
         """What becomes of the order that was due."""
-        self._counts[(_ORDERS + self._looked % SLOTS * SLOT) // 8] = TAKEN if taken else REFUSED
+        self._counts[_slot(self._looked) // 8] = TAKEN if taken else REFUSED
         self._looked += 1
 
     def show(self, status: Sequence[float]) -> None:

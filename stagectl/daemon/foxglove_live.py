@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import pickle
 import select
+import signal
 import sys
 import time
 from typing import Any, NamedTuple
@@ -92,7 +93,9 @@ def _channel(p: Source) -> Any:
 
 
 def main() -> None:
-    """Entry of the process."""
+    """Entry of the process; signals to the service's group are none of its business: it ends with the loop."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     serve(pickle.load(sys.stdin.buffer))
     os._exit(0)  # its server has threads of its own
 

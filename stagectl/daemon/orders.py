@@ -126,8 +126,9 @@ class Orderly:
         return await asyncio.to_thread(axis.move, distance, speed, acceleration)
 
     async def _run(self, asked: Sequence[tuple[Manned, Layout]], wait: bool) -> None:
+        stops = self._stops  # as it was asked for: a stop ends one that waits for its turn, too
         async with self._begin:
-            motions = await self._begun(asked)
+            motions = await self._begun(asked, stops)
         if wait:
             good = await asyncio.gather(*(self.service.settle(axis) for axis, _ in motions))
             for (axis, _), well in zip(motions, good, strict=True):
@@ -135,11 +136,10 @@ class Orderly:
                     why = axis.board.words if axis.status.fault else "it was stopped, or does not stand in position"
                     raise ServiceError(f"{axis.name}: not in position: {why}")
 
-    async def _begun(self, asked: Sequence[tuple[Manned, Layout]]) -> list[tuple[Manned, Motion]]:
-        """Lay all of them out, then begin them; none where a stop is ordered meanwhile."""
+    async def _begun(self, asked: Sequence[tuple[Manned, Layout]], stops: int) -> list[tuple[Manned, Motion]]:
+        """Lay all of them out, then begin them; none where a stop has been ordered since there were `stops`."""
         for axis, _ in asked:
             self._ready(axis)
-        stops = self._stops
         laid_out = [(axis, await layout()) for axis, layout in asked]
         if self._stops != stops:
             raise ServiceError("stopped before it began: the motion was still being laid out")

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import struct
-import subprocess
-import sys
 
 import pytest
 
 from stagectl.daemon.board import AHEAD, PENDING, REFUSED, SLOTS, TAKEN, Board, BoardFullError, Order, Status
+from tests.conftest import endlessly
 
 LOOKS = 300_000
 
@@ -69,14 +68,10 @@ def test_no_count_is_ever_seen_as_zero_while_another_process_writes_it() -> None
     ours.order(Order(1))
     ours.next_order()
     ours.answer(True)
-    writer = "import sys; from stagectl.daemon.board import Board, Status; b = Board(int(sys.argv[1])); print()\n"
-    writer += "while True: b.fill(b''); b.show(Status()); b._counts[0] = b.ordered"
-    words = [sys.executable, "-uc", writer, str(ours.descriptor)]
-    with subprocess.Popen(words, pass_fds=[ours.descriptor], stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        process.stdout.readline()
+    writer = "from stagectl.daemon.board import Board, Status; b = Board(int(sys.argv[1]))\n"
+    writer += "b.fill(b''); b.show(Status()); b._counts[0] = b.ordered"
+    with endlessly(writer, ours.descriptor):
         seen = {(ours.setpoint(0) is None, ours.next_order() is None) for _ in range(LOOKS)}
-        process.kill()
     assert seen == {(False, True)}
 
 

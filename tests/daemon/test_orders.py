@@ -9,28 +9,18 @@ from typing import Any
 
 import pytest
 
-from stagectl.config.stage_file import Setup
-from stagectl.daemon.axes import Loop, Post
-from stagectl.daemon.manned import COLUMNS, Manned, ServiceError
+from stagectl.config.stage_file import InProcess, Setup
+from stagectl.daemon import processes
+from stagectl.daemon.axes import Loop
+from stagectl.daemon.manned import Manned, ServiceError
 from stagectl.daemon.orders import Orderly
 from stagectl.daemon.service import Service, Where
 from stagectl.daemon.states import Event, State
+from stagectl.drives.timeline import Timeline
 from tests.conftest import varied
 
 CALM = (None, None)
 LONG = ("long", "{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 40}")  # longer than the board
-
-
-class Passing:
-    """A clock that only sleeping moves."""
-
-    time = 100.0
-
-    def now(self) -> float:
-        return self.time
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
 
 
 class Bench:
@@ -38,11 +28,10 @@ class Bench:
 
     def __init__(self, setup: Setup, folder: Path) -> None:
         setup = varied(setup, substeps=1)
+        setup = setup._replace(file=setup.file._replace(drive=setup.file.drive._replace(wire=InProcess())))
         self.axis = Manned("axis", setup)
         self.orderly = Orderly(Service({"axis": self.axis}, Where(folder / "s", folder), False, lambda _: None))
-        orders = (self.axis.orders()._replace(wire=None),)
-        capacity = self.axis.ring.capacity
-        self.loop = Loop(Post(orders, setup.dt, 0, None, len(COLUMNS), capacity, False), Passing())
+        self.loop = Loop(processes.post([self.axis], False), Timeline())
         self.loop.axes[0].happen(Event.CONNECT)
         self.travel = setup.file.axis.travel_per_unit
 
@@ -103,8 +92,9 @@ def test_a_stop_ends_a_motion_that_is_still_being_laid_out(bench: Bench) -> None
         await asyncio.sleep(0)
         await bench.orderly.stop([bench.axis])
 
-    refused, stopped = bench.serve(bench.move("1 mm"), later())
+    refused, waited, stopped = bench.serve(bench.move("1 mm"), bench.move("2 mm"), later())
     assert stopped is None
-    assert isinstance(refused, ServiceError)
-    assert "stopped before it began" in str(refused)
+    for one in (refused, waited):  # the second one waits for the first
+        assert isinstance(one, ServiceError)
+        assert "stopped before it began" in str(one)
     assert bench.axis.status.motions == 0

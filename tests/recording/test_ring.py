@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from stagectl.recording.ring import Ring
+from tests.conftest import endlessly
 
 
 def rows(data: bytes, width: int) -> list[list[float]]:
@@ -43,14 +42,9 @@ def test_a_reader_that_is_too_slow_knows_how_many_rows_it_lost() -> None:
 def test_its_count_never_goes_back_while_another_process_writes() -> None:
     ring = Ring.create(1, capacity=8)
     ring.write((0.0,))
-    writer = "import sys; from stagectl.recording.ring import Ring; ring = Ring(int(sys.argv[1]), 1, 8); print()\n"
-    writer += "while True: ring.write((0.0,))"
-    words = [sys.executable, "-uc", writer, str(ring.descriptor)]
-    with subprocess.Popen(words, pass_fds=[ring.descriptor], stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        process.stdout.readline()
+    writer = "from stagectl.recording.ring import Ring; ring = Ring(int(sys.argv[1]), 1, 8)\nring.write((0.0,))"
+    with endlessly(writer, ring.descriptor):
         seen = [ring.written for _ in range(300_000)]
-        process.kill()
     assert seen == sorted(seen)
     assert seen[-1] > seen[0] >= 1
 
