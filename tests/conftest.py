@@ -84,6 +84,22 @@ def endlessly(program: str, descriptor: int) -> Iterator[None]:
         process.kill()
 
 
+def _text(path: Path) -> str:
+    """What a file of /proc says; nothing if its process has ended meanwhile."""
+    with contextlib.suppress(OSError):
+        return path.read_text()
+    return ""
+
+
+def child_of(parent: int, module: str) -> int | None:
+    """Process id of the child that runs `module`."""
+    for listed in Path(f"/proc/{parent}/task").glob("*/children"):
+        for one in _text(listed).split():
+            if module in _text(Path(f"/proc/{one}/cmdline")):
+                return int(one)
+    return None
+
+
 def varied(setup: Setup, **changes: Any) -> Setup:
     """`setup` with other delays (nd, nm), steps (quantum, step), noise or sub-steps."""
     drive, encoder = setup.stage.drive, setup.stage.encoder

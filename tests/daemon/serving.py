@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.daemon.client import ask
-from tests.conftest import CONFIG, ROOT, unhurried
+from tests.conftest import CONFIG, ROOT, child_of, unhurried
 
 STAGE = CONFIG / "ball-screw.yaml"
 
@@ -116,9 +116,9 @@ class Served:
     def child(self, module: str) -> int:
         """Process id of the service's child that runs this module."""
         assert self.process is not None
-        tasks = Path(f"/proc/{self.process.pid}/task")
-        children = [int(one) for task in tasks.iterdir() for one in (task / "children").read_text().split()]
-        return next(one for one in children if module.encode() in Path(f"/proc/{one}/cmdline").read_bytes())
+        found = child_of(self.process.pid, module)
+        assert found is not None, (module, self.log)
+        return found
 
     def kill(self, module: str = "") -> None:
         """Signal 9 to a child, or to the service itself."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.daemon.client import RefusedError
-from tests.conftest import ROOT
+from tests.conftest import ROOT, child_of
 from tests.daemon.serving import Served, served, within
 
 PATIENCE = 300.0  # s: the machine is shared
@@ -37,39 +37,43 @@ def held_back(machine: Served) -> bool:
     return bool(blocked >> (signal.SIGTERM - 1) & 1)
 
 
-def has_a_loop(machine: Served) -> bool:
-    with contextlib.suppress(StopIteration, FileNotFoundError):
-        return bool(machine.child("stagectl.daemon.axes"))
-    return False
+def loop_of(machine: Served) -> int | None:
+    assert machine.process is not None
+    return child_of(machine.process.pid, "stagectl.daemon.axes")
 
 
 MOMENTS: dict[str, Callable[[Served], bool]] = {
     "it loads": held_back,
     "it has its socket": lambda machine: machine.socket.exists(),
     "it has started a drive": lambda machine: "starting a virtual one" in machine.log,
-    "its processes start": has_a_loop,
+    "its processes start": lambda machine: loop_of(machine) is not None,
 }
 
 
-def begun(folder: Path, moment: str) -> tuple[Served, subprocess.Popen[str]]:
+@contextlib.contextmanager
+def begun(folder: Path, moment: str) -> Iterator[tuple[Served, subprocess.Popen[str]]]:
     """A service that has come to this moment of its start."""
     machine = Served(folder)
-    with (folder / "log").open("w") as log:
-        machine.process = subprocess.Popen(machine.command, cwd=ROOT, stderr=log, text=True)
-    end = time.monotonic() + PATIENCE
-    while not MOMENTS[moment](machine):
-        assert machine.process.poll() is None and time.monotonic() < end, machine.log
-        time.sleep(0.001)
-    return machine, machine.process
+    command = machine.command
+    with (folder / "log").open("w") as log, subprocess.Popen(command, cwd=ROOT, stderr=log, text=True) as process:
+        machine.process = process
+        end = time.monotonic() + PATIENCE
+        try:
+            while not MOMENTS[moment](machine):
+                assert process.poll() is None and time.monotonic() < end, machine.log
+                time.sleep(0.001)
+            yield machine, process
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_signal_that_comes_early(tmp_path: Path, moment: str, number: int) -> None:
     """It has no drive on its bus: it starts one, which has to leave with it."""
-    machine, process = begun(tmp_path, moment)
-    process.send_signal(number)
-    assert process.wait(PATIENCE) == 0, machine.log
+    with begun(tmp_path, moment) as (machine, process):
+        process.send_signal(number)
+        assert process.wait(PATIENCE) == 0, machine.log
     assert "stopped: all its processes have ended" in machine.log and "Traceback" not in machine.log
     assert not machine.socket.exists() and not (tmp_path / "state" / "running").exists()
     assert within(PATIENCE, lambda: processes(tmp_path) == []), processes(tmp_path)
@@ -84,10 +88,10 @@ def machine(tmp_path: Path) -> Iterator[Served]:
 def test_it_answers_while_its_real_time_process_is_restarted(machine: Served) -> None:
     """The new process is stopped over its start: who asks is answered all the same, then it comes up."""
     machine.begin_moving()
-    dead = machine.child("stagectl.daemon.axes")
+    dead = loop_of(machine)
     machine.kill("stagectl.daemon.axes")
     machine.until(lambda axis: axis["state"] == "connecting")
-    assert within(PATIENCE, lambda: has_a_loop(machine) and machine.child("stagectl.daemon.axes") != dead)
+    assert within(PATIENCE, lambda: loop_of(machine) not in (None, dead))
     new = machine.child("stagectl.daemon.axes")
     os.kill(new, signal.SIGSTOP)
     try:
@@ -113,7 +117,6 @@ def test_it_answers_while_its_real_time_process_is_restarted(machine: Served) ->
 @pytest.mark.parametrize("moment", ["it has started a drive", "its processes start"])
 def test_killed_while_its_processes_start(tmp_path: Path, moment: str) -> None:
     """None of them outlives it, though the kernel tells only those that have asked it to by then."""
-    _, process = begun(tmp_path, moment)
-    process.kill()
-    process.wait()
+    with begun(tmp_path, moment):
+        pass  # leaving it kills it
     assert within(PATIENCE, lambda: processes(tmp_path) == []), processes(tmp_path)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from stagectl.recording.hdf5 import open_recording
-from tests.conftest import CONFIG, ROOT, Command
+from tests.conftest import CONFIG, ROOT, Command, child_of
 
 STAGE = CONFIG / "ball-screw.yaml"
 MOTION = "{type: sine, amplitude: 5 mm, frequency: 1.6 Hz, periods: 4, ramp: 1}"
@@ -57,9 +57,8 @@ def child(parent: int, module: str) -> int:
     """Process id of the child of `parent` that runs `module`."""
     deadline = time.monotonic() + 120.0
     while time.monotonic() < deadline:
-        for number in Path(f"/proc/{parent}/task/{parent}/children").read_text().split():
-            if module in Path(f"/proc/{number}/cmdline").read_text():
-                return int(number)
+        if (found := child_of(parent, module)) is not None:
+            return found
         time.sleep(0.02)
     raise AssertionError(f"no {module} was started")
 
