@@ -6,6 +6,7 @@ outlives both the real-time process and the service, and writes down how either 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import select
@@ -107,7 +108,8 @@ def _ended(alive: int, timeout: float) -> bool:
 def watch(p: Box) -> None:
     """Look until the real-time process is gone."""
     watcher = Watcher(p)
-    print("ready", flush=True)
+    with contextlib.suppress(BrokenPipeError):  # the service may have died meanwhile: that is to be kept, too
+        os.write(sys.stdout.fileno(), b"ready\n")
     gone = False
     while not gone:
         gone = watcher.ring.closed or _ended(p.alive, POLL)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +75,23 @@ def test_a_fault_while_it_starts_is_kept(tmp_path: Path) -> None:
     kept = Watcher(p).look(True)
     assert kept is not None and "jump" in kept.name
     assert Watcher(p._replace(faults=3)).look(True) is None
+
+
+def test_it_outlives_a_service_that_it_has_not_answered_yet(tmp_path: Path) -> None:
+    axis = Manned("axis", load_stage(CONFIG / "ball-screw.yaml"))
+    (alive, loop), (nobody, answer) = os.pipe(), os.pipe()
+    shared = (axis.ring.descriptor, axis.ring.width, axis.ring.capacity, axis.board.descriptor, alive)
+    axis.board.show(Status(state=float(State.FAULT), fault=float(Fault.JUMP), faults=3.0))
+    axis.ring.write((0.0,) * len(COLUMNS))
+    p = Box(*shared, str(tmp_path), about(axis, "black box"), COLUMNS, axis.setup.dt, faults=2)
+    for end in (nobody, loop):
+        os.close(end)
+    words = [sys.executable, "-m", "stagectl.daemon.blackbox"]
+    done = subprocess.run(words, input=pickle.dumps(p), stdout=answer, pass_fds=shared[:1] + shared[3:], timeout=300)
+    os.close(answer)
+    assert done.returncode == 0
+    (kept,) = tmp_path.glob("*.h5")
+    assert "jump" in kept.name
 
 
 def test_it_knows_its_fault_its_time_and_its_stage(box: Recording) -> None:
