@@ -36,6 +36,7 @@ from stagectl.gap.coordinates import coordinates
 from stagectl.gap.following import propose
 from stagectl.gap.found import NAMED, NOISE, Effect, Found, Gap, Next, Shape
 from stagectl.gap.library import Scales
+from stagectl.gap.limits import thresholds
 from stagectl.gap.orders import modes, orders
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.runs import runs
@@ -110,13 +111,12 @@ def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Di
     clock("parameters")
     before = closable(evidence, refitted.before)
     moved = shifts.shifts(session, evidence, selected.fitted, before)
-    named = verdict.named_effects(session, evidence, selected, library)
+    named = verdict.named_effects(session, evidence, selected)
     clock("where")
-    unknown = find_unknown(evidence, selected, library, smooth)
+    sure = verdict.sure(evidence, selected, named)
+    unknown = find_unknown(evidence, sure, library, smooth)
     clock("held-out runs simulated")
-    fitted = (
-        selected.fitted if unknown is None or not unknown.fields else with_shape(evidence, selected.fitted, unknown)
-    )
+    fitted = selected.fitted if unknown is None or not unknown.fields else with_shape(evidence, sure.fitted, unknown)
     signed = signatures(session, evidence, fitted, options.excluded)
     effects = [*verdict.with_signatures(named, signed), *verdict.shifted(session, moved, selected.fitted)]
     effects = [one for one in effects if one.name not in options.excluded]
@@ -167,7 +167,7 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
         lambda run: columns.all_columns(e.base.model, [run], [*directions, *without], e.base.noise)[0],
     )
     g = grams.grams(known, e.base.after)
-    limits = search.thresholds(g, g.of(search.nuisances(e)), forms)
+    limits = thresholds(g, g.of(search.nuisances(e)), forms)
     return Library(tuple(forms), known, limits, RESAMPLED[options.full], search.closable(g), bool(g.current.any()))
 
 

@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import base, candidates, columns, grams, null, refine, stability, symmetries
+from stagectl.gap import base, candidates, columns, grams, refine, stability, symmetries
 from stagectl.gap.candidates import Form, Named
 from stagectl.gap.grams import Grams, Products
 from stagectl.gap.library import Definition
+from stagectl.gap.limits import BEYOND, SMALLEST, Threshold, doubt
 from stagectl.gap.refine import Evidence, Fitted
-from stagectl.gap.scores import Score, against, best_of, cuts_of, freed, scores
-from stagectl.gap.session import Array
+from stagectl.gap.scores import Score, best_of, cuts_of, freed, scores
 
 MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
@@ -32,20 +32,11 @@ OF_ALL_CLEAR = 0.001  # the same for a second, weaker effect that takes `DOMINAN
 FAR = 20.0  # times its limit
 ALONE = 0.1  # the same where nothing was repeated: there is no floor, and form error counts as gap
 DOMINANT = 0.1  # relative drop from which an effect is judged by it alone
-BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
-SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms
 VANISHING = 0.4  # share of resamples below which an effect is none
 ADEQUATE = 0.57  # of what a function of one coordinate foretells: an effect that takes less is not what is there
 OF_KIN = 0.25  # of what an effect took whose error of form looks like another one
 OF_MORE = 0.3  # of all that is left, from which an effect is taken for a special case of a wider one
 RIVAL = 0.7  # of the largest gain: from there on another effect is refined, too, before one is chosen
-
-
-class Threshold(NamedTuple):
-    """What machines without an effect give one effect."""
-
-    limit: float  # gain beyond which it counts as found
-    share: float  # largest relative drop that it gives on both hands; well beyond it counts as found, too
 
 
 class Library(NamedTuple):
@@ -67,31 +58,12 @@ class Selected(NamedTuple):
     gains: Mapping[str, float]  # of each effect when it alone is left out
     rivals: Mapping[str, Mapping[str, Named]]  # the same others, with their values
     inclusion: Mapping[str, float]  # of each effect: share of resamples in which it is found again
-    unexplained: float  # sum of squares that is left above the floor, in the mechanics' cut
+    doubts: Mapping[str, float]  # of each effect: what machines without it give it, over its gain
+    unexplained: float  # sum of squares above the floor that is left in the mechanics' cut, and that no nuisance takes
 
 
 Say = Callable[[str], None]
 Unknown = Callable[[Fitted], float]  # what the best function of one coordinate foretells of what is left
-
-
-def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict[str, Threshold]:
-    """The gains of every effect on every machine of the null ensemble, and the limit beyond them.
-
-    The limit lies beyond the largest of them.
-    """
-    both, places = cuts_of(g), [g.of(form.names) for form in forms]
-    found: dict[str, list[tuple[float, float]]] = {}
-    for name in null.gains(g.names):
-        member = g.names.index(name)
-        best = best_of(scores(against(both, member), nuisance, places, forms))
-        for effect, score in best.items():
-            found.setdefault(effect, []).append((max(score.gain, 1.0), score.worst))
-    return {effect: _threshold(np.array(gains)) for effect, gains in found.items()}
-
-
-def _threshold(found: Array) -> Threshold:
-    gain, share = found.max(axis=0)
-    return Threshold(max(BEYOND * float(gain), SMALLEST), float(share))
 
 
 def search(e: Evidence, library: Library, say: Say, unknown: Unknown) -> Selected:
@@ -113,12 +85,20 @@ def search(e: Evidence, library: Library, say: Say, unknown: Unknown) -> Selecte
 
 
 def _stable(e: Evidence, library: Library, now: Fitted, say: Say) -> Selected:
-    """What was found, without effects that vanish when the data are drawn again."""
+    """What was found, without effects that vanish when the data are drawn again, and without an idle one.
+
+    An idle one takes nothing beside the others, and hides what they take.
+    """
     found = _judged(e, library, now)
-    stay = [one for one in now.effects if found.inclusion[one.effect.name] >= VANISHING]
-    if len(stay) == len(now.effects):
+    gone = [name for name, share in found.inclusion.items() if share < VANISHING]
+    why = "in too few resamples"
+    if not gone and len(now.effects) > 1:
+        gone = [name for name in [min(found.gains, key=found.gains.__getitem__)] if found.gains[name] < SMALLEST]
+        why = "idle beside the others"
+    if not gone:
         return found
-    say(f"dropped {', '.join(one.effect.name for one in now.effects if one not in stay)}: in too few resamples")
+    say(f"dropped {', '.join(gone)}: {why}")
+    stay = [one for one in now.effects if one.effect.name not in gone]
     return _stable(e, library, refine.refine(e, now.model, stay), say)
 
 
@@ -281,18 +261,21 @@ def floor(e: Evidence) -> float:
 
 def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
     """Swap tests on every effect."""
-    alternatives, gains, rivals, inclusion = {}, {}, {}, {}
+    alternatives, gains, rivals, inclusion, doubts = {}, {}, {}, {}, {}
     for one in now.effects:
         rest = tuple(other for other in now.effects if other is not one)
         less = Fitted(now.model, rest, refine.left(e, now.model, rest), 0.0)
         g, every = scored(e, library, less)
         found = best_of(every)
         forms = [form for form in library.forms if form.effect.name == one.effect.name]
-        inclusion[one.effect.name] = stability.inclusion(g, _beside(e, g, less), forms, OF_ALL, library.resampled)
+        beside = _beside(e, g, less)
+        inclusion[one.effect.name] = stability.inclusion(g, beside, forms, OF_ALL, library.resampled)
+        doubts[one.effect.name] = doubt(g, beside, forms)
         own = found[one.effect.name].gain
         gains[one.effect.name] = own
         alternatives[one.effect.name] = {
             name: score.gain / own for name, score in found.items() if name != one.effect.name and own > 0.0
         }
         rivals[one.effect.name] = {name: named(score) for name, score in found.items() if score.gain > 0.0}
-    return Selected(now, alternatives, gains, rivals, inclusion, closable(grams.grams(e.base.products, now.left))[0])
+    left = _free(e, now) - float(grams.grams(e.base.products, now.left).floor[:, 0].sum())
+    return Selected(now, alternatives, gains, rivals, inclusion, doubts, left)

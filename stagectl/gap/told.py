@@ -26,6 +26,7 @@ _BLIND = "These logs cannot tell what causes the gap."
 MOST = 3  # effects in the sentence, and values that are off
 _OF_ALL = " of the closable gap is"
 _SMALL = 0.005  # share that is not worth a word
+_ODD = 0.05  # by which a share may lie below nothing or above all, and still be told
 
 
 def sentence(found: Found) -> str:
@@ -85,7 +86,10 @@ def _capital(text: str) -> str:
 def _missing(found: Found) -> str:
     """The effects; they are the news, however much more is a value that is off."""
     values = [one for one in found.named if one.parameter]
-    told = _shares(found, [one for one in found.named if not one.parameter] or found.effects[:1])
+    effects = [one for one in found.named if not one.parameter] or list(found.effects[:1])
+    if values and _shrinks(found) and not all(-_ODD <= one.share <= 1.0 + _ODD for one in (*effects, *values)):
+        return _together(found, [*effects, *values])
+    told = _shares(found, effects)
     return f"{told}; values of the model are off, too: {_shares(found, values, '')}" if values else told
 
 
@@ -102,6 +106,13 @@ def _shares(found: Found, those: Sequence[Effect], of: str = _OF_ALL) -> str:
     return ", ".join(told) + (f", and {more} smaller one{'s' if more > 1 else ''}" if more > 0 else "")
 
 
+def _together(found: Found, those: Sequence[Effect]) -> str:
+    """What partly undoes each other: shares of 355 % and -170 % tell nobody anything, their sum does."""
+    first, *rest = (_with_value(one, found) for one in those)
+    whole = percent(sum(one.share for one in those))
+    return f"{whole}{_OF_ALL} {first} together with {_joined(rest, 'and')}, which partly undo each other"
+
+
 def _with_value(one: Effect, found: Found) -> str:
     """What it is, and its first parameter where there is no doubt which effect it is."""
     if one.alternatives or not one.parameters:
@@ -113,8 +124,11 @@ def _with_value(one: Effect, found: Found) -> str:
 
 def either(one: Effect) -> str:
     """The effect, and what these data cannot tell it from: ``bias or current offset``."""
-    names = [words.effect(name) for name in (one.name, *one.alternatives)]
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+    return _joined([words.effect(name) for name in (one.name, *one.alternatives)], "or")
+
+
+def _joined(names: Sequence[str], last: str) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}"
 
 
 def _unknown(found: Found) -> str:
@@ -124,7 +138,7 @@ def _unknown(found: Found) -> str:
     if found.unknown is None:
         return f"{size} and has no name"
     if found.unknown.coordinate == "none":
-        return f"{size} and has no name, nor does it follow any coordinate that was tried"
+        return f"{size} and has no name; no coordinate that was tried predicts most of it"
     return f"{size} and has no name; {where_unknown(found.unknown)}"
 
 

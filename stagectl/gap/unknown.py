@@ -96,8 +96,7 @@ def _without_order(e: Evidence, all_: unordered.Left, rows: unordered.Freed, nam
     `named` is the largest gain of an effect that was named.
     """
     left = sum(float(np.sum(one * one)) for one in rows.left) - _floor(e)
-    before = _squares(e, means(e.base.before)) - _floor(e)
-    if left < max(LARGE * before, NO_LAW * _form(e, all_.grams), search.OF_KIN * named):
+    if left < max(_least(e), NO_LAW * _form(e, all_.grams), search.OF_KIN * named):
         return None
     return Shape("none", np.zeros(0), np.zeros(0), 0.0)
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 
 from stagectl.gap import base, fields, friction_family, refine, symmetries
 from stagectl.gap.candidates import Named, equipped
-from stagectl.gap.found import Effect, Fields, Value
+from stagectl.gap.found import NAMED, Effect, Fields, Value
 from stagectl.gap.library import Amplitude, Definition, Shape
 from stagectl.gap.refine import Evidence, Fitted
-from stagectl.gap.search import Library, Selected
+from stagectl.gap.search import Selected
 from stagectl.gap.session import GapError, Session
 from stagectl.gap.shifts import Shift, common
 from stagectl.gap.signatures import Signature
@@ -29,11 +29,11 @@ STABLE = 0.8  # share of resamples in which an effect must be found again
 EVEN = 0.55  # least share of a found effect against its rivals
 
 
-def named_effects(session: Session, e: Evidence, selected: Selected, library: Library) -> list[Effect]:
+def named_effects(session: Session, e: Evidence, selected: Selected) -> list[Effect]:
     """The effects of the search, the surest gains first."""
     now = selected.fitted
     deviation = deviations(e, now)
-    found = [_effect(session, now, one, selected, library, deviation) for one in now.effects]
+    found = [_effect(session, now, one, selected, deviation) for one in now.effects]
     order = {one.effect.name: selected.gains[one.effect.name] for one in now.effects}
     return [part for one in sorted(found, key=lambda one: -order[one.name]) for part in _parted(one)]
 
@@ -45,6 +45,15 @@ def _parted(one: Effect) -> list[Effect]:
     curve = {name: value for name, value in one.parameters.items() if name != "lag"}
     others = tuple(name for name in one.alternatives if name != "stribeck")
     return [one._replace(name="stribeck", parameters=curve, coordinate="speed", alternatives=others), one]
+
+
+def sure(e: Evidence, selected: Selected, found: Sequence[Effect]) -> Selected:
+    """`selected` without what is not named: a cause in doubt must not hide that something is there."""
+    named = {one.name for one in found if one.probability >= NAMED}
+    stay = [one for one in selected.fitted.effects if one.effect.name in named]
+    if len(stay) == len(selected.fitted.effects):
+        return selected
+    return selected._replace(fitted=refine.refine(e, selected.fitted.model, stay))
 
 
 def with_signatures(effects: Sequence[Effect], found: Sequence[Signature]) -> list[Effect]:
@@ -67,7 +76,6 @@ def _effect(
     now: Fitted,
     one: Named,
     selected: Selected,
-    library: Library,
     deviation: Mapping[str, float],
 ) -> Effect:
     name = one.effect.name
@@ -84,7 +92,7 @@ def _effect(
         alternatives=tuple(dict.fromkeys([*certain, *close, *(("bias",) if name == "coulomb_asymmetry" else ())])),
         probability=min(selected.inclusion[name] / STABLE, 1.0)
         * _clear(selected, one, deviation)
-        * probability(selected.gains[name], library.thresholds[name].limit, rivals, name),
+        * probability(selected.doubts[name], rivals, name),
         share=0.0,
         parameters=parameters(one, deviation, session.kind),
         block=one.effect.block,
@@ -109,12 +117,12 @@ def _clear(selected: Selected, one: Named, deviation: Mapping[str, float]) -> fl
     return min(selected.gains[name] / faint, 1.0)
 
 
-def probability(gain: float, limit: float, rivals: Mapping[str, float], name: str) -> float:
+def probability(doubt: float, rivals: Mapping[str, float], name: str) -> float:
     """That this effect is there, and that it is this one and none of its rivals (gains relative to its own).
 
     The search takes the best, so that it keeps at least an even chance against them all.
     """
-    there: float = 1.0 - 0.5 * min(limit / max(gain, 1e-300), 1.0) ** STEEPNESS
+    there: float = 1.0 - 0.5 * min(doubt, 1.0) ** STEEPNESS
     wider = symmetries.WIDER.get(name, frozenset())  # what holds this effect as a special case is no rival to it
     this = 1.0 / (1.0 + sum(min(share, 1.0) ** SHARPNESS for other, share in rivals.items() if other not in wider))
     return float(there * max(this, EVEN))

@@ -60,6 +60,18 @@ def test_a_value_that_is_off_hides_no_effect() -> None:
     assert "and 1 smaller one." in told
 
 
+def test_what_undoes_each_other_is_told_as_one() -> None:
+    values = [
+        ASYMMETRY._replace(name=name, share=share, parameter=True)
+        for name, share in (("viscous", -1.7), ("bias", -0.9))
+    ]
+    told = found("effects", effects=(ASYMMETRY._replace(share=3.3), *values)).sentence
+    assert told.startswith(
+        "70 % of the closable gap is viscous asymmetry (share 0.182) together with viscous friction (0.182) "
+        "and constant force on the axis (0.182), which partly undo each other. "
+    )
+
+
 def test_effects_without_a_name_are_not_in_the_sentence() -> None:
     assert "Stribeck" not in FOUND["effects"].sentence and len(FOUND["effects"].effects) == 3
     many = tuple(ASYMMETRY._replace(name=f"effect_{n}") for n in range(5))

@@ -1,0 +1,76 @@
+"""What machines with nothing but another law of friction give an effect, and how far beyond that a gain is.
+
+A law that is off leaves much in one experiment and little in another.  A gain is therefore judged on all data and on
+each experiment alone, and the clearest answer stands: an experiment that tells little takes nothing from the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.gap import null
+from stagectl.gap.candidates import Form
+from stagectl.gap.grams import Grams
+from stagectl.gap.scores import against, best_of, cuts_of, first_hand, scores
+from stagectl.gap.session import Array
+
+BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
+SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms
+
+
+class Threshold(NamedTuple):
+    """What machines without an effect give one effect."""
+
+    limit: float  # gain beyond which it counts as found
+    share: float  # largest relative drop that it gives on both hands; well beyond it counts as found, too
+
+
+def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict[str, Threshold]:
+    """The gains of every effect on every machine of the null ensemble, and the limit beyond them.
+
+    The limit lies beyond the largest of them.
+    """
+    both, places = cuts_of(g), [g.of(form.names) for form in forms]
+    found: dict[str, list[tuple[float, float]]] = {}
+    for member in g.of(null.gains(g.names)):
+        best = best_of(scores(against(both, member), nuisance, places, forms))
+        for effect, score in best.items():
+            found.setdefault(effect, []).append((max(score.gain, 1.0), score.worst))
+    return {effect: _threshold(np.array(gains)) for effect, gains in found.items()}
+
+
+def _threshold(found: Array) -> Threshold:
+    gain, share = found.max(axis=0)
+    return Threshold(limit(float(gain)), float(share))
+
+
+def limit(largest: float) -> float:
+    """Gain beyond which an effect counts as found, where the null ensemble gives it `largest`."""
+    return max(BEYOND * largest, SMALLEST)
+
+
+def doubt(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> float:
+    """Limit of one effect over its gain with the best of its `forms`: the smallest of all data and each experiment.
+
+    The residual of `g` lacks the effect.
+    """
+    members, own = g.of(null.gains(g.names)), [g.of(form.names) for form in forms]
+    places = [*nuisance, *members, *sorted({place for each in own for place in each}), g.effort.shape[1] - 1]
+    at = {place: k for k, place in enumerate(places)}
+    cuts = [part[:, places][:, :, places] for part in (g.effort, g.current)]
+    free, those = range(len(nuisance)), [at[place] for place in members]
+    where = [[at[place] for place in each] for each in own]
+
+    def answer(counted: NDArray[np.bool_]) -> float:
+        first = first_hand(g)[counted]
+        both = np.stack([[cut[counted][hand].sum(axis=0) for hand in (first, ~first)] for cut in cuts])
+        machines = [both, *(against(both, member) for member in those)]
+        gain, *without = (max(one.gain for one in scores(each, free, where, forms)) for each in machines)
+        return limit(max(without, default=0.0)) / max(gain, 1e-300)
+
+    alone = [g.experiment == one for one in np.unique(g.experiment)]
+    return min(answer(counted) for counted in (np.ones(len(g.stroke), dtype=bool), *alone))
