@@ -51,6 +51,18 @@ class Motion(NamedTuple):
     span: tuple[float, float]  # rad | m, lowest and highest position, from where it begins
 
 
+class Gains(NamedTuple):
+    """A design, and the section of the stage file that it comes from."""
+
+    control: design.Settings
+    controller: design.Controller
+
+    @property
+    def order(self) -> Order:
+        """What brings them in, without a jump of the current."""
+        return Order(LAW, tuple(flattened(portable(self.controller.law))))
+
+
 class Manned:
     """The service's side of one axis."""
 
@@ -258,8 +270,8 @@ class Manned:
         now = self.control
         return {name: q for name, q in found.items() if q is not None and isinstance(getattr(now, name), float)}
 
-    def change(self, values: dict[str, str]) -> Order:
-        """The order that brings other gains in, without a jump of the current.
+    def changed(self, values: dict[str, str]) -> Gains:
+        """Other gains, designed and not in force.
 
         Raises ServiceError for a value that cannot be, DesignError where the loop would not have its margin.
         """
@@ -277,8 +289,11 @@ class Manned:
             if not quantity.admits(value):
                 raise ServiceError(f"control.{name} = {text}; must lie in {quantity.interval} {unit}")
             control = control._replace(**{name: value})
-        self.controller, self.control = design.design(self.setup.stage, control), control
-        return Order(LAW, tuple(flattened(portable(self.controller.law))))
+        return Gains(control, design.design(self.setup.stage, control))
+
+    def adopt(self, gains: Gains) -> None:
+        """The real-time process has taken them."""
+        self.control, self.controller = gains
 
 
 def _finite(value: float) -> float | None:

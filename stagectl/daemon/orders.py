@@ -89,7 +89,9 @@ class Orderly:
     async def change(self, name: str, values: dict[str, str]) -> None:
         """Other gains for an axis, or for all."""
         for axis in self.service.chosen(name):
-            await self.service.order(axis, await asyncio.to_thread(axis.change, values))
+            gains = await asyncio.to_thread(axis.changed, values)
+            await self.service.order(axis, gains.order)
+            axis.adopt(gains)
 
     async def _connect(self, axis: Manned, event: Event) -> None:
         await self.service.order(axis, Order(event))

@@ -269,7 +269,9 @@ def test_other_gains_while_it_moves_leave_the_current_alone(ball_screw: Setup) -
     bench = Bench(ball_screw)
     bench.to(State.MOVING)
     bench.run(20)
-    assert bench.order(bench.manned.change({"bandwidth": "25 Hz"}))
+    gains = bench.manned.changed({"bandwidth": "25 Hz"})
+    assert bench.order(gains.order)
+    bench.manned.adopt(gains)
     bench.run(20)
     current = bench.rows()["current"][-40:]
     assert np.max(np.abs(np.diff(current))) < 0.1

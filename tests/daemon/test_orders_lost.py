@@ -11,6 +11,7 @@ import pytest
 from stagectl.daemon.board import Order, Status
 from stagectl.daemon.machine import machine
 from stagectl.daemon.manned import Manned, ServiceError
+from stagectl.daemon.orders import Orderly
 from stagectl.daemon.service import Service, Where
 from stagectl.daemon.states import Event, State
 from tests.conftest import CONFIG
@@ -43,3 +44,10 @@ def test_the_process_dies_over_it(service: Service, axis: Manned) -> None:
 
     with pytest.raises(ServiceError, match="does not answer"):
         asyncio.run(died())
+
+
+def test_gains_that_were_not_taken_are_not_kept(service: Service, axis: Manned) -> None:
+    before = axis.control, axis.controller
+    with pytest.raises(ServiceError, match="is being started"):
+        asyncio.run(Orderly(service).change("axis", {"bandwidth": "25 Hz"}))
+    assert (axis.control, axis.controller) == before
