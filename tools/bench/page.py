@@ -68,7 +68,7 @@ def _unhurried(folder: Path) -> Path:
 
 def _asked(folder: Path, method: str, what: str, **body: Any) -> None:
     """Ask until it agrees: it takes its time to come up, and to end a motion."""
-    end = time.monotonic() + 120.0
+    end = time.monotonic() + 600.0
     while True:
         try:
             ask(folder / "control.sock", method, f"/v1/{what}", body or None)

@@ -29,14 +29,14 @@ class Lateness:
         self.ring, self._most = ring, round(KEPT / dt)
         self._done, self._rows = 0, 0
         self._parts: collections.deque[_Part] = collections.deque()
+        self._counts = np.zeros(len(EDGES) + 1, dtype=np.intp)  # of all parts: told ten times a second
 
     def told(self) -> dict[str, Any]:
         """Counts below the first edge, between two edges, and from the last one on; largest (s); rows counted."""
         self._count()
-        counts = sum((part.counts for part in self._parts), np.zeros(len(EDGES) + 1, dtype=np.intp))
         return {
             "edges": list(EDGES),
-            "counts": [int(count) for count in counts],
+            "counts": self._counts.tolist(),
             "largest": max((part.largest for part in self._parts), default=0.0),
             "rows": self._rows,
         }
@@ -50,6 +50,7 @@ class Lateness:
         places = np.searchsorted(EDGES, late, side="right")
         part = _Part(len(late), np.bincount(places, minlength=len(EDGES) + 1), float(late.max()))
         self._parts.append(part)
-        self._rows += part.rows
+        self._rows, self._counts = self._rows + part.rows, self._counts + part.counts
         while self._rows - self._parts[0].rows >= self._most:
-            self._rows -= self._parts.popleft().rows
+            old = self._parts.popleft()
+            self._rows, self._counts = self._rows - old.rows, self._counts - old.counts

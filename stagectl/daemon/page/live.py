@@ -35,6 +35,18 @@ class Window(NamedTuple):
     points: int  # buckets at most
 
 
+class Scale:
+    """Rows of the ring in the units of some channels; sixty times a second, so its tables are made once."""
+
+    def __init__(self, channels: tuple[Channel, ...]) -> None:
+        self._columns = np.array([one.column for one in channels], dtype=np.intp)
+        self._scales = np.array([one.scale for one in channels])
+
+    def __call__(self, rows: Array) -> Array:
+        """(n, channels) of rows (n, width)."""
+        return np.asarray(rows.take(self._columns, axis=1) * self._scales)
+
+
 def rows_a_bucket(span: float, points: int, dt: float) -> int:
     """Rows that share a point, so that `span` (s) has no more than `points`."""
     return max(1, -int(-span / dt // points))
@@ -44,7 +56,7 @@ class Strip:
     """Goes on as the ring does."""
 
     def __init__(self, ring: Ring, dt: float, window: Window) -> None:
-        self._ring, self._dt, self._window = ring, dt, window
+        self._ring, self._dt, self._scale = ring, dt, Scale(window.channels)
         self.size = rows_a_bucket(window.span, window.points, dt)
         self._next = max(ring.written - round(window.span / dt), 0) // self.size * self.size
 
@@ -61,7 +73,7 @@ class Strip:
         self._next = first + len(rows)
         if not len(rows):
             return None
-        found = extremes(_scaled(rows, self._window.channels), first, self.size)
+        found = extremes(self._scale(rows), first, self.size)
         return packed(STRIP, found, self._dt, number)
 
 
@@ -69,7 +81,7 @@ class Sight:
     """A scope with what it has caught, which can be looked at again and closer."""
 
     def __init__(self, ring: Source, dt: float, window: Window, settings: Settings) -> None:
-        self._ring, self._dt, self._window = ring, dt, window
+        self._ring, self._dt, self._points, self._scale = ring, dt, window.points, Scale(window.channels)
         self._scope = Scope(settings, ring.written)
         self.held: Capture | None = None
 
@@ -84,9 +96,8 @@ class Sight:
         if capture is None:
             return None
         self.held = capture
-        return self._shown(
-            capture, (0, len(capture.rows)), self._window.points, (CAPTURE if capture.triggered else FREE, number)
-        )
+        kind = CAPTURE if capture.triggered else FREE
+        return self._shown(capture, (0, len(capture.rows)), self._points, (kind, number))
 
     def closer(self, start: float, end: float, points: int, number: int) -> bytes | None:
         """What is held between two times (s, from the trigger), in as many points as it may have."""
@@ -100,8 +111,7 @@ class Sight:
     def _shown(self, capture: Capture, part: tuple[int, int], points: int, what: tuple[float, int]) -> bytes:
         low, high = part
         size = max(1, -(-(high - low) // points))
-        rows = _scaled(capture.rows[low:high], self._window.channels)
-        found = extremes(rows, capture.first + low, size)
+        found = extremes(self._scale(capture.rows[low:high]), capture.first + low, size)
         at = (capture.first + capture.at + 1) * self._dt
         return packed(what[0], found, self._dt, what[1], at)
 
@@ -109,11 +119,9 @@ class Sight:
 def packed(kind: float, found: Extremes, dt: float, number: int, at: float = 0.0) -> bytes:
     """The message; row n is of the time (n + 1) dt, as the loop counts."""
     channels, buckets = found.low.shape
-    head = np.array([kind, channels, buckets, found.size, (found.first + 1) * dt, dt, at, number])
-    parts = [head, found.low] if found.size == 1 else [head, found.low, found.high]
-    return b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in parts)
-
-
-def _scaled(rows: Array, channels: tuple[Channel, ...]) -> Array:
-    columns, scales = [one.column for one in channels], np.array([one.scale for one in channels])
-    return np.asarray(rows[:, columns] * scales)
+    parts = 1 if found.size == 1 else 2
+    message = np.empty(HEAD + parts * channels * buckets, dtype="<f8")
+    message[:HEAD] = kind, channels, buckets, found.size, (found.first + 1) * dt, dt, at, number
+    body = message[HEAD:].reshape(parts, channels, buckets)
+    body[0], body[-1] = found.low, found.high
+    return message.tobytes()
