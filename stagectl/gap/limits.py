@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from stagectl.gap import null
 from stagectl.gap.candidates import Form
 from stagectl.gap.grams import Grams
-from stagectl.gap.scores import against, best_of, cuts_of, first_hand, scores
+from stagectl.gap.scores import against, best_of, cut_of, cuts_of, first_hand, free_of, score_of
 from stagectl.gap.session import Array
 
 BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
@@ -34,11 +34,12 @@ def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict
 
     The limit lies beyond the largest of them.
     """
-    both, places = cuts_of(g), [g.of(form.names) for form in forms]
+    free, places = free_of(cuts_of(g), nuisance), [g.of(form.names) for form in forms]
     found: dict[str, list[tuple[float, float]]] = {}
     for member in g.of(null.gains(g.names)):
-        best = best_of(scores(against(both, member), nuisance, places, forms))
-        for effect, score in best.items():
+        machine = against(free, member)
+        each = [score_of(machine[cut_of(form, machine)], at, form) for form, at in zip(forms, places, strict=True)]
+        for effect, score in best_of(each).items():
             found.setdefault(effect, []).append((max(score.gain, 1.0), score.worst))
     return {effect: _threshold(np.array(gains)) for effect, gains in found.items()}
 
@@ -61,16 +62,18 @@ def doubt(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> float:
     members, own = g.of(null.gains(g.names)), [g.of(form.names) for form in forms]
     places = [*nuisance, *members, *sorted({place for each in own for place in each}), g.effort.shape[1] - 1]
     at = {place: k for k, place in enumerate(places)}
-    cuts = [part[:, places][:, :, places] for part in (g.effort, g.current)]
-    free, those = range(len(nuisance)), [at[place] for place in members]
+    small = [part[:, places][:, :, places] for part in (g.effort, g.current)]
     where = [[at[place] for place in each] for each in own]
 
     def answer(counted: NDArray[np.bool_]) -> float:
         first = first_hand(g)[counted]
-        both = np.stack([[cut[counted][hand].sum(axis=0) for hand in (first, ~first)] for cut in cuts])
-        machines = [both, *(against(both, member) for member in those)]
-        gain, *without = (max(one.gain for one in scores(each, free, where, forms)) for each in machines)
-        return limit(max(without, default=0.0)) / max(gain, 1e-300)
+        cuts = np.stack([[cut[counted][hand].sum(axis=0) for hand in (first, ~first)] for cut in small])
+        free = free_of(cuts, range(len(nuisance)))[cut_of(forms[0], cuts)]
+        machines = [free, *(against(free, at[member]) for member in members)]
+        gains = [
+            max(score_of(each, here, form).gain for here, form in zip(where, forms, strict=True)) for each in machines
+        ]
+        return limit(max(gains[1:], default=0.0)) / max(gains[0], 1e-300)
 
     alone = [g.experiment == one for one in np.unique(g.experiment)]
     return min(answer(counted) for counted in (np.ones(len(g.stroke), dtype=bool), *alone))

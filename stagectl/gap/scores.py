@@ -58,10 +58,17 @@ def scores(cuts: Array, nuisance: Sequence[int], places: Sequence[Sequence[int]]
 
     An effect is judged by the cut that shows it: one of the drive by that of the drive, where a current is measured.
     """
-    # The time shift, which both cuts show, is the mechanics' to determine: the drive's cut stands as the base left it,
-    # or no dead time would be seen.
-    free = [freed(cuts[0], nuisance), cuts[1]]
-    return [_score(free[cut_of(form, cuts)], list(at), form) for form, at in zip(forms, places, strict=True)]
+    free = free_of(cuts, nuisance)
+    return [score_of(free[cut_of(form, cuts)], at, form) for form, at in zip(forms, places, strict=True)]
+
+
+def free_of(cuts: Array, nuisance: Sequence[int]) -> Array:
+    """`cuts` with that of the mechanics free of what the nuisances can take.
+
+    The time shift, which both cuts show, is the mechanics' to determine: the drive's cut stands as the base left it, or
+    no dead time would be seen.
+    """
+    return np.stack([freed(cuts[0], nuisance), cuts[1]])
 
 
 def best_of(found: Sequence[Score]) -> dict[str, Score]:
@@ -92,7 +99,8 @@ def freed(both: Array, nuisance: Sequence[int]) -> Array:
     return free
 
 
-def _score(free: Array, at: list[int], form: Form) -> Score:
+def score_of(free: Array, at: Sequence[int], form: Form) -> Score:
+    """The score of one form with its columns `at` on the hands (2, p + 1, p + 1) of its cut."""
     whole, before = _solved(free.sum(axis=0), at, form), float(free[:, -1, -1].sum())
     if not _admissible(form, whole):
         return Score(form, 0.0, 0.0, tuple(whole), before)

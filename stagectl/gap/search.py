@@ -151,11 +151,22 @@ def _eligible(e: Evidence, g: Grams, found: Sequence[Score], library: Library, n
     # Across a gap the others' columns are not what they were: only what stands out is believed beside it.
     least = DOMINANT if any(one.effect.bent for one in now.effects) else 0.0
     for score in best_of(found).values():
-        known = library.thresholds[score.form.effect.name]
-        beyond = score.gain > known.limit or score.worst > max(BEYOND * known.share, DOMINANT)
-        if beyond and score.gain > _least(e, g, library, score) and score.worst > least:
+        material = score.gain > _least(e, g, library, score) and score.worst > least
+        if material and _beyond(e, g, library, now, score):
             good.append(score)
     return sorted(good, key=lambda score: -score.gain)
+
+
+def _beyond(e: Evidence, g: Grams, library: Library, now: Fitted, score: Score) -> bool:
+    """Whether it is more than machines without an effect give it, on all data or on one experiment."""
+    name = _name(score)
+    known = library.thresholds[name]
+    clear = score.gain > known.limit or score.worst > max(BEYOND * known.share, DOMINANT)
+    return clear or _doubt(e, g, library, now, name) < 1.0
+
+
+def _doubt(e: Evidence, g: Grams, library: Library, now: Fitted, name: str) -> float:
+    return doubt(g, _beside(e, g, now), [form for form in library.forms if form.effect.name == name])
 
 
 def _least(e: Evidence, g: Grams, library: Library, score: Score) -> float:
@@ -268,9 +279,8 @@ def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
         g, every = scored(e, library, less)
         found = best_of(every)
         forms = [form for form in library.forms if form.effect.name == one.effect.name]
-        beside = _beside(e, g, less)
-        inclusion[one.effect.name] = stability.inclusion(g, beside, forms, OF_ALL, library.resampled)
-        doubts[one.effect.name] = doubt(g, beside, forms)
+        inclusion[one.effect.name] = stability.inclusion(g, _beside(e, g, less), forms, OF_ALL, library.resampled)
+        doubts[one.effect.name] = _doubt(e, g, library, less, one.effect.name)
         own = found[one.effect.name].gain
         gains[one.effect.name] = own
         alternatives[one.effect.name] = {

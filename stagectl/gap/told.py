@@ -26,6 +26,7 @@ _BLIND = "These logs cannot tell what causes the gap."
 MOST = 3  # effects in the sentence, and values that are off
 _OF_ALL = " of the closable gap is"
 _SMALL = 0.005  # share that is not worth a word
+_LIKELY = 0.3  # probability from which an effect without a name is worth a word
 _ODD = 0.05  # by which a share may lie below nothing or above all, and still be told
 
 
@@ -35,6 +36,9 @@ def sentence(found: Found) -> str:
 
 
 def _none(found: Found) -> str:
+    likely = max((one for one in found.effects if not one.parameter), key=lambda one: one.probability, default=None)
+    if likely is not None and likely.probability >= _LIKELY:
+        return f"Nothing is surely missing; {either(likely)} may be, with probability {likely.probability:.2f}."
     return "The model agrees with the machine: no effect is missing and no value is off by more than these logs show."
 
 

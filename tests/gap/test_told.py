@@ -72,6 +72,15 @@ def test_what_undoes_each_other_is_told_as_one() -> None:
     )
 
 
+def test_what_may_be_missing_is_said_where_nothing_is_sure() -> None:
+    likely = ASYMMETRY._replace(probability=0.48, alternatives=("bias",))
+    words = found("none", effects=(likely,)).sentence
+    assert words.startswith(
+        "Nothing is surely missing; viscous asymmetry or constant force on the axis may be, with probability 0.48. "
+    )
+    assert found("none", effects=(likely._replace(probability=0.1),)).sentence.startswith("The model agrees")
+
+
 def test_effects_without_a_name_are_not_in_the_sentence() -> None:
     assert "Stribeck" not in FOUND["effects"].sentence and len(FOUND["effects"].effects) == 3
     many = tuple(ASYMMETRY._replace(name=f"effect_{n}") for n in range(5))
