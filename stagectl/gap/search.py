@@ -93,8 +93,8 @@ def _stable(e: Evidence, library: Library, now: Fitted, say: Say) -> Selected:
     gone = [name for name, share in found.inclusion.items() if share < VANISHING]
     why = "in too few resamples"
     if not gone and len(now.effects) > 1:
-        gone = [name for name in [min(found.gains, key=found.gains.__getitem__)] if found.gains[name] < SMALLEST]
-        why = "idle beside the others"
+        weakest = min(found.gains, key=found.gains.__getitem__)
+        gone, why = [weakest] if found.gains[weakest] < SMALLEST else [], "idle beside the others"
     if not gone:
         return found
     say(f"dropped {', '.join(gone)}: {why}")
@@ -166,7 +166,11 @@ def _beyond(e: Evidence, g: Grams, library: Library, now: Fitted, score: Score) 
 
 
 def _doubt(e: Evidence, g: Grams, library: Library, now: Fitted, name: str) -> float:
-    return doubt(g, _beside(e, g, now), [form for form in library.forms if form.effect.name == name])
+    return doubt(g, _beside(e, g, now), _forms_of(library, name))
+
+
+def _forms_of(library: Library, name: str) -> list[Form]:
+    return [form for form in library.forms if form.effect.name == name]
 
 
 def _least(e: Evidence, g: Grams, library: Library, score: Score) -> float:
@@ -278,7 +282,7 @@ def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
         less = Fitted(now.model, rest, refine.left(e, now.model, rest), 0.0)
         g, every = scored(e, library, less)
         found = best_of(every)
-        forms = [form for form in library.forms if form.effect.name == one.effect.name]
+        forms = _forms_of(library, one.effect.name)
         inclusion[one.effect.name] = stability.inclusion(g, _beside(e, g, less), forms, OF_ALL, library.resampled)
         doubts[one.effect.name] = _doubt(e, g, library, less, one.effect.name)
         own = found[one.effect.name].gain
