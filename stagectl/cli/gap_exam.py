@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 from rich.table import Table
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from stagectl.exam.blind.exam import Asked
 
 Trials = Annotated[int, typer.Option("--trials", min=1, max=100_000, help="How many.")]
+First = Annotated[int | None, typer.Option(min=1, help="Only these of them now, in the exam's order; then score.")]
 Seed = Annotated[
     int | None, typer.Option(min=0, max=2**31 - 1, help="Of the whole exam; else the hash of the sources.")
 ]
@@ -42,6 +43,15 @@ Ledger = Annotated[
 ]
 
 
+class _How(NamedTuple):
+    """What changes no score of a trial."""
+
+    resume: bool
+    first: int | None  # trials that are sat now; None: all
+    workers: int
+    scheduler: str | None
+
+
 def register(app: typer.Typer) -> None:
     """Add the verb to the group."""
     app.command("exam")(exam)
@@ -50,6 +60,7 @@ def register(app: typer.Typer) -> None:
 def exam(
     output: Output,
     trials: Trials = 300,
+    first: First = None,
     seed: Seed = None,
     strata: Strata = None,
     short: Short = False,
@@ -74,7 +85,7 @@ def exam(
     count, threads = workers_and_threads(workers)
     asked = Asked(trials, _seed(output, resume, seed), names)
     manner = Manner(short, full, keep, baselines, threads)
-    result, seconds = _held(output.resolve(), asked, manner, (resume, count, scheduler))
+    result, seconds = _held(output.resolve(), asked, manner, _How(resume, first, count, scheduler))
     _entered(ledger or output.resolve().parent / "ledger.jsonl", result, seconds)
     emit(result, json)
     _show(result, seconds)
@@ -94,27 +105,26 @@ def _seed(output: Path, resume: bool, seed: int | None) -> int:
     return source_seed(Path(stagectl.__file__).parent) if known is None else known
 
 
-def _held(
-    output: Path, asked: Asked, manner: Manner, how: tuple[bool, int, str | None]
-) -> tuple[dict[str, Any], dict[str, list[float]]]:
-    """The result of the exam, which also stands in scores.json, and the seconds; `how` = (resume, workers, cluster)."""
+def _held(output: Path, asked: Asked, manner: Manner, how: _How) -> tuple[dict[str, Any], dict[str, list[float]]]:
+    """The result of the exam, which also stands in scores.json, and the seconds."""
     from stagectl.exam.blind import exam as exams
     from stagectl.exam.blind.plan import ExamError
     from stagectl.exam.blind.totals import totals
 
-    resume, count, scheduler = how
     try:
-        planned = exams.prepared(output, asked, manner, resume)
-        where = f"{count} at once" if scheduler is None else f"on {scheduler}"
-        console.print(f"{asked.trials} trials, seed {asked.seed}, {where}, to {output}")
-        with progress("trials", asked.trials) as update:
-            records = exams.held(output, planned, manner, _runner(count, scheduler), _said(update))
+        planned = exams.prepared(output, asked, manner, how.resume)[: how.first]
+        where = f"{how.workers} at once" if how.scheduler is None else f"on {how.scheduler}"
+        only = f"the first {len(planned)} of " if len(planned) < asked.trials else ""
+        console.print(f"{only}{asked.trials} trials, seed {asked.seed}, {where}, to {output}")
+        with progress("trials", len(planned)) as update:
+            records = exams.held(output, planned, manner, _runner(how.workers, how.scheduler), _said(update))
     except ExamError as error:
         raise StageError(str(error)) from error
     except KeyboardInterrupt:
         raise StageError("interrupted: trials that are finished are kept; go on with --resume") from None
     ways = {"short": manner.short, "full": manner.full, "baselines": manner.baselines}
-    result = {"exam": {**asked._asdict(), **ways}, **totals(records), "records": records}
+    part = {"stopped after": len(planned)} if only else {}
+    result = {"exam": {**asked._asdict(), **ways, **part}, **totals(records), "records": records}
     (output / "scores.json").write_text(texts.dumps(result, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     return result, exams.seconds(output, planned)
 
@@ -173,5 +183,6 @@ def _page(result: Mapping[str, Any], seconds: Mapping[str, Sequence[float]], out
     one = result["exam"]
     strata = f" --strata {','.join(one['strata'])}" if one["strata"] else ""
     ways = "".join(f" --{name}" for name in ("short", "full", "baselines") if one[name])
-    command = f"stagectl gap exam --trials {one['trials']} --seed {one['seed']}{strata}{ways} -o {output}"
+    first = f" --first {one['stopped after']}" if "stopped after" in one else ""
+    command = f"stagectl gap exam --trials {one['trials']}{first} --seed {one['seed']}{strata}{ways} -o {output}"
     return write(pages.page(result, seconds, [command]), output / "exam.html")

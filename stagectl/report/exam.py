@@ -50,6 +50,8 @@ def _notes(result: Mapping[str, Any]) -> list[str]:
     battery = "a battery of 20 s" if exam["short"] else "the recommended battery"
     path = "full" if exam["full"] else "fast"
     found = [f"Seed {exam['seed']}, {battery}, the diagnosis' {path} path. Trials: {_strata(result['strata'])}."]
+    if "stopped after" in exam:
+        found.append(f"The first {exam['stopped after']} of {exam['trials']} trials, in the order that the seed gives.")
     if result["void"]:
         found.append(f"Void and not counted: {_reasons(result['void'])}.")
     if result["failed"]:

@@ -14,7 +14,7 @@ from tests.exam.made import records
 
 @pytest.fixture(autouse=True)
 def made_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exams, "held", lambda *_: records(60, 3))
+    monkeypatch.setattr(exams, "held", lambda _, planned, *__: records(60, 3)[: len(planned)])
 
 
 def held(folder: Path, *words: str) -> None:
@@ -39,6 +39,19 @@ def test_going_on_keeps_the_seed(tmp_path: Path) -> None:
         held(tmp_path / "exam", "--seed", "3")
     held(tmp_path / "exam", "--resume")
     assert len((tmp_path / "ledger.jsonl").read_text().splitlines()) == 2
+
+
+def test_the_first_of_them_and_then_the_rest(tmp_path: Path) -> None:
+    """What is told of a part says that it is one; the exam that lies there stays the whole one."""
+    held(tmp_path / "exam", "--seed", "3", "--first", "7")
+    scores = json.loads((tmp_path / "exam" / "scores.json").read_text())
+    assert len(scores["records"]) == 7 and scores["exam"]["stopped after"] == 7 and scores["exam"]["trials"] == 60
+    page = (tmp_path / "exam" / "exam.html").read_text()
+    assert "The first 7 of 60 trials" in page and "--trials 60 --first 7 --seed 3 -o" in page
+    held(tmp_path / "exam", "--resume")
+    assert "stopped after" not in json.loads((tmp_path / "exam" / "scores.json").read_text())["exam"]
+    first, whole = (json.loads(one) for one in (tmp_path / "ledger.jsonl").read_text().splitlines())
+    assert first["stopped after"] == 7 and "stopped after" not in whole
 
 
 def test_strata_that_are_none(tmp_path: Path) -> None:
