@@ -6,6 +6,7 @@ difference is its column, delays, sampling and estimator included.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -54,9 +55,10 @@ def lacks(p: Model, path: Path, substeps: int = tying.SUBSTEPS, load: float = 0.
 
 def _moved(rows: Array, samples: float) -> Array:
     """`rows` with the current of `samples` later: what was logged late belongs there."""
-    k = np.arange(len(rows), dtype=np.float64)
+    count, whole = len(rows), math.floor(samples)
+    held = np.pad(rows[:, 2], abs(whole) + 1, mode="edge")[abs(whole) + 1 + whole :]
     rows = rows.copy()
-    rows[:, 2] = np.interp(k + samples, k, rows[:, 2])
+    rows[:, 2] = held[:count] + (samples - whole) * (held[1 : count + 1] - held[:count])
     return rows
 
 

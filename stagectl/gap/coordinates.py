@@ -75,7 +75,7 @@ def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: boo
     gain = closable = 0.0
     for cut, part in enumerate((g.effort, g.current)):
         both = hands(g._replace(effort=part, current=np.zeros_like(part)))
-        before, after = foretold(both, g.of(search.nuisances(e)), g.of(names))
+        before, after = foretold(freed(both, g.of(search.nuisances(e))), g.of(names))
         gain += max(before - after, 0.0)
         closable += max(before - float(floor[cut]), 0.0)
     # What repeats differ by counts as floor, but where a drift foretells it.
@@ -83,12 +83,11 @@ def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: boo
     return min(gain / closable, 1.0) if closable > 0.0 else 0.0
 
 
-def foretold(both: Array, nuisance: Sequence[int], own: Sequence[int]) -> tuple[float, float]:
+def foretold(free: Array, own: Sequence[int]) -> tuple[float, float]:
     """Sums of squares left on the hand that was not fitted, both ways: without the columns `own`, and with them.
 
-    Both are free of what the nuisances can take.
+    The hands `free` (2, p + 1, p + 1) are free of what the nuisances can take.
     """
-    free = freed(both, nuisance)
     before = after = 0.0
     for fitted, judged in ((0, 1), (1, 0)):
         before += float(free[judged, -1, -1])

@@ -104,9 +104,11 @@ def only(p: Products, names: Sequence[str]) -> Products:
 
 def grams(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     """The matrices of all half strokes, with the residuals (m, 2) of each run and repeat."""
-    found = in_parallel(lambda pair: _with_residual(*pair), list(zip(p.parts, residuals, strict=True)))
-    squares, floors = (np.concatenate(each, axis=1) for each in zip(*found, strict=True))
-    counts = [square.shape[1] for square, _ in found]
+    counts = [part.square.shape[1] for part in p.parts]
+    squares, floors = np.empty((2, sum(counts), len(p.names) + 1, len(p.names) + 1)), np.empty((2, sum(counts)))
+    ends = list(itertools.accumulate(counts, initial=0))
+    spans = zip(p.parts, residuals, itertools.pairwise(ends), strict=True)
+    in_parallel(lambda x: _with_residual(x[0], x[1], (squares[:, slice(*x[2])], floors[:, slice(*x[2])])), spans)
     experiment = np.repeat(np.arange(len(counts)), counts)
     stroke = np.concatenate([np.arange(count) for count in counts])
     return Grams(p.names, squares[0], squares[1], floors.T, experiment, stroke)
@@ -161,28 +163,29 @@ def rows(p: _Part, residual: Array) -> Array:
 
 def _free(p: _Part, column: Array) -> Array:
     """`column` (2, m) less its part along the run's own."""
-    free: Array = column - np.sum(p.own * column) * p.own
-    return free
+    share = float(np.vdot(p.own, column))
+    return column - share * p.own if share else column
 
 
-def _with_residual(p: _Part, left: Sequence[Array]) -> tuple[Array, Array]:
-    """Matrices (2, c, p + 1, p + 1) with the residual as their last row, repeats added up, and their floor (2, c)."""
-    borders, repeats = _borders(p.run), len(left)
+def _with_residual(p: _Part, left: Sequence[Array], found: tuple[Array, Array]) -> None:
+    """Fills `found`: matrices (2, c, p + 1, p + 1) with the residual last, repeats added up, and their floor (2, c)."""
+    (square, floor), borders, repeats = found, _borders(p.run), len(left)
     each = np.stack([_free(p, (one * p.run.weight[:, None]).T) for one in left])
     mean = each.mean(axis=0)
     spread = (each - mean)[:, :, None]
     noise = _repeated(spread, borders)
     last = mean[:, None]
-    square = _bordered(p.square, _between(p.mean, last, borders), _between(last, last, borders))
-    square *= repeats
-    square[:, :, -1:, -1:] += noise
+    np.multiply(p.square, repeats, out=square[:, :, :-1, :-1])
+    square[:, :, :-1, -1:] = repeats * _between(p.mean, last, borders)
+    square[:, :, -1:, -1:] = repeats * _between(last, last, borders) + noise
     if p.clocked and repeats > 1:  # a mean of repeats has but one clock
         at = list(p.clocked)
-        cross = sum(_between(one, other, borders) for one, other in zip(p.deviation, spread, strict=True))
         square[:, :, np.array(at)[:, None], at] += p.unequal
-        square[:, :, at, -1:] += cross
-        square[:, :, -1:, at] += np.swapaxes(cross, 2, 3)
-    return square, noise[:, :, 0, 0] * repeats / max(repeats - 1, 1)
+        square[:, :, at, -1:] += sum(
+            _between(one, other, borders) for one, other in zip(p.deviation, spread, strict=True)
+        )
+    square[:, :, -1, :-1] = square[:, :, :-1, -1]
+    floor[:] = noise[:, :, 0, 0] * repeats / max(repeats - 1, 1)
 
 
 def _chosen(p: _Part, places: list[int]) -> _Part:

@@ -60,7 +60,7 @@ def doubt(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> float:
     The residual of `g` lacks the effect.
     """
     members, own = g.of(null.gains(g.names)), [g.of(form.names) for form in forms]
-    places = [*nuisance, *members, *sorted({place for each in own for place in each}), g.effort.shape[1] - 1]
+    places = [*nuisance, *members, *sorted({place for each in own for place in each}), len(g.names)]
     at = {place: k for k, place in enumerate(places)}
     small = [part[:, places][:, :, places] for part in (g.effort, g.current)]
     where = [[at[place] for place in each] for each in own]

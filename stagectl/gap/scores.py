@@ -101,28 +101,31 @@ def freed(both: Array, nuisance: Sequence[int]) -> Array:
 
 def score_of(free: Array, at: Sequence[int], form: Form) -> Score:
     """The score of one form with its columns `at` on the hands (2, p + 1, p + 1) of its cut."""
-    whole, before = _solved(free.sum(axis=0), at, form), float(free[:, -1, -1].sum())
+    places = [*at, -1]
+    hands, own = free[:, places][:, :, places], range(len(at))
+    whole, before = _solved(hands.sum(axis=0), form), float(hands[:, -1, -1].sum())
     if not _admissible(form, whole):
         return Score(form, 0.0, 0.0, tuple(whole), before)
     drops = []
     for fitted, judged in ((0, 1), (1, 0)):
-        amplitude = _solved(free[fitted], at, form)
-        alone = float(free[judged, -1, -1])
-        drops.append((alone - grams.misfit(free[judged], at, amplitude), alone))
+        amplitude = _solved(hands[fitted], form)
+        alone = float(hands[judged, -1, -1])
+        drops.append((alone - grams.misfit(hands[judged], own, amplitude), alone))
     gain = sum(drop for drop, _ in drops)
     worst = min(drop / max(alone, 1e-300) for drop, alone in drops)
     return Score(form, gain, worst, tuple(whole), before)
 
 
-def _solved(matrix: Array, at: Sequence[int], form: Form) -> Array:
+def _solved(matrix: Array, form: Form) -> Array:
+    """Amplitudes (k,) within their bounds, of the form's columns and the residual in `matrix` (k + 1, k + 1)."""
     if form.effect.bent:
         return np.array(form.typical)
-    a = matrix[np.ix_(list(at), list(at))]
+    a, b = matrix[:-1, :-1], matrix[:-1, -1]
     if not np.all(np.diag(a) > 0.0):
-        return np.zeros(len(at))
-    found = np.linalg.lstsq(a, matrix[list(at), -1], rcond=1e-12)[0]
+        return np.zeros(len(b))
+    found = b / a[0] if len(b) == 1 else np.linalg.lstsq(a, b, rcond=1e-12)[0]
     low, high = np.array([(one.low, one.high) for one in form.effect.amplitudes]).T
-    return np.asarray(np.clip(found, low, high), dtype=np.float64)
+    return np.asarray(np.minimum(np.maximum(found, low), high), dtype=np.float64)
 
 
 def _admissible(form: Form, amplitude: Array) -> bool:

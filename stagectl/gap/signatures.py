@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from stagectl.gap import columns
 from stagectl.gap.batch import in_parallel
@@ -25,6 +26,7 @@ from stagectl.kernels.stage import Stage
 
 STEPS = (5e-4, 0.2)  # A, between which a step of the command is looked for
 BINS = 8  # of the smallest step
+FINEST = 2**17  # steps in the range of the commands: a drive's object has 16 bits
 CLEAR = 40.0  # times the mean power of noise: e^-40 times the number of frequencies is what noise alone would reach
 WHOLE = (0.4, 1.4)  # of a saw tooth's first harmonic, step over pi: less or more is something else
 SPOILT = 0.02  # share of the current's noise variance that a jitter must make
@@ -107,13 +109,14 @@ def _step(logs: list[Missing], shift: int) -> tuple[float, float, float] | None:
     command = np.concatenate([one.command[: len(one.command) - shift] for one in logs])
     current = np.concatenate([one.current[shift:] for one in logs])
     current = current - np.polynomial.Polynomial.fit(command, current, 3)(command)
-    width = STEPS[0] / BINS
-    low = float(command.min())
+    low, high = float(command.min()), float(command.max())
+    smallest = max(STEPS[0], (high - low) / FINEST)
+    width = smallest / BINS
     place = np.round((command - low) / width).astype(np.int64)
-    count = 1 << int(np.ceil(np.log2(4.0 * (place.max() + 1))))
-    power = np.abs(np.fft.rfft(np.bincount(place, current, count))) ** 2 / max(float(np.sum(current**2)), 1e-300)
+    count = fft.next_fast_len(4 * (int(place.max()) + 1), real=True)
+    power = np.abs(fft.rfft(np.bincount(place, current, count))) ** 2 / max(float(np.sum(current**2)), 1e-300)
     per_ampere = np.arange(len(power)) / (count * width)
-    within = (per_ampere >= 1.0 / STEPS[1]) & (per_ampere <= 1.0 / STEPS[0])
+    within = (per_ampere >= 1.0 / STEPS[1]) & (per_ampere <= 1.0 / smallest)
     best = int(np.argmax(np.where(within, power, 0.0)))
     step = 1.0 / float(per_ampere[best])
     first = 2.0 * math.sqrt(float(power[best]) * float(np.sum(current**2))) / len(current)

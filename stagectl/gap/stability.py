@@ -23,7 +23,7 @@ def inclusion(g: Grams, nuisance: Sequence[int], forms: Sequence[Form], share: f
 
     `times` resamples for each experiment that is left out; the residual of `g` lacks the effect.
     """
-    places = [*nuisance, *sorted({place for form in forms for place in g.of(form.names)}), g.both.shape[1] - 1]
+    places = [*nuisance, *sorted({place for form in forms for place in g.of(form.names)}), len(g.names)]
     small = np.stack([cut[:, places][:, :, places] for cut in (g.effort, g.current)])
     cut = cut_of(forms[0], small)
     at = {place: k for k, place in enumerate(places)}

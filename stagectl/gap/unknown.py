@@ -104,8 +104,8 @@ def _without_order(e: Evidence, all_: unordered.Left, rows: unordered.Freed, nam
 def _form(e: Evidence, g: Grams) -> float:
     """Largest sum of squares that the base leaves on a machine of the null ensemble."""
     both, nuisance = hands(g._replace(current=np.zeros_like(g.current))), g.of(search.nuisances(e))
-    free = [freed(against(both, place), nuisance) for place in g.of(null.gains(g.names))]
-    return max((float(one[:, -1, -1].sum()) for one in free), default=0.0)
+    free = freed(both, nuisance)
+    return max((float(free[:, place, place].sum()) for place in g.of(null.gains(g.names))), default=0.0)
 
 
 def largest(e: Evidence, now: Fitted, library: search.Library, smooth: Functions) -> float:
@@ -178,15 +178,19 @@ def _foretold(
     g = gathered(known, new, means(now.left), [name for part in parts for name in smoothers.names(one, part)])
     g = g._replace(current=np.zeros_like(g.current))
     nuisance = g.of([*search.nuisances(e), *beside])
-    floor = _floor(e)
-    return [_judged(g, one, chosen, (nuisance, members, floor)) for chosen in variants]
+    free, floor = freed(hands(g), nuisance), _floor(e)
+    machines = [against(free, place) for place in g.of(members)]
+    owns = [g.of([name for part in parts for name in smoothers.names(one, part)]) for parts in variants]
+    return [_judged((free, machines), own, (one, chosen), floor) for own, chosen in zip(owns, variants, strict=True)]
 
 
-def _judged(g: Grams, one: Smoother, parts: tuple[str, ...], beside: tuple[list[int], list[str], float]) -> Foretold:
-    nuisance, members, floor = beside
-    own, both = g.of([name for part in parts for name in smoothers.names(one, part)]), hands(g)
-    before, after = foretold(both, nuisance, own)
-    form = [foretold(against(both, place), nuisance, own) for place in g.of(members)]
+def _judged(
+    data: tuple[Array, list[Array]], own: Sequence[int], what: tuple[Smoother, tuple[str, ...]], floor: float
+) -> Foretold:
+    """Functions in the columns `own` of the hands, and of those of each machine of the null ensemble."""
+    (free, machines), (one, parts) = data, what
+    before, after = foretold(free, own)
+    form = [foretold(machine, own) for machine in machines]
     limit = float(np.quantile([x - y for x, y in form], FORM)) if form else 0.0
     share = (before - after) / (before - floor) if before > floor else 0.0
     return Foretold(one, parts, before - after, share, limit)

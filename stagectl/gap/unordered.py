@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import cuts, grams, null, refine, smoothers
+from stagectl.gap import cuts, grams, null, refine, scores, smoothers
 from stagectl.gap.coordinates import LOWEST, drawn, floor_of_means, foretold, gathered, means, scatter
 from stagectl.gap.cuts import KEPT
 from stagectl.gap.found import Shape
@@ -93,7 +93,7 @@ def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) ->
     def gain(left: Sequence[list[Array]]) -> tuple[float, float]:
         g = gathered(e.base.products, smooth.clock, left, names)
         both = hands(g._replace(current=np.zeros_like(g.current)))
-        before, after = foretold(both, g.of(nuisances), g.of(names))
+        before, after = foretold(scores.freed(both, g.of(nuisances)), g.of(names))
         return before - after, after
 
     (held, noise), (first, _) = gain(now.left), gain(e.base.after)
