@@ -36,7 +36,7 @@ class Window(NamedTuple):
 
 
 class Scale:
-    """Rows of the ring in the units of some channels; sixty times a second, so its tables are made once."""
+    """Rows of the ring in the units of some channels; thirty times a second, so its tables are made once."""
 
     def __init__(self, channels: tuple[Channel, ...]) -> None:
         self._columns = np.array([one.column for one in channels], dtype=np.intp)

@@ -29,7 +29,7 @@ from stagectl.recording.joined import Joined, Source
 from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Settings, Trigger
 
-RATE = 60.0  # frames a second
+RATE = 30.0  # frames a second; the page draws what they hold with every picture of its screen
 _NEWS = 0.1  # s between two statuses
 _LONGEST_SHARE = 0.6  # of the ring that a capture may take
 Say = Callable[[str | bytes], Awaitable[None]]

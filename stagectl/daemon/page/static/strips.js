@@ -7,6 +7,9 @@ const PANELS = [
   { id: "error", names: ["error"], labels: ["tracking error"], least: 0 },
   { id: "current", names: ["current", "measured_current"], labels: ["current, command", "measured"], least: 0.02 },
 ];
+// s that two messages are apart at most.  The picture runs behind the newest bucket by this and a bucket: so it moves on
+// with every picture of the screen, and not with every message.
+const APART = 0.05;
 const NAMES = PANELS.flatMap((panel) => panel.names);
 
 export class Strips {
@@ -47,8 +50,11 @@ export class Strips {
   clear() {
     this.x = [];
     this.y = NAMES.map(() => []);
+    this.ahead = -Infinity;  // of the service's clock before this one's, s
     this.dirty = true;
   }
+
+  clock() { return performance.now() / 1000; }
 
   // New buckets: two points each, the lowest and the highest.
   take(found) {
@@ -69,6 +75,8 @@ export class Strips {
         if (half) this.y[c].push(Number.isNaN(high) ? null : high);
       }
     }
+    this.ahead = Math.max(this.x.at(-1) - this.clock(), this.ahead - 1e-4);  // what comes late does not set it
+    this.behind = APART + step;
     const oldest = this.x.at(-1) - this.span - step;
     let old = 0;
     while (old < this.x.length && this.x[old] < oldest) old++;
@@ -80,9 +88,10 @@ export class Strips {
   }
 
   draw() {
-    if (!this.dirty || !this.plots.length) return;
+    const end = this.x.length ? Math.min(this.x.at(-1), this.clock() + this.ahead - this.behind) : 0;
+    if ((end === this.end && !this.dirty) || !this.plots.length) return;
     this.dirty = false;
-    const end = this.x.length ? this.x.at(-1) : 0;
+    this.end = end;
     const times = this.x.map((t) => t - end);
     let first = 0;
     for (const plot of this.plots) {
