@@ -10,6 +10,7 @@ The delay rule, with ``L = current lag + nd Ts`` and the measurement late by ``n
 from __future__ import annotations
 
 import math
+import shlex
 from typing import NamedTuple
 
 import numpy as np
@@ -169,7 +170,8 @@ def _within_limits(setup: Setup, trajectory: Trajectory) -> None:
             raise TrajectoryError(
                 f"the trajectory needs {_ARTICLE[name]} {name} of {value:.6g} {of}; limits.{name} of "
                 f"{setup.file.name} allows {limit:.6g} {of}: nothing has moved; lower the trajectory's "
-                f"amplitude, speed or frequency, or raise the limit in {setup.path}"
+                f"amplitude, speed or frequency, or raise the limit in {setup.path} and try it: stagectl simulate "
+                f"{shlex.quote(str(setup.path))} TRAJECTORY"
             )
 
 

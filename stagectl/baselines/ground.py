@@ -58,8 +58,8 @@ def scored(g: Ground, now: Fitted) -> dict[str, Score]:
 
 
 def as_json(answer: Answer) -> dict[str, Any]:
-    """The answer as that of a diagnosis."""
-    effects = [_effect(name, True) for name in answer.shifts] + [_effect(name, False) for name in answer.names]
+    """The answer as that of a diagnosis: effects first, then shifts of values."""
+    effects = [_effect(name, False) for name in answer.names] + [_effect(name, True) for name in answer.shifts]
     verdict = "effects" if answer.names else "parameters" if answer.shifts else "none"
     return {"verdict": verdict, "effects": effects, "gap": {}, "where": {}, "next_experiment": None}
 

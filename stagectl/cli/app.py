@@ -1,6 +1,7 @@
 """The verbs, and what they have in common: errors in words, exit codes, ``--json``.
 
-Exit codes: 0 done; 1 the answer is no (a limit, a fault, a check that failed); 2 it could not be done.
+Exit codes: 0 done; 1 the answer is no (a fault, a limit reached in motion, a check that failed); 2 it was not begun
+(wrong arguments, a motion beyond a limit) or could not be done.
 Each verb imports what it needs itself, so that ``stagectl --help`` is quick and a process that needs no compiler
 has none in its memory.
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 import re
 import shlex
 import sys
+from pathlib import Path
 from typing import NoReturn
 
 import typer
@@ -74,6 +76,8 @@ def _next(error: StageError) -> str:
     named = re.search(r"\(([^()]+\.ya?ml):\d+\)$", str(error)) if isinstance(error, ConfigError) else None
     if named is None or isinstance(error, UnreadableError):
         return ""
+    if kind := configuration.kind(Path(named[1])):
+        return f"\n{named[1]} is a good {kind} file, but another kind is wanted here: the stage file comes first"
     return f"\nmend it, then: stagectl config check {shlex.quote(named[1])}"
 
 

@@ -10,7 +10,7 @@ import typer
 
 from stagectl.cli.motion import LAYERS, Channel, Json, StageArgument, TrajectoryArgument, Without, layers_without
 from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit, typed
+from stagectl.cli.show import console, emit, typed, typed_files
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
 
@@ -110,7 +110,7 @@ def compare(
     found |= {"simulated": simulate, "seed": seed, "learned": courses, "notes": many.course_words(courses)}
     for line in (*found["notes"], *found["verdict"]):
         console.print(line)
-    written = write(page(found, [typed()]), folder / "report.html")
+    written = write(page(found, [typed()]), folder / "report.html", typed_files())
     console.print(f"report: {written}")
     emit({**found, "report": str(written)}, json)
 

@@ -46,6 +46,14 @@ def _check(path: Path) -> dict[str, Any]:
         return {"code": code, "words": "", "errors": str(error).splitlines()}
 
 
+def kind(path: Path) -> str:
+    """What a good file is, stage or trajectory; empty where it is none."""
+    try:
+        return "trajectory" if _words(path).startswith("trajectory") else "stage"
+    except StageError:
+        return ""
+
+
 def _words(path: Path) -> str:
     from yaml import MappingNode
 

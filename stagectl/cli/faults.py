@@ -10,7 +10,7 @@ import typer
 
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit, progress
+from stagectl.cli.show import console, emit, progress, typed, typed_files
 from stagectl.units import StageError
 
 
@@ -77,10 +77,8 @@ def selftest(
     setup = _checked(stage)
     with drive_present(setup, console.print) if current else contextlib.nullcontext():
         tried = result.bench(setup, only, _gentle(setup, current, travel) if current else None)
-        command = " ".join(["stagectl selftest", setup.path.name, *(f"--only {name}" for name in only or ())])
-        command += f" --current '{current}' --travel '{travel}'" if current else ""
         with progress("selftest", len(tried.rows) * len(tried.states)) as update:
-            found = result.run(setup, tried, signed, command, update)
+            found = result.run(setup, tried, signed, typed(), update)
     _show_result(found, report)
     emit(found, json)
     if found["passed"] < len(found["faults"]):
@@ -108,7 +106,7 @@ def _show_result(found: dict[str, Any], report: Path | None) -> None:
         from stagectl.report.selftest import page
 
         report.parent.mkdir(parents=True, exist_ok=True)
-        console.print(f"report: {page(found, report)}")
+        console.print(f"report: {page(found, report, typed_files())}")
 
 
 def _checked(stage: Path) -> Any:

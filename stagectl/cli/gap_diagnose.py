@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ import typer
 
 from stagectl.cli.motion import Json
 from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, typed
+from stagectl.cli.show import console, emit, progress, typed, typed_files
 
 Folder = Annotated[
     list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
@@ -68,17 +69,43 @@ def diagnose(
 
     options = pipeline.Options(excluded(exclude or []), full)
     session = folders.load(folder, load_stage(stage) if stage is not None else None)
-    with console.status("reading") as status:
-        done = pipeline.diagnose(session, options, status.update)
+    with progress("diagnosis", 100) as update:
+        done = pipeline.diagnose(session, options, _told(update))
     target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)
     target.mkdir(parents=True, exist_ok=True)
     stored = save(done.found, target)
     if predictions is not None:
         write(session, done.improved, predictions)
     path = report or target / "diagnosis.html"
-    write_page(page.page(done.found, str(target), [typed()]), path)
+    nominal = [one / "nominal.yaml" for one in folder if (one / "nominal.yaml").is_file()]
+    write_page(page.page(done.found, str(target), [typed()]), path, [*typed_files(), *nominal])
     if json is not None:
         emit(as_json(done.found), json)
     if json is None or str(json) != "-":
         show(done.found, target)
         console.print(f"{path}\n{stored}")
+
+
+# Of a diagnosis, in %, where each of its steps begins, as measured on the recommended battery.
+BEGINS = {
+    "controller: the command recomputed": 0,
+    "base model refitted": 1,
+    "effects simulated along the measured paths": 8,
+    "search": 44,
+    "parameters": 76,
+    "where": 78,
+    "held-out runs simulated": 82,
+    "next experiment": 98,
+}
+
+
+def _told(update: Callable[..., None]) -> Callable[[str], None]:
+    """How far it is when a step begins; what is said between is shown beside."""
+    reached = 0
+
+    def say(words: str) -> None:
+        nonlocal reached
+        reached = BEGINS.get(words, reached)
+        update(reached, 100, words)
+
+    return say

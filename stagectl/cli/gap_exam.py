@@ -6,6 +6,7 @@ import json as texts
 import time
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -82,6 +83,8 @@ def exam(
     from stagectl.exam.blind.workers import workers_and_threads
 
     names = tuple(name.strip() for text in strata or () for name in text.split(",") if name.strip())
+    if baselines and find_spec("sklearn") is None:
+        raise StageError("--baselines: the trees need scikit-learn, which is not here: pip install 'stagectl[exam]'")
     count, threads = workers_and_threads(workers)
     asked = Asked(trials, _seed(output, resume, seed), names)
     manner = Manner(short, full, keep, baselines, threads)
@@ -122,11 +125,16 @@ def _held(output: Path, asked: Asked, manner: Manner, how: _How) -> tuple[dict[s
         raise StageError(str(error)) from error
     except KeyboardInterrupt:
         raise StageError("interrupted: trials that are finished are kept; go on with --resume") from None
-    ways = {"short": manner.short, "full": manner.full, "baselines": manner.baselines}
+    ways = {"short": manner.short, "full": manner.full, "baselines": manner.baselines, "sources": _sources(records)}
     part = {"stopped after": len(planned)} if only else {}
     result = {"exam": {**asked._asdict(), **ways, **part}, **totals(records), "records": records}
     (output / "scores.json").write_text(texts.dumps(result, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     return result, exams.seconds(output, planned)
+
+
+def _sources(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The versions that sat the trials, by the hash of their sources; more than one where an exam went on later."""
+    return list(dict.fromkeys(one["sources"] for one in records if "sources" in one))
 
 
 def _runner(workers: int, scheduler: str | None) -> Any:
@@ -167,6 +175,7 @@ def _show(found: Mapping[str, Any], seconds: Mapping[str, Sequence[float]]) -> N
     console.print(table)
     for kind in found["classes"]:
         limit = f"below {kind['limit']:.2g}" if kind["below"] else f"{kind['limit']:.2g}"
+        limit += f" (95 %: {kind['low']:.2g} to {kind['high']:.2g})"
         named = f"named {kind['named']} of {kind['clear']} at twice that"
         console.print(f"{kind['class']}: half are noticed at {limit} x typical ({kind['trials']} trials); {named}")
     if found["void"]:

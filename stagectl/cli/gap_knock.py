@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 from typing import Annotated
 
 import typer
@@ -10,13 +11,22 @@ from rich.table import Table
 from stagectl.cli.gap_diagnose import Folder, Full, StageFile
 from stagectl.cli.motion import Json
 from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, progress
 
 Into = Annotated[
     list[str] | None, typer.Option("--into", metavar="NAMES", help="Forces to add, separated by commas; else all.")
 ]
 Share = Annotated[float, typer.Option(min=0.001, max=1.0, help="Of the recorded effort's rms, for what is added.")]
-Only = Annotated[str | None, typer.Option("--only", metavar="out|in", help="One way alone.")]
+
+
+class Way(enum.StrEnum):
+    """What is knocked where."""
+
+    OUT = "out"
+    IN = "in"
+
+
+Only = Annotated[Way | None, typer.Option("--only", help="One way alone: out of the model, or into the record.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -45,14 +55,14 @@ def knock(
 
     session = folders.load(folder, load_stage(stage) if stage is not None else None)
     names = [name.strip() for text in into or () for name in text.split(",") if name.strip()] or list(knocks.FORCES)
-    waiting = knocks.out(session) if only != "in" else []
-    waiting += knocks.into(session, names, share) if only != "out" else []
+    waiting = knocks.out(session) if only is not Way.IN else []
+    waiting += knocks.into(session, names, share) if only is not Way.OUT else []
     options, table = pipeline.Options(full=full, advice=False), Table("knocked", "way", "named", "verdict", "right")
     found = []
-    with console.status("the record as it is") as status:
+    with progress("knocked out and in", 1 + len(waiting)) as update:
         plain = pipeline.diagnose(session, options, lambda _: None).found
-        for one in waiting:
-            status.update(f"{one.name} knocked {one.way}")
+        for done, one in enumerate(waiting, start=1):
+            update(done, 1 + len(waiting))
             told = knocks.judged(one, pipeline.diagnose(one.session, options, lambda _: None).found, plain)
             found.append(told._asdict())
             said = ", ".join(" or ".join(each) for each in told.named)

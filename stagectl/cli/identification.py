@@ -13,7 +13,7 @@ from rich.table import Table
 
 from stagectl.cli.motion import Json, StageArgument
 from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, typed
+from stagectl.cli.show import console, emit, typed, typed_files
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
 
@@ -128,7 +128,7 @@ def _page(result: dict[str, Any], what: tuple[Any, Any, Any], path: Path) -> Non
     from stagectl.report.page import write
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    console.print(f"report: {write(page(result, what, typed()), path)}")
+    console.print(f"report: {write(page(result, what, typed()), path, typed_files())}")
 
 
 def _fresh(method: str) -> Path:

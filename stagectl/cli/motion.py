@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit, said, stream, summary, tell
+from stagectl.cli.show import console, emit, said, stream, summary, tell, typed
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
 
@@ -76,6 +76,8 @@ def run(
     console.print(summary(result))
     console.print(f"recorded: {result['recording']}")
     emit({**result, **_seen(motion)}, json)
+    if result["fault"]:
+        console.print(f"when that is mended: {typed()}")
     if not result["in_position"]:
         raise typer.Exit(1)
 

@@ -1,4 +1,4 @@
-"""Verbs over recordings: export, import, replay."""
+"""Verbs over recordings: report, export, import, replay."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli.motion import Json
-from stagectl.cli.show import console, emit
+from stagectl.cli.show import console, emit, typed
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING.h5", help="A recording.")]
 Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING.h5...", help="Recordings.")]
@@ -29,9 +29,27 @@ class Format(enum.StrEnum):
 
 def register(app: typer.Typer) -> None:
     """Add these verbs to the command line."""
+    app.command("report")(report)
     app.command("replay")(replay)
     app.command("export")(export)
     app.command("import")(import_)
+
+
+def report(recording: RecordingArgument, output: Where = None, json: Json = None) -> None:
+    """Write the page of a run: what it achieved, how it went, and how to do it again.
+
+    Example: stagectl report recordings/sine.h5 -o sine.html
+    """
+    from stagectl.recording.hdf5 import open_recording
+    from stagectl.report.page import write
+    from stagectl.report.run import page
+
+    made = page(open_recording(recording), [typed()])
+    path = output or recording.with_suffix(".html")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    console.print(made.answer)
+    console.print(f"report: {write(made, path)}")
+    emit({"answer": made.answer, "report": str(path)}, json)
 
 
 def replay(recording: RecordingArgument, json: Json = None) -> None:

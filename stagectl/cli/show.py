@@ -38,6 +38,12 @@ def typed() -> str:
     return shlex.join(["stagectl", *sys.argv[1:]])
 
 
+def typed_files() -> list[Path]:
+    """The configuration files that the command names: a report holds their text."""
+    words = [Path(word) for word in sys.argv[1:] if word.endswith((".yaml", ".yml"))]
+    return list(dict.fromkeys(one for one in words if one.is_file()))
+
+
 def tell(line: str) -> None:
     """One line, if anybody still reads them: a drive goes on without."""
     try:
@@ -70,7 +76,7 @@ def said(words: str) -> dict[str, Any]:
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Any]:
-    """A bar with the time left; yields ``update(done, total)``, which may correct the total."""
+    """A bar with the time left; yields ``update(done, total)``, which may correct the total, and the title after it."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -79,7 +85,11 @@ def progress(title: str, total: int) -> Iterator[Any]:
     )
     with Progress(*columns, console=console) as bar:
         task = bar.add_task(title, total=total)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+        def update(done: float, total: float, words: str = title) -> None:
+            bar.update(task, completed=done, total=total, description=words)
+
+        yield update
 
 
 def summary(result: dict[str, Any]) -> str:

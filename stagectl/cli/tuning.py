@@ -13,7 +13,7 @@ import typer
 from rich.table import Table
 
 from stagectl.cli.motion import Json, StageArgument
-from stagectl.cli.show import console, emit, typed
+from stagectl.cli.show import console, emit, typed, typed_files
 from stagectl.units import Quantity, StageError, UnitError, parse
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def _page(setup: Setup, found: Tuned, path: Path) -> None:
     from stagectl.report.tuning import page
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    console.print(f"report: {write(page(setup, found, typed()), path)}")
+    console.print(f"report: {write(page(setup, found, typed()), path, typed_files())}")
 
 
 def _fresh(stage: str) -> Path:

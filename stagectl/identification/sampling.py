@@ -39,8 +39,8 @@ def parts(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> tup
     if np.count_nonzero(sound) < LEAST_ROWS:
         raise IdentificationError(
             f"{np.count_nonzero(sound)} of {len(time)} rows have a number in {' and '.join(columns)} at once; at least "
-            f"{LEAST_ROWS} must: record longer, or bring the columns to the same instants"
-            + "".join(f"; {note}" for note in notes)
+            f"{LEAST_ROWS} must: record longer (stagectl run with more periods, stagectl record --for 10s), or bring "
+            "the columns to the same instants" + "".join(f"; {note}" for note in notes)
         )
     step = float(np.median(np.diff(time)))
     kept = np.flatnonzero(sound)
@@ -69,7 +69,9 @@ def _rows(rows: NDArray[np.intp]) -> slice | NDArray[np.intp]:
 def checked(time: Array) -> None:
     """Raises IdentificationError, with row and value, where time is no number or does not increase."""
     if len(time) < 2:
-        raise IdentificationError(f"{len(time)} rows; must have at least {LEAST_ROWS}: record longer")
+        raise IdentificationError(
+            f"{len(time)} rows; must have at least {LEAST_ROWS}: record longer (stagectl record --for 10s)"
+        )
     if not np.all(finite := np.isfinite(time)):
         row = int(np.argmin(finite))
         raise IdentificationError(f"time in row {row + 1} is {time[row]}; must be a number: remove the row")

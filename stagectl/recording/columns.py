@@ -19,15 +19,15 @@ from stagectl.units import LINEAR, ROTARY, StageError, factor
 Array = NDArray[np.float64]
 
 # What a quantity of a log becomes; the first three are lengths and times, the rest currents or what drives them.
-_LENGTHS = {"reference": "reference", "position": "measured"}
+_LENGTHS = {"reference": "reference", "position": "measured", "measured": "measured"}
 _CURRENTS = {
     **dict.fromkeys(("current_command", "force_command", "torque_command", "voltage_command", "command"), "command"),
-    **dict.fromkeys(("current", "force", "torque"), "measured_current"),
+    **dict.fromkeys(("current", "force", "torque", "measured_current"), "measured_current"),
     **({"injection": "injection"} if "injection" in rollout.COLUMNS else {}),
 }
 QUANTITIES = ("time", *_LENGTHS, *_CURRENTS)
 CHOICES = ("time", "position", "current", "command", "reference", *(["injection"] if "injection" in _CURRENTS else []))
-_HEADER = re.compile(rf"({'|'.join(QUANTITIES)})(?:_([A-Za-z]+))?")
+_HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z]+))?")
 _CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
 EXAMPLE = "--columns time=1,position=2:mm,current=14"
 # What the notes of a recording say of columns that its log does not have.

@@ -120,7 +120,7 @@ def _scales(path: Path, names: list[str], setup: Setup | None, nominal: tuple[di
 def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:
     """Columns that are understood: (ours, factor); and a note for each that is left out."""
     own = {header(name, quantity.unit_for(scales.kind)): name for name, quantity in quantities().items()}
-    exported = any(name.startswith("measured_") and name in own for name in names)  # our own export, all columns
+    exported = any(own.get(name) == "measured" for name in names)  # our own export, all columns
     known: dict[str, tuple[str, float]] = {}
     notes = []
     for name in names:

@@ -39,6 +39,8 @@ def answer(result: Mapping[str, Any]) -> str:
     must = sum(row["reached"] in ("target", "must") for row in asked)
     missed = [row["name"].strip() for row in asked if row["reached"] == "no"]
     rest = f" Not reached: {', '.join(missed)}." if missed else ""
+    open_ = [row["name"].strip() for row in result["rows"] if row["must"] is not None and not row["reached"]]
+    rest += f" Not measured: {', '.join(open_)}." if open_ else ""
     trials = result["trials"] - len(result["void"])
     return (
         f"{must} of {len(asked)} figures reach what they must, {target} their target, on {trials} sealed trials.{rest}"
@@ -106,12 +108,13 @@ def _size(result: Mapping[str, Any]) -> Section | None:
         [
             one["class"],
             f"{'< ' if one['below'] else ''}{one['limit']:.2g}",
+            f"{one['low']:.2g} to {one['high']:.2g}",
             f"{one['noticed']} of {one['trials']}",
             f"{one['named']} of {one['clear']}",
         ]
         for one in result["classes"]
     ]
-    table = Table("", ["class", "limit, x typical", "noticed", "named at twice the limit"], rows)
+    table = Table("", ["class", "limit, x typical", "95 %", "noticed", "named at twice the limit"], rows)
     picture = _picture(figures.limits(result["classes"]), "One point a trial.")
     return Section("From which size effects are noticed", [told], [picture], [table, _effects(result)])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,11 +48,14 @@ class Page(NamedTuple):
     versions: dict[str, str]
     broad: bool = False  # figures of several panels: at most two side by side
     sections: tuple[Section, ...] = ()  # after the page's own figures and tables
+    config: Mapping[str, str] = {}  # text of each file that it comes from, by its name
 
 
-def write(page: Page, path: Path) -> Path:
-    """Write the page as one self-contained file."""
+def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
+    """Write the page as one self-contained file, with the text of the configuration `files` that it comes from."""
+    config = {**page.config, **{str(one): one.read_text(encoding="utf-8") for one in files}}
+    listed = [(name, hashlib.sha256(text.encode()).hexdigest(), text) for name, text in config.items()]
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
-    path.write_text(template.render(page._asdict()), encoding="utf-8")
+    path.write_text(template.render({**page._asdict(), "config": listed}), encoding="utf-8")
     return path

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,8 @@ from stagectl.words import duration, length
 _HEAD = ["fault", "state", "result", "stopped by", "category", "stop time", "at most", "distance", "at most"]
 
 
-def page(result: dict[str, Any], path: Path) -> Path:
-    """Write it; `result` is that of `stagectl selftest`."""
+def page(result: dict[str, Any], path: Path, files: Sequence[Path] = ()) -> Path:
+    """Write it, with the text of the stage `files`; `result` is that of `stagectl selftest`."""
     cases, unit, scale = result["faults"], result["unit"], result["travel_per_unit"]
     failed = [case for case in cases if not case["passed"]]
     rows = [_row(case, unit, scale) for case in cases]
@@ -50,6 +51,7 @@ def page(result: dict[str, Any], path: Path) -> Path:
             sections=sections,
         ),
         path,
+        files,
     )
 
 

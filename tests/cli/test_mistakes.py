@@ -117,7 +117,7 @@ def test_drive_in_fault(folder: Path) -> None:
         env=dict(os.environ),
     )
     assert done.returncode == 1, done.stderr
-    for words in ("stopped after", "0x2310", "Remove the cause, then start the run again", "recorded: recordings/"):
+    for words in ("stopped after", "0x2310", "Remove the cause, then start the run again", "stagectl run stage.yaml"):
         assert words in done.stderr, done.stderr
     assert "Traceback" not in done.stderr
 
@@ -129,12 +129,13 @@ def test_limit_too_small(command: Command) -> None:
         "the trajectory needs a speed of",
         "limits.speed of ball-screw stage A allows 0.01 m/s",
         "raise the limit in stage.yaml",
+        "stagectl simulate stage.yaml",
     )
 
 
 def test_capture_too_short(command: Command, folder: Path) -> None:
     write_csv(folder / "log.csv", {name: values[:40] for name, values in motion().items()})
-    ends(command("identify", "least-squares", STAGE, "log.csv"), "log.csv", "record")
+    ends(command("identify", "least-squares", STAGE, "log.csv"), "log.csv", "record longer", "stagectl record --for")
 
 
 def test_stale_schema(command: Command) -> None:
@@ -145,6 +146,11 @@ def test_stale_schema(command: Command) -> None:
     ends(command("replay", "old.h5"), "format 0", "stagectl export FILE --to csv", "stagectl import FILE.csv")
     stage = stage_with("viscous: 0.14", "viscosity: 0.14")
     ends(command("simulate", stage, SINE), "viscosity is not known; did you mean viscous?", "config check stage.yaml")
+
+
+def test_files_in_each_others_place(command: Command) -> None:
+    """Both are good; what is wrong is their order."""
+    ends(command("simulate", SINE, STAGE), "is a good trajectory file", "the stage file comes first")
 
 
 def test_port_taken(command: Command, folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 import yaml
 
 from stagectl.recording.hdf5 import open_recording
+from stagectl.report.run import BUCKETS, thinned
 
 ROOT = Path(__file__).parents[2]
 STAGE = ROOT / "config" / "ball-screw.yaml"
@@ -38,6 +40,24 @@ def test_export_writes_beside_the_recording(recording: Path) -> None:
     for to in ("csv", "parquet", "mat"):
         assert f"wrote {recording.with_suffix(f'.{to}')}" in stagectl("export", recording, "--to", to).stderr
         assert recording.with_suffix(f".{to}").stat().st_size > 1000
+
+
+def test_the_page_of_a_run(recording: Path, tmp_path: Path) -> None:
+    """The answer in words, the figures, and all that it takes to do it again: command, versions, configuration."""
+    found = json.loads(stagectl("report", recording, "-o", tmp_path / "page.html", "--json", "-").stdout)
+    page = (tmp_path / "page.html").read_text()
+    assert found["answer"].startswith("The stage tracks within ") and found["answer"] in page
+    assert page.count("<img ") == 3 and "Simulated, on the stage model" in page
+    assert f"stagectl replay {recording}" in page and "python-can" in page
+    digest = hashlib.sha256(STAGE.read_bytes()).hexdigest()
+    assert f"{STAGE.name}, SHA-256 {digest[:16]}" in page and "type: multisine" in page
+
+
+def test_no_peak_of_a_curve_is_lost() -> None:
+    values = np.zeros(100_000)
+    values[[77, 5_000]] = 3.0, -2.0
+    time, found = thinned(np.arange(100_000.0), values)
+    assert len(time) == len(found) <= 2 * BUCKETS and found.max() == 3.0 and found.min() == -2.0
 
 
 def test_two_recordings_go_into_one_folder_and_come_back(recording: Path, tmp_path: Path) -> None:

@@ -103,7 +103,8 @@ def test_when_the_gap_is_open() -> None:
     told = {"effects": [{"name": "dwell"}], "noise_free": {"a-1.csv": "a-1.csv", "a-2.csv": "a-1.csv"}}
     arrays = {"where/dwell/a-1.csv": rows}
     spans_of = [{"file": name, "spans": [[0.075, 0.125]]} for name in told["noise_free"]]
-    assert spans.judged(told, arrays, spans_of) == {"precision": 0.5, "recall": 0.5, "f1": 0.5}
+    found = spans.judged(told, arrays, spans_of)
+    assert {name: found[name] for name in ("precision", "recall", "f1")} == {"precision": 0.5, "recall": 0.5, "f1": 0.5}
     assert spans.judged(told, arrays, spans_of[:1])["recall"] == 0.25
     assert spans.judged(told, arrays, [])["f1"] == 0.0
 

@@ -123,7 +123,7 @@ def test_each_answer_is_sealed_before_the_labels_are_opened(trial: Path) -> None
 def test_what_a_diagnosis_may_read(trial: Path, tmp_path: Path) -> None:
     (trial / "captures").mkdir()
     (trial / LABELS).write_bytes(b"")
-    known = rules([str(trial / "captures"), str(trial / "answer")], [str(tmp_path)])
+    known = rules([str(trial / "captures")], [str(trial / "answer")], [str(tmp_path)])
     assert allowed(str(trial / "captures" / "scan-1.csv"), known)
     assert allowed(os.path.realpath(sys.executable), known)
     for place in (trial / LABELS, trial, tmp_path / "trials", Path.home() / ".bashrc", Path("/proc/1/cmdline")):
@@ -132,6 +132,9 @@ def test_what_a_diagnosis_may_read(trial: Path, tmp_path: Path) -> None:
     exam = Path(sys.modules["stagectl.exam.blind.watched"].__file__ or "").parents[1]
     assert not allowed(str(exam / "effects.py"), known)
     assert allowed(str(exam.parent / "units.py"), known)
+    assert allowed(str(trial / "answer" / "answer.json"), known, writing=True)
+    for forbidden in (trial / "captures" / "held-1.csv", exam.parent / "units.py", tmp_path.parent / "not-yet-there"):
+        assert not allowed(str(forbidden), known, writing=True), forbidden
 
 
 PEEK = """
@@ -147,6 +150,11 @@ import sys
         ("import os; os.listdir(r'{trial}')", "os.listdir"),
         ("import os; os.scandir(r'{trial}')", "os.scandir"),
         ("import stagectl.exam.effects", "open"),
+        ("import os; os.link(r'{trial}/labels.bin', 'mine')", "os.link"),
+        ("import os; os.symlink(r'{trial}/labels.bin', 'mine')", "os.symlink"),
+        ("import os; os.rename(r'{trial}/labels.bin', 'mine')", "os.rename"),
+        ("open(r'{trial}/captures/held-1.csv', 'a')", "open"),
+        ("import os; os.truncate(r'{trial}/captures/held-1.csv', 0)", "os.truncate"),
         ("import subprocess; subprocess.run(['cat', r'{trial}/labels.bin'])", "subprocess.Popen"),
         ("import socket; socket.socket().connect(('127.0.0.1', 9))", "socket.connect"),
     ],
@@ -154,9 +162,11 @@ import sys
 def test_a_diagnosis_that_looks_elsewhere(trial: Path, tmp_path: Path, line: str, event: str) -> None:
     """It is refused, and what it tried stands in the log that makes the trial void."""
     (trial / LABELS).write_bytes(b"")
+    (trial / "captures").mkdir()
+    (trial / "captures" / "held-1.csv").write_text("t\n")
     (trial / "answer" / "peek.py").write_text(PEEK.format(line=line.format(trial=trial)))
     command = [sys.executable, "-m", "stagectl.exam.blind.watched", str(trial / "log"), "--module", "peek"]
-    command += ["--own", str(trial / "answer"), "--closed", str(tmp_path), "--"]
+    command += ["--own", str(trial / "captures"), "--out", str(trial / "answer"), "--closed", str(tmp_path), "--"]
     done = subprocess.run(command, cwd=trial / "answer", capture_output=True, text=True, check=False, env=place())
     assert done.returncode != 0 and "not allowed in an exam" in done.stderr, done.stderr
     assert (trial / "log").read_text().startswith(event)

@@ -49,6 +49,8 @@ def one(folder: Path, text: str, nominal: str = "") -> Recording:
         ("position_rad,current_command_Nm", "command", 4.0),  # 0.5 N m/A
         ("position_rad,torque_Nm", "measured_current", 4.0),
         ("position_rad,current_mA", "measured_current", 2e-3),
+        ("position_rad,measured_current_A", "measured_current", 2.0),  # as the page's scope saves it
+        ("measured_mm,measured_current_A", "measured", 1.0),
     ],
 )
 def test_units_become_ours(tmp_path: Path, header: str, column: str, value: float) -> None:

@@ -16,11 +16,11 @@ Results are JSON with `--json FILE`, `--json -` for standard output; what is for
 | exit code | meaning |
 |---|---|
 | 0 | done |
-| 1 | the answer is no: a limit, a fault, a check that failed, an axis that did not come into position |
-| 2 | it could not be done: wrong arguments, a file that cannot be read, a drive that does not answer |
+| 1 | the answer is no: a fault, a limit reached in motion, a check that failed, an axis that is not in position |
+| 2 | it was not begun: wrong arguments, a file that cannot be read, a motion beyond a limit, no drive that answers |
 
-What takes longer than two seconds shows how far it is and what is left. A mistake ends in one sentence with the cause
-and what to do, never in a traceback; see [common mistakes](../mistakes.md).
+What takes longer than two seconds shows how far it is and what is left; a search without a known end, what it does. A
+mistake ends in one sentence with the cause and what to do, never in a traceback; see [common mistakes](../mistakes.md).
 
 Completion in the shell: `stagectl --install-completion`, once for bash, zsh or fish; then press Tab.
 """

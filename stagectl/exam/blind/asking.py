@@ -81,12 +81,13 @@ def asked(place: Place, module: str, words: Sequence[str], manner: Manner) -> st
     Raises InterruptionError where it was ended from outside, or out of memory.
     """
     out, scratch = place.folder / place.out, place.folder / SCRATCH
-    own = [str(place.folder / CAPTURES), str(out), str(scratch), *filter(None, [manner.code])]
+    written = [str(out), str(scratch), *filter(None, [manner.code])]
     for folder in (out, scratch):
         folder.mkdir(exist_ok=True)
     command = [sys.executable, "-m", f"{__package__}.watched", str(place.folder / LOG), "--module", module]
     command += ["--parent", str(os.getpid())]
-    command += [*(word for one in own for word in ("--own", one)), "--closed", str(place.root), "--", *words]
+    command += ["--own", str(place.folder / CAPTURES), *(word for one in written for word in ("--out", one))]
+    command += ["--closed", str(place.root), "--", *words]
     output = place.folder / OUTPUT
     with output.open("ab") as file:
         child = subprocess.Popen(

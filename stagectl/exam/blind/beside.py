@@ -1,8 +1,11 @@
-"""The diagnosis and its baselines on the same trials, in the same few figures."""
+"""The diagnosis and its baselines on the same trials, in the same few figures.
+
+Shifts of values of the model are passed over in all of them: a baseline has no test of its own for what is off.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from .rows import Row, is_open, median, rate
@@ -26,18 +29,14 @@ def _rows(name: str, records: Sequence[Record], clear: Sequence[Record]) -> list
     nulls = [one for one in records if one["stratum"].startswith("null")]
     closures = [one["gap"]["closure"] for one in of([each for each in clear if is_open(each)])]
     return [
-        rate("null, false alarms", [bool(one["naming"]["alarm"]) for one in of(nulls)]),
-        rate("single, top-1", [bool(one["naming"]["top1"]) for one in of(clear)]),
-        rate("single, named and nothing beside it", [_alone(one) for one in of(clear)]),
+        rate("null, false alarms", [bool(one["naming"]["effects_alarm"]) for one in of(nulls)]),
+        rate("single, top-1", [bool(one["naming"]["top1_effects"]) for one in of(clear)]),
+        rate("single, named and nothing beside it", [bool(one["naming"]["only"]) for one in of(clear)]),
         rate("pairs and triples, all found", [bool(one["naming"]["all_found"]) for one in of(several)]),
-        rate("pairs and triples, found and nothing beside them", [_alone(one) for one in of(several)]),
+        rate("pairs and triples, found and nothing beside them", [bool(one["naming"]["only"]) for one in of(several)]),
         median("closure, single effect", closures),
     ]
 
 
 def _has(one: Record, name: str) -> bool:
     return name in one.get("baselines", {})
-
-
-def _alone(one: Mapping[str, Any]) -> bool:
-    return bool(one["naming"]["all_found"]) and one["naming"]["precision"] == 1.0

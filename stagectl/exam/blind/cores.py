@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -18,10 +19,20 @@ def available() -> tuple[int, ...]:
 
 
 @contextmanager
+def alone(root: Path, number: int) -> Iterator[None]:
+    """The one that sits this trial, of all processes that see the exam's folder; others wait."""
+    folder = root / ".sitting"
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / str(number)).open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+@contextmanager
 def taken(root: Path, count: int) -> Iterator[tuple[int, ...]]:
     """`count` cores that no other worker of the exam holds; none, and so no binding, where they don't come free."""
-    folder = root / ".cores"
-    folder.mkdir(exist_ok=True)
+    folder = root / ".cores" / socket.gethostname()  # a cluster's machines have cores of their own
+    folder.mkdir(parents=True, exist_ok=True)
     until = time.monotonic() + PATIENCE
     while True:
         with ExitStack() as held:

@@ -9,10 +9,11 @@ judged at twice that limit: a class that is not noticed within `LARGEST` has no 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from .rules import CLASS_OF
@@ -43,6 +44,23 @@ def singles(records: Sequence[dict[str, Any]]) -> list[Noticed]:
 
 def limits(trials: Sequence[Noticed]) -> dict[str, float]:
     """s50 of each class, between `SMALLEST` and `LARGEST`."""
+    return {kind: float(_bounded(middle)) for kind, (middle, _) in _fitted(trials).items()}
+
+
+def intervals_of(trials: Sequence[Noticed]) -> dict[str, tuple[float, float]]:
+    """The same with 95 %: of the posterior's normal approximation, within the same bounds."""
+    return {
+        kind: (float(_bounded(middle - 1.96 * width)), float(_bounded(middle + 1.96 * width)))
+        for kind, (middle, width) in _fitted(trials).items()
+    }
+
+
+def _bounded(octaves: float) -> Any:
+    return np.clip(2.0**octaves, SMALLEST, LARGEST)
+
+
+def _fitted(trials: Sequence[Noticed]) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation of log2 s50 of each class."""
     kinds = sorted({one.kind for one in trials})
     if not kinds:
         return {}
@@ -58,9 +76,16 @@ def limits(trials: Sequence[Noticed]) -> dict[str, float]:
         return float(np.sum(np.logaddexp(0.0, -margin)) + 0.5 * prior)
 
     start = np.concatenate([[np.log(STEEPNESS[0])], np.zeros(1 + len(kinds))])
-    fitted = minimize(cost, start, method="BFGS").x[2:]
-    bounded = np.clip(2.0**fitted, SMALLEST, LARGEST)
-    return {kind: float(limit) for kind, limit in zip(kinds, bounded, strict=True)}
+    best = minimize(cost, start, method="BFGS").x
+    width = np.sqrt(np.diag(np.linalg.inv(_curvature(cost, best))))
+    return {kind: (float(best[k]), float(width[k])) for k, kind in enumerate(kinds, start=2)}
+
+
+def _curvature(cost: Callable[[Any], float], at: NDArray[np.float64], step: float = 1e-3) -> NDArray[np.float64]:
+    """Second derivatives (n, n) of a smooth cost, by central differences."""
+    moves = step * np.eye(len(at))
+    found = [[cost(at + a + b) - cost(at + a - b) - cost(at - a + b) + cost(at - a - b) for b in moves] for a in moves]
+    return np.array(found) / (4.0 * step * step)
 
 
 def beyond(record: dict[str, Any], known: dict[str, float], factor: float = 2.0) -> bool:

@@ -54,12 +54,17 @@ class Planned(NamedTuple):
         return "single" if self.stratum.startswith(("single", "left-out")) else self.stratum
 
 
-def source_seed(root: Path) -> int:
-    """Seed from the hash of all sources below `root`: nobody can tune to the exam of his own version."""
+def sources(root: Path) -> str:
+    """Hash of all sources below `root`: which version sat a trial."""
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
-    return int.from_bytes(digest.digest()[:4], "big") >> 1
+    return digest.hexdigest()
+
+
+def source_seed(root: Path) -> int:
+    """Seed from the hash of all sources below `root`: nobody can tune to the exam of his own version."""
+    return int(sources(root)[:8], 16) >> 1
 
 
 def quotas(trials: int, strata: Sequence[str] = ()) -> dict[str, int]:

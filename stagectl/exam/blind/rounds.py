@@ -41,6 +41,7 @@ class Said(NamedTuple):
 
     rounds: tuple[Round, ...]
     refused: str = ""  # why what the last one asked for was not run; empty where it was, or nothing was asked for
+    beside: str | None = None  # why the baselines failed, empty where they did not; None: they were not asked
 
 
 def held(place: Place, planned: Planned, manner: Manner, seal: Seal) -> Said:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,14 @@ from .rules import Entry, Truth
 from .staging import unpacked
 
 Record = dict[str, Any]
+NOWHERE = Path(os.devnull)  # a folder that holds nothing
 
 
 def record(labels: bytes, answer: Mapping[str, Any] | None, predictions: Path, captures: Path) -> Record:
     """Everything that counts of one trial; `answer` None: the diagnosis failed, and so has said nothing."""
     told, arrays = unpacked(labels)
     truth, said = rules.truth_of(told), answer or {}
+    predictions = predictions if answer is not None else NOWHERE
     every = rules.entries(said)
     named = [one for one in every if one.probability >= rules.NAMED]
     left = rules.considered(truth, named)
@@ -37,6 +40,7 @@ def strictly(labels: bytes, answer: Mapping[str, Any] | None, predictions: Path,
     """Answer, naming and gap by the rules of a full battery, whatever the trial's own is."""
     told, arrays = unpacked(labels)
     truth, said = rules.truth_of(told)._replace(poor=False), answer or {}
+    predictions = predictions if answer is not None else NOWHERE
     named = [one for one in rules.entries(said) if one.probability >= rules.NAMED]
     return {
         "answer": _answer(said, named),
@@ -55,15 +59,14 @@ def read(path: Path) -> Record | None:
 
 
 def beside(labels: bytes, folder: Path, asked: tuple[str, Sequence[str]]) -> Record:
-    """Naming and gap of those baselines that have answered; `asked` = (where below `folder`, their names)."""
+    """Naming and gap of the baselines; one that has not answered has said nothing.
+
+    `asked` = (where below `folder`, their names).
+    """
     where, names = asked
     places = [(name, folder / where / name) for name in names]
     each = [(name, place, read(place / "answer.json")) for name, place in places]
-    records = [
-        (name, record(labels, said, place / "predictions", folder / "captures"))
-        for name, place, said in each
-        if said is not None
-    ]
+    records = [(name, record(labels, said, place / "predictions", folder / "captures")) for name, place, said in each]
     return {name: {part: one[part] for part in ("naming", "gap")} for name, one in records}
 
 
@@ -93,7 +96,7 @@ def naming(truth: Truth, said: Mapping[str, Any], named: Sequence[Entry], left: 
     """Alarms, ranks and sets; see `rules`."""
     verdict = str(said.get("verdict", "failed"))
     effects = [one for one in left if not one.parameter]
-    beyond = verdict not in ("none", "parameters", "effects")
+    beyond = verdict not in ("none", "parameters", "effects", "failed")
     hidden = rules.any_same(truth.hidden, truth.poor)
     others = [one for one in left if not one.parameter or one.name in hidden]
     sets = [one for one in named if not one.parameter]
@@ -107,6 +110,7 @@ def naming(truth: Truth, said: Mapping[str, Any], named: Sequence[Entry], left: 
         "top1_effects": bool(others) and others[0].name in hidden,
         "covered": bool(left) and bool(hidden & {left[0].name, *left[0].alternatives}),
         "sizes": [1 + len(one.alternatives) for one in sets],
+        "only": bool(hits) and all(hits) and len(others) == len(hits),
         "found": hits,
         "all_found": bool(hits) and all(hits),
         "precision": sum(hits) / len(left) if left else 0.0,

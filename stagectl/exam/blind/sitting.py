@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import shutil
 import time
@@ -11,8 +12,8 @@ from typing import Any, NamedTuple
 
 from . import rounds, scoring
 from .asking import ANSWER, BLIND, CAPTURES, LOG, ORACLE, TOLD, Manner, Place, answers, baselines, diagnosed
-from .cores import taken
-from .plan import ExamError, Planned
+from .cores import alone, taken
+from .plan import ExamError, Planned, sources
 from .rounds import Round, Said
 from .sealing import Seal, SealError, broken
 from .staging import staged
@@ -66,10 +67,17 @@ def finished_job(job: Job) -> dict[str, Any] | None:
 def sit(job: Job) -> dict[str, Any]:
     """Stage, seal, diagnose, seal the answer, open, score: the record, which also stands in the trial's folder.
 
+    One process at a time sits a trial; one that comes later, of an exam begun again meanwhile, gets its record.
     A trial whose seal is broken, or whose diagnosis looked elsewhere, is void: it has reasons and no score.  Raises
     InterruptionError, and leaves no record, where the diagnosis was ended from outside: the trial is to be run again.
     """
-    root, planned = Path(job.root).resolve(), job.planned
+    root = Path(job.root).resolve()
+    with alone(root, job.planned.number):
+        return finished(root, job.planned.number) or _sat(root, job)
+
+
+def _sat(root: Path, job: Job) -> dict[str, Any]:
+    planned = job.planned
     folder, clock = folder_of(root, planned.number), Clock()
     shutil.rmtree(folder, ignore_errors=True)
     (folder / ANSWER).mkdir(parents=True)
@@ -91,7 +99,8 @@ def _answered(place: Place, job: Job, seal: Seal, clock: Clock) -> dict[str, Any
     found = judged(place, seal, _said(place, job, seal, clock))
     if job.manner.baselines and found["state"] != VOID:
         effects = [one["name"] for one in found["truth"]["effects"]]
-        baselines(place, job.planned, job.manner, effects or ["none"])
+        failure = baselines(place, job.planned, job.manner, effects or ["none"])
+        found["reasons"] += [failure] if failure else []
         found["baselines"] |= scoring.beside(seal.again(), place.folder, (TOLD, (ORACLE,)))
     clock("scoring")
     return found
@@ -102,22 +111,28 @@ def _said(place: Place, job: Job, seal: Seal, clock: Clock) -> Said:
     planned, manner = job.planned, job.manner
     first = Round("", ANSWER, diagnosed(place, planned, manner))
     clock("diagnosis")
+    beside = None
     if manner.baselines:
-        baselines(place, planned, manner)
+        beside = baselines(place, planned, manner)
         clock("baselines")
     seal.answered(place.folder / ANSWER)
     if planned.stratum not in rounds.STRATA:
-        return Said((first,))
+        return Said((first,), beside=beside)
     later = rounds.held(place, planned, manner, seal)
     clock("rounds")
-    return later._replace(rounds=(first, *later.rounds))
+    return later._replace(rounds=(first, *later.rounds), beside=beside)
 
 
 def _kept(folder: Path, planned: Planned, found: Mapping[str, Any], times: Mapping[str, float]) -> dict[str, Any]:
-    made = {"number": planned.number, "stratum": planned.stratum, **found}
+    made = {"number": planned.number, "stratum": planned.stratum, "sources": _version(), **found}
     _write(folder / TIMES, times)
     _write(folder / RECORD, made)  # the last file: with it the trial is finished
     return made
+
+
+@functools.cache
+def _version() -> str:
+    return sources(Path(__file__).parents[2])[:12]
 
 
 def _write(path: Path, content: Any) -> None:
@@ -148,8 +163,9 @@ def _scored(labels: bytes, place: Place, said: Said) -> dict[str, Any]:
     why += [f"after {one.experiment}: {one.failure}" for one in said.rounds[1:] if one.failure]
     if found["stratum"] in rounds.STRATA:
         found["rounds"] = rounds.scored(labels, place, said.rounds)
-    beside = scoring.beside(labels, folder, (ANSWER, BLIND))
-    return {"state": state, "reasons": [*why, *filter(None, [said.refused])], **found, "baselines": beside}
+    why += filter(None, [said.refused, said.beside])
+    beside = scoring.beside(labels, folder, (ANSWER, BLIND)) if said.beside is not None else {}
+    return {"state": state, "reasons": why, **found, "baselines": beside}
 
 
 def _lines(path: Path) -> list[str]:

@@ -29,16 +29,21 @@ def open_rows(told: Mapping[str, Any], arrays: Mapping[str, Any], file: str) -> 
 
 
 def judged(told: Mapping[str, Any], arrays: Mapping[str, Any], captures: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Precision, recall and F1 of the answer's spans; captures for diagnosis that it does not list count as closed."""
+    """Precision, recall and F1 of the answer's spans; captures for diagnosis that it does not list count as closed.
+
+    `everywhere`: F1 of an answer that calls all rows open, which an answer has to surpass.
+    """
     listed = {one["file"]: one["spans"] for one in captures}
     files = [file for file in told["noise_free"] if file in listed or not file.startswith("held-")]
-    both = said = true = 0
+    both = said = true = whole = 0
     for file in files:
         actual = open_rows(told, arrays, file)
         flags = rows_of(listed.get(file, ()), actual.size)
         both, said, true = both + int((actual & flags).sum()), said + int(flags.sum()), true + int(actual.sum())
+        whole += actual.size
     return {
         "precision": both / said if said else 0.0,
         "recall": both / true if true else 0.0,
         "f1": 2.0 * both / (said + true) if said + true else 0.0,
+        "everywhere": 2.0 * true / (whole + true) if whole + true else 0.0,
     }

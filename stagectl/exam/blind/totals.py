@@ -10,7 +10,7 @@ from typing import Any
 
 from . import intervals
 from .beside import beside
-from .limits import SMALLEST, beyond, limits, singles
+from .limits import SMALLEST, beyond, intervals_of, limits, singles
 from .rows import Asked, Row, is_open, mean, median, rate
 from .rules import CLASS_OF
 from .sitting import FAILED, VOID
@@ -55,16 +55,19 @@ def rows(records: Sequence[Record], known: Mapping[str, float]) -> list[Row]:
         rate("  all single effects, top-1", _naming(single, "top1")),
         rate("ambiguity set holds the effect", _naming(clear, "covered"), Asked(0.97, 0.92)),
         mean("ambiguity set, mean size", _sizes(clear), Asked(1.5, 2.0, True)),
+        mean("  the same, pairs and triples", _sizes([*group["pair"], *group["triple"]])),
         rate("pairs, all found", _naming(group["pair"], "all_found"), Asked(0.8, 0.65)),
         rate("triples, all found", _naming(group["triple"], "all_found"), Asked(0.6, 0.4)),
         mean("  share of the answers that is right, pairs and triples", _precision(group)),
         *_unknowns(group, full),
         *_poor(group["poor"]),
         mean("WHERE F1", [one["where"]["f1"] for one in placed], Asked(0.85, 0.75)),
+        mean("  single effects", [one["where"]["f1"] for one in placed if one in clear]),
+        mean("  of one who calls all rows open", _everywhere(placed)),
         rate("  block of the loop", [bool(one["where"]["block_right"]) for one in placed]),
         rate("  coordinate", _coordinates(placed)),
         *_closures(clear, [one for one in records if one["truth"]["hidden"]]),
-        mean("Brier score", [(p - y) ** 2 for one in records for p, y in one["probabilities"]]),
+        mean("Brier score", _brier(records)),
     ]
 
 
@@ -95,7 +98,20 @@ def _nulls(group: Mapping[str, list[Record]]) -> list[Row]:
 
 
 def _sizes(records: Sequence[Record]) -> list[float]:
-    return [float(size) for one in records for size in one["naming"]["sizes"]]
+    """Mean size of the sets of each answer that names an effect."""
+    each = [one["naming"]["sizes"] for one in records]
+    return [sum(sizes) / len(sizes) for sizes in each if sizes]
+
+
+def _everywhere(records: Sequence[Record]) -> list[float]:
+    found = [one["where"].get("everywhere") for one in records]  # an exam begun before it was counted has none
+    return [one for one in found if one is not None]
+
+
+def _brier(records: Sequence[Record]) -> list[float]:
+    """Mean over the entries of each answer."""
+    each = [one["probabilities"] for one in records]
+    return [sum((p - y) ** 2 for p, y in pairs) / len(pairs) for pairs in each if pairs]
 
 
 def _precision(group: Mapping[str, list[Record]]) -> list[float]:
@@ -105,9 +121,15 @@ def _precision(group: Mapping[str, list[Record]]) -> list[float]:
 def _unknowns(group: Mapping[str, list[Record]], full: Sequence[Record]) -> list[Row]:
     return [
         rate("effect left out: unknown", _naming(group["left-out"], "unknown"), Asked(0.85, 0.7)),
+        rate("  and no effect named beside it", [_nothing_else(one) for one in group["left-out"]]),
+        rate("  and its coordinate", _coordinates([one for one in group["left-out"] if one["naming"]["unknown"]])),
         rate("unknown where nothing is", _naming(full, "unknown"), Asked(0.08, 0.15, True)),
         rate("  alien effect: unknown", _naming(group["alien"], "unknown")),
     ]
+
+
+def _nothing_else(one: Record) -> bool:
+    return bool(one["naming"]["unknown"]) and not one["naming"]["sizes"]
 
 
 def _poor(poor: Sequence[Record]) -> list[Row]:
@@ -165,7 +187,7 @@ def _left(one: Mapping[str, Any], when: str) -> float:
 def classes(records: Sequence[Record], known: Mapping[str, float]) -> list[Record]:
     """Of each class of effect: limit, trials, noticed, named."""
     single = [one for one in records if one["stratum"].startswith("single")]
-    found = []
+    between, found = intervals_of(singles(records)), []
     for kind, limit in known.items():
         mine = [one for one in single if CLASS_OF[one["truth"]["hidden"][0]] == kind]
         clear = [one for one in mine if beyond(one, dict(known))]
@@ -173,6 +195,8 @@ def classes(records: Sequence[Record], known: Mapping[str, float]) -> list[Recor
             {
                 "class": kind,
                 "limit": limit,
+                "low": between[kind][0],
+                "high": between[kind][1],
                 "below": limit <= SMALLEST,
                 "trials": len(mine),
                 "noticed": sum(_naming(mine, "alarm")),

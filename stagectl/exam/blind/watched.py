@@ -2,10 +2,11 @@
 
     python -m stagectl.exam.blind.watched LOG --own DIR --out DIR --closed DIR -- gap diagnose FOLDER ...
 
-An audit hook (PEP 578) sees each file that is opened, each folder that is listed, each process and connection that is
-begun.  `own` may be read, `out` read and written; `closed`, the exam's code and other processes may not, whatever else
-is allowed.  What is forbidden is written to LOG and refused; a LOG with a line in it makes the trial void.  Files that
-a compiled library opens by itself are not seen: that is why the labels lie enciphered.
+An audit hook (PEP 578) sees each file that is opened, moved, linked or removed, each folder that is listed, each
+process and connection that is begun.  `own` may be read, `out` and the caches of libraries read and written; `closed`,
+the exam's code and other processes may not, whatever else is allowed.  What is forbidden is written to LOG and refused;
+a LOG with a line in it makes the trial void.  Files that a compiled library opens by itself are not seen: that is why
+the labels lie enciphered.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ from typing import Any, NamedTuple
 
 SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/dev", "/sys", "/opt", "/var/cache/fontconfig")
 PROC = ("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys", "/proc/version", "/proc/filesystems")
-PATHS = {"open": 0, "os.listdir": 0, "os.scandir": 0}  # event -> place of the path among its arguments
+READ = {"open": (0,), "os.listdir": (0,), "os.scandir": (0,)}  # event -> places of paths among its arguments
+WRITTEN = {"os.rename": (0, 1), "os.link": (0, 1), "os.symlink": (0, 1), "os.remove": (0,), "os.truncate": (0,)}
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 REFUSED = ("socket.connect", "socket.sendto", "subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.fork")
 OUT_OF_MEMORY = 75  # exit code: not the program's fault, to be tried again
 _DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG
@@ -34,29 +37,35 @@ _DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG
 class Rules(NamedTuple):
     """Folders by what may be done with them; the first that holds a path decides, in this order."""
 
-    own: tuple[str, ...]
+    own: tuple[str, ...]  # read
+    out: tuple[str, ...]  # written, too
     closed: tuple[str, ...]
     known: tuple[str, ...]
     itself: tuple[str, ...] = ()  # folders where modules are looked for, nothing below; this file, for tracebacks
 
 
+def caches() -> tuple[str, ...]:
+    """Where libraries keep what they have made, and devices: written by whoever runs."""
+    chosen = [os.environ.get("XDG_CACHE_HOME"), os.environ.get("NUMBA_CACHE_DIR"), os.environ.get("MPLCONFIGDIR")]
+    folders = (str(Path.home() / ".cache"), str(Path.home() / ".config"), *filter(None, chosen), "/dev")
+    return tuple(dict.fromkeys(os.path.realpath(one) for one in folders))
+
+
 def known_folders() -> tuple[str, ...]:
-    """Where interpreter, libraries, caches and this package lie."""
+    """Where interpreter, libraries and this package lie."""
     package = Path(__file__).resolve().parents[2]
-    home = Path.home()
-    caches = [os.environ.get("XDG_CACHE_HOME"), os.environ.get("NUMBA_CACHE_DIR"), os.environ.get("MPLCONFIGDIR")]
     libraries = [*sysconfig.get_paths().values(), *site.getsitepackages(), sys.prefix, sys.base_prefix]
-    folders = [str(package), *libraries, str(home / ".cache"), str(home / ".config"), *filter(None, caches)]
-    return tuple(dict.fromkeys(os.path.realpath(one) for one in (*folders, *SYSTEM))) + PROC
+    return tuple(dict.fromkeys(os.path.realpath(one) for one in (str(package), *libraries, *SYSTEM))) + PROC
 
 
-def rules(own: Sequence[str], closed: Sequence[str]) -> Rules:
+def rules(own: Sequence[str], out: Sequence[str], closed: Sequence[str]) -> Rules:
     """The rules of one diagnosis; the exam's own code is closed to it."""
     code = str(Path(__file__).resolve().parents[1])
-    mine = tuple(os.path.realpath(one) for one in own)
+    mine, writable = (tuple(os.path.realpath(one) for one in each) for each in (own, out))
     path = tuple(os.path.realpath(one) for one in (*sys.path, __file__))
     known = (*known_folders(), *_metadata(path))
-    return Rules(mine, (*(os.path.realpath(one) for one in closed), code), known, path)
+    shut = (*(os.path.realpath(one) for one in closed), code)
+    return Rules(mine, (*writable, *caches()), shut, known, path)
 
 
 def _metadata(path: Sequence[str]) -> list[str]:
@@ -69,10 +78,12 @@ def inside(path: str, folders: Sequence[str]) -> bool:
     return any(path == one or path.startswith(one.rstrip("/") + "/") for one in folders)
 
 
-def allowed(path: str, p: Rules) -> bool:
+def allowed(path: str, p: Rules, writing: bool = False) -> bool:
     """Whether a path may be opened; what does not exist tells nothing, and may be looked for."""
     if path.startswith("/proc/") and path.split("/")[2] == str(os.getpid()):
         return True
+    if inside(path, p.out) or writing:
+        return inside(path, p.out)
     if inside(path, p.own) or path in p.itself:
         return True
     return not inside(path, p.closed) and (inside(path, p.known) or not os.path.lexists(path))
@@ -84,11 +95,8 @@ def hook(p: Rules, report: Callable[[str], None]) -> Callable[[str, tuple[Any, .
     def audit(event: str, arguments: tuple[Any, ...]) -> None:
         if event in REFUSED:
             words = f"{event} {arguments[0] if event != 'socket.connect' else arguments[1]}"
-        elif event in PATHS and isinstance(arguments[0], (str, bytes, os.PathLike)):
-            path = os.path.realpath(os.fsdecode(arguments[0]))
-            if allowed(path, p):
-                return
-            words = f"{event} {path}"
+        elif wrong := _forbidden(p, event, arguments):
+            words = f"{event} {wrong}"
         else:
             return
         report(words)
@@ -97,11 +105,21 @@ def hook(p: Rules, report: Callable[[str], None]) -> Callable[[str, tuple[Any, .
     return audit
 
 
+def _forbidden(p: Rules, event: str, arguments: tuple[Any, ...]) -> str:
+    """The first path of an event that may not be touched so; empty where there is none."""
+    writing = event in WRITTEN or (event == "open" and isinstance(arguments[2], int) and bool(arguments[2] & _WRITING))
+    given = [arguments[place] for place in (READ | WRITTEN).get(event, ())]
+    named = [one for one in given if isinstance(one, (str, bytes, os.PathLike))]
+    paths = [os.path.realpath(os.fsdecode(one)) for one in named]
+    return next((path for path in paths if not allowed(path, p, writing)), "")
+
+
 def main(arguments: Sequence[str]) -> None:
     """Run a command of stagectl under the hook."""
     parser = argparse.ArgumentParser(prog="watched", description=__doc__)
     parser.add_argument("log", type=Path)
     parser.add_argument("--own", action="append", default=[])
+    parser.add_argument("--out", action="append", default=[])
     parser.add_argument("--closed", action="append", default=[])
     parser.add_argument("--module", default="stagectl")
     parser.add_argument("--parent", type=int, help="process that this one ends with")
@@ -113,7 +131,7 @@ def main(arguments: Sequence[str]) -> None:
     tempfile.gettempdir()  # tries itself in a folder
     platform.uname().processor  # noqa: B018  asks another process, once
     sys.argv = [given.module, *command]
-    sys.addaudithook(hook(rules(given.own, given.closed), lambda words: _written(log, words)))
+    sys.addaudithook(hook(rules(given.own, given.out, given.closed), lambda words: _written(log, words)))
     try:
         runpy.run_module(given.module, run_name="__main__", alter_sys=True)
     except MemoryError:

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -82,3 +83,9 @@ def _quietly(job: Job) -> None:
         sit(job)
     except InterruptionError as error:
         sys.exit(f"trial {job.planned.number} is to be run again: {error}")
+    except Exception:
+        output = folder_of(Path(job.root), job.planned.number) / OUTPUT
+        output.parent.mkdir(parents=True, exist_ok=True)
+        with output.open("a", encoding="utf-8") as file:
+            traceback.print_exc(file=file)
+        raise

@@ -21,7 +21,7 @@ from tests.daemon.page.conftest import Write
 
 SIXTEEN = ["reference", "target", "feedforward", "friction", "velocity", "learned", "error", "proportional", "integral"]
 SIXTEEN += ["derivative", "command", "current", "measured", "measured_current", "lateness", "late"]
-MOST = 0.05  # of one core, for 2 kHz drawn at 60 Hz
+MOST = 0.05  # of one core, for the messages of a page that draws 2 kHz sixty times a second
 
 
 class Heard:

@@ -1,0 +1,148 @@
+"""The page of one run: what it achieved, how it went over time, and how to do it again."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl import evaluation
+from stagectl.drives.drive import Fault
+from stagectl.recording.hdf5 import Recording
+from stagectl.report.figures import WITH, WITHOUT
+from stagectl.report.page import Page, Picture, Table
+from stagectl.report.panels import CONVENTIONAL, TRUTH, Frame, Line, picture
+from stagectl.words import length
+
+BUCKETS = 1500  # points of a curve: each the lowest and the highest of its rows
+_CURRENTS = (
+    ("measured_current", "measured", TRUTH),
+    ("current", "command", WITH),
+    ("friction", "friction compensation", WITHOUT),
+    ("feedforward", "feedforward", CONVENTIONAL),
+)
+_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+Array = NDArray[np.float64]
+
+
+def page(recording: Recording, commands: Sequence[str]) -> Page:
+    """The page of a recording, of a machine or simulated."""
+    samples, meta = recording.samples, recording.meta
+    found = evaluation.evaluate(samples, meta)
+    return Page(
+        f"{found['stage']}: {found['trajectory']}",
+        answer(found, samples),
+        _notes(found, meta),
+        _pictures(samples, meta),
+        [Table("In figures", ["", ""], _rows(found, meta))],
+        [*commands, f"stagectl replay {shlex.quote(str(recording.path))}"],
+        {name: str(version) for name, version in meta["versions"].items()},
+        broad=True,
+        config={one["name"]: one["text"] for one in meta["files"].values()},
+    )
+
+
+def answer(found: dict[str, Any], samples: NDArray[Any]) -> str:
+    """How it went, in a sentence."""
+    unit, error = found["unit"], found["tracking_error"]
+    fault = next((Fault(int(code)) for code in samples["fault"] if code != Fault.NONE), None)
+    if fault is not None:
+        at = float(samples["time"][np.flatnonzero(samples["fault"] != Fault.NONE)[0]])
+        return f"Stopped after {at:.3g} s: {fault.name.lower().replace('_', ' ')}."
+    if found["open_loop"]:
+        low, high = (length(end, unit) for end in found["travelled"])
+        return f"The loop was open; the axis moved from {low} to {high}."
+    if error["peak"] is None:
+        return "The run ended before the window in which its error is taken."
+    stands = "" if found["in_position"] else " At the end the axis did not come to stand in position."
+    return f"The stage tracks within {length(error['peak'], unit)}, rms {length(error['rms'], unit)}.{stands}"
+
+
+def _notes(found: dict[str, Any], meta: dict[str, Any]) -> list[str]:
+    window = f"{found['steady'][0]:.3g} to {found['steady'][1]:.3g} s, shaded"
+    simulated = "Simulated, on the stage model." if "tracking_error_true" in found else "Recorded."
+    return [
+        f"{simulated} {meta['created']}, Ts {1e3 * meta['dt']:g} ms, nd = {found['nd']}, nm = {found['nm']}. The error "
+        f"is reference less measured position, both of the instant at which it was latched, taken over {window}.",
+    ]
+
+
+def _rows(found: dict[str, Any], meta: dict[str, Any]) -> list[list[str]]:
+    unit, rows = found["unit"], []
+    for name, words in (
+        ("tracking_error", "tracking error"),
+        ("tracking_error_true", "of the simulated true position"),
+    ):
+        error = found.get(name)
+        if error and error["peak"] is not None:
+            rows += [[f"{words}, {kind}", length(error[kind], unit)] for kind in ("peak", "rms")]
+    low, high = (length(end, unit) for end in found["travelled"])
+    return [
+        *rows,
+        ["travelled", f"{low} to {high}"],
+        ["peak current", f"{found['peak_current']:.3g} A"],
+        ["cycles at the current limit", f"{found['saturated_cycles']} of {found['cycles']}"],
+        ["late cycles", f"{found['late_cycles']} of {found['cycles']}"],
+        ["duration", f"{found['cycles'] * meta['dt']:.4g} s"],
+    ]
+
+
+def _pictures(samples: NDArray[Any], meta: dict[str, Any]) -> list[Picture]:
+    scale, unit = meta["axis"]["travel_per_unit"], meta["axis"]["travel_unit"]
+    reference = evaluation.latched_reference(samples, meta)
+    error = np.where(evaluation.closed(samples), (reference - samples["measured"]) * scale, np.nan)
+    steady = tuple(meta["steady"])
+    inside = evaluation.window(samples["time"], meta["steady"])
+    places = [("target", samples["reference"] * scale, WITHOUT), ("actual", samples["measured"] * scale, WITH)]
+    currents = [(label, samples[name], colour) for name, label, colour in _CURRENTS]
+    return [
+        _drawn(samples, places, ("position", unit), (steady,)),
+        _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), within=error[inside]),
+        _drawn(samples, currents, ("current", "A"), (steady,)),
+    ]
+
+
+def _drawn(
+    samples: NDArray[Any],
+    curves: Sequence[tuple[str, Array, str]],
+    what: tuple[str, str],
+    shaded: tuple[tuple[float, float], ...],
+    within: Array | None = None,
+) -> Picture:
+    """Curves over time in a unit that suits them; `within`: what decides the height, where not all of it."""
+    quantity, unit = what
+    known = [(label, values, colour) for label, values, colour in curves if np.isfinite(values).any()]
+    judged = within if within is not None and np.isfinite(within).any() else np.concatenate([y for _, y, _ in known])
+    largest = float(np.nanmax(np.abs(judged), initial=0.0))
+    size, prefix = _prefix(largest)
+    lines = []
+    for label, values, colour in known:
+        time, extremes = thinned(samples["time"], values / size)
+        lines.append(Line(time, extremes, label, colour, width=0.9))
+    factor = 1.4 if within is None else 1.6  # room for the legend; for what stands out beside the window
+    room = (-factor * largest / size, factor * largest / size) if largest else None
+    frame = Frame(
+        "time [s]", f"{quantity} [{prefix}{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2
+    )
+    return picture(lines, frame, f"{quantity.capitalize()} over time.")
+
+
+def _prefix(largest: float) -> tuple[float, str]:
+    return next(
+        ((size, name) for size, name in _PREFIXES if largest >= size), _PREFIXES[-1] if largest else _PREFIXES[0]
+    )
+
+
+def thinned(time: Array, values: Array) -> tuple[Array, Array]:
+    """Lowest and highest of each bucket: no peak is lost."""
+    rows = math.ceil(len(values) / BUCKETS)
+    if rows < 2:
+        return time, values
+    whole = len(values) // rows * rows
+    buckets = values[:whole].reshape(-1, rows)
+    found = np.column_stack([np.fmin.reduce(buckets, axis=1), np.fmax.reduce(buckets, axis=1)]).ravel()
+    return np.repeat(time[:whole:rows], 2), found
