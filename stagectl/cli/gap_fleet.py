@@ -36,11 +36,12 @@ def fleet(
     Example: stagectl gap fleet captures/machine-*
     """
     single_threaded_algebra()
-    from stagectl.gap.fleet import Machine
+    from stagectl.gap.fleet import Machine, names_of
     from stagectl.gap.library_names import excluded
 
     names = excluded(exclude or [])
-    machines = [Machine(str(one.resolve()), names, full) for one in folders]
+    places = [one.resolve() for one in folders]
+    machines = [Machine(str(one), name, names, full) for one, name in zip(places, names_of(places), strict=True)]
     with progress("machines", len(machines)) as update:
         found = sorted(_counted(_lines(machines, scheduler), len(machines), update), key=lambda one: one.machine)
     table = Table("machine", "verdict", "named", "gap", "left", "drift")

@@ -139,7 +139,9 @@ def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> Probed
     unit = _number(read(UNIT_OF_ACCELERATION, 0))
     if unit == RPM_PER_SECOND and values:
         values["deceleration_scale"] = presets.RPM_PER_SECOND
-    return Probed(told, vendor, modes, current, preset, values, tuple(_doubts(preset, modes, current, values)))
+    return Probed(
+        told, vendor, modes, current, preset, values, (*_doubts(preset, modes, current, values), *_careless(read))
+    )
 
 
 _IDENTITY = (cia402.IDENTITY, 1)
@@ -201,6 +203,16 @@ def _doubts(preset: Preset, modes: int | None, rated: float | None, values: dict
             "the unit of its stop ramp (0x6085) is not known: look it up, and set drive.wire.deceleration_scale"
         )
     return found
+
+
+def _careless(read: Read) -> list[str]:
+    """Where the drive, as it is set, would let the axis go on without a controller."""
+    if _number(read(cia402.ABORT_CONNECTION, 0), signed=True) != 0:
+        return []
+    return [
+        "its abort connection option (0x6007) is 0: the axis goes on when the controller is lost; set it to 3, quick "
+        "stop, in the drive, and then: stagectl drive probe again"
+    ]
 
 
 def _number(raw: bytes | None, signed: bool = False) -> int | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +17,18 @@ class Machine(NamedTuple):
     """One folder, for whichever process diagnoses it."""
 
     folder: str
+    name: str  # in the table
     excluded: tuple[str, ...] = ()
     full: bool = False
+
+
+def names_of(folders: Sequence[Path]) -> list[str]:
+    """A name for each folder: as much of its path as tells it from the others."""
+    for parts in range(1, max((len(one.parts) for one in folders), default=1) + 1):
+        names = ["/".join(one.parts[-parts:]) for one in folders]
+        if len(set(names)) == len(names):
+            return names
+    return [str(one) for one in folders]
 
 
 class Line(NamedTuple):
@@ -43,12 +54,13 @@ def diagnosed(machine: Machine) -> Line:
     try:
         session = folders.load([folder])
         found = pipeline.diagnose(session, pipeline.Options(machine.excluded, machine.full), lambda _: None).found
-    except StageError as error:
-        return Line(folder.name, "", (), math.nan, math.nan, "", None, str(error))
-    stored.save(found, folder)
+        stored.save(found, folder)
+    except Exception as error:  # whatever one machine's logs bring about, the others' lines stand
+        words = str(error) if isinstance(error, StageError) else f"{type(error).__name__}: {error}"
+        return Line(machine.name, "", (), math.nan, math.nan, "", None, words)
     named = tuple(one.name for one in found.named)
     gap = found.gap
-    return Line(folder.name, found.verdict, named, gap.before, gap.after, gap.unit, drift(before, gap), found.sentence)
+    return Line(machine.name, found.verdict, named, gap.before, gap.after, gap.unit, drift(before, gap), found.sentence)
 
 
 def _last(folder: Path) -> Gap | None:

@@ -26,7 +26,18 @@ MASS = 0.2  # share of the inertia that is taken out
 REST = 0.02  # share of Coulomb friction that stays: the rolling zone keeps its length
 CUT_OFF = 50.0  # Hz, of the motion along which a force is made
 
-Motion = tuple[Array, Array, Array]  # position, velocity, time, each (n,)
+STEP = 0.55  # of the session, at which friction changes
+
+
+class Motion(NamedTuple):
+    """One log's motion, (n,) each."""
+
+    position: Array  # rad | m from the middle of the session's travel
+    velocity: Array  # rad/s | m/s
+    side: Array  # -1 to 1: its sign, without a jump
+    time: Array  # 0 to 1, of the session
+
+
 Force = Callable[[Motion], Array]
 
 
@@ -77,17 +88,12 @@ def _without_coulomb(p: Stage) -> Stage:
 
 
 FORCES: Mapping[str, Force] = {
-    "viscous_nonlinear": lambda m: m[1] * np.abs(m[1]),
-    "viscous_asymmetry": lambda m: np.abs(m[1]),
-    "position_friction": lambda m: _centred(m[0]) * np.tanh(m[1] / (0.01 * np.abs(m[1]).max())),
-    "cable_spring": lambda m: _centred(m[0]),
-    "friction_step": lambda m: np.tanh(m[1] / (0.01 * np.abs(m[1]).max())) * (m[2] > 0.55 * m[2][-1]),
+    "viscous_nonlinear": lambda m: m.velocity * np.abs(m.velocity),
+    "viscous_asymmetry": lambda m: np.abs(m.velocity),
+    "position_friction": lambda m: m.position * m.side,
+    "cable_spring": lambda m: m.position,
+    "friction_step": lambda m: m.side * (m.time > STEP),
 }
-
-
-def _centred(position: Array) -> Array:
-    centred: Array = position - 0.5 * (position.min() + position.max())
-    return centred
 
 
 def into(session: Session, names: Sequence[str], share: float) -> list[Knock]:
@@ -103,22 +109,42 @@ def into(session: Session, names: Sequence[str], share: float) -> list[Knock]:
 
 
 def _with_force(session: Session, force: Force, share: float) -> Session:
-    logs = tuple(_pushed(log, session.dt, force, share) for log in session.logs)
+    """One law over all logs: one middle of the travel, one clock, one amplitude."""
+    found = [force(motion) for motion in _motions(session)]
+    commands = [log.command for log in session.logs if log.command is not None]
+    scale = share * _rms(commands) / max(_rms(found), 1e-300)
+    logs = tuple(_pushed(log, scale * added) for log, added in zip(session.logs, found, strict=True))
     return session._replace(logs=logs, law=None)
 
 
-def _pushed(log: Log, dt: float, force: Force, share: float) -> Log:
+def _rms(signals: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(signals) ** 2)))
+
+
+def _motions(session: Session) -> list[Motion]:
+    """Of each log, along its smoothed path."""
+    dt = session.dt
     numerator, denominator = butter(2, min(2.0 * CUT_OFF * dt, 0.9))
-    position = np.asarray(filtfilt(numerator, denominator, log.position), dtype=np.float64)
-    found = force((position, np.gradient(position, dt), dt * np.arange(log.rows, dtype=np.float64)))
-    command = log.command if log.command is not None else np.zeros(log.rows)
-    added = found * (share * float(np.std(command)) / max(float(np.sqrt(np.mean(found * found))), 1e-300))
+    paths = [np.asarray(filtfilt(numerator, denominator, log.position), dtype=np.float64) for log in session.logs]
+    velocities = [np.gradient(path, dt) for path in paths]
+    clocks = [log.start + dt * np.arange(log.rows, dtype=np.float64) for log in session.logs]
+    middle = 0.5 * (min(float(one.min()) for one in paths) + max(float(one.max()) for one in paths))
+    slow = 0.01 * max(float(np.abs(one).max()) for one in velocities)
+    begin, end = min(float(one[0]) for one in clocks), max(float(one[-1]) for one in clocks)
+    return [
+        Motion(path - middle, velocity, np.tanh(velocity / slow), (clock - begin) / (end - begin))
+        for path, velocity, clock in zip(paths, velocities, clocks, strict=True)
+    ]
+
+
+def _pushed(log: Log, added: Array) -> Log:
+    assert log.command is not None  # `into` refuses logs without
     current = None if log.current is None else log.current + added
-    return log._replace(command=command + added, current=current, setpoints=None)
+    return log._replace(command=log.command + added, current=current, setpoints=None)
 
 
 def judged(knock: Knock, found: Found, before: Found | None = None) -> Told:
-    """Whether the knocked term is among what is named; what the plain record has already counts for nothing."""
+    """Whether the knocked term is named; an effect that the plain record has already counts for nothing."""
     known = {one.name for one in before.named if not one.parameter} if before is not None else set[str]()
     named = tuple((one.name, *one.alternatives) for one in found.named)
     mine: list[Effect] = [one for one in found.named if knock.name in (one.name, *one.alternatives)]

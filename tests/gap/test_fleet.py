@@ -8,7 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from stagectl.cli.app import app
-from stagectl.gap.fleet import Machine, diagnosed, drift
+from stagectl.gap import stored
+from stagectl.gap.fleet import Machine, diagnosed, drift, names_of
 from stagectl.gap.found import Gap
 from stagectl.recording.exports import write_columns
 
@@ -34,6 +35,17 @@ def test_drift() -> None:
     assert drift(GAP._replace(before=float("nan")), GAP) is None
 
 
+def test_names_that_tell_folders_apart() -> None:
+    assert names_of([Path("/a/x/captures"), Path("/a/y/captures")]) == ["x/captures", "y/captures"]
+    assert names_of([Path("/a/x"), Path("/b/y")]) == ["x", "y"]
+
+
+def test_an_error_of_ours_takes_no_other_line(blind: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stored, "save", lambda *_: 1 / 0)
+    line = diagnosed(Machine(str(blind), "one"))
+    assert (line.machine, line.verdict, line.words) == ("one", "", "ZeroDivisionError: division by zero")
+
+
 def test_a_line_for_every_machine(blind: Path, tmp_path: Path) -> None:
     (tmp_path / "machine-2").mkdir()
     target = tmp_path / "fleet.json"
@@ -45,5 +57,5 @@ def test_a_line_for_every_machine(blind: Path, tmp_path: Path) -> None:
 
 
 def test_the_answer_stays_in_the_folder(blind: Path) -> None:
-    assert diagnosed(Machine(str(blind))).verdict == "not-identifiable"
+    assert diagnosed(Machine(str(blind), "one")).verdict == "not-identifiable"
     assert (blind / "diagnosis.json").exists()

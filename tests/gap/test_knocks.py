@@ -38,9 +38,29 @@ def test_into(session: Session, name: str) -> None:
     (one,) = knocks.into(session, [name], 0.03)
     before, after = session.logs[0].command, one.session.logs[0].command
     assert before is not None and after is not None
-    assert float(np.sqrt(np.mean((after - before) ** 2))) == pytest.approx(0.03 * float(np.std(before)), rel=1e-9)
+    assert float(np.sqrt(np.mean((after - before) ** 2))) == pytest.approx(
+        0.03 * float(np.sqrt(np.mean(before**2))), rel=1e-9
+    )
     assert one.session.law is None and one.session.logs[0].setpoints is None
     assert np.array_equal(one.session.logs[0].position, session.logs[0].position)
+
+
+def test_a_force_is_one_law_over_all_logs(session: Session) -> None:
+    """A second log further on the axis and later: the same spring about the same middle, one step on one clock."""
+    first = session.logs[0]
+    away, later = float(np.ptp(first.position)), first.rows * session.dt
+    second = first._replace(name="later", position=first.position + away, start=first.start + later)
+    both = session._replace(logs=(first, second))
+
+    def added(name: str) -> list[np.ndarray]:
+        (one,) = knocks.into(both, [name], 0.03)
+        assert first.command is not None
+        return [log.command - first.command for log in one.session.logs if log.command is not None]
+
+    near, far = added("cable_spring")
+    assert np.mean(far - near) == pytest.approx(float(np.max(far) - np.min(near)) / 2.0, rel=0.02)
+    before, after = added("friction_step")
+    assert not before.any() and after.any()
 
 
 def test_unknown_force(session: Session) -> None:

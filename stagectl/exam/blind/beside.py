@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from .asking import ORACLE
 from .rows import Row, is_open, median, rate
 
 Record = dict[str, Any]
@@ -25,9 +26,11 @@ def _rows(name: str, records: Sequence[Record], clear: Sequence[Record]) -> list
     def of(kept: Sequence[Record]) -> list[Record]:
         return [one if name == OURS else one["baselines"][name] for one in kept if name == OURS or _has(one, name)]
 
+    closures = [one["gap"]["closure"] for one in of([each for each in clear if is_open(each)])]
+    if name == ORACLE:  # it is told the names
+        records, clear = [], []
     several = [one for one in records if one["stratum"] in ("pair", "triple")]
     nulls = [one for one in records if one["stratum"].startswith("null")]
-    closures = [one["gap"]["closure"] for one in of([each for each in clear if is_open(each)])]
     return [
         rate("null, false alarms", [bool(one["naming"]["effects_alarm"]) for one in of(nulls)]),
         rate("single, top-1", [bool(one["naming"]["top1_effects"]) for one in of(clear)]),
