@@ -21,6 +21,7 @@ from stagectl.kernels import stage
 SURE = 4.0  # standard deviations
 MATERIAL = 0.005  # of the closable misfit before the refit
 LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02, "time_shift": 0.1}
+SCALED = ("inertia", "viscous", "coulomb")  # what an error of the force constant scales
 COMMON = 0.006  # spread of the logarithms of J, D and T_c within which their shift is one common scale
 
 
@@ -140,10 +141,22 @@ def half_way(p: stage.Friction) -> float:
     return float(np.interp(0.5 * curve[-1], curve, grid))
 
 
+def shared(found: Sequence[Shift]) -> frozenset[str]:
+    """Those of inertia, viscous and Coulomb friction that have shifted as another of them has.
+
+    One force constant that is off shifts all three alike; two that agree while the third has changed by itself are as
+    well explained by it and that one.
+    """
+    scaled = [one for one in found if one.sure and one.name in SCALED and one.change > -0.9]
+    pairs = [(one, other) for one in scaled for other in scaled if one is not other]
+    alike = [one for one, other in pairs if abs(np.log1p(one.change) - np.log1p(other.change)) < COMMON]
+    return frozenset(one.name for one in alike)
+
+
 def common(found: Sequence[Shift]) -> Shift | None:
     """A common shift of inertia, viscous and Coulomb friction: exactly that of the force constant, the other way."""
     by_name = {one.name: one for one in found}
-    three = [by_name[name] for name in ("inertia", "viscous", "coulomb") if name in by_name]
+    three = [by_name[name] for name in SCALED if name in by_name]
     if len(three) < 3 or not all(abs(one.change) > 0.01 and one.change > -0.9 for one in three):
         return None
     logs = np.log1p([one.change for one in three])

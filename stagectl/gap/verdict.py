@@ -12,7 +12,7 @@ from stagectl.gap.library import Amplitude, Definition, Shape
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.search import Selected
 from stagectl.gap.session import GapError, Session
-from stagectl.gap.shifts import Shift, common
+from stagectl.gap.shifts import SCALED, Shift, common, shared
 from stagectl.gap.signatures import Signature
 from stagectl.kernels.stage import Stage
 
@@ -169,18 +169,21 @@ def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Effec
     """The parameters that are off, by name; a common scale of all of them is that of the force constant."""
     scale = common(found)
     if scale is not None:
-        rest = [one for one in found if one.sure and one.name not in ("inertia", "viscous", "coulomb")]
+        rest = [one for one in found if one.sure and one.name not in SCALED]
         return [_force_constant(session, scale), *(_shifted(session, one, now) for one in rest)]
     sure = sorted((one for one in found if one.sure), key=lambda one: -one.share)
     effects = [_shifted(session, one, now) for one in sure]
-    if _alike(sure):  # the part that they share may as well be the force constant's
-        effects[0] = effects[0]._replace(alternatives=(*effects[0].alternatives, "force_constant"))
-    return effects
+    # The part that they share may as well be the force constant's.
+    alike = shared(found) | ({sure[0].name} if _alike(sure) else frozenset())
+    return [
+        one._replace(alternatives=(*one.alternatives, "force_constant")) if one.name in alike else one
+        for one in effects
+    ]
 
 
 def _alike(sure: Sequence[Shift]) -> bool:
     """Whether inertia, viscous and Coulomb friction have all gone the same way."""
-    changes = [one.change for one in sure if one.name in ("inertia", "viscous", "coulomb")]
+    changes = [one.change for one in sure if one.name in SCALED]
     return len(changes) == 3 and len({change > 0.0 for change in changes}) == 1
 
 
@@ -188,7 +191,7 @@ def _force_constant(session: Session, shift: Shift) -> Effect:
     value = session.stage.motor.force_constant * (1.0 + shift.change)
     return Effect(
         "force_constant",
-        (*symmetries.alternatives("force_constant", symmetries.EXACT), "inertia", "viscous", "coulomb"),
+        (*symmetries.alternatives("force_constant", symmetries.EXACT), *SCALED),
         0.9,
         shift.share,
         {"change": shift.value},
