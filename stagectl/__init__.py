@@ -38,7 +38,7 @@
     recording.h5 -> recording/hdf5.py -> exports.py, replay.py, evaluation.py
 
     [7] kernels/rollout.py   law and stage in one compiled loop: `simulate`; the same rows, to the last bit
-    [8] evaluation.py, report/   what it achieved, in words, figures and one page
+    [8] evaluation.py, report/run.py   what it achieved, in words, figures and one page: `report`
 
 **The way of one capture**, from a record of any motion back into the stage file::
 

@@ -69,11 +69,14 @@ def test_the_page_begins_with_wins_and_losses(peers_page: Any, tmp_path: Path) -
 
 
 def test_baselines_of_an_exam_are_shown(peers_page: Any, tmp_path: Path) -> None:
-    rows = [{"name": "single, top-1", "value": 0.9}, {"name": "closure, single effect", "value": None}]
+    rows = [
+        {"name": "single, top-1", "value": 0.9, "trials": 8},
+        {"name": "closure, single effect", "value": None, "trials": 0},
+    ]
     found = figures(line(2.0, 3.0, 4.0))
     found["exam"]["beside"] = [{"name": name, "rows": rows} for name in ("diagnosis", "sparse")]
     peers_page.write_all(found, None, tmp_path / "peers.md")
     text = (tmp_path / "peers.md").read_text()
-    assert "| single, top-1 | 90 % | 90 % |" in text
-    assert "| closure, single effect | none | none |" in text
+    assert "| single, top-1 | 90 % | 90 % | 8 |" in text
+    assert "| closure, single effect | none | none | 0 |" in text
     assert "No exam with the baselines" not in text

@@ -55,7 +55,7 @@ def kind(path: Path) -> str:
 
 
 def _words(path: Path) -> str:
-    from yaml import MappingNode
+    from yaml import MappingNode, ScalarNode
 
     from stagectl.config.machine_file import split
     from stagectl.config.source import compose
@@ -64,7 +64,8 @@ def _words(path: Path) -> str:
     from stagectl.trajectories import phases
 
     node = compose(split(path)[0])
-    words = {getattr(key, "value", "") for key, _ in node.value} if isinstance(node, MappingNode) else set()
+    keys = [key for key, _ in node.value] if isinstance(node, MappingNode) else []
+    words = {key.value for key in keys if isinstance(key, ScalarNode)}
     if "type" not in words and words & set(StageFile._fields):
         return _stage_words(path)
     return f"trajectory of {phases(load_free(path)).duration:.4g} s"

@@ -135,8 +135,9 @@ def _exam_tables(exam: dict[str, Any]) -> list[Table]:
         names = [one["name"] for one in exam["beside"]]
         kinds = [row["name"] for row in exam["beside"][0]["rows"]]
         cells = [[_value(one["rows"][k]["value"]) for one in exam["beside"]] for k in range(len(kinds))]
-        body = [[kind, *row] for kind, row in zip(kinds, cells, strict=True)]
-        tables.append(Table("Diagnosis and baselines on the same trials", ["figure", *names], body))
+        counts = [str(row["trials"]) for row in exam["beside"][0]["rows"]]
+        body = [[kind, *row, count] for kind, row, count in zip(kinds, cells, counts, strict=True)]
+        tables.append(Table("Diagnosis and baselines on the same trials", ["figure", *names, "trials"], body))
     return tables
 
 
