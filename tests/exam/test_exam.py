@@ -2,12 +2,14 @@
 
 import json
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from stagectl.exam.blind import exam, sitting
 from stagectl.exam.blind.asking import Manner, answers
+from stagectl.exam.blind.cores import alone
 from stagectl.exam.blind.plan import ExamError, Planned, expanded, plan, quotas, source_seed
 from stagectl.exam.blind.rules import EXACT
 from stagectl.exam.blind.sealing import broken
@@ -127,7 +129,18 @@ def test_a_diagnosis_that_fails_has_said_nothing(tmp_path: Path) -> None:
     record = sitting.sit(Job(planned[0], str(tmp_path), manner))
     assert record["state"] == "failed" and not record["naming"]["top1"] and record["gap"]["closure"] == 0.0
     assert "No module named absent" in record["reasons"][0]
+    assert not record["naming"]["alarm"]  # nor has it noticed anything
     assert json.loads((tmp_path / "trials/0001/record.json").read_text()) == record
+
+
+def test_one_process_at_a_time_sits_a_trial(tmp_path: Path) -> None:
+    """Who comes later waits, and another trial does not wait for it."""
+    with ThreadPoolExecutor(1) as pool:
+        with alone(tmp_path, 1), alone(tmp_path, 2):
+            second = pool.submit(lambda: alone(tmp_path, 1).__enter__())
+            with pytest.raises(TimeoutError):
+                second.result(0.3)
+        second.result(5.0)
 
 
 def test_our_own_diagnosis_under_watch(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stagectl.exam.blind import intervals, rules, spans
-from stagectl.exam.blind.limits import Noticed, limits
+from stagectl.exam.blind.limits import Noticed, intervals_of, limits
 from stagectl.exam.blind.rules import Entry, Truth
 from stagectl.exam.blind.scoring import naming, probabilities
 from stagectl.exam.effects import EFFECTS
@@ -136,3 +136,8 @@ def test_limits() -> None:
     found = limits(trials)
     assert abs(np.log2(found["drive"] / 0.7)) < 0.5 and abs(np.log2(found["structure"] / 2.0)) < 0.5
     assert found["parameters"] < 0.4 and limits([]) == {}
+    between = intervals_of(trials)
+    assert all(between[kind][0] <= found[kind] <= between[kind][1] for kind in found)
+    assert between["drive"][0] < 0.7 < between["drive"][1] and between["structure"][0] < 2.0 < between["structure"][1]
+    few = intervals_of(trials[:40])["drive"]
+    assert few[1] / few[0] > 1.3 * between["drive"][1] / between["drive"][0]  # a quarter of the trials
