@@ -37,7 +37,10 @@ def figures(*lines: dict[str, Any]) -> dict[str, Any]:
         "date": "2026-11-22",
         "load": 1.0,
         "versions": {"Python": "3.11"},
-        "exam": {"last": {"date": "2026-11-22", "version": "0123456", "scores": scores}, "beside": []},
+        "exam": {
+            "last": {"date": "2026-11-22", "version": "0123456", "full": False, "trials": 9, "scores": scores},
+            "beside": [],
+        },
     }
 
 
@@ -78,5 +81,5 @@ def test_baselines_of_an_exam_are_shown(peers_page: Any, tmp_path: Path) -> None
     peers_page.write_all(found, None, tmp_path / "peers.md")
     text = (tmp_path / "peers.md").read_text()
     assert "| single, top-1 | 90 % | 90 % | 8 |" in text
-    assert "| closure, single effect | none | none | 0 |" in text
+    assert "| closure, single effect | - | - | 0 |" in text
     assert "No exam with the baselines" not in text

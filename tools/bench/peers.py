@@ -130,7 +130,8 @@ def _exam(scores: Path | None) -> dict[str, Any]:
     """What exams have shown: the last of the ledger, and diagnosis and baselines on the same trials."""
     last = json.loads(LEDGER.read_text(encoding="utf-8").splitlines()[-1])
     beside = json.loads(scores.read_text(encoding="utf-8"))["beside"] if scores else []
-    return {"last": {name: last[name] for name in ("date", "version", "scores")}, "beside": beside}
+    told = {name: last[name] for name in ("date", "version", "full", "scores")}
+    return {"last": {**told, "trials": last.get("stopped after", last["trials"])}, "beside": beside}
 
 
 def main(page: Path, manual: Path | None, written: Path | None, wish: Wish) -> None:

@@ -119,7 +119,9 @@ def _exam_words(exam: dict[str, Any]) -> list[str]:
     words = [
         f"Read from the exams that were held, not measured here: the last of the ledger is of {last['date'][:10]}."
     ]
-    if not exam["beside"]:
+    if exam["beside"]:
+        words.append("The oracle is told the effects; the others are told nothing. The black box names nothing.")
+    else:
         words.append(
             "No exam with the baselines (refit, ladder of friction models, sparse regression, boosted trees, oracle) "
             "is in the ledger yet: nothing is claimed against them. `stagectl gap exam --baselines` holds one."
@@ -130,7 +132,8 @@ def _exam_words(exam: dict[str, Any]) -> list[str]:
 def _exam_tables(exam: dict[str, Any]) -> list[Table]:
     last = exam["last"]
     rows = [[name, f"{100.0 * last['scores'][name][0]:.0f} %", str(last["scores"][name][1])] for name in _EXAM]
-    tables = [Table(f"The last exam, version {last['version']}", ["figure", "diagnosis", "trials"], rows)]
+    way = f"{last['trials']} trials on the {'full' if last['full'] else 'fast'} path"
+    tables = [Table(f"The last exam, version {last['version']}, {way}", ["figure", "diagnosis", "trials"], rows)]
     if exam["beside"]:
         names = [one["name"] for one in exam["beside"]]
         kinds = [row["name"] for row in exam["beside"][0]["rows"]]
@@ -142,7 +145,7 @@ def _exam_tables(exam: dict[str, Any]) -> list[Table]:
 
 
 def _value(share: float | None) -> str:
-    return "none" if share is None else f"{100.0 * share:.0f} %"
+    return "-" if share is None else f"{100.0 * share:.0f} %"
 
 
 def chart(lines: Sequence[Line]) -> Figure:
