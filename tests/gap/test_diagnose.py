@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow.csv
 import pytest
 
+from stagectl.cli.gap_diagnose import BEGINS
 from stagectl.exam.trials import Options as Drawn
 from stagectl.exam.trials import draw, stage_trial
 from stagectl.gap import diagnose, folder, predictions
@@ -39,6 +40,7 @@ def test_one_hidden_effect(tmp_path: Path) -> None:
     inertia = truth["true"]["inertia"]
     assert done.improved.mechanics.inertia == pytest.approx(inertia, rel=0.01)
     assert set(as_json(found)) >= {"verdict", "effects", "gap", "where", "next_experiment"}
+    assert [name for name, _ in found.seconds] == list(BEGINS)  # the bar knows each step
     _check_predictions(session, done, tmp_path / "predictions")
 
 
