@@ -95,7 +95,9 @@ def test_the_gap_of_the_tour_is_found(reader: Reader) -> None:
     for line in lines:
         outcome = reader.types(line)
         assert outcome.returncode == 0, outcome.stderr
-    assert outcome.stderr.lstrip().startswith("effects: 100 % of the closable gap is viscous asymmetry (size 0.1)")
+    bar, answer = outcome.stderr.strip().splitlines()[:2]
+    assert bar.startswith("diagnosis") and "100 %" in bar
+    assert answer.startswith("effects: 100 % of the closable gap is viscous asymmetry (size 0.1)")
     assert f"<pre>{lines[-1]}" in (reader.folder / "session" / "diagnosis.html").read_text()  # how to do it again
 
 

@@ -71,6 +71,7 @@ def diagnose(
     session = folders.load(folder, load_stage(stage) if stage is not None else None)
     with progress("diagnosis", 100) as update:
         done = pipeline.diagnose(session, options, _told(update))
+        update(100, 100)
     target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)
     target.mkdir(parents=True, exist_ok=True)
     stored = save(done.found, target)

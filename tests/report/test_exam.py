@@ -31,12 +31,15 @@ def test_an_exam_of_one_trial(tmp_path: Path) -> None:
 
 
 def test_the_answer_names_what_is_missed() -> None:
-    asked = {"low": 0.0, "high": 1.0, "trials": 9, "kind": "rate", "most": False}
+    asked = {"low": 0.0, "high": 1.0, "trials": 9, "kind": "rate", "most": False, "must": 0.6}
     rows = [
         {**asked, "name": "pairs, all found", "value": 0.2, "reached": "no"},
         {**asked, "name": "closure", "value": 0.9, "reached": "must"},
         {**asked, "name": "WHERE F1", "value": 0.9, "reached": "target"},
+        {**asked, "name": "oracle ratio", "value": None, "reached": ""},
+        {**asked, "name": "  coordinate", "value": 0.9, "reached": "", "must": None},
     ]
     assert answer({"rows": rows, "trials": 10, "void": [{}]}) == (
-        "2 of 3 figures reach what they must, 1 their target, on 9 sealed trials. Not reached: pairs, all found."
+        "2 of 3 figures reach what they must, 1 their target, on 9 sealed trials. Not reached: pairs, all found. "
+        "Not measured: oracle ratio."
     )
