@@ -16,7 +16,8 @@ from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.daemon import virtual
-from stagectl.daemon.run import Ended, Motion, Progress, move, waits_for_sync
+from stagectl.daemon.patience import HELD_UP, waits_for_sync
+from stagectl.daemon.run import Ended, Motion, Progress, move
 from stagectl.daemon.safety import words
 from stagectl.drives.bus import Bus, open_bus
 from stagectl.drives.drive import Canopen, DriveError, Fault
@@ -162,7 +163,7 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     for line in _conditions(ended):
         say(line)
     if waits_for_sync(motion.setup):
-        say("the virtual plant's clock is SYNC: late cycles do not disturb it, and time-outs are relaxed")
+        say(f"the virtual plant's clock is SYNC: late cycles do not disturb it; only {HELD_UP:g} s of silence count")
     if ended.fault:
         say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}".rstrip())
     fault = ended.words or ("" if ended.recorded else "the recorder stopped before the motion did")

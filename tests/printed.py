@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from stagectl.daemon.client import ask
 from stagectl.units import StageError
-from tests.conftest import CONFIG, ROOT, unhurried
+from tests.conftest import CONFIG, ROOT
 
 DOCS = ROOT / ".docs"
 _NAMED = re.compile(r'(?m)^ *```yaml title="([\w.-]+\.yaml)"\n(.*?)^ *```', re.DOTALL)
@@ -66,8 +66,6 @@ class Reader:
     def __init__(self, folder: Path, page: str = "") -> None:
         self.folder = folder
         shutil.copytree(CONFIG, folder / "config")
-        for path in (folder / "config").glob("*.yaml"):
-            path.write_text(unhurried(path.read_text(), Path("drives")))
         long = folder / "config" / "experiments" / "current-sine-1.6hz-5a.yaml"
         long.write_text(long.read_text().replace("periods: 16", "periods: 4"))  # enough to identify a stage by
         (folder / ".venv").symlink_to(sys.prefix)

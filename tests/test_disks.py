@@ -18,15 +18,15 @@ import pytest
 from stagectl.kernels import law
 from stagectl.recording.hdf5 import open_recording
 from tests.conftest import ROOT
-from tests.test_run import SINE, drive, members, rows, stagectl
+from tests.test_run import SINE, STAGE, drive, members, rows, stagectl
 
 COLUMNS = ("measured", *law.Setpoint._fields, *law.Output._fields)
 
 
 @pytest.fixture(scope="module")
-def expected(tmp_path_factory: pytest.TempPathFactory, unhurried_stage: Path) -> Any:
+def expected(tmp_path_factory: pytest.TempPathFactory) -> Any:
     path = tmp_path_factory.mktemp("disks") / "s.h5"
-    assert stagectl("simulate", unhurried_stage, SINE, "-o", path).returncode == 0
+    assert stagectl("simulate", STAGE, SINE, "-o", path).returncode == 0
     return open_recording(path).samples
 
 
@@ -44,9 +44,9 @@ def begun(stage: Path, folder: Path) -> tuple[subprocess.Popen[str], int]:
     return run, members(run.pid)["stagectl.recording.recorder"]
 
 
-def test_a_disk_that_takes_nothing_for_two_seconds(tmp_path: Path, expected: Any, unhurried_stage: Path) -> None:
-    with drive(unhurried_stage, tmp_path / "bus"):
-        run, recorder = begun(unhurried_stage, tmp_path)
+def test_a_disk_that_takes_nothing_for_two_seconds(tmp_path: Path, expected: Any) -> None:
+    with drive(STAGE, tmp_path / "bus"):
+        run, recorder = begun(STAGE, tmp_path)
         while not rows(tmp_path / "r.h5"):
             time.sleep(0.005)
         os.kill(recorder, signal.SIGSTOP)  # as where it sleeps in a write
@@ -63,9 +63,9 @@ def test_a_disk_that_takes_nothing_for_two_seconds(tmp_path: Path, expected: Any
         assert np.array_equal(recording.samples[column], expected[column]), column
 
 
-def test_a_disk_that_becomes_full(tmp_path: Path, expected: Any, unhurried_stage: Path) -> None:
-    with drive(unhurried_stage, tmp_path / "bus"):
-        run, recorder = begun(unhurried_stage, tmp_path)
+def test_a_disk_that_becomes_full(tmp_path: Path, expected: Any) -> None:
+    with drive(STAGE, tmp_path / "bus"):
+        run, recorder = begun(STAGE, tmp_path)
         while not rows(tmp_path / "r.h5"):
             time.sleep(0.005)
         size = (tmp_path / "r.h5").stat().st_size

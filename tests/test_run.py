@@ -20,7 +20,7 @@ import pytest
 from stagectl.kernels import law
 from stagectl.recording.hdf5 import BLOCK, RecordingError, open_recording, repair
 from stagectl.recording.replay import replay
-from tests.conftest import CONFIG, ROOT, unhurried
+from tests.conftest import CONFIG, ROOT, movable
 
 STAGE = CONFIG / "ball-screw.yaml"
 SINE = CONFIG / "trajectories" / "sine-3.2hz.yaml"
@@ -45,16 +45,14 @@ def drive(stage: Path, channel: Path) -> Iterator[subprocess.Popen[str]]:
         process.communicate()
 
 
-def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path, unhurried_stage: Path) -> None:
+def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path) -> None:
     """To the encoder count, late cycles or not, in a second run on the same drive, too; and replay agrees."""
-    simulated = stagectl("simulate", unhurried_stage, SINE, "-o", tmp_path / "s.h5", "--json", "-")
+    simulated = stagectl("simulate", STAGE, SINE, "-o", tmp_path / "s.h5", "--json", "-")
     assert simulated.returncode == 0, simulated.stderr
     expected = open_recording(tmp_path / "s.h5").samples
-    with drive(unhurried_stage, tmp_path / "bus"):
+    with drive(STAGE, tmp_path / "bus"):
         for name in ("first.h5", "second.h5"):
-            done = stagectl(
-                "run", unhurried_stage, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / name, "--json", "-"
-            )
+            done = stagectl("run", STAGE, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / name, "--json", "-")
             assert done.returncode == 0, done.stderr
             recording = open_recording(tmp_path / name)
             assert recording.complete
@@ -73,7 +71,7 @@ def test_run_over_the_bus_gives_what_simulate_gives(tmp_path: Path, unhurried_st
 def test_a_biased_axis_runs_as_it_simulates(tmp_path: Path) -> None:
     """EMPS: linear, 1 kHz, a constant force on the axis; and a name that looks like markup."""
     stage, move = tmp_path / "stage.yaml", tmp_path / "move.yaml"
-    text = unhurried((CONFIG / "emps.yaml").read_text())
+    text = movable((CONFIG / "emps.yaml").read_text())
     stage.write_text(re.sub(r"(?m)^name: .*", "name: 'a [/b] stage'", text))
     move.write_text("{type: s_curve, distance: 20 mm, velocity: 80 mm/s, acceleration: 0.5 m/s^2, jerk: 20 m/s^3}")
     done = stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5")
@@ -87,7 +85,7 @@ def test_a_biased_axis_runs_as_it_simulates(tmp_path: Path) -> None:
 def test_an_experiment_in_a_cascade_runs_as_it_simulates(tmp_path: Path) -> None:
     """A motion with a current injected, on the slider; the loop opens at its end, and the axis springs back."""
     stage, move = tmp_path / "stage.yaml", tmp_path / "move.yaml"
-    stage.write_text(unhurried((CONFIG / "linear-slider.yaml").read_text()))
+    stage.write_text(movable((CONFIG / "linear-slider.yaml").read_text()))
     motion = "{type: trapezoid, distance: 1 mm, velocity: 10 mm/s, acceleration: 0.1 m/s^2, one_way: true}"
     experiments = {
         "excited": f"current: {{type: current_sine, amplitude: 100 mA, frequency: 40 Hz, periods: 6}}\n"
@@ -132,10 +130,10 @@ def test_replay_notices_a_changed_position_and_a_changed_law(tmp_path: Path) -> 
     assert not replay(recording)["identical"]
 
 
-def start_moving(tmp_path: Path, name: str, stage: Path = STAGE) -> subprocess.Popen[bytes]:
+def start_moving(tmp_path: Path, name: str) -> subprocess.Popen[bytes]:
     """``stagectl run`` in a process group of its own, well into its motion."""
     path = tmp_path / name
-    command = [sys.executable, "-m", "stagectl", "run", str(stage), str(CONFIG / "trajectories" / "sine-0.8hz.yaml")]
+    command = [sys.executable, "-m", "stagectl", "run", str(STAGE), str(CONFIG / "trajectories" / "sine-0.8hz.yaml")]
     command += ["--channel", str(tmp_path / "bus"), "-o", str(path)]
     process = subprocess.Popen(command, cwd=ROOT, start_new_session=True, stderr=subprocess.DEVNULL)
     end = time.monotonic() + 60.0  # the machine is shared; a run that has ended is not waited for
@@ -186,9 +184,9 @@ def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
         assert virtual.stdout is not None
         lost, stands = virtual.stdout.readline(), virtual.stdout.readline()
     partner = r"no (heartbeat|cyclic command \(RPDO\)) from the controller"
-    silent = re.fullmatch(partner + r" for (\d+) ms \(time-out 500 ms\): quick stop\n", lost)
+    silent = re.fullmatch(partner + r" for (\d+) ms \(time-out 5000 ms\): quick stop\n", lost)
     assert silent is not None, lost
-    assert 500 <= int(silent[2]) < 1500  # the machine is shared
+    assert 5000 <= int(silent[2]) < 8000  # the machine is shared
     stopped = re.fullmatch(r"stands after (\d+) ms and (-?[\d.]+) ([mµn]m)\n", stands)
     assert stopped is not None, stands
     assert 0 < int(stopped[1]) < 100  # 50 mm/s at 5 m/s^2: 10 ms, and the velocity loop's own time
@@ -203,9 +201,9 @@ def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
         assert recording.ended == "the loop process died"
 
 
-def test_the_loop_has_no_other_thread_and_no_heavy_module(tmp_path: Path, unhurried_stage: Path) -> None:
-    with drive(unhurried_stage, tmp_path / "bus"):
-        run = start_moving(tmp_path, "watched.h5", unhurried_stage)
+def test_the_loop_has_no_other_thread_and_no_heavy_module(tmp_path: Path) -> None:
+    with drive(STAGE, tmp_path / "bus"):
+        run = start_moving(tmp_path, "watched.h5")
         loop = members(run.pid)["stagectl.daemon.loop"]
         threads = len(list(Path(f"/proc/{loop}/task").iterdir()))
         mapped = Path(f"/proc/{loop}/maps").read_text()
@@ -216,9 +214,9 @@ def test_the_loop_has_no_other_thread_and_no_heavy_module(tmp_path: Path, unhurr
         assert f"/{heavy}/" not in mapped, heavy
 
 
-def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path, unhurried_stage: Path) -> None:
-    with drive(unhurried_stage, tmp_path / "bus"):
-        run = start_moving(tmp_path, "interrupted.h5", unhurried_stage)
+def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path) -> None:
+    with drive(STAGE, tmp_path / "bus"):
+        run = start_moving(tmp_path, "interrupted.h5")
         os.killpg(run.pid, signal.SIGINT)
         assert run.wait(timeout=60) == 1
     recording = open_recording(tmp_path / "interrupted.h5")
@@ -226,10 +224,10 @@ def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path, unh
     assert recording.samples["fault"][-1] == 0 or recording.samples["fault"][-1] == 14
 
 
-def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path, unhurried_stage: Path) -> None:
+def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path) -> None:
     """kill -9 of `stagectl run` itself: its loop must not go on unattended."""
-    with drive(unhurried_stage, tmp_path / "bus") as virtual:
-        run = start_moving(tmp_path, "orphaned.h5", unhurried_stage)
+    with drive(STAGE, tmp_path / "bus") as virtual:
+        run = start_moving(tmp_path, "orphaned.h5")
         os.kill(run.pid, signal.SIGKILL)
         run.wait(timeout=60)
         assert virtual.stdout is not None
@@ -243,9 +241,9 @@ def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path, unhu
     assert replay(recording)["identical"]
 
 
-def test_a_lost_recorder_does_not_stop_the_axis_but_is_told(tmp_path: Path, unhurried_stage: Path) -> None:
-    with drive(unhurried_stage, tmp_path / "bus"):
-        words = ["run", unhurried_stage, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / "lost.h5", "--json", "-"]
+def test_a_lost_recorder_does_not_stop_the_axis_but_is_told(tmp_path: Path) -> None:
+    with drive(STAGE, tmp_path / "bus"):
+        words = ["run", STAGE, SINE, "--channel", tmp_path / "bus", "-o", tmp_path / "lost.h5", "--json", "-"]
         command = [sys.executable, "-m", "stagectl", *map(str, words)]
         pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
         run = subprocess.Popen(command, cwd=ROOT, **pipes)
@@ -273,7 +271,7 @@ def test_one_drive_a_bus(tmp_path: Path) -> None:
 def test_noise_is_the_same_noise(tmp_path: Path) -> None:
     stage, move = tmp_path / "stage.yaml", tmp_path / "move.yaml"
     noisy = "simulation:\n  current_noise: 45 mA\n  encoder_noise: 20 nm"
-    stage.write_text(unhurried(STAGE.read_text()).replace("simulation:", noisy))
+    stage.write_text(movable(STAGE.read_text()).replace("simulation:", noisy))
     move.write_text("{type: sine, amplitude: 1 mm, frequency: 3.2 Hz, periods: 1}")
     assert stagectl("simulate", stage, move, "-o", tmp_path / "s.h5").returncode == 0
     assert stagectl("run", stage, move, "--channel", tmp_path / "bus", "-o", tmp_path / "r.h5").returncode == 0

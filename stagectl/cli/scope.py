@@ -152,13 +152,17 @@ def record(
 
 
 def _until_whole(begun: dict[str, str], seconds: float, socket: Path | None) -> None:
-    """Wait for the file's end; with a bar where it is known."""
+    """Wait for the file's end; with a bar where it is known.  Of an axis without rows there is no file: exit 1."""
     began = time.monotonic()
     with progress(f"record {begun['file']}", max(round(10 * seconds), 1)) as update:
         while True:
             files = ask_service(socket, "GET", "/v1/recordings")
             mine = [one for one in files if (one["axis"], one["file"]) == (begun["axis"], begun["file"])]
-            if mine and not mine[0]["going_on"]:
+            if not mine:
+                said = f"no: nothing was recorded, {begun['axis']} gave no rows"
+                console.print(f"{said}: see `stagectl status` and `stagectl fault list`", style="red")
+                raise typer.Exit(1)
+            if not mine[0]["going_on"]:
                 return
             elapsed = time.monotonic() - began
             update(min(round(10 * elapsed), round(10 * seconds)), max(round(10 * seconds), 1))

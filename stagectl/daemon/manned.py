@@ -16,7 +16,7 @@ from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.daemon.axis import LAW, Orders
 from stagectl.daemon.board import AHEAD, Board, Order, Status
 from stagectl.daemon.envelope import braking, envelope
-from stagectl.daemon.run import waits_for_sync
+from stagectl.daemon.patience import patient, waits_for_sync
 from stagectl.daemon.sources import Model
 from stagectl.daemon.states import Event, State
 from stagectl.daemon.transfer import flattened
@@ -91,7 +91,7 @@ class Manned:
 
     def orders(self) -> Orders:
         """What the real-time process must know."""
-        setup, p = self.setup, self.setup.stage
+        setup, p = patient(self.setup), self.setup.stage
         wire = setup.file.drive.wire
         ramp = wire.quick_stop_deceleration if isinstance(wire, Canopen) else setup.file.limits.acceleration
         return Orders(

@@ -9,6 +9,7 @@ from stagectl.daemon.blackbox import Box
 from stagectl.daemon.child import Child, start
 from stagectl.daemon.foxglove_live import Feed, Source
 from stagectl.daemon.manned import COLUMNS, Manned
+from stagectl.daemon.patience import patient
 from stagectl.daemon.recordings import about
 from stagectl.drives.drive import Canopen
 
@@ -55,7 +56,7 @@ def _source(axis: Manned) -> Source:
 
 def silence(axis: Manned) -> float:
     """Time (s) after which the drive has stopped by itself; sooner a new configuration would disturb its ramp."""
-    wire = axis.setup.file.drive.wire
+    wire = patient(axis.setup).file.drive.wire
     return max(wire.heartbeat_timeout, wire.rpdo_timeout) + _RAMP if isinstance(wire, Canopen) else 0.0
 
 

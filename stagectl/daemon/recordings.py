@@ -102,8 +102,12 @@ class Recordings:
         os.close(running.pipe)
         code = running.child.wait(_END)
         discard(running.path)
-        if code or not running.path.exists():
+        if code:
             raise ServiceError(f"{running.path}: the recorder failed ({code}); see the service's messages")
+        if not running.path.exists():
+            raise ServiceError(
+                f"nothing was recorded: {name} gave no rows; see `stagectl status` and `stagectl fault list`"
+            )
         return running.path
 
     def look(self) -> list[str]:
@@ -142,29 +146,31 @@ class Recordings:
         }
 
     def files(self) -> list[dict[str, Any]]:
-        """All files there are, the newest first."""
-        found = []
-        for kind in KINDS:
-            for path in (self._state / kind).glob("*/*.h5"):
-                about = path.stat()
-                going = any(path == running.path for running in self._running.values())
-                found.append(
-                    {
-                        "kind": kind,
-                        "axis": path.parent.name,
-                        "file": path.name,
-                        "bytes": about.st_size,
-                        "time": about.st_mtime,
-                        "going_on": going,
-                    }
-                )
-        return sorted(found, key=lambda one: -float(one["time"]))
+        """All files there are, the newest first; one that is about to be written has no bytes."""
+        going = {running.path for running in list(self._running.values())}
+        there = {path for kind in KINDS for path in (self._state / kind).glob("*/*.h5")}
+        found = [_listed(path, path in going) for path in there | going]
+        return sorted((one for one in found if one), key=lambda one: -float(one["time"]))
 
     def path(self, kind: str, axis: str, file: str) -> Path:
         """A file of the list.  Raises ServiceError where it is none."""
-        if not any((one["kind"], one["axis"], one["file"]) == (kind, axis, file) for one in self.files()):
+        there = [one for one in self.files() if one["bytes"]]
+        if not any((one["kind"], one["axis"], one["file"]) == (kind, axis, file) for one in there):
             raise ServiceError(f"no recording {kind}/{axis}/{file}")
         return self._state / kind / axis / file
+
+
+def _listed(path: Path, going: bool) -> dict[str, Any]:
+    """A line of the list; empty where the file has just gone."""
+    try:
+        about = path.stat()
+        size, when = about.st_size, about.st_mtime
+    except FileNotFoundError:
+        if not going:
+            return {}
+        size, when = 0, time.time()
+    place = {"kind": path.parent.parent.name, "axis": path.parent.name, "file": path.name}
+    return {**place, "bytes": size, "time": when, "going_on": going}
 
 
 def _tell(running: _Running) -> None:

@@ -22,7 +22,8 @@ from stagectl.config.stage_file import InProcess, Setup
 from stagectl.daemon.child import Child, Companion, beside, start
 from stagectl.daemon.envelope import envelope
 from stagectl.daemon.loop import Job
-from stagectl.drives.drive import Canopen, DriveError
+from stagectl.daemon.patience import patient, waits_for_sync
+from stagectl.drives.drive import DriveError
 from stagectl.kernels import law, rollout
 from stagectl.plan import Plan
 from stagectl.recording.meta import portable
@@ -108,7 +109,7 @@ def _follow(loop: Child, ring: Ring, total: int, progress: Progress) -> dict[str
 
 
 def _job(motion: Motion, ring: Ring) -> Job:
-    setup = motion.setup
+    setup = patient(motion.setup)
     wire = setup.file.drive.wire
     return Job(
         law=motion.law,
@@ -127,13 +128,6 @@ def _job(motion: Motion, ring: Ring) -> Job:
         capacity=ring.capacity,
         spin=setup.file.realtime.spin,
     )
-
-
-def waits_for_sync(setup: Setup) -> bool:
-    """Whether the plant moves with our cycles, not with the clock: in process, or virtual with the clock `sync`."""
-    wire = setup.file.drive.wire
-    virtual = isinstance(wire, InProcess) or (isinstance(wire, Canopen) and wire.interface == "embedded")
-    return virtual and setup.file.simulation.clock == "sync"
 
 
 def _event(process: Child, expected: str) -> dict[str, Any]:

@@ -14,10 +14,11 @@ from stagectl.config.stage_file import Setup
 from stagectl.daemon import axes
 from stagectl.daemon.axis import Orders
 from stagectl.daemon.board import PENDING, TAKEN, Order
+from stagectl.daemon.envelope import envelope
 from stagectl.daemon.manned import COLUMNS, Manned, Motion
 from stagectl.daemon.states import STOPS_GOING_ON, Event, State
 from stagectl.drives.canopen import CanopenDrive
-from stagectl.drives.drive import DriveError, Fault
+from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.drives.faults import Row
 from stagectl.selftest.case import AFTER, BEFORE, PATIENCE, TRIP, Case
 from stagectl.selftest.limits import Limit, coast, larger, limit, ramp, turned
@@ -66,7 +67,12 @@ def laid_out(setup: Setup) -> Service:
     """The service's side of the stage, with the self-test's motion."""
     manned, pace, scale = Manned("axis", setup), usual(setup), setup.file.axis.travel_per_unit
     motion = manned.move(pace.distance * scale, pace.speed * scale, pace.acceleration * scale)
+    wire = setup.file.drive.wire
+    assert isinstance(wire, Canopen)
     orders = manned.orders()._replace(by_clock=True, homing=Homing())
+    orders = orders._replace(
+        wire=wire, envelope=envelope(setup)
+    )  # in virtual time nothing is held up: as the file says
     return Service(manned, motion, orders, orders._replace(homing=Homing("limit", pace.speed, math.inf)))
 
 

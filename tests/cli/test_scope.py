@@ -82,3 +82,13 @@ def test_a_recording_of_a_second(machine: Served, command: Command, tmp_path: Pa
     code, _, err = command("record", *words, "--socket", machine.socket)
     assert code == 1
     assert "now.h5 exists already" in err
+
+
+def test_a_recording_of_an_axis_that_gives_no_rows(command: Command, tmp_path: Path) -> None:
+    """Its drive is not there: the verb ends as soon as its time is over, and says where to look."""
+    with served(tmp_path) as machine:
+        machine.kill_drive()
+        machine.until(lambda axis: axis["state"] == "fault")
+        code, _, err = command("record", "--for", "0.2 s", "--socket", machine.socket)
+    assert code == 1
+    assert "nothing was recorded, axis gave no rows: see `stagectl status`" in " ".join(err.split())

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.daemon.client import ask
-from tests.conftest import CONFIG, ROOT, child_of, unhurried
+from tests.conftest import CONFIG, ROOT, child_of, movable
 
 STAGE = CONFIG / "ball-screw.yaml"
 
@@ -33,9 +33,9 @@ def within(seconds: float, true: Callable[[], bool]) -> bool:
     return now
 
 
-def patient(folder: Path, name: str = "stage", source: Path = STAGE, **changes: str) -> Path:
-    """A stage file with time-outs that a busy machine keeps, and other `changes` of its text."""
-    text = unhurried(source.read_text())
+def lasting(folder: Path, name: str = "stage", source: Path = STAGE, **changes: str) -> Path:
+    """A stage file whose machine outlasts its service, with other `changes` of its text."""
+    text = movable(source.read_text())
     text = text.replace("reset: node", "reset: none")  # a machine is not as new after each restart of its service
     for old, new in changes.items():
         text = re.sub(rf"(?m)^(  +{old}:) [^#\n]*", rf"\1 {new} ", text)
@@ -49,7 +49,7 @@ class Served:
 
     def __init__(self, folder: Path, *arguments: str, stages: tuple[str, ...] = ()) -> None:
         self.folder, self.arguments = folder, arguments
-        self.stage = patient(folder)
+        self.stage = lasting(folder)
         self.stages = stages or (str(self.stage),)
         self.socket = folder / "control.sock"
         self.process: subprocess.Popen[str] | None = None

@@ -257,7 +257,7 @@ def test_a_motion_that_would_leave_the_travel_is_refused_with_figures(ball_screw
 def test_late_cycles_in_a_row_stop_the_axis(ball_screw: Setup) -> None:
     bench = Bench(ball_screw)
     bench.to(State.MOVING)
-    limit = ball_screw.file.realtime.late_limit
+    limit = bench.axis.p.envelope.late_limit
     bench.axis.late_in_a_row = limit - 3
     bench.run(2, late=True)
     assert bench.axis.state is State.MOVING

@@ -9,13 +9,13 @@ import pytest
 from stagectl.daemon.client import RefusedError
 from stagectl.drives.bus import Embedded, frame
 from tests.conftest import CONFIG
-from tests.daemon.serving import Served, patient
+from tests.daemon.serving import Served, lasting
 
 
 @pytest.fixture
 def stages(tmp_path: Path) -> tuple[str, ...]:
     """The shipped X-Y stage, one file, with time-outs that a busy machine keeps."""
-    return (str(patient(tmp_path, "xy", source=CONFIG / "xy.yaml")),)
+    return (str(lasting(tmp_path, "xy", source=CONFIG / "xy.yaml")),)
 
 
 def test_both_move_and_both_stop(tmp_path: Path, stages: tuple[str, ...]) -> None:

@@ -123,6 +123,25 @@ def test_a_recorder_killed_before_its_file_can_be_read(axis: Manned, tmp_path: P
     assert list(path.parent.iterdir()) == [] == recordings.files()
 
 
+def test_an_axis_that_gives_no_rows(axis: Manned, tmp_path: Path) -> None:
+    """Its file goes as it came: until then it is listed as going on, afterwards not at all."""
+    recordings = Recordings(tmp_path)
+    recordings.begin(axis, "none", 0.0, 0.01)
+    (listed,) = recordings.files()
+    assert (listed["kind"], listed["axis"], listed["file"], listed["going_on"]) == (
+        "recordings",
+        "axis",
+        "none.h5",
+        True,
+    )
+    time.sleep(0.05)
+    until_ended(recordings, axis)
+    assert recordings.files() == []
+    recordings.begin(axis, "none", 0.0, 3600.0)
+    with pytest.raises(ServiceError, match="nothing was recorded: axis gave no rows"):
+        recordings.end("axis")
+
+
 @pytest.mark.parametrize("name", ["../one", "a/b", ".hidden", "x" * 81, "a\x00", "ü"])
 def test_names_that_will_not_do(axis: Manned, tmp_path: Path, name: str) -> None:
     with pytest.raises(ServiceError, match="must be letters, digits"):
