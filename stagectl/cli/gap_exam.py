@@ -51,6 +51,7 @@ class _How(NamedTuple):
     first: int | None  # trials that are sat now; None: all
     workers: int
     scheduler: str | None
+    ledger: Path
 
 
 def register(app: typer.Typer) -> None:
@@ -88,8 +89,9 @@ def exam(
     count, threads = workers_and_threads(workers)
     asked = Asked(trials, _seed(output, resume, seed), names)
     manner = Manner(short, full, keep, baselines, threads)
-    result, seconds = _held(output.resolve(), asked, manner, _How(resume, first, count, scheduler))
-    _entered(ledger or output.resolve().parent / "ledger.jsonl", result, seconds)
+    how = _How(resume, first, count, scheduler, ledger or output.resolve().parent / "ledger.jsonl")
+    result, seconds = _held(output.resolve(), asked, manner, how)
+    _entered(how.ledger, result, seconds)
     emit(result, json)
     _show(result, seconds)
     console.print(str(_page(result, seconds, output)))
@@ -111,11 +113,15 @@ def _seed(output: Path, resume: bool, seed: int | None) -> int:
 def _held(output: Path, asked: Asked, manner: Manner, how: _How) -> tuple[dict[str, Any], dict[str, list[float]]]:
     """The result of the exam, which also stands in scores.json, and the seconds."""
     from stagectl.exam.blind import exam as exams
+    from stagectl.exam.blind import ledger
     from stagectl.exam.blind.plan import ExamError
     from stagectl.exam.blind.totals import totals
 
     try:
+        new = exams.seed_of(output) is None
         planned = exams.prepared(output, asked, manner, how.resume)[: how.first]
+        if new:
+            ledger.append(how.ledger, ledger.beginning({**asked._asdict(), **_ways(manner)}, _now()))
         where = f"{how.workers} at once" if how.scheduler is None else f"on {how.scheduler}"
         only = f"the first {len(planned)} of " if len(planned) < asked.trials else ""
         console.print(f"{only}{asked.trials} trials, seed {asked.seed}, {where}, to {output}")
@@ -125,11 +131,19 @@ def _held(output: Path, asked: Asked, manner: Manner, how: _How) -> tuple[dict[s
         raise StageError(str(error)) from error
     except KeyboardInterrupt:
         raise StageError("interrupted: trials that are finished are kept; go on with --resume") from None
-    ways = {"short": manner.short, "full": manner.full, "baselines": manner.baselines, "sources": _sources(records)}
-    part = {"stopped after": len(planned)} if only else {}
+    ways, part = {**_ways(manner), "sources": _sources(records)}, {"stopped after": len(planned)} if only else {}
     result = {"exam": {**asked._asdict(), **ways, **part}, **totals(records), "records": records}
     (output / "scores.json").write_text(texts.dumps(result, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     return result, exams.seconds(output, planned)
+
+
+def _ways(manner: Manner) -> dict[str, bool]:
+    return {"short": manner.short, "full": manner.full, "baselines": manner.baselines}
+
+
+def _now() -> tuple[str, str]:
+    """Date and version."""
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), version("stagectl")
 
 
 def _sources(records: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -161,8 +175,7 @@ def _entered(path: Path, result: Mapping[str, Any], seconds: Mapping[str, Sequen
     from stagectl.exam.blind import ledger
 
     medians = {name: round(sorted(each)[len(each) // 2], 2) for name, each in seconds.items()}
-    when = (time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), version("stagectl"))
-    ledger.append(path, ledger.entry(result["exam"], when, result, medians))
+    ledger.append(path, ledger.entry(result["exam"], _now(), result, medians))
     console.print(f"entered into {path}")
 
 

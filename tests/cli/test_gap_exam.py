@@ -2,12 +2,14 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from stagectl.cli.app import app
 from stagectl.exam.blind import exam as exams
+from stagectl.exam.blind import ledger
 from stagectl.units import StageError
 from tests.exam.made import records
 
@@ -15,6 +17,15 @@ from tests.exam.made import records
 @pytest.fixture(autouse=True)
 def made_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(exams, "held", lambda _, planned, *__: records(60, 3)[: len(planned)])
+
+
+def entered(folder: Path) -> list[dict[str, Any]]:
+    """The ledger: the line of an exam that is begun, and those with scores."""
+    begun, *scored = (json.loads(one) for one in (folder / "ledger.jsonl").read_text().splitlines())
+    assert begun["begun"] and "scores" not in begun and begun["seed"] == 3 and begun["date"].endswith("Z")
+    assert all("scores" in one for one in scored)
+    assert list(ledger.read(folder / "ledger.jsonl")) == scored
+    return scored
 
 
 def held(folder: Path, *words: str) -> None:
@@ -26,7 +37,7 @@ def test_page_scores_and_ledger(tmp_path: Path) -> None:
     scores = json.loads((tmp_path / "exam" / "scores.json").read_text())
     assert scores["exam"]["seed"] == 3 and len(scores["records"]) == 60
     assert "--seed 3 --short -o" in (tmp_path / "exam" / "exam.html").read_text()
-    (line,) = (json.loads(one) for one in (tmp_path / "ledger.jsonl").read_text().splitlines())
+    (line,) = entered(tmp_path)
     assert line["seed"] == 3 and line["version"] and line["date"].endswith("Z")
     value, trials = line["scores"]["pairs, all found"]
     assert trials == scores["strata"]["pair"] and 0.0 <= value <= 1.0
@@ -38,7 +49,7 @@ def test_going_on_keeps_the_seed(tmp_path: Path) -> None:
     with pytest.raises(StageError, match="--resume"):
         held(tmp_path / "exam", "--seed", "3")
     held(tmp_path / "exam", "--resume")
-    assert len((tmp_path / "ledger.jsonl").read_text().splitlines()) == 2
+    assert len(entered(tmp_path)) == 2
 
 
 def test_the_first_of_them_and_then_the_rest(tmp_path: Path) -> None:
@@ -50,7 +61,7 @@ def test_the_first_of_them_and_then_the_rest(tmp_path: Path) -> None:
     assert "The first 7 of 60 trials" in page and "--trials 60 --first 7 --seed 3 -o" in page
     held(tmp_path / "exam", "--resume")
     assert "stopped after" not in json.loads((tmp_path / "exam" / "scores.json").read_text())["exam"]
-    first, whole = (json.loads(one) for one in (tmp_path / "ledger.jsonl").read_text().splitlines())
+    first, whole = entered(tmp_path)
     assert first["stopped after"] == 7 and "stopped after" not in whole
 
 
@@ -95,7 +106,7 @@ def test_a_description_that_is_none(tmp_path: Path, content: str, said: str) -> 
 
 
 def test_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The next step is said, and the exam that was begun lies there for it."""
+    """The next step is said, the exam that was begun lies there for it, and stands in the ledger."""
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
@@ -104,4 +115,4 @@ def test_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(StageError, match=r"interrupted: .* go on with --resume"):
         held(tmp_path / "exam", "--seed", "3")
     assert [path.name for path in (tmp_path / "exam").iterdir()] == ["exam.json"]
-    assert not (tmp_path / "ledger.jsonl").exists()
+    assert entered(tmp_path) == []

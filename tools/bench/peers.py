@@ -29,6 +29,7 @@ from measure import Against, versus
 from scene import STAGE
 
 from stagectl.daemon import virtual
+from stagectl.exam.blind import ledger
 
 LEDGER = STAGE.parents[1] / ".docs" / "exam-ledger.jsonl"
 _NAMES = ("stagectl", "canopen", "moteus", "mujoco", "scipy", "cma", "numpy", "numba")
@@ -128,7 +129,7 @@ def _fits(rounds: int) -> Found:
 
 def _exam(scores: Path | None) -> dict[str, Any]:
     """What exams have shown: the last of the ledger, and diagnosis and baselines on the same trials."""
-    last = json.loads(LEDGER.read_text(encoding="utf-8").splitlines()[-1])
+    last = ledger.read(LEDGER)[-1]
     beside = json.loads(scores.read_text(encoding="utf-8"))["beside"] if scores else []
     told = {name: last[name] for name in ("date", "version", "full", "scores")}
     return {"last": {**told, "trials": last.get("stopped after", last["trials"])}, "beside": beside}

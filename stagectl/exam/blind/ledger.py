@@ -1,4 +1,4 @@
-"""One line for every exam that was held, good or bad."""
+"""One line for every exam that is begun, and one with its scores for each that was held, good or bad."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+
+def beginning(held: Mapping[str, Any], when: tuple[str, str]) -> str:
+    """The line of an exam that is begun, `when` = (date, version): it stays whether or not that ends."""
+    date, version = when
+    return json.dumps({"date": date, "version": version, **held, "begun": True}) + "\n"
 
 
 def entry(
@@ -26,5 +32,6 @@ def append(path: Path, line: str) -> None:
 
 
 def read(path: Path) -> Sequence[dict[str, Any]]:
-    """All exams that were held, the oldest first."""
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    """All exams that were held, the oldest first; not those that were only begun."""
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    return [line for line in lines if "scores" in line]
