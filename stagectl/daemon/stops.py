@@ -43,7 +43,7 @@ class Stop(NamedTuple):
 _RESET = "`stagectl fault reset`, then `stagectl enable`"
 _LOOK = "the black box shows the ten seconds before; then `stagectl fault reset` and `stagectl enable`"
 STOPS: dict[Fault, Stop] = {
-    Fault.FEEDBACK_LOST: Stop(Category.RAMP, "the drive did not answer SYNC in time", "", _RESET),
+    Fault.FEEDBACK_LOST: Stop(Category.RAMP, "the drive fell silent", "", _RESET),
     Fault.DRIVE_FAULT: Stop(Category.RAMP, "the drive left Operation enabled", "", _RESET),
     Fault.EMERGENCY: Stop(Category.RAMP, "the drive sent an emergency message", "", _RESET),
     Fault.BUS: Stop(Category.RAMP, "the bus failed", "", _RESET),

@@ -31,6 +31,7 @@ _SYNC = frame(0x080)
 _HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
 _EMERGENCY = struct.Struct("<8xHB5s")
 _WRITE_WORD = struct.Struct("<BHBI")  # SDO: expedited download
+_MUTE = "its heartbeat was not heard"
 _UNHEARD = 8  # cycles in which a drive leaves operation that has heard so
 _ENABLED_MASK, _ENABLED = State.OPERATION_ENABLED.value
 _ENABLE_TIME = 5.0  # s in which Operation enabled must be reached
@@ -125,8 +126,10 @@ class CanopenDrive:
             fault = Fault.REBOOTED
         elif self._emergency is not None:
             fault = Fault.EMERGENCY
-        elif self._serving and self._now() - self._heard > self._settings.heartbeat_timeout:  # never heard: NaN
-            fault, self._problem = Fault.FEEDBACK_LOST, "its heartbeat has stopped while its answers go on"
+        elif (
+            self._serving and (silence := self._now() - self._heard) > self._settings.heartbeat_timeout
+        ):  # or NaN: never
+            fault, self._problem = Fault.FEEDBACK_LOST, f"{_MUTE} for {silence:.2f} s while its answers went on"
         elif statusword & _ENABLED_MASK != _ENABLED or self._problem:
             fault = Fault.DRIVE_FAULT
         now = Feedback(counts * self._step, current, statusword, fault)
@@ -192,8 +195,9 @@ class CanopenDrive:
     def explain(self) -> str:
         """The last fault in words, with the probable causes and the next command."""
         last = self._reason or self._last._replace(fault=Fault.NONE)
-        said = [f"node {self._settings.node}: {WHAT[last.fault]}"]
-        if self._problem:
+        mute = self._problem.startswith(_MUTE)
+        said = [f"node {self._settings.node}: {self._problem if mute else WHAT[last.fault]}"]
+        if self._problem and not mute:
             said.append(self._problem)
         said.append(f"state {state_words(last.statusword)}")
         if self._emergency is not None:
