@@ -121,14 +121,12 @@ class CanopenDrive:
         statusword, counts, current = self._answer.decode(raw)
         self._pace.add(counts * self._step)
         self._insist(cia402.state(statusword))
-        fault = Fault.NONE
+        fault, silence = Fault.NONE, self._now() - self._heard  # NaN: never heard
         if self._rebooted:
             fault = Fault.REBOOTED
         elif self._emergency is not None:
             fault = Fault.EMERGENCY
-        elif (
-            self._serving and (silence := self._now() - self._heard) > self._settings.heartbeat_timeout
-        ):  # or NaN: never
+        elif self._serving and silence > self._settings.heartbeat_timeout:
             fault, self._problem = Fault.FEEDBACK_LOST, f"{_MUTE} for {silence:.2f} s while its answers went on"
         elif statusword & _ENABLED_MASK != _ENABLED or self._problem:
             fault = Fault.DRIVE_FAULT
