@@ -47,7 +47,7 @@ def weight(k: int) -> str:
 
 def directions(session: Session, model: Model, measured: bool) -> list[Direction]:
     """All that the base refit may move."""
-    p, coulomb = model.stage, stage.sliding(model.stage.friction)
+    p, coulomb = model.stage, friction_family.size(model.stage)
     found = [
         Direction("inertia", lambda m: _mechanics(m, inertia=0.05 * p.mechanics.inertia), 0.05 * p.mechanics.inertia),
         Direction("bias", lambda m: _mechanics(m, bias=0.05 * coulomb), 0.05 * coulomb),
@@ -98,11 +98,11 @@ def _grown(p: friction_bristle.Bristle, size: float, length: float) -> friction_
     return p._replace(coulomb=p.coulomb * size, stiffness=p.stiffness * size / length)
 
 
-def members(nominal: stage.Friction) -> list[Direction]:
+def members(nominal: stage.Stage) -> list[Direction]:
     """Bristles that may stand beside the stop operators; none where the nominal law is a bristle itself."""
-    if nominal.bristle.coulomb > 0.0:
+    if nominal.friction.bristle.coulomb > 0.0:
         return []
-    size = 0.1 * stage.sliding(nominal)
+    size = 0.1 * friction_family.size(nominal)
     return [_member(f"bristle_{k}", p, size) for k, p in enumerate(friction_family.bristles(nominal))]
 
 
@@ -149,7 +149,7 @@ def refit(session: Session, runs: Sequence[Run], nominal: Model, frozen: Sequenc
     model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
     before = residuals_of(nominal, runs, noise)
     free = [one for one in directions(session, model, measured) if one.name not in frozen]
-    beside = members(nominal.stage.friction)
+    beside = members(nominal.stage)
     known = grams.products(runs, all_columns(model, runs, [*free, *beside], noise), START)
     left, total = before, dict.fromkeys((one.name for one in free), 0.0)
     chosen: Direction | None = None

@@ -161,7 +161,7 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     """All effects with their columns on these data, and what the null ensemble gives each."""
     forms = candidates.forms(candidates.without(candidates.library(size), options.excluded))
     directions = [one for form in forms for one in candidates.directions(form)]
-    without = null.members(e.base.model, MEMBERS[options.full], SEED)
+    without = null.members(e.base.model, MEMBERS[options.full], SEED, size.coulomb)
     known = grams.beside_each(
         e.base.products,
         lambda run: columns.all_columns(e.base.model, [run], [*directions, *without], e.base.noise)[0],

@@ -19,7 +19,13 @@ ELEMENTS = 9
 BELOW, ABOVE = 0.4, 3.0  # of the nominal law's shortest and longest slip: how far the family reaches
 CLOSE = 0.4  # log of the ratio below which two slips are one
 EXPONENTS = (0.5, 1.0, 2.0)
+_UNLOADED = 0.01  # A
 LENGTHS = (0.04, 0.12, 0.35)  # of the rolling zone: range of a bristle, T_c over its stiffness
+
+
+def size(p: stage.Stage) -> float:
+    """Force (N m | N) that friction is measured by: the model's own, or that of 10 mA where it has none."""
+    return stage.sliding(p.friction) or _UNLOADED * p.motor.force_constant
 
 
 def length(p: stage.Friction) -> float:
@@ -31,8 +37,9 @@ def length(p: stage.Friction) -> float:
 
 def _longest(p: stage.Friction) -> float:
     bristle = p.bristle.coulomb / p.bristle.stiffness if p.bristle.coulomb else 0.0
-    slips = [float(slip) for slip, weight in zip(p.operators.slip, p.operators.weight, strict=True) if weight > 0.0]
-    return max([*slips, bristle]) or 1.0
+    pairs = [(float(slip), weight > 0.0) for slip, weight in zip(p.operators.slip, p.operators.weight, strict=True)]
+    slips = [slip for slip, carries in pairs if carries]
+    return max([*slips, bristle]) or max((slip for slip, _ in pairs), default=1.0)  # without friction: as it would be
 
 
 def reversal(p: stage.Friction, displacement: Array) -> Array:
@@ -78,11 +85,11 @@ def as_operators(p: stage.Friction) -> stage.Friction:
     return p._replace(operators=friction.bundle(weights[kept], slips[kept]), bristle=friction_bristle.NEUTRAL)
 
 
-def bristles(nominal: stage.Friction) -> list[friction_bristle.Bristle]:
+def bristles(nominal: stage.Stage) -> list[friction_bristle.Bristle]:
     """Members of the family beside the stop operators, as large as the nominal friction."""
-    coulomb, zone = stage.sliding(nominal), length(nominal)
+    coulomb, zone = size(nominal), length(nominal.friction)
     return [
-        friction_bristle.Bristle(coulomb, coulomb / (share * zone), exponent, 0.0, nominal.stribeck)
+        friction_bristle.Bristle(coulomb, coulomb / (share * zone), exponent, 0.0, nominal.friction.stribeck)
         for exponent in EXPONENTS
         for share in LENGTHS
     ]

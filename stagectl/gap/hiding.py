@@ -47,7 +47,7 @@ class Tangent(NamedTuple):
 def nuisances(p: Stage, weights: bool) -> list[Nuisance]:
     """What may be refitted; with `weights` every element of the friction law of its own."""
     coulomb = stage.sliding(p.friction)
-    unit = coulomb or p.motor.force_constant * 0.01
+    unit = friction_family.size(p)
     found = [
         _scaled("inertia", "mechanics.inertia"),
         Nuisance("bias", lambda m, a: _added(m, "mechanics.bias", a * unit), 0.02),

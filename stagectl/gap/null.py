@@ -20,19 +20,23 @@ from stagectl.kernels import friction, friction_bristle, stage
 PREFIX = "null_"
 
 
-def members(model: Model, count: int, seed: int) -> list[Direction]:
-    """Machines without an effect, as directions whose "column" is what the base model lacks on them."""
-    source = np.random.default_rng(seed)
-    return [_member(f"{PREFIX}{k}", _law(model.stage.friction, k, source)) for k in range(count)]
+def members(model: Model, count: int, seed: int, usual: float) -> list[Direction]:
+    """Machines without an effect, as directions whose "column" is what the base model lacks on them.
+
+    Where the refit has left the model no friction at all, theirs is the `usual` one (N m | N).
+    """
+    source, p = np.random.default_rng(seed), model.stage.friction
+    coulomb = stage.sliding(p) or usual
+    return [_member(f"{PREFIX}{k}", _law(p, coulomb, k, source)) for k in range(count)]
 
 
 def _member(name: str, law: stage.Friction) -> Direction:
     return Direction(name, lambda m: m._replace(stage=m.stage._replace(friction=law)), 1.0)
 
 
-def _law(p: stage.Friction, number: int, source: Generator) -> stage.Friction:
-    """A law of the family in turn; as long as `p` within a fifth, as strong as it."""
-    coulomb, zone = stage.sliding(p), friction_family.length(p) * float(np.exp(0.2 * source.standard_normal()))
+def _law(p: stage.Friction, coulomb: float, number: int, source: Generator) -> stage.Friction:
+    """A law of the family in turn, of this strength; as long as `p` within a fifth."""
+    zone = friction_family.length(p) * float(np.exp(0.2 * source.standard_normal()))
     if number % 3 == 0:
         return _maxwell(p, coulomb, zone, source)
     exponent = 1.0 if number % 3 == 1 else float(source.uniform(0.5, 2.0))

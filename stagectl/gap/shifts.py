@@ -19,6 +19,7 @@ from stagectl.gap.session import Array, Session
 from stagectl.kernels import stage
 
 SURE = 4.0  # standard deviations
+RUBS = 0.01  # of the larger Coulomb friction, nominal or fitted: below it the length of the smaller means nothing
 MATERIAL = 0.005  # of the closable misfit before the refit
 LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02, "time_shift": 0.1}
 SCALED = ("inertia", "viscous", "coulomb")  # what an error of the force constant scales
@@ -99,7 +100,7 @@ def _returned(g: grams.Grams, names: Sequence[str], moves: Mapping[str, Mapping[
 
 def _plain(session: Session, now: Fitted, name: str, deviation: float, share: float) -> Shift:
     p, q = session.stage, now.model.stage
-    coulomb = stage.sliding(p.friction)
+    coulomb = friction_family.size(p)
     value, nominal, scale, unit = {
         "inertia": (q.mechanics.inertia, p.mechanics.inertia, p.mechanics.inertia, "kg m^2 | kg"),
         "viscous": (q.mechanics.viscous, p.mechanics.viscous, p.mechanics.viscous or 1e-9, "N m s/rad | N s/m"),
@@ -124,10 +125,10 @@ def _shift(name: str, values: tuple[float, float], sizes: tuple[float, float], s
 
 def _friction(session: Session, now: Fitted, deviation: float, share: float) -> list[Shift]:
     p, q = session.stage.friction, now.model.stage.friction
-    unit = _unit("N m | N", session.kind)
-    found = [
-        _shift("coulomb", (stage.sliding(q), stage.sliding(p)), (deviation, stage.sliding(p) or 1e-9), share, unit)
-    ]
+    unit, scale = _unit("N m | N", session.kind), friction_family.size(session.stage)
+    found = [_shift("coulomb", (stage.sliding(q), stage.sliding(p)), (deviation, scale), share, unit)]
+    if min(stage.sliding(p), stage.sliding(q)) < RUBS * max(stage.sliding(p), stage.sliding(q), 1e-300):
+        return found  # what does not rub has no rolling zone
     before, after = half_way(p), half_way(q)
     length = _unit("rad | m", session.kind)
     stretch = _shift("presliding", (after, before), (0.03 * before, before), 1.01 * MATERIAL, length)

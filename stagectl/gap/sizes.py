@@ -10,7 +10,6 @@ from stagectl.gap import friction_family
 from stagectl.gap.library import Scales
 from stagectl.gap.runs import Run
 from stagectl.gap.session import Array, Session
-from stagectl.kernels import stage
 
 FASTEST = 99.5  # percentile of the speed that counts as the largest
 
@@ -25,7 +24,7 @@ def scales(session: Session, runs: Sequence[Run], found: Mapping[str, tuple[floa
     drive = p.drive
     voltage = np.abs(drive.resistance * current + drive.back_emf * velocity)
     return Scales(
-        coulomb=stage.sliding(p.friction),
+        coulomb=friction_family.size(p),
         viscous=p.mechanics.viscous or 1e-3 * p.mechanics.inertia / session.dt,
         inertia=p.mechanics.inertia,
         force_constant=p.motor.force_constant,
