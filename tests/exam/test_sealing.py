@@ -165,11 +165,29 @@ def test_a_diagnosis_that_looks_elsewhere(trial: Path, tmp_path: Path, line: str
     (trial / "captures").mkdir()
     (trial / "captures" / "held-1.csv").write_text("t\n")
     (trial / "answer" / "peek.py").write_text(PEEK.format(line=line.format(trial=trial)))
-    command = [sys.executable, "-m", "stagectl.exam.blind.watched", str(trial / "log"), "--module", "peek"]
-    command += ["--own", str(trial / "captures"), "--out", str(trial / "answer"), "--closed", str(tmp_path), "--"]
-    done = subprocess.run(command, cwd=trial / "answer", capture_output=True, text=True, check=False, env=place())
+    done = watched(trial, tmp_path, place())
     assert done.returncode != 0 and "not allowed in an exam" in done.stderr, done.stderr
     assert (trial / "log").read_text().startswith(event)
+
+
+def test_the_first_diagnosis_of_a_new_machine(trial: Path, tmp_path: Path) -> None:
+    """matplotlib asks `fc-list` for the fonts where it has no cache of them: that is not looking elsewhere."""
+    (trial / "captures").mkdir()
+    (trial / "answer" / "peek.py").write_text("import matplotlib.font_manager")
+    asked = tmp_path / "asked"
+    (tmp_path / "fc-list").write_text(f"#!/bin/sh\ntouch {asked}\n")
+    (tmp_path / "fc-list").chmod(0o755)
+    new = {"MPLCONFIGDIR": str(tmp_path / "empty"), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    done = watched(trial, tmp_path, {**place(), **new})
+    assert done.returncode == 0, done.stderr
+    assert asked.exists() and (trial / "log").read_text() == ""
+
+
+def watched(trial: Path, closed: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """The module `peek` of the trial's answer under the hook."""
+    command = [sys.executable, "-m", "stagectl.exam.blind.watched", str(trial / "log"), "--module", "peek"]
+    command += ["--own", str(trial / "captures"), "--out", str(trial / "answer"), "--closed", str(closed), "--"]
+    return subprocess.run(command, cwd=trial / "answer", capture_output=True, text=True, check=False, env=environment)
 
 
 def place() -> dict[str, str]:

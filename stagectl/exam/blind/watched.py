@@ -12,6 +12,7 @@ the labels lie enciphered.
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import platform
 import runpy
@@ -130,6 +131,7 @@ def main(arguments: Sequence[str]) -> None:
     log = os.open(given.log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     tempfile.gettempdir()  # tries itself in a folder
     platform.uname().processor  # noqa: B018  asks another process, once
+    importlib.import_module("matplotlib.font_manager")  # asks another process for the fonts, once on a machine
     sys.argv = [given.module, *command]
     sys.addaudithook(hook(rules(given.own, given.out, given.closed), lambda words: _written(log, words)))
     try:
