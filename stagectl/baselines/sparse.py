@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stagectl.baselines.ground import Answer, Ground, shifts
-from stagectl.gap import base, grams, refine
+from stagectl.gap import base, grams, least_squares, refine
 from stagectl.gap.candidates import Form, Named, equipped
 from stagectl.gap.session import Array
 
@@ -28,7 +28,7 @@ def sparse(g: Ground) -> Answer:
     n = 2.0 * sum(float(run.weight.sum()) * len(run.paths) for run in e.runs)
     chosen = greedy(whole, nuisance, [(form, matrices.of(form.names)) for form in g.library.forms], n)
     places = [place for form in chosen for place in matrices.of(form.names)]
-    amplitude = grams.fit(whole, [*nuisance, *places]).amplitude
+    amplitude = least_squares.fit(whole, [*nuisance, *places]).amplitude
     moved = dict(zip(refine.nuisances(e), amplitude[: len(nuisance)].tolist(), strict=True))
     possible = {name: max(step, base.lowest(e.base.model, name)) for name, step in moved.items()}
     model = base.moved(e.base.model, possible, None)
@@ -61,12 +61,12 @@ def bic_of(squares: float, n: float) -> float:
 
 
 def _drop(left: Array, at: Sequence[int]) -> float:
-    return float(left[-1, -1] - grams.fit(left, at).misfit) if np.all(np.diag(left)[list(at)] > 0.0) else 0.0
+    return float(left[-1, -1] - least_squares.fit(left, at).misfit) if np.all(np.diag(left)[list(at)] > 0.0) else 0.0
 
 
 def _without(whole: Array, at: Sequence[int]) -> Array:
     """The matrix with the columns `at` projected out."""
     places = list(at)
-    inverse = grams.inverse(whole[np.ix_(places, places)])
+    inverse = least_squares.inverse(whole[np.ix_(places, places)])
     left: Array = whole - whole[:, places] @ inverse @ whole[places]
     return left

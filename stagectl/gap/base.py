@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stagectl.gap import cuts, friction_family, grams
+from stagectl.gap import cuts, friction_family, grams, least_squares
 from stagectl.gap.batch import in_parallel
 from stagectl.gap.columns import Direction, Model, all_columns, lacks, residuals_of
 from stagectl.gap.runs import Run
@@ -169,8 +169,8 @@ def refit(session: Session, runs: Sequence[Run], nominal: Model, frozen: Sequenc
 def _best_member(model: Model, g: grams.Grams, free: Sequence[Direction], beside: list[Direction]) -> Direction | None:
     summed, closable = g.both.sum(axis=0), float(g.both[:, -1, -1].sum() - g.floor.sum())
     own = g.of([one.name for one in free if one.name != START])
-    alone = grams.fit(summed, own).misfit
-    fits = [(grams.fit(summed, [*own, *g.of([one.name])]), one) for one in beside]
+    alone = least_squares.fit(summed, own).misfit
+    fits = [(least_squares.fit(summed, [*own, *g.of([one.name])]), one) for one in beside]
     good = [(one.misfit, member) for one, member in fits if one.amplitude[-1] > 0.0]
     best = min(good, key=lambda pair: pair[0], default=None)
     return best[1] if best is not None and alone - best[0] > HELPS * closable else None
@@ -182,7 +182,7 @@ def _bounded_step(
     """One Gauss-Newton step within what is physical: no negative weight, inertia or damping."""
     names = [one.name for one in free if one.name != START] + ([chosen.name] if chosen is not None else [])
     low = np.array([lowest(model, name) for name in names])
-    step = grams.bounded(g.both.sum(axis=0), g.of(names), low, np.full(len(names), np.inf))
+    step = least_squares.bounded(g.both.sum(axis=0), g.of(names), low, np.full(len(names), np.inf))
     return dict(zip(names, step.tolist(), strict=True))
 
 
@@ -241,7 +241,7 @@ def covariance(g: grams.Grams, names: Sequence[str]) -> Array:
     """Covariance (k, k) of the amplitudes of `names`, by the same sandwich."""
     places, summed = g.of(names), g.both.sum(axis=0)
     a = summed[np.ix_(places, places)]
-    inverse = grams.inverse(a)
+    inverse = least_squares.inverse(a)
     best = inverse @ summed[places, -1]
     scores = np.array([one[places, -1] - one[np.ix_(places, places)] @ best for one in g.both])
     found: Array = inverse @ (scores.T @ scores) @ inverse

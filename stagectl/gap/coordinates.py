@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from stagectl.gap import grams, search, smoothers
+from stagectl.gap import grams, least_squares, search, smoothers
 from stagectl.gap.cuts import KEPT
 from stagectl.gap.found import Coordinate
-from stagectl.gap.grams import Columns, Grams, Products
+from stagectl.gap.grams import Grams
 from stagectl.gap.refine import Evidence
 from stagectl.gap.scores import freed, hands
 from stagectl.gap.session import Array
@@ -33,24 +33,17 @@ def coordinates(e: Evidence, smooth: Functions) -> tuple[Coordinate, ...]:
     found = {"frequency": _banded(e)}
     floor = floor_of_means(e)
     for one in smooth.tried:
-        names = [name for part in (EVEN, ODD) for name in smoothers.names(one, part)]
-        g = gathered(e.base.products, smooth.columns, means(e.base.after), names)
+        g = grams.grams(smooth.products[one.coordinate], means(e.base.after))
         found[one.coordinate] = max(_share(g, e, chosen, floor) for chosen in _variants(one))
-    if smooth.clock:
-        names = list(smooth.clock[0])
-        g = gathered(e.base.products, smooth.clock, e.base.after, names)
-        found[TIME] = _share(g, e, names, g.floor.sum(axis=0), aging=True)
+    if smooth.clock is not None:
+        g = grams.grams(smooth.clock, e.base.after)
+        found[TIME] = _share(g, e, smoothers.CLOCK, g.floor.sum(axis=0), aging=True)
     return tuple(Coordinate(name, share) for name, share in sorted(found.items(), key=lambda pair: -pair[1]))
 
 
 def _variants(one: Smoother) -> list[list[str]]:
     even, odd = (smoothers.names(one, part) for part in (EVEN, ODD))
     return [even, odd, [*even, *odd]]
-
-
-def gathered(known: Products, columns: Columns, left: Sequence[list[Array]], names: Sequence[str]) -> Grams:
-    """Matrices of `known`, of `names` among `columns`, and of what is `left`."""
-    return grams.grams(grams.beside(known, [{name: found[name] for name in names} for found in columns]), left)
 
 
 def means(residuals: Sequence[list[Array]]) -> list[list[Array]]:
@@ -74,8 +67,7 @@ def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: boo
     """Both cuts by themselves: one function of effort and one of current."""
     gain = closable = 0.0
     for cut, part in enumerate((g.effort, g.current)):
-        both = hands(g._replace(effort=part, current=np.zeros_like(part)))
-        before, after = foretold(freed(both, g.of(search.nuisances(e))), g.of(names))
+        before, after = foretold(freed(hands(g, part), g.of(search.nuisances(e))), g.of(names))
         gain += max(before - after, 0.0)
         closable += max(before - float(floor[cut]), 0.0)
     # What repeats differ by counts as floor, but where a drift foretells it.
@@ -91,7 +83,7 @@ def foretold(free: Array, own: Sequence[int]) -> tuple[float, float]:
     before = after = 0.0
     for fitted, judged in ((0, 1), (1, 0)):
         before += float(free[judged, -1, -1])
-        after += grams.misfit(free[judged], own, drawn(free[fitted], own))
+        after += least_squares.misfit(free[judged], own, drawn(free[fitted], own))
     return before, after
 
 

@@ -27,7 +27,6 @@ from stagectl.gap import (
     shifts,
     shrink,
     sizes,
-    smoothers,
     verdict,
     where,
 )
@@ -45,7 +44,7 @@ from stagectl.gap.session import Array, GapError, Session
 from stagectl.gap.signatures import signatures
 from stagectl.gap.smoothers import Functions
 from stagectl.gap.told import sentence
-from stagectl.gap.unknown import largest, with_shape
+from stagectl.gap.unknown import functions, largest, with_shape
 from stagectl.gap.unknown import unknown as find_unknown
 from stagectl.kernels.stage import Stage
 
@@ -106,8 +105,8 @@ def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Di
     evidence, size, library = prepared(session, options, clock)
     refitted = evidence.base
     clock("search")
-    smooth = smoothers.functions(smoothers.Ground(refitted.model, refitted.noise), evidence.runs, size)
-    selected = search.search(evidence, library, say, lambda now: largest(evidence, now, library, smooth))
+    smooth = functions(evidence, size, library)
+    selected = search.search(evidence, library, say, lambda now: largest(evidence, now, smooth))
     clock("parameters")
     before = closable(evidence, refitted.before)
     moved = shifts.shifts(session, evidence, selected.fitted, before)

@@ -20,14 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from stagectl.gap.batch import in_parallel
 from stagectl.gap.runs import Run
 from stagectl.gap.session import Array
-
-FLAT = 1e-9  # smallest eigenvalue of the correlations that is believed
-RIDGE = 1e-10  # of each diagonal element: columns that these data cannot tell apart stay finite
 
 
 class Grams(NamedTuple):
@@ -51,16 +47,33 @@ class Grams(NamedTuple):
         return [place[name] for name in names]
 
 
+class _Block(NamedTuple):
+    """Some columns of one run, with their products with all columns of the blocks before and with themselves."""
+
+    mean: NDArray[np.float32]  # (2, q, m) weighted, less their part along `own`; single: they are most of it
+    square: Array  # (2, c, p + q, q)
+
+
+class _Clocked(NamedTuple):
+    """The columns of one run that differ from repeat to repeat."""
+
+    places: tuple[int, ...]
+    deviation: Array  # (n, 2, q, m) from their mean, each repeat
+    unequal: Array  # (2, c, q, q) products of these, repeats added up
+
+
 class _Part(NamedTuple):
-    """Products of the columns of one run."""
+    """Products of the columns of one run.  Blocks are shared, never copied: one more costs its own products alone."""
 
     run: Run
     own: Array  # (2, m) the column of which the run has its own amplitude, of unit length; zero: none
-    mean: NDArray[np.float32]  # (2, p, m) columns, weighted, less their part along `own`; single: they are most of it
-    square: Array  # (2, c, p, p) of these
-    clocked: tuple[int, ...]  # places of the columns that differ from repeat to repeat
-    deviation: Array  # (n, 2, q, m) of these from their mean, each repeat
-    unequal: Array  # (2, c, q, q) products of these, repeats added up
+    blocks: tuple[_Block, ...]
+    clocked: _Clocked | None
+
+    @property
+    def mean(self) -> NDArray[np.float32]:
+        """(2, p, m) all columns."""
+        return np.concatenate([block.mean for block in self.blocks], axis=1)
 
 
 class Products(NamedTuple):
@@ -76,9 +89,8 @@ Columns = Sequence[Mapping[str, Sequence[Array]]]  # of each run, by name: (m, 2
 def products(runs: Sequence[Run], columns: Columns, own: str = "") -> Products:
     """Columns multiplied; `own` is a column that each run has its own amplitude of, taken out of all others first."""
     names = tuple(name for name in columns[0] if name != own)
-    nothing = [
-        _Part(run, _unit(run, found.get(own, ())), *_empty(run)) for run, found in zip(runs, columns, strict=True)
-    ]
+    pairs = zip(runs, columns, strict=True)
+    nothing = [_Part(run, _unit(run, found.get(own, ())), (), None) for run, found in pairs]
     return beside(Products((), tuple(nothing)), [{name: found[name] for name in names} for found in columns])
 
 
@@ -104,7 +116,7 @@ def only(p: Products, names: Sequence[str]) -> Products:
 
 def grams(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     """The matrices of all half strokes, with the residuals (m, 2) of each run and repeat."""
-    counts = [part.square.shape[1] for part in p.parts]
+    counts = [len(_borders(part.run)) - 1 for part in p.parts]
     squares, floors = np.empty((2, sum(counts), len(p.names) + 1, len(p.names) + 1)), np.empty((2, sum(counts)))
     ends = list(itertools.accumulate(counts, initial=0))
     spans = zip(p.parts, residuals, itertools.pairwise(ends), strict=True)
@@ -112,12 +124,6 @@ def grams(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     experiment = np.repeat(np.arange(len(counts)), counts)
     stroke = np.concatenate([np.arange(count) for count in counts])
     return Grams(p.names, squares[0], squares[1], floors.T, experiment, stroke)
-
-
-def _empty(run: Run) -> tuple[NDArray[np.float32], Array, tuple[int, ...], Array, Array]:
-    rows, strokes, repeats = len(run.weight), len(_borders(run)) - 1, len(run.paths)
-    nothing = np.zeros((2, strokes, 0, 0))
-    return np.zeros((2, 0, rows), dtype=np.float32), nothing, (), np.zeros((repeats, 2, 0, rows)), nothing
 
 
 def _unit(run: Run, column: Sequence[Array]) -> Array:
@@ -131,22 +137,22 @@ def _unit(run: Run, column: Sequence[Array]) -> Array:
 
 def _joined(p: _Part, columns: Mapping[str, Sequence[Array]]) -> _Part:
     """Products of old and new columns: what is known already is not multiplied again."""
-    count, borders = p.mean.shape[1], _borders(p.run)
+    count, borders = sum(block.mean.shape[1] for block in p.blocks), _borders(p.run)
     new = [_split(p, found) for found in columns.values()]
     mean = np.stack([one for one, _ in new], axis=1)
-    unequal = [(count + k, each) for k, (_, each) in enumerate(new) if each is not None]
-    deviation = np.concatenate([p.deviation, *(each[:, :, None] for _, each in unequal)], axis=2)
-    square = _bordered(p.square, _between(p.mean, mean, borders), _between(mean, mean, borders))
-    clocked = (*p.clocked, *(place for place, _ in unequal))
-    return _Part(
-        p.run,
-        p.own,
-        np.concatenate([p.mean, mean.astype(np.float32)], axis=1),
-        square,
-        clocked,
-        deviation,
-        _repeated(deviation, borders),
+    square = np.concatenate(
+        [*(_between(block.mean, mean, borders) for block in p.blocks), _between(mean, mean, borders)], axis=2
     )
+    unequal = {count + k: each for k, (_, each) in enumerate(new) if each is not None}
+    clocked = _also_clocked(p.clocked, unequal, borders) if unequal else p.clocked
+    return p._replace(blocks=(*p.blocks, _Block(mean.astype(np.float32), square)), clocked=clocked)
+
+
+def _also_clocked(p: _Clocked | None, unequal: Mapping[int, Array], borders: Sequence[int]) -> _Clocked:
+    new = np.stack(list(unequal.values()), axis=2)
+    deviation = new if p is None else np.concatenate([p.deviation, new], axis=2)
+    places = (*(() if p is None else p.places), *unequal)
+    return _Clocked(places, deviation, _repeated(deviation, borders))
 
 
 def _split(p: _Part, found: Sequence[Array]) -> tuple[Array, Array | None]:
@@ -174,29 +180,50 @@ def _with_residual(p: _Part, left: Sequence[Array], found: tuple[Array, Array]) 
     mean = each.mean(axis=0)
     spread = (each - mean)[:, :, None]
     noise = _repeated(spread, borders)
-    last = mean[:, None]
-    np.multiply(p.square, repeats, out=square[:, :, :-1, :-1])
-    square[:, :, :-1, -1:] = repeats * _between(p.mean, last, borders)
-    square[:, :, -1:, -1:] = repeats * _between(last, last, borders) + noise
-    if p.clocked and repeats > 1:  # a mean of repeats has but one clock
-        at = list(p.clocked)
-        square[:, :, np.array(at)[:, None], at] += p.unequal
-        square[:, :, at, -1:] += sum(
-            _between(one, other, borders) for one, other in zip(p.deviation, spread, strict=True)
-        )
-    square[:, :, -1, :-1] = square[:, :, :-1, -1]
+    last, start = mean[:, None], 0
+    for block in p.blocks:
+        start = _filled(square, block.square, start, repeats)
+    own = [_between(block.mean, last, borders) for block in p.blocks]
+    _filled(square, np.concatenate([*own, _between(last, last, borders) + noise / repeats], axis=2), start, repeats)
+    if p.clocked is not None and repeats > 1:  # a mean of repeats has but one clock
+        at, deviation = list(p.clocked.places), p.clocked.deviation
+        square[:, :, np.array(at)[:, None], at] += p.clocked.unequal
+        cross = sum(_between(one, other, borders) for one, other in zip(deviation, spread, strict=True))
+        square[:, :, at, -1:] += cross
+        square[:, :, -1, at] = square[:, :, at, -1]
     floor[:] = noise[:, :, 0, 0] * repeats / max(repeats - 1, 1)
 
 
-def _chosen(p: _Part, places: list[int]) -> _Part:
-    kept = [(places.index(place), k) for k, place in enumerate(p.clocked) if place in places]
-    within = [k for _, k in kept]
-    return p._replace(
-        mean=p.mean[:, places],
-        square=p.square[:, :, np.array(places, dtype=np.intp)[:, None], places],
-        clocked=tuple(place for place, _ in kept),
-        deviation=p.deviation[:, :, within],
-        unequal=p.unequal[:, :, np.array(within, dtype=np.intp)[:, None], within],
+def _filled(square: Array, block: Array, start: int, factor: float) -> int:
+    """Writes `factor` times the (2, c, p + q, q) of a block to both sides of the diagonal; returns where it ends."""
+    end: int = start + block.shape[3]
+    np.multiply(block, factor, out=square[:, :, :end, start:end])
+    square[:, :, start:end, :start] = np.swapaxes(square[:, :, :start, start:end], 2, 3)
+    return end
+
+
+def _chosen(p: _Part, places: Sequence[int]) -> _Part:
+    """These columns, in this order, in one block."""
+    means, count = p.mean[:, places], len(places)
+    square = np.empty((2, len(_borders(p.run)) - 1, count, count))
+    start = 0
+    for block in p.blocks:
+        end = start + block.mean.shape[1]
+        rows_, columns = ([k for k, place in enumerate(places) if low <= place < end] for low in (0, start))
+        values = block.square[:, :, [places[k] for k in rows_]][..., [places[k] - start for k in columns]]
+        square[:, :, np.array(rows_, dtype=np.intp)[:, None], columns] = values
+        square[:, :, np.array(columns, dtype=np.intp)[:, None], rows_] = np.swapaxes(values, 2, 3)
+        start = end
+    return p._replace(blocks=(_Block(means, square),), clocked=_chosen_clocked(p.clocked, places))
+
+
+def _chosen_clocked(p: _Clocked | None, places: Sequence[int]) -> _Clocked | None:
+    kept = [] if p is None else [(places.index(place), k) for k, place in enumerate(p.places) if place in places]
+    if p is None or not kept:
+        return None
+    within = np.array([k for _, k in kept])
+    return _Clocked(
+        tuple(place for place, _ in kept), p.deviation[:, :, within], p.unequal[:, :, within[:, None], within]
     )
 
 
@@ -218,55 +245,3 @@ def _repeated(x: Array, borders: Sequence[int]) -> Array:
     """Products (2, c, q, q) of `x` (n, 2, q, m), repeats added up."""
     found: Array = np.sum([_between(one, one, borders) for one in x], axis=0)
     return found
-
-
-def _bordered(old: Array, cross: Array, new: Array) -> Array:
-    """Matrices (..., p + q, p + q) of the blocks (..., p, p), (..., p, q) and (..., q, q)."""
-    return np.block([[old, cross], [np.swapaxes(cross, -1, -2), new]])
-
-
-class Fit(NamedTuple):
-    """Least squares of some columns."""
-
-    amplitude: Array  # (k,) in the order asked for
-    misfit: float  # sum of squares left
-
-
-def fit(g: Array, chosen: Sequence[int]) -> Fit:
-    """Least squares on a summed matrix `g`."""
-    chosen = list(chosen)
-    a, b = g[np.ix_(chosen, chosen)], g[chosen, -1]
-    a = a + np.diag(RIDGE * np.diag(a) + 1e-300)
-    amplitude = np.asarray(np.linalg.pinv(a, hermitian=True, rcond=1e-14), dtype=np.float64) @ b
-    return Fit(amplitude, misfit(g, chosen, amplitude))
-
-
-def inverse(a: Array) -> Array:
-    """Pseudo-inverse of normal equations (k, k) whose columns have units of their own."""
-    scale = np.sqrt(np.diag(a))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    found: Array = np.linalg.pinv(a / np.outer(scale, scale), rcond=FLAT, hermitian=True) / np.outer(scale, scale)
-    return found
-
-
-def bounded(g: Array, chosen: Sequence[int], low: Array, high: Array) -> Array:
-    """Amplitudes (k,) of the least squares within `low` and `high`; zero must lie between them."""
-    places = list(chosen)
-    a, b = g[np.ix_(places, places)], g[places, -1]
-    if not np.isfinite(a).all():  # a candidate has diverged: no step can be told
-        return np.zeros(len(places))
-    scale = np.sqrt(np.diag(a))
-    scale = np.where(scale > 0.0, scale, 1.0)  # a column that these data do not have
-    q, r = np.linalg.eigh(a / np.outer(scale, scale))  # columns of unit length
-    root = np.sqrt(np.maximum(q, FLAT))
-    bounds = (np.minimum(low * scale, -1e-12), np.maximum(high * scale, 1e-12))
-    solved = lsq_linear(root[:, None] * r.T, (r.T @ (b / scale)) / root, bounds, method="bvls")
-    amplitude: Array = solved.x / scale
-    return amplitude
-
-
-def misfit(g: Array, chosen: Sequence[int], amplitude: Array) -> float:
-    """Sum of squares left by given amplitudes, on the data that `g` sums up."""
-    chosen = list(chosen)
-    a, b = g[np.ix_(chosen, chosen)], g[chosen, -1]
-    return float(g[-1, -1] - 2.0 * b @ amplitude + amplitude @ a @ amplitude)

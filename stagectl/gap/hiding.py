@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap import friction_family, grams, library, predicted
+from stagectl.gap import friction_family, least_squares, library, predicted
 from stagectl.gap.predicted import Bench, told
 from stagectl.gap.session import Array
 from stagectl.kernels import stage
@@ -133,7 +133,7 @@ def _step(slopes: Array, lacks: Array) -> Array:
     """Least squares (k,) with no nuisance farther than it may move at once."""
     columns = np.vstack([slopes, lacks])
     farthest = np.full(len(slopes), FARTHEST)
-    return grams.bounded(columns @ columns.T, range(len(slopes)), -farthest, farthest)
+    return least_squares.bounded(columns @ columns.T, range(len(slopes)), -farthest, farthest)
 
 
 def _moved(p: Stage, free: Sequence[Nuisance], place: Array) -> Stage:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import base, columns, grams
+from stagectl.gap import base, columns, grams, least_squares
 from stagectl.gap.base import Base
 from stagectl.gap.candidates import SCALED, STEP, Named, direction, equipped
 from stagectl.gap.columns import Direction, Model
@@ -111,7 +111,7 @@ def _step(e: Evidence, now: Fitted) -> Fitted:
     nuisance = nuisances(e)
     places = [*g.of(nuisance), *g.of([one.name for one in own])]
     low, high = np.array([(base.lowest(now.model, name), np.inf) for name in nuisance] + _limits(now)).T
-    amplitude = grams.bounded(g.both.sum(axis=0), places, low, high)
+    amplitude = least_squares.bounded(g.both.sum(axis=0), places, low, high)
     move = dict(zip([*nuisance, *(one.name for one in own)], amplitude.tolist(), strict=True))
     best = now
     for share in (1.0, 0.4, 0.1):

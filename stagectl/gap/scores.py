@@ -13,22 +13,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap import grams
+from stagectl.gap import least_squares
 from stagectl.gap.candidates import Form
 from stagectl.gap.grams import Grams
 from stagectl.gap.session import Array
 
 
-def hands(g: Grams) -> Array:
-    """(2, p + 1, p + 1), both cuts together: even and odd half strokes of every experiment."""
-    both: Array = cuts_of(g).sum(axis=0)
-    return both
+def hands(g: Grams, cut: Array) -> Array:
+    """(2, p + 1, p + 1) of the matrices (c, p + 1, p + 1) of one cut: even and odd half strokes of every experiment."""
+    first = first_hand(g).astype(np.float64)
+    return np.stack([np.tensordot(hand, cut, 1) for hand in (first, 1.0 - first)])
 
 
 def cuts_of(g: Grams) -> Array:
     """(2, 2, p + 1, p + 1): the hands of the mechanics' cut and of the drive's."""
-    first = first_hand(g).astype(np.float64)
-    return np.stack([[np.tensordot(hand, cut, 1) for hand in (first, 1.0 - first)] for cut in (g.effort, g.current)])
+    return np.stack([hands(g, g.effort), hands(g, g.current)])
 
 
 def first_hand(g: Grams) -> NDArray[np.bool_]:
@@ -89,7 +88,7 @@ def cut_of(form: Form, cuts: Array) -> int:
 def freed(both: Array, nuisance: Sequence[int]) -> Array:
     """The hands (2, p + 1, p + 1) with every column and the residual less what nuisances explain of it on all data."""
     g, n = both.sum(axis=0), list(nuisance)
-    a = g[np.ix_(n, n)] + np.diag(grams.RIDGE * g[n, n] + 1e-300)
+    a = g[np.ix_(n, n)] + np.diag(least_squares.RIDGE * g[n, n] + 1e-300)
     scale = np.sqrt(np.diag(a))
     scale = np.where(scale > 0.0, scale, 1.0)
     explained = np.linalg.pinv(a / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ (g[n] / scale[:, None])
@@ -110,7 +109,7 @@ def score_of(free: Array, at: Sequence[int], form: Form) -> Score:
     for fitted, judged in ((0, 1), (1, 0)):
         amplitude = _solved(hands[fitted], form)
         alone = float(hands[judged, -1, -1])
-        drops.append((alone - grams.misfit(hands[judged], own, amplitude), alone))
+        drops.append((alone - least_squares.misfit(hands[judged], own, amplitude), alone))
     gain = sum(drop for drop, _ in drops)
     worst = min(drop / max(alone, 1e-300) for drop, alone in drops)
     return Score(form, gain, worst, tuple(whole), before)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import base, friction_family, grams, refine
+from stagectl.gap import base, friction_family, grams, least_squares, refine
 from stagectl.gap.columns import Model
 from stagectl.gap.found import Value
 from stagectl.gap.refine import Evidence, Fitted
@@ -93,7 +93,7 @@ def _returned(g: grams.Grams, names: Sequence[str], moves: Mapping[str, Mapping[
         others = g.of([one for one in names if one not in move])
         column = summed @ moved
         whole = float(moved @ column)
-        rest = float(column[others] @ grams.inverse(summed[np.ix_(others, others)]) @ column[others])
+        rest = float(column[others] @ least_squares.inverse(summed[np.ix_(others, others)]) @ column[others])
         found[name] = max(whole - rest, 0.0)
     return found
 

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from stagectl.gap import cuts, where
+from stagectl.gap import cuts, grams, where
 from stagectl.gap.batch import in_parallel
 from stagectl.gap.columns import Model
+from stagectl.gap.grams import Products
 from stagectl.gap.library import Scales
 from stagectl.gap.runs import Run, rested
 from stagectl.gap.session import Array
@@ -27,6 +28,7 @@ EVEN, ODD, INERTIAL, LOOP = "even", "odd", "inertial", "loop"
 ALL = (EVEN, ODD, INERTIAL, LOOP)  # EVEN + ODD: any function of coordinate and direction
 TIME = "time"
 KNOTS = 6  # over the session's clock: a step is between two of them
+CLOCK = [f"{TIME}.{name}.{k}" for name in ("side", "velocity") for k in range(KNOTS)]  # columns over it
 OF_A_DRIVE = ("current", "speed", "acceleration")  # coordinates that a current may depend on
 
 
@@ -182,16 +184,22 @@ class Functions(NamedTuple):
     size: Scales
     motions: list[Motion]
     tried: list[Smoother]
-    columns: list[dict[str, list[Array]]]  # of each run, even and odd
-    clock: list[dict[str, list[Array]]]  # of each run, over the session's clock; empty where nothing was repeated
+    products: Mapping[str, Products]  # by coordinate: what is known, and the columns even and odd
+    clock: Products | None  # the same over the session's clock; None where nothing was repeated
 
 
-def functions(ground: Ground, runs: Sequence[Run], size: Scales) -> Functions:
-    """All smoothers along the runs' motions, with their columns."""
+def functions(ground: Ground, runs: Sequence[Run], size: Scales, known: Products) -> Functions:
+    """All smoothers along the runs' motions, with their columns multiplied with those that are `known`."""
     motions = [motion(run, size) for run in runs]
     tried = smoothers(size, motions)
-    clock = _clocked(ground, runs, motions) if any(len(run.logs) > 1 for run in runs) else []
-    return Functions(size, motions, tried, columns_of(ground, runs, (motions, size), {EVEN: tried, ODD: tried}), clock)
+    columns = columns_of(ground, runs, (motions, size), {EVEN: tried, ODD: tried})
+    products = {}
+    for one in tried:
+        own = [*names(one, EVEN), *names(one, ODD)]
+        products[one.coordinate] = grams.beside(known, [{name: found[name] for name in own} for found in columns])
+    repeated = any(len(run.logs) > 1 for run in runs)
+    clock = grams.beside(known, _clocked(ground, runs, motions)) if repeated else None
+    return Functions(size, motions, tried, products, clock)
 
 
 def _clocked(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]) -> list[dict[str, list[Array]]]:

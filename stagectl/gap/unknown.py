@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap import columns, coordinates, grams, null, refine, search, smoothers, unordered
-from stagectl.gap.coordinates import drawn, foretold, gathered, means
+from stagectl.gap.coordinates import drawn, foretold, means
 from stagectl.gap.found import Shape
-from stagectl.gap.grams import Columns, Grams, Products
+from stagectl.gap.grams import Grams, Products
+from stagectl.gap.library import Scales
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.scores import against, freed, hands
 from stagectl.gap.session import Array
@@ -50,6 +51,11 @@ class Foretold(NamedTuple):
     limit: float  # gain that the ensemble of friction laws gives it
 
 
+def functions(e: Evidence, size: Scales, library: search.Library) -> Functions:
+    """Functions of single coordinates along the runs, beside the base and the null ensemble."""
+    return smoothers.functions(smoothers.Ground(e.base.model, e.base.noise), e.runs, size, _unmoved(e, library))
+
+
 def unknown(e: Evidence, selected: search.Selected, library: search.Library, smooth: Functions) -> Shape | None:
     """What is left over the coordinate that orders it best, or where else it is found; None where it is nowhere.
 
@@ -79,15 +85,22 @@ def _ordered(e: Evidence, selected: search.Selected, known: Products, smooth: Fu
     def clear(found: Sequence[Foretold]) -> list[Foretold]:
         return [one for one in found if one.gain > _kin(one, taken) and _clear(one, least)]
 
-    of_one = [each for one in smooth.tried for each in _foretold(e, now, (known, smooth.columns), (one, OF_ONE))]
-    if good := clear(of_one):
-        return _shape(e, now, smooth.columns, _best(good))
+    if good := clear(_of_one(e, now, smooth)):
+        best = _best(good)
+        return _shape(e, now, smooth.products[best.smoother.coordinate], best)
     chosen = [one for one in smooth.tried if one.coordinate in OF_TWO]
     ground = smoothers.Ground(now.model, e.base.noise)
     new = smoothers.columns_of(ground, e.runs, (smooth.motions, smooth.size), dict.fromkeys(ALL, chosen))
-    of_two = [each for one in chosen for each in _foretold(e, now, (known, new), (one, BOTH))]
-    good = clear(of_two)
-    return _shape(e, now, new, _best(good)) if good else None
+    both = grams.beside(known, new)
+    good = clear([each for one in chosen for each in _foretold(e, now, both, (one, BOTH))])
+    return _shape(e, now, both, _best(good)) if good else None
+
+
+def _of_one(e: Evidence, now: Fitted, smooth: Functions) -> list[Foretold]:
+    """What each function of one coordinate foretells of what is left under `now`."""
+    own = columns.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
+    each = ((one, grams.beside(smooth.products[one.coordinate], own)) for one in smooth.tried)
+    return [found for one, products in each for found in _foretold(e, now, products, (one, OF_ONE))]
 
 
 def _without_order(e: Evidence, all_: unordered.Left, rows: unordered.Freed, named: float) -> Shape | None:
@@ -103,19 +116,17 @@ def _without_order(e: Evidence, all_: unordered.Left, rows: unordered.Freed, nam
 
 def _form(e: Evidence, g: Grams) -> float:
     """Largest sum of squares that the base leaves on a machine of the null ensemble."""
-    both, nuisance = hands(g._replace(current=np.zeros_like(g.current))), g.of(search.nuisances(e))
-    free = freed(both, nuisance)
+    free = freed(hands(g, g.effort), g.of(search.nuisances(e)))
     return max((float(free[:, place, place].sum()) for place in g.of(null.gains(g.names))), default=0.0)
 
 
-def largest(e: Evidence, now: Fitted, library: search.Library, smooth: Functions) -> float:
+def largest(e: Evidence, now: Fitted, smooth: Functions) -> float:
     """The most that a function of one coordinate foretells of what is left under `now`, all repeats together.
 
     0 where none foretells as much as an unknown effect must.
     """
-    known, least = _known(e, now, library), _least(e)
-    found = [each for one in smooth.tried for each in _foretold(e, now, (known, smooth.columns), (one, OF_ONE))]
-    return max((one.gain * _repeats(e) for one in found if _clear(one, least)), default=0.0)
+    least = _least(e)
+    return max((one.gain * _repeats(e) for one in _of_one(e, now, smooth) if _clear(one, least)), default=0.0)
 
 
 def _clear(one: Foretold, least: float) -> bool:
@@ -137,8 +148,12 @@ def _repeats(e: Evidence) -> float:
 def _known(e: Evidence, now: Fitted, library: search.Library) -> Products:
     """The columns that move beside every function, and the null ensemble."""
     own = columns.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
-    beside = [*e.base.products.names, *null.gains(library.products.names)]
-    return grams.beside(grams.only(library.products, beside), own)
+    return grams.beside(_unmoved(e, library), own)
+
+
+def _unmoved(e: Evidence, library: search.Library) -> Products:
+    """The same that hold whatever is named."""
+    return grams.only(library.products, [*e.base.products.names, *null.gains(library.products.names)])
 
 
 def _taken(e: Evidence, selected: search.Selected) -> list[tuple[str, str, float]]:
@@ -166,20 +181,14 @@ def _squares(e: Evidence, residuals: Sequence[list[Array]]) -> float:
 
 
 def _foretold(
-    e: Evidence,
-    now: Fitted,
-    data: tuple[Products, Columns],
-    what: tuple[Smoother, Sequence[tuple[str, ...]]],
+    e: Evidence, now: Fitted, products: Products, what: tuple[Smoother, Sequence[tuple[str, ...]]]
 ) -> list[Foretold]:
-    (known, new), (one, variants) = data, what
-    members = null.gains(known.names)
+    """What variants of one function foretell; `products` hold its columns, and those that move beside it."""
+    one, variants = what
     beside = [direction.name for direction in refine.parameters(now)]
-    parts = dict.fromkeys(part for each in variants for part in each)
-    g = gathered(known, new, means(now.left), [name for part in parts for name in smoothers.names(one, part)])
-    g = g._replace(current=np.zeros_like(g.current))
-    nuisance = g.of([*search.nuisances(e), *beside])
-    free, floor = freed(hands(g), nuisance), _floor(e)
-    machines = [against(free, place) for place in g.of(members)]
+    g = grams.grams(products, means(now.left))
+    free, floor = freed(hands(g, g.effort), g.of([*search.nuisances(e), *beside])), _floor(e)
+    machines = [against(free, place) for place in g.of(null.gains(products.names))]
     owns = [g.of([name for part in parts for name in smoothers.names(one, part)]) for parts in variants]
     return [_judged((free, machines), own, (one, chosen), floor) for own, chosen in zip(owns, variants, strict=True)]
 
@@ -200,11 +209,11 @@ def _tabled(one: Foretold) -> bool:
     return one.smoother.coordinate in TABLES and set(one.parts) <= set(TABLES[one.smoother.coordinate][1])
 
 
-def _shape(e: Evidence, now: Fitted, new: list[dict[str, list[Array]]], best: Foretold) -> Shape:
+def _shape(e: Evidence, now: Fitted, products: Products, best: Foretold) -> Shape:
     """Force over the coordinate, fitted beside the base's parameters: those have taken a part of it upon themselves."""
     one = best.smoother
     own = [name for part in best.parts for name in smoothers.names(one, part)]
-    g = gathered(e.base.products, new, means(now.left), own)
+    g = grams.grams(products, means(now.left))
     beside = g.of(refine.nuisances(e))
     amplitude = drawn(g.effort.sum(axis=0), g.of(own), beside)[len(beside) :]
     split = dict(zip(best.parts, np.split(amplitude, len(best.parts)), strict=True))

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import cuts, grams, null, refine, scores, smoothers
-from stagectl.gap.coordinates import LOWEST, drawn, floor_of_means, foretold, gathered, means, scatter
+from stagectl.gap import cuts, grams, least_squares, null, refine, scores, smoothers
+from stagectl.gap.coordinates import LOWEST, drawn, floor_of_means, foretold, means, scatter
 from stagectl.gap.cuts import KEPT
 from stagectl.gap.found import Shape
 from stagectl.gap.grams import Grams, Products
@@ -77,7 +77,7 @@ def in_the_drive(e: Evidence, all_: Left) -> Shape | None:
     beside = [k for k, name in enumerate(names) if name == "time_shift" or name.startswith(tuple(own))]
     shift = [k for k in beside if names[k] == "time_shift"]
     first = grams.grams(all_.known, means(e.base.after)).current.sum(axis=0)
-    left, before = grams.fit(whole, beside).misfit - floor, grams.fit(first, shift).misfit - floor
+    left, before = least_squares.fit(whole, beside).misfit - floor, least_squares.fit(first, shift).misfit - floor
     if left < max(OF_NOISE["drive"] * floor, OF_FORM["drive"] * before):
         return None
     found = powers(e, freed(e, all_, 1).left) - powers(e, _noise(e, 1))
@@ -86,20 +86,19 @@ def in_the_drive(e: Evidence, all_: Left) -> Shape | None:
 
 def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) -> Shape | None:
     """Friction or damping that has changed from run to run in another way than any effect named."""
-    if not smooth.clock:
+    if smooth.clock is None:
         return None
-    names, nuisances = list(smooth.clock[0]), refine.nuisances(e)
-
-    def gain(left: Sequence[list[Array]]) -> tuple[float, float]:
-        g = gathered(e.base.products, smooth.clock, left, names)
-        both = hands(g._replace(current=np.zeros_like(g.current)))
-        before, after = foretold(scores.freed(both, g.of(nuisances)), g.of(names))
-        return before - after, after
-
-    (held, noise), (first, _) = gain(now.left), gain(e.base.after)
+    after, before = (grams.grams(smooth.clock, left) for left in (now.left, e.base.after))
+    (held, noise), (first, _) = _foretold(e, after), _foretold(e, before)
     if held < max(OF_NOISE[TIME] * noise, OF_FORM[TIME] * first, least):
         return None
-    return Shape(TIME, *_course(e, now, smooth), min(held / max(first, held), 1.0))
+    return Shape(TIME, *_course(e, after, smooth), min(held / max(first, held), 1.0))
+
+
+def _foretold(e: Evidence, g: Grams) -> tuple[float, float]:
+    """Sums of squares that a course over the clock foretells, and that it leaves."""
+    before, after = foretold(scores.freed(hands(g, g.effort), g.of(refine.nuisances(e))), g.of(smoothers.CLOCK))
+    return before - after, after
 
 
 def freed(e: Evidence, all_: Left, cut: int) -> Freed:
@@ -108,7 +107,7 @@ def freed(e: Evidence, all_: Left, cut: int) -> Freed:
     whole = (g.current if cut else g.effort).sum(axis=0)
     moving = {*refine.nuisances(e), *(one.name for one in refine.parameters(all_.fitted))}
     beside, members = g.of([name for name in names if name in moving]), g.of(null.gains(names))
-    inverse = grams.inverse(whole[np.ix_(beside, beside)])
+    inverse = least_squares.inverse(whole[np.ix_(beside, beside)])
     left, others = [], []
     for part, mean in zip(all_.known.parts, means(all_.fitted.left), strict=True):
         columns = part.mean[cut].astype(np.float64)
@@ -149,12 +148,10 @@ def _spectrum(e: Evidence, edges: Array, found: Array, cut: int) -> tuple[Array,
     return middle, np.sqrt(np.maximum(found, 0.0) / count) / np.maximum(gain, 1e-300)
 
 
-def _course(e: Evidence, now: Fitted, smooth: Functions) -> tuple[Array, Array]:
+def _course(e: Evidence, g: Grams, smooth: Functions) -> tuple[Array, Array]:
     """Session clock (s), and how far the friction at half the largest speed is off its mean (N m | N)."""
-    names = list(smooth.clock[0])
-    g = gathered(e.base.products, smooth.clock, now.left, names)
     beside = g.of(refine.nuisances(e))
-    amplitude = drawn(g.effort.sum(axis=0), g.of(names), beside)[len(beside) :]
+    amplitude = drawn(g.effort.sum(axis=0), g.of(smoothers.CLOCK), beside)[len(beside) :]
     side, damping = np.split(amplitude, 2)
     force = side + 0.5 * smooth.size.speed * damping
     return smoothers.knots(e.runs), force - force.mean()

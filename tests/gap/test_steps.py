@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap import candidates, cuts, friction_family, grams, library, orders, shrink, tying
+from stagectl.gap import candidates, cuts, friction_family, least_squares, library, orders, shrink, tying
 from stagectl.gap.runs import half_strokes, known_from, standstills
 from stagectl.gap.tying import Lacking
 from stagectl.gap.tying import Path as Measured
@@ -76,16 +76,16 @@ def test_bounded_least_squares() -> None:
     x = source.standard_normal((400, 3))
     r = x @ np.array([2.0, -1.0, 0.5])
     z = np.column_stack([x, r])
-    free = grams.bounded(z.T @ z, [0, 1, 2], np.full(3, -np.inf), np.full(3, np.inf))
+    free = least_squares.bounded(z.T @ z, [0, 1, 2], np.full(3, -np.inf), np.full(3, np.inf))
     assert free == pytest.approx([2.0, -1.0, 0.5], abs=1e-9)
-    held = grams.bounded(z.T @ z, [0, 1, 2], np.zeros(3), np.full(3, np.inf))
+    held = least_squares.bounded(z.T @ z, [0, 1, 2], np.zeros(3), np.full(3, np.inf))
     assert held[1] == pytest.approx(0.0, abs=1e-9) and held[0] > 1.5
-    assert grams.misfit(z.T @ z, [0, 1, 2], free) == pytest.approx(0.0, abs=1e-6)
+    assert least_squares.misfit(z.T @ z, [0, 1, 2], free) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_column_that_the_data_do_not_have_moves_nothing() -> None:
     z = np.column_stack([np.arange(5.0), np.zeros(5), 2.0 * np.arange(5.0)])
-    found = grams.bounded(z.T @ z, [0, 1], np.full(2, -np.inf), np.full(2, np.inf))
+    found = least_squares.bounded(z.T @ z, [0, 1], np.full(2, -np.inf), np.full(2, np.inf))
     assert found == pytest.approx([2.0, 0.0], abs=1e-6)
 
 
