@@ -15,6 +15,9 @@ from stagectl.gap.search import Selected
 from stagectl.gap.session import Log, Session
 from stagectl.kernels.stage import Stage
 
+OPEN = 5.0  # times the floor: no other law of friction leaves the loop's gap so far above it (36 machines: at most 2.2)
+HALF = 0.5  # of the closable gap: less is closed for sure
+
 
 class Told(NamedTuple):
     """The gap before and after, and who takes which share of it."""
@@ -53,6 +56,14 @@ def closed(session: Session, e: Evidence, selected: Selected, improved: Stage, j
     found.pop("tracking")
     traces = shrink.traces(judged, before, after, position.floor, dt)
     return Told(position, found, shares, traces)
+
+
+def stays_open(gap: Gap) -> bool:
+    """Whether the loop says that something is missing: a gap far above the floor of which surely less than half closes.
+
+    What is left along the measured path may lie within the form of friction, and no coordinate order it.
+    """
+    return gap.after > OPEN * gap.floor and gap.high < HALF
 
 
 def _shares(taken: dict[str, float], gap: Gap) -> dict[str, float]:

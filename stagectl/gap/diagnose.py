@@ -33,7 +33,7 @@ from stagectl.gap import (
 from stagectl.gap.controller import Parity, parity
 from stagectl.gap.coordinates import coordinates
 from stagectl.gap.following import propose
-from stagectl.gap.found import NAMED, NOISE, Effect, Found, Gap, Next, Shape
+from stagectl.gap.found import NAMED, NOISE, UNORDERED, Effect, Found, Gap, Next, Shape
 from stagectl.gap.library import Scales
 from stagectl.gap.limits import thresholds
 from stagectl.gap.orders import modes, orders
@@ -195,6 +195,8 @@ def _assembled(
     judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
     loop = session.law is not None and all(log.setpoints is not None for log in judged)
     told = (closing.closed if loop else closing.along_the_path)(session, e, selected, improved, judged)
+    if unknown is None and loop and closing.stays_open(told.gap):
+        unknown = UNORDERED
     shared = _with_shares(effects, told.shares)
     named = [one for one in shared if one.probability >= NAMED]
     return Found(

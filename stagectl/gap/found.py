@@ -82,6 +82,9 @@ class Shape(NamedTuple):
     block: str = "mechanics"  # "drive": `force` is a current (A)
 
 
+UNORDERED = Shape("none", np.zeros(0), np.zeros(0), 0.0)  # what repeats, and no coordinate orders
+
+
 class Trace(NamedTuple):
     """One held-out run, measured against simulated."""
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from stagectl.gap import columns, coordinates, grams, null, refine, search, smoothers, unordered
 from stagectl.gap.coordinates import drawn, foretold, means
-from stagectl.gap.found import Shape
+from stagectl.gap.found import UNORDERED, Shape
 from stagectl.gap.grams import Grams, Products
 from stagectl.gap.library import Scales
 from stagectl.gap.refine import Evidence, Fitted
@@ -111,7 +111,7 @@ def _without_order(e: Evidence, all_: unordered.Left, rows: unordered.Freed, nam
     left = sum(float(np.sum(one * one)) for one in rows.left) - _floor(e)
     if left < max(_least(e), NO_LAW * _form(e, all_.grams), search.OF_KIN * named):
         return None
-    return Shape("none", np.zeros(0), np.zeros(0), 0.0)
+    return UNORDERED
 
 
 def _form(e: Evidence, g: Grams) -> float:

@@ -9,8 +9,8 @@ import pytest
 
 from stagectl.exam.trials import Options as Drawn
 from stagectl.exam.trials import draw, stage_trial
-from stagectl.gap import base, columns, diagnose, folder, refine, told, unordered
-from stagectl.gap.found import Shape
+from stagectl.gap import base, closing, columns, diagnose, folder, refine, told, unordered
+from stagectl.gap.found import UNORDERED, Gap, Shape
 from stagectl.gap.runs import runs
 
 
@@ -32,6 +32,28 @@ def test_an_effect_left_out_is_told_by_where_it_is(
     assert found.verdict in ("unknown", "effects+unknown") and found.unknown is not None
     assert (found.unknown.coordinate, found.unknown.block) == (coordinate, block)
     assert words in found.sentence and len(found.unknown.grid) == len(found.unknown.force) > 3
+
+
+def test_what_stays_open_in_the_loop_is_unknown_whatever_lies_along_the_path(tmp_path: Path) -> None:
+    """A gap between motor and load, left out: what is left may be friction's form, but the loop's gap stays."""
+    stage_trial(draw(1418111386, "single", Drawn(short=True, effects=("backlash",), scale=4.0)), tmp_path)
+    session = folder.load([tmp_path / "captures"])
+    found = diagnose.diagnose(session, diagnose.Options(excluded=("backlash",), advice=False), lambda _: None).found
+    assert found.gap.after > 10.0 * found.gap.floor
+    assert found.verdict == "unknown" and found.unknown == UNORDERED
+    assert "no coordinate that was tried predicts most of it" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("after", "high", "stays"),
+    [(60e-6, 0.45, True), (40e-6, 0.45, False), (60e-6, 0.55, False), (float("nan"), 0.45, False)],
+)
+def test_a_gap_that_stays_open(after: float, high: float, stays: bool) -> None:
+    assert closing.stays_open(Gap(80e-6, after, 10e-6, "m", high - 0.1, high - 0.2, high)) is stays
+
+
+def test_without_repeats_nothing_is_said_of_a_gap_that_stays() -> None:
+    assert not closing.stays_open(Gap(80e-6, 70e-6, float("nan"), "m", 0.2, 0.1, 0.3))
 
 
 def test_a_band_holds_what_lies_in_it(tmp_path: Path) -> None:

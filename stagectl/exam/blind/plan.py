@@ -29,9 +29,8 @@ QUOTAS = {  # of 300 trials; at least 30 in each group: null, single, pair, trip
 }
 SIZES = {"pair": 2, "triple": 3}
 _STOPPING = frozenset({"controller"})  # with another controller than the one described, nothing else is judged
-_NEVER_LEFT_OUT = frozenset(  # values that the base fit has anyway, and what another name holds entirely
-    {"inertia", "viscous", "coulomb", "bias", "time_shift", "friction_lag", *(name for one in EXACT for name in one)}
-)
+_FITTED = frozenset({"inertia", "viscous", "coulomb", "bias", "time_shift", "presliding"})  # by the base refit anyway
+_NEVER_LEFT_OUT = frozenset({*_FITTED, "friction_lag", *(name for one in EXACT for name in one)})  # another holds them
 
 
 class ExamError(Exception):
