@@ -31,7 +31,7 @@ Predictions = Annotated[
 Report = Annotated[
     Path | None, typer.Option("--report", metavar="FILE.html", help="Where the page goes, else into the folder.")
 ]
-Full = Annotated[bool, typer.Option("--full", help="A larger null ensemble: minutes instead of seconds.")]
+Full = Annotated[bool, typer.Option("--full", help="A null ensemble three times as large: a quarter longer.")]
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where diagnosis.json goes, else into the folder.")
 ]

@@ -32,6 +32,7 @@ from stagectl.gap import (
 )
 from stagectl.gap.controller import Parity, parity
 from stagectl.gap.coordinates import coordinates
+from stagectl.gap.doubts import doubts
 from stagectl.gap.following import propose
 from stagectl.gap.found import NAMED, NOISE, UNORDERED, Effect, Found, Gap, Next, Shape
 from stagectl.gap.library import Scales
@@ -211,24 +212,12 @@ def _assembled(
         shares=tuple(told.shares.items()),
         unknown=unknown,
         traces=tuple(told.traces),
-        notes=(*session.notes, *_doubts(session, e)),
+        notes=(*session.notes, *doubts(session, e, improved)),
         cannot_tell=session.cannot_tell,
         kind=session.kind,
         travel_per_unit=session.travel_per_unit,
         travel_unit=session.travel_unit,
     )
-
-
-def _doubts(session: Session, e: Evidence) -> list[str]:
-    """What makes the answer weaker than it looks."""
-    copies = sum(not log.held_out for log in session.logs) - sum(len(run.logs) for run in e.runs)
-    found = (
-        [f"{copies} repeats are copies, to the last bit, and count for nothing: chance is not seen"] if copies else []
-    )
-    return found if any(log.held_out for log in session.logs) else [*found, _SAME]
-
-
-_SAME = "no log is held out: the gap is judged on the runs that chose the effects, so the closure is too good"
 
 
 def _name(named: Sequence[Effect], unknown: Shape | None) -> str:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from stagectl.gap import told
+from stagectl.gap.doubts import doubts
 from stagectl.gap.found import BLOCKS, VERDICTS, Effect, Gap, Value
 from stagectl.gap.session import GapError
 from stagectl.gap.shown import parameter, percent, together
@@ -178,3 +181,16 @@ def test_a_gap_that_stays_is_not_told_in_shares() -> None:
     assert "%" not in said and "closable" not in said
     assert said.endswith("not surely smaller, so only the forces speak for it.")
     assert "closable gap" in told.sentence(before) and "forces" not in told.sentence(before)
+
+
+def test_doubts_are_told() -> None:
+    """Copies, runs that served twice, and a model that the loop does not confirm; of none of them nothing is said."""
+    stage, log = object(), SimpleNamespace
+    run = SimpleNamespace(logs=("a",))
+    good = SimpleNamespace(stage=stage, logs=[log(held_out=False), log(held_out=True)])
+    e: Any = SimpleNamespace(runs=[run])
+    assert doubts(cast(Any, good), e, cast(Any, object())) == []
+    assert ["nominal model" in one for one in doubts(cast(Any, good), e, cast(Any, stage))] == [True]
+    same = SimpleNamespace(stage=stage, logs=[log(held_out=False), log(held_out=False)])
+    copied, served = doubts(cast(Any, same), e, cast(Any, object()))
+    assert copied.startswith("1 repeats are copies") and "no log is held out" in served
