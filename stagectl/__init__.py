@@ -62,7 +62,7 @@
     [13] gap/controller.py cut A: the command recomputed     gap/tying.py, cuts.py   cuts B and C, whitened by repeats
     [14] gap/base.py       what the model has already, refitted; the friction law is a family, friction_family.py
     [15] gap/library*.py   every effect: its place in kernels/plant.py, its sizes    gap/columns.py  what each does
-    [16] gap/grams.py      all data as one small matrix a half stroke       gap/null.py, limits.py  without any effect
+    [16] gap/grams.py      all data as small matrices, least_squares.py     gap/null.py, limits.py  without any effect
     [17] gap/search.py     scores.py, refine.py, stability.py: which effects, with which values; signatures.py
     [18] gap/verdict.py    names, rivals, intervals; shifts.py   where.py, coordinates.py, unknown.py   where it lies
     [19] gap/shrink.py     held-out runs, before and after       gap/following.py  the experiment that separates

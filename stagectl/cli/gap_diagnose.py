@@ -31,7 +31,10 @@ Predictions = Annotated[
 Report = Annotated[
     Path | None, typer.Option("--report", metavar="FILE.html", help="Where the page goes, else into the folder.")
 ]
-Full = Annotated[bool, typer.Option("--full", help="A null ensemble three times as large: a quarter longer.")]
+Full = Annotated[
+    bool,
+    typer.Option("--full", help="A null ensemble three times as large, six times the resamples: a quarter longer."),
+]
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where diagnosis.json goes, else into the folder.")
 ]

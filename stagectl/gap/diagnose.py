@@ -114,16 +114,18 @@ def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Di
     named = verdict.named_effects(session, evidence, selected)
     clock("where")
     sure = verdict.sure(evidence, selected, named)
-    unknown = find_unknown(evidence, sure, library, smooth)
+    unknown = find_unknown(evidence, sure, smooth)
     clock("held-out runs simulated")
     fitted = selected.fitted if unknown is None or not unknown.fields else with_shape(evidence, sure.fitted, unknown)
     signed = signatures(session, evidence, fitted, options.excluded)
     effects = [*verdict.with_signatures(named, signed), *verdict.shifted(session, moved, selected.fitted)]
     effects = [one for one in effects if one.name not in options.excluded]
     improved = _improved(session, [fitted, selected.fitted])
+    noted = doubts(session, evidence, improved)
     for one in signed:
         improved = one.put_in(improved)
     found = _assembled(session, evidence, selected, effects, (unknown, improved, agreement, smooth))
+    found = found._replace(notes=(*session.notes, *noted))
     clock("next experiment")
     if options.advice:
         found = _advised(session, found, selected, evidence)
@@ -196,7 +198,7 @@ def _assembled(
     judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
     loop = session.law is not None and all(log.setpoints is not None for log in judged)
     told = (closing.closed if loop else closing.along_the_path)(session, e, selected, improved, judged)
-    if unknown is None and loop and closing.stays_open(told.gap):
+    if unknown is None and loop and closing.stays_open(told.gap, judged):
         unknown = UNORDERED
     shared = _with_shares(effects, told.shares)
     named = [one for one in shared if one.probability >= NAMED]
@@ -212,7 +214,6 @@ def _assembled(
         shares=tuple(told.shares.items()),
         unknown=unknown,
         traces=tuple(told.traces),
-        notes=(*session.notes, *doubts(session, e, improved)),
         cannot_tell=session.cannot_tell,
         kind=session.kind,
         travel_per_unit=session.travel_per_unit,

@@ -63,7 +63,7 @@ class _Clocked(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Products of the columns of one run.  Blocks are shared, never copied: one more costs its own products alone."""
+    """Products of the columns of one run.  More columns share the blocks of those before: they cost their own alone."""
 
     run: Run
     own: Array  # (2, m) the column of which the run has its own amplitude, of unit length; zero: none

@@ -95,8 +95,10 @@ def parts(found: Found, only: Sequence[str] = (), unknown: bool = False) -> tupl
         if (unknown or _UNKNOWN in only) and found.unknown.fields:
             where = words.coordinate(found.unknown.coordinate)
             chosen.append(Part(_UNKNOWN, f"a data-based term over {where}, not a cause", found.unknown.fields))
-        else:
+        elif found.unknown.fields:
             left.append("unknown: not written; --unknown adds it as a data-based term")
+        else:
+            left.append("unknown: not written, no coordinate of a stage file holds it")
     if not chosen:
         raise GapError(_nothing(found, left))
     return chosen, left

@@ -28,7 +28,8 @@ EVEN, ODD, INERTIAL, LOOP = "even", "odd", "inertial", "loop"
 ALL = (EVEN, ODD, INERTIAL, LOOP)  # EVEN + ODD: any function of coordinate and direction
 TIME = "time"
 KNOTS = 6  # over the session's clock: a step is between two of them
-CLOCK = [f"{TIME}.{name}.{k}" for name in ("side", "velocity") for k in range(KNOTS)]  # columns over it
+SIDE, VELOCITY = (tuple(f"{TIME}.{name}.{k}" for k in range(KNOTS)) for name in ("side", "velocity"))
+CLOCK = (*SIDE, *VELOCITY)  # columns over the session's clock
 OF_A_DRIVE = ("current", "speed", "acceleration")  # coordinates that a current may depend on
 
 
@@ -184,7 +185,8 @@ class Functions(NamedTuple):
     size: Scales
     motions: list[Motion]
     tried: list[Smoother]
-    products: Mapping[str, Products]  # by coordinate: what is known, and the columns even and odd
+    known: Products  # what moves beside any function, and the null ensemble
+    products: Mapping[str, Products]  # by coordinate: that, and the columns even and odd
     clock: Products | None  # the same over the session's clock; None where nothing was repeated
 
 
@@ -199,7 +201,7 @@ def functions(ground: Ground, runs: Sequence[Run], size: Scales, known: Products
         products[one.coordinate] = grams.beside(known, [{name: found[name] for name in own} for found in columns])
     repeated = any(len(run.logs) > 1 for run in runs)
     clock = grams.beside(known, _clocked(ground, runs, motions)) if repeated else None
-    return Functions(size, motions, tried, products, clock)
+    return Functions(size, motions, tried, known, products, clock)
 
 
 def _clocked(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]) -> list[dict[str, list[Array]]]:
@@ -212,10 +214,10 @@ def _clocked(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]) -> 
         each = course(np.array([log.start for log in run.logs]))
         columns: dict[str, list[Array]] = {}
         bring = ground.bring(run)
-        for name, signal in (("side", np.sign(m.velocity)), ("velocity", m.velocity)):
+        for names_, signal in ((SIDE, np.sign(m.velocity)), (VELOCITY, m.velocity)):
             column = bring(signal[None], False)[0]
-            for k, one in enumerate(each):
-                columns[f"{TIME}.{name}.{k}"] = [column * x for x in (one - one.mean()).tolist()]
+            for name, one in zip(names_, each, strict=True):
+                columns[name] = [column * x for x in (one - one.mean()).tolist()]
         found.append(columns)
     return found
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -167,7 +166,7 @@ def _distance(found: Found) -> str:
     what, gap = headline(found)
     (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, found)
     size = f"{before} {unit}" if found.verdict in _NOT_CLOSED else f"{before} -> {after} {unit}"
-    known = f"floor {floor} {unit}" if math.isfinite(gap.floor) else "floor not known: no run was repeated"
+    known = f"floor {floor} {unit}" if gap.floor > 0.0 else "floor not known: no run was repeated"
     put_in = found.named and found.verdict not in _NOT_CLOSED
     doubt = "" if _shrinks(found) or not put_in else ": not surely smaller, so only the forces speak for it"
     return f"{_capital(what)} {size} on held-out runs, {known}{doubt}."

@@ -14,7 +14,7 @@ import numpy as np
 from stagectl.gap import columns, coordinates, grams, null, refine, search, smoothers, unordered
 from stagectl.gap.coordinates import drawn, foretold, means
 from stagectl.gap.found import UNORDERED, Shape
-from stagectl.gap.grams import Grams, Products
+from stagectl.gap.grams import Columns, Grams, Products
 from stagectl.gap.library import Scales
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.scores import against, freed, hands
@@ -53,15 +53,14 @@ class Foretold(NamedTuple):
 
 def functions(e: Evidence, size: Scales, library: search.Library) -> Functions:
     """Functions of single coordinates along the runs, beside the base and the null ensemble."""
-    return smoothers.functions(smoothers.Ground(e.base.model, e.base.noise), e.runs, size, _unmoved(e, library))
+    known = grams.only(library.products, [*e.base.products.names, *null.gains(library.products.names)])
+    return smoothers.functions(smoothers.Ground(e.base.model, e.base.noise), e.runs, size, known)
 
 
-def unknown(e: Evidence, selected: search.Selected, library: search.Library, smooth: Functions) -> Shape | None:
-    """What is left over the coordinate that orders it best, or where else it is found; None where it is nowhere.
-
-    `library` holds the columns of the null ensemble.
-    """
-    now, known = selected.fitted, _known(e, selected.fitted, library)
+def unknown(e: Evidence, selected: search.Selected, smooth: Functions) -> Shape | None:
+    """What is left over the coordinate that orders it best, or where else it is found; None where it is nowhere."""
+    now = selected.fitted
+    known = grams.beside(smooth.known, _own(e, now))
     largest = max((gain for block, _, gain in _taken(e, selected) if block != "drive"), default=0.0)
     found = _ordered(e, selected, known, smooth)
     if found or not refine.repeated(e):  # noise has no order either: what is not repeated cannot be told from it
@@ -98,7 +97,7 @@ def _ordered(e: Evidence, selected: search.Selected, known: Products, smooth: Fu
 
 def _of_one(e: Evidence, now: Fitted, smooth: Functions) -> list[Foretold]:
     """What each function of one coordinate foretells of what is left under `now`."""
-    own = columns.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
+    own = _own(e, now)
     each = ((one, grams.beside(smooth.products[one.coordinate], own)) for one in smooth.tried)
     return [found for one, products in each for found in _foretold(e, now, products, (one, OF_ONE))]
 
@@ -145,15 +144,9 @@ def _repeats(e: Evidence) -> float:
     return sum(len(run.paths) for run in e.runs) / len(e.runs)
 
 
-def _known(e: Evidence, now: Fitted, library: search.Library) -> Products:
-    """The columns that move beside every function, and the null ensemble."""
-    own = columns.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
-    return grams.beside(_unmoved(e, library), own)
-
-
-def _unmoved(e: Evidence, library: search.Library) -> Products:
-    """The same that hold whatever is named."""
-    return grams.only(library.products, [*e.base.products.names, *null.gains(library.products.names)])
+def _own(e: Evidence, now: Fitted) -> Columns:
+    """The columns of the effects' parameters where they stand."""
+    return columns.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
 
 
 def _taken(e: Evidence, selected: search.Selected) -> list[tuple[str, str, float]]:

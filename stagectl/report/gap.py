@@ -183,7 +183,10 @@ def _unknown(found: Found, place: str) -> Section | None:
         return None
     one = found.unknown
     if one.coordinate == "none":
-        lost = "What repeats and has no name is more than any law of friction leaves, and follows no coordinate tried."
+        lost = (
+            "What repeats and has no name follows no coordinate that was tried: it is more than any law of friction "
+            "leaves along the measured path, or it keeps the simulated loop from following the machine."
+        )
         return Section("What has no name", [lost], [], [], ())
     said = [f"What repeats and has no name: {told.where_unknown(one)}. It is no cause, only a shape."]
     shown = [_picture(figures.shape(found), _CAPTIONS.get(one.coordinate, _CAPTIONS["none"]))]

@@ -34,7 +34,7 @@ def _defined(run: Run, x: Mapping[str, Sequence[Array]], left: Sequence[Array], 
     own = (run.weight[:, None] * x["own"][0]).T
     own /= np.linalg.norm(own)
     found = np.zeros((2, STROKES, len(names) + 1, len(names) + 1))
-    for k in range(REPEATS):
+    for k in range(len(left)):
         each = [(run.weight[:, None] * one).T for one in (*(x[name][k % len(x[name])] for name in names), left[k])]
         z = np.stack([one - np.vdot(own, one) * own for one in each], axis=1)
         for stroke in range(STROKES):
@@ -70,6 +70,19 @@ def test_the_matrices_are_what_they_are_defined_as(
         at = g.experiment == k
         np.testing.assert_allclose(g.effort[at], wanted[0], atol=2e-5)  # columns are kept in single precision
         np.testing.assert_allclose(g.current[at], wanted[1], atol=2e-5)
+
+
+def test_one_residual_for_all_repeats_and_a_column_beside_chosen_ones() -> None:
+    """What is asked of the mean of repeats, where what runs on the clock counts by its mean."""
+    source = np.random.default_rng(8)
+    run, x = _run(source), _columns(source)
+    p = grams.products([run], [{name: x[name] for name in ("own", "a", "b", "warm")}], "own")
+    p = grams.beside(grams.only(p, ["warm", "a"]), [{"step": x["step"], "c": x["c"]}])
+    mean = [[source.standard_normal((ROWS, 2))]]
+    once = {name: [np.mean(each, axis=0)] for name, each in x.items()}
+    wanted = _defined(run, once, mean[0], ("warm", "a", "step", "c"))
+    g = grams.grams(p, mean)
+    np.testing.assert_allclose(np.stack([g.effort, g.current]), wanted, atol=2e-5)
 
 
 def test_another_block_leaves_what_is_there() -> None:

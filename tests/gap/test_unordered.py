@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,11 +52,23 @@ def test_what_stays_open_in_the_loop_is_unknown_whatever_lies_along_the_path(tmp
     [(60e-6, 0.45, True), (40e-6, 0.45, False), (60e-6, 0.55, False), (float("nan"), 0.45, False)],
 )
 def test_a_gap_that_stays_open(after: float, high: float, stays: bool) -> None:
-    assert closing.stays_open(Gap(80e-6, after, 10e-6, "m", high - 0.1, high - 0.2, high)) is stays
+    twice: Any = [SimpleNamespace(experiment="sine"), SimpleNamespace(experiment="sine")]
+    assert closing.stays_open(Gap(80e-6, after, 10e-6, "m", high - 0.1, high - 0.2, high), twice) is stays
 
 
-def test_without_repeats_nothing_is_said_of_a_gap_that_stays() -> None:
-    assert not closing.stays_open(Gap(80e-6, 70e-6, float("nan"), "m", 0.2, 0.1, 0.3))
+@pytest.mark.parametrize(("floor", "names"), [(0.0, ("sine", "sine")), (10e-6, ("sine",)), (10e-6, ("a", "a", "b"))])
+def test_a_floor_that_is_not_known_lets_nothing_stay_open(floor: float, names: Sequence[str]) -> None:
+    """Copies, a single run, and an experiment among others that ran once."""
+    judged: Any = [SimpleNamespace(experiment=name) for name in names]
+    assert not closing.stays_open(Gap(80e-6, 70e-6, floor, "m", 0.2, 0.1, 0.3), judged)
+
+
+def test_the_noise_of_a_machine_that_ran_once_is_nothing_unknown(tmp_path: Path) -> None:
+    stage_trial(draw(7, "null-exact", Drawn(short=True)), tmp_path)
+    session = folder.load([tmp_path / "captures"])
+    once = session._replace(logs=tuple(log for log in session.logs if log.repeat == 1))
+    found = diagnose.diagnose(once, diagnose.Options(advice=False), lambda _: None).found
+    assert found.verdict == "none" and "floor not known" in found.sentence
 
 
 def test_a_band_holds_what_lies_in_it(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from stagectl.exam.blind import intervals, rules
+from stagectl.exam.blind import intervals, rules, scoring
 from stagectl.exam.effects import EFFECTS
 from stagectl.exam.trials import Options, draw, stage_trial
 
@@ -39,9 +39,8 @@ def line(name: str, told: dict[str, Any], answer: dict[str, Any], seconds: float
     truth = rules.truth_of(told)
     named = [one for one in rules.entries(answer) if one.probability >= rules.NAMED]
     left = rules.considered(truth, named)
-    hidden = rules.any_same(truth.hidden, poor=False)
-    first = bool(left) and left[0].name in hidden
-    held = bool(left) and bool(hidden & {left[0].name, *left[0].alternatives})
+    naming = scoring.naming(truth, answer, named, left)
+    first, held = naming["top1"], naming["covered"]
     said = f"{left[0].name} ({left[0].probability:.2f})" if left else rules.top(answer, left)
     others = ", ".join(left[0].alternatives) if left else ""
     size = next(one["realised_scale"] for one in told["effects"] if not one["companion"])
