@@ -15,7 +15,7 @@ from stagectl.config.patch import patched
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Operators, Rolling, load_stage
 from stagectl.gap.fields import fields_of
-from stagectl.gap.found import Fields, Found
+from stagectl.gap.found import UNORDERED, Fields, Found
 from stagectl.gap.patch import applied, parts, patch_of
 from stagectl.gap.session import GapError
 from stagectl.gap.stored import save
@@ -200,6 +200,8 @@ def test_the_unknown_is_written_on_request_only() -> None:
     assert [one.name for one in chosen] == ["viscous"] and left[0].startswith("unknown: not written; --unknown adds")
     chosen, left = parts(told, unknown=True)
     assert chosen[-1] == ("unknown", "a data-based term over position, not a cause", shape.fields) and not left
+    shapeless = told._replace(unknown=UNORDERED)
+    assert parts(shapeless, unknown=True)[1] == ["unknown: not written, no coordinate of a stage file holds it"]
 
 
 @pytest.mark.parametrize(
