@@ -32,6 +32,7 @@ from stagectl.daemon import virtual
 from stagectl.exam.blind import ledger
 
 LEDGER = STAGE.parents[1] / ".docs" / "exam-ledger.jsonl"
+LARGE = 100  # trials, from which an exam's rates say something
 _NAMES = ("stagectl", "canopen", "moteus", "mujoco", "scipy", "cma", "numpy", "numba")
 Found = tuple[list[Against], dict[str, str]]
 
@@ -128,11 +129,11 @@ def _fits(rounds: int) -> Found:
 
 
 def _exam(scores: Path | None) -> dict[str, Any]:
-    """What exams have shown: the last of the ledger, and diagnosis and baselines on the same trials."""
-    last = ledger.read(LEDGER)[-1]
+    """What exams have shown: the last large one of the ledger, and diagnosis and baselines on the same trials."""
+    held = [{**one, "trials": one.get("stopped after", one["trials"])} for one in ledger.read(LEDGER)]
+    last = [one for one in held if one["trials"] >= LARGE][-1]
     beside = json.loads(scores.read_text(encoding="utf-8"))["beside"] if scores else []
-    told = {name: last[name] for name in ("date", "version", "full", "scores")}
-    return {"last": {**told, "trials": last.get("stopped after", last["trials"])}, "beside": beside}
+    return {"last": {name: last[name] for name in ("date", "version", "full", "scores", "trials")}, "beside": beside}
 
 
 def main(page: Path, manual: Path | None, written: Path | None, wish: Wish) -> None:

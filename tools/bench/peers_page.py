@@ -117,7 +117,7 @@ def _plain(value: float) -> str:
 def _exam_words(exam: dict[str, Any]) -> list[str]:
     last = exam["last"]
     words = [
-        f"Read from the exams that were held, not measured here: the last of the ledger is of {last['date'][:10]}."
+        f"Read from the exams that were held, not measured here: the last large one is of {last['date'][:10]}."
     ]
     if exam["beside"]:
         words.append("The oracle is told the effects; the others are told nothing. The black box names nothing.")
@@ -133,7 +133,8 @@ def _exam_tables(exam: dict[str, Any]) -> list[Table]:
     last = exam["last"]
     rows = [[name, f"{100.0 * last['scores'][name][0]:.0f} %", str(last["scores"][name][1])] for name in _EXAM]
     way = f"{last['trials']} trials on the {'full' if last['full'] else 'fast'} path"
-    tables = [Table(f"The last exam, version {last['version']}, {way}", ["figure", "diagnosis", "trials"], rows)]
+    title = f"The last exam of a hundred trials or more, version {last['version']}, {way}"
+    tables = [Table(title, ["figure", "diagnosis", "trials"], rows)]
     if exam["beside"]:
         names = [one["name"] for one in exam["beside"]]
         kinds = [row["name"] for row in exam["beside"][0]["rows"]]
