@@ -116,9 +116,7 @@ def _plain(value: float) -> str:
 
 def _exam_words(exam: dict[str, Any]) -> list[str]:
     last = exam["last"]
-    words = [
-        f"Read from the exams that were held, not measured here: the last large one is of {last['date'][:10]}."
-    ]
+    words = [f"Read from the exams that were held, not measured here: the last large one is of {last['date'][:10]}."]
     if exam["beside"]:
         words.append("The oracle is told the effects; the others are told nothing. The black box names nothing.")
     else:
