@@ -60,9 +60,10 @@ def functions(e: Evidence, size: Scales, library: search.Library) -> Functions:
 def unknown(e: Evidence, selected: search.Selected, smooth: Functions) -> Shape | None:
     """What is left over the coordinate that orders it best, or where else it is found; None where it is nowhere."""
     now = selected.fitted
-    known = grams.beside(smooth.known, _own(e, now))
+    own = _own(e, now)
+    known = grams.beside(smooth.known, own)
     largest = max((gain for block, _, gain in _taken(e, selected) if block != "drive"), default=0.0)
-    found = _ordered(e, selected, known, smooth)
+    found = _ordered(e, selected, (known, own), smooth)
     if found or not refine.repeated(e):  # noise has no order either: what is not repeated cannot be told from it
         return found
     left = unordered.left_of(now, known)
@@ -75,16 +76,18 @@ def unknown(e: Evidence, selected: search.Selected, smooth: Functions) -> Shape 
     )
 
 
-def _ordered(e: Evidence, selected: search.Selected, known: Products, smooth: Functions) -> Shape | None:
+def _ordered(
+    e: Evidence, selected: search.Selected, beside: tuple[Products, Columns], smooth: Functions
+) -> Shape | None:
     """The effort that is left as a function of one coordinate, or of one and what the axis does there."""
-    now, taken, least = selected.fitted, _taken(e, selected), _least(e)
+    (known, own), now, taken, least = beside, selected.fitted, _taken(e, selected), _least(e)
     if _squares(e, means(now.left)) - _floor(e) <= max(least, 0.0):
         return None
 
     def clear(found: Sequence[Foretold]) -> list[Foretold]:
         return [one for one in found if one.gain > _kin(one, taken) and _clear(one, least)]
 
-    if good := clear(_of_one(e, now, smooth)):
+    if good := clear(_of_one(e, now, own, smooth)):
         best = _best(good)
         return _shape(e, now, smooth.products[best.smoother.coordinate], best)
     chosen = [one for one in smooth.tried if one.coordinate in OF_TWO]
@@ -95,9 +98,8 @@ def _ordered(e: Evidence, selected: search.Selected, known: Products, smooth: Fu
     return _shape(e, now, both, _best(good)) if good else None
 
 
-def _of_one(e: Evidence, now: Fitted, smooth: Functions) -> list[Foretold]:
+def _of_one(e: Evidence, now: Fitted, own: Columns, smooth: Functions) -> list[Foretold]:
     """What each function of one coordinate foretells of what is left under `now`."""
-    own = _own(e, now)
     each = ((one, grams.beside(smooth.products[one.coordinate], own)) for one in smooth.tried)
     return [found for one, products in each for found in _foretold(e, now, products, (one, OF_ONE))]
 
@@ -125,7 +127,9 @@ def largest(e: Evidence, now: Fitted, smooth: Functions) -> float:
     0 where none foretells as much as an unknown effect must.
     """
     least = _least(e)
-    return max((one.gain * _repeats(e) for one in _of_one(e, now, smooth) if _clear(one, least)), default=0.0)
+    return max(
+        (one.gain * _repeats(e) for one in _of_one(e, now, _own(e, now), smooth) if _clear(one, least)), default=0.0
+    )
 
 
 def _clear(one: Foretold, least: float) -> bool:
