@@ -190,7 +190,7 @@ def _lag(lag: float, half: float) -> tuple[float, float]:
     """Decay of the current error over `half` a step, and its mean."""
     if lag == 0.0:
         return 0.0, 0.0
-    return math.exp(-half / lag), effects.relaxed(half / lag)
+    return effects.decayed(half / lag)
 
 
 @kernel

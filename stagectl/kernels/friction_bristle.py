@@ -78,6 +78,8 @@ def _decayed(w: float, exponent: float, move: float) -> float:
     if exponent == 1.0:
         return w * math.exp(-move)
     size = abs(w)
+    if exponent == 2.0:  # as below, without its two powers
+        return w / (1.0 + size * move)
     if size == 0.0:
         return 0.0
     grown = size ** (1.0 - exponent) - (1.0 - exponent) * move

@@ -101,14 +101,9 @@ def _coefficients(p: Mechanics, current_lag: float, h: float) -> _Coefficients:
     half = 0.5 * h
     lag, lag_mean = 0.0, 0.0
     if current_lag > 0.0:
-        ratio = half / current_lag
-        lag = math.exp(-ratio)
-        lag_mean = -math.expm1(-ratio) / ratio
-    damped = p.viscous * half / p.inertia
-    gain = half / p.inertia
-    if damped > 0.0:
-        gain = -math.expm1(-damped) / p.viscous
-    return _Coefficients(h, lag, lag_mean, math.exp(-damped), gain)
+        lag, lag_mean = effects.decayed(half / current_lag)
+    damped, mean = effects.decayed(p.viscous * half / p.inertia)
+    return _Coefficients(h, lag, lag_mean, damped, half / p.inertia * mean)
 
 
 @kernel

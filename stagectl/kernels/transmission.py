@@ -158,8 +158,8 @@ def kicked(p: Mechanics, c: Coefficients, x: Bodies, efforts: tuple[float, float
     driving, pulling, friction = efforts
     if c.load == 0.0:
         damping = viscous(p, c, x.velocity)
-        mean = effects.relaxed(damping * c.half / c.motor)
-        dv = c.half / c.motor * mean * (driving + pulling - friction - damping * x.velocity)
+        gain = c.half / c.motor
+        dv = gain * effects.relaxed(damping * gain) * (driving + pulling - friction - damping * x.velocity)
         return _recoiled(c, x, dv, dv)
     here, there = 1.0 - c.share, c.share
     v = here * x.velocity + there * x.load_velocity
