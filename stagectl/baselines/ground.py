@@ -54,7 +54,7 @@ def shifts(g: Ground) -> tuple[str, ...]:
 
 def scored(g: Ground, now: Fitted) -> dict[str, Score]:
     """The best form of every effect that is not in the model yet, on what is left."""
-    return best_of(search.scored(g.evidence, g.library, now)[1])
+    return best_of(search.scored(g.evidence, g.library, now).scores)
 
 
 def as_json(answer: Answer) -> dict[str, Any]:

@@ -23,7 +23,7 @@ MOST = 10  # effects
 def sparse(g: Ground) -> Answer:
     """The effects of the greedy path with the least BIC, and the model with their linear amplitudes."""
     e = g.evidence
-    matrices = grams.grams(g.library.products, e.base.after)
+    matrices = grams.dealt(g.library.products, e.base.after)
     whole, nuisance = matrices.both.sum(axis=0), matrices.of(refine.nuisances(e))
     n = 2.0 * sum(float(run.weight.sum()) * len(run.paths) for run in e.runs)
     chosen = greedy(whole, nuisance, [(form, matrices.of(form.names)) for form in g.library.forms], n)

@@ -154,7 +154,7 @@ def refit(session: Session, runs: Sequence[Run], nominal: Model, frozen: Sequenc
     left, total = before, dict.fromkeys((one.name for one in free), 0.0)
     chosen: Direction | None = None
     for _ in range(STEPS):
-        g = grams.grams(known, left)
+        g = grams.dealt(known, left)
         if chosen is None:
             chosen = _best_member(model, g, free, beside)
         move = _bounded_step(model, g, free, chosen, total)

@@ -30,31 +30,30 @@ class Told(NamedTuple):
 
 def closed(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> Told:
     """The gap of the held-out runs in closed loop."""
-    now, dt, nominal = selected.fitted, session.dt, columns.model_of(session, session.stage)
+    now, nominal = selected.fitted, columns.model_of(session, session.stage)
     before, after = (shrink.predicted(session, p, judged) for p in (session.stage, improved))
-    judged = shrink.counted(session, judged)
-    training = shrink.counted(session, [log for log in session.logs if not log.held_out])
+    training = [log for log in session.logs if not log.held_out]
     inside = [shrink.predicted(session, p, training) for p in (session.stage, improved)]
+    counted, known = shrink.counted(session, judged), shrink.counted(session, training)
     found = {}
     for channel in shrink.CHANNELS:
         unit = "A" if channel == "current" else ("m" if session.kind == "linear" else "rad")
-        first, last = (shrink.squares(training, rows, channel, dt) for rows in inside)
-        expected = shrink.gap(first, last, shrink.floor(training, inside[1], channel, dt), unit).closure
-        first, last = (shrink.squares(judged, rows, channel, dt) for rows in (before, after))
-        found[channel] = shrink.gap(first, last, shrink.floor(judged, after, channel, dt), unit, expected)
+        first, last = (shrink.squares(known, rows, channel) for rows in inside)
+        expected = shrink.gap(first, last, shrink.floor(known, inside[1], channel), unit).closure
+        first, last = (shrink.squares(counted, rows, channel) for rows in (before, after))
+        found[channel] = shrink.gap(first, last, shrink.floor(counted, after, channel), unit, expected)
     position = found.pop("position")
 
     def remaining(members: frozenset[str]) -> float:
         model = now.model if "parameters" in members else nominal
         stage = equipped(model, [one for one in now.effects if one.effect.name in members]).stage
-        return float(shrink.squares(judged, shrink.predicted(session, stage, judged), "position", dt).gap.sum())
+        return shrink.remaining(counted, shrink.predicted(session, stage, judged))
 
     players = ["parameters", *(one.effect.name for one in now.effects)]
     shares = _shares(shrink.shapley(players, remaining), position)
     if session.logs[0].current is None:
         found.pop("current")
-    found.pop("tracking")
-    traces = shrink.traces(judged, before, after, position.floor, dt)
+    traces = shrink.traces([one.log for one in counted], before, after, position.floor, session.dt)
     return Told(position, found, shares, traces)
 
 

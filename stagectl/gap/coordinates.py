@@ -33,10 +33,10 @@ def coordinates(e: Evidence, smooth: Functions) -> tuple[Coordinate, ...]:
     found = {"frequency": _banded(e)}
     floor = floor_of_means(e)
     for one in smooth.tried:
-        g = grams.grams(smooth.products[one.coordinate], means(e.base.after))
+        g = grams.dealt(smooth.products[one.coordinate], means(e.base.after))
         found[one.coordinate] = max(_share(g, e, chosen, floor) for chosen in _variants(one))
     if smooth.clock is not None:
-        g = grams.grams(smooth.clock, e.base.after)
+        g = grams.dealt(smooth.clock, e.base.after)
         found[TIME] = _share(g, e, smoothers.CLOCK, g.floor.sum(axis=0), aging=True)
     return tuple(Coordinate(name, share) for name, share in sorted(found.items(), key=lambda pair: -pair[1]))
 

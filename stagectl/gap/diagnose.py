@@ -168,14 +168,14 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
         e.base.products,
         lambda run: columns.all_columns(e.base.model, [run], [*directions, *without], e.base.noise)[0],
     )
-    g = grams.grams(known, e.base.after)
+    g = grams.dealt(known, e.base.after)
     limits = thresholds(g, g.of(search.nuisances(e)), forms)
     return Library(tuple(forms), known, limits, RESAMPLED[options.full], search.closable(g), bool(g.current.any()))
 
 
 def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:
     """Sum of squares above the floor of repeats."""
-    return max(refine.total(e, list(residuals)) - search.floor(e), 1e-300)
+    return max(refine.total(e, list(residuals)) - refine.floor(e), 1e-300)
 
 
 def _improved(session: Session, models: Sequence[Fitted]) -> Stage:
@@ -184,7 +184,7 @@ def _improved(session: Session, models: Sequence[Fitted]) -> Stage:
     training = [log for log in session.logs if not log.held_out]
     if session.law is None or any(log.setpoints is None for log in training):
         return stages[0]
-    return shrink.closest(session, stages, shrink.counted(session, training))
+    return shrink.closest(session, stages, training)
 
 
 def _assembled(

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from stagectl.gap import null
 from stagectl.gap.candidates import Form
-from stagectl.gap.grams import Grams
-from stagectl.gap.scores import against, best_of, cut_of, cuts_of, first_hand, free_of, score_of
+from stagectl.gap.grams import Grams, first_hand
+from stagectl.gap.scores import against, best_of, cut_of, cuts_of, free_of, score_of
 from stagectl.gap.session import Array
 
 BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
@@ -66,7 +66,7 @@ def doubt(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> float:
     where = [[at[place] for place in each] for each in own]
 
     def answer(counted: NDArray[np.bool_]) -> float:
-        first = first_hand(g)[counted]
+        first = first_hand(g.stroke)[counted]
         cuts = np.stack([[cut[counted][hand].sum(axis=0) for hand in (first, ~first)] for cut in small])
         free = free_of(cuts, range(len(nuisance)))[cut_of(forms[0], cuts)]
         machines = [free, *(against(free, at[member]) for member in members)]

@@ -75,6 +75,17 @@ def total(e: Evidence, residuals: list[list[Array]]) -> float:
         )
 
 
+def floor(e: Evidence) -> float:
+    """Sum of squares that repeats differ by."""
+    repeats = [len(one) for one in e.deviations]
+    pairs = zip(e.deviations, e.runs, repeats, strict=True)
+    return sum(
+        float(np.sum((one * run.weight[:, None]) ** 2)) * count / max(count - 1, 1)
+        for each, run, count in pairs
+        for one in each
+    )
+
+
 def start(e: Evidence) -> Fitted:
     """The refitted base without any effect."""
     return Fitted(e.base.model, (), e.base.after, total(e, e.base.after))
@@ -107,7 +118,7 @@ def _products_beside(e: Evidence, now: Fitted) -> grams.Products:
 
 def _step(e: Evidence, now: Fitted) -> Fitted:
     own = parameters(now)
-    g = tangent(e, now, own)
+    g = grams.dealt(tangent(e, now, own), now.left)
     nuisance = nuisances(e)
     places = [*g.of(nuisance), *g.of([one.name for one in own])]
     low, high = np.array([(base.lowest(now.model, name), np.inf) for name in nuisance] + _limits(now)).T
@@ -128,10 +139,9 @@ def nuisances(e: Evidence) -> list[str]:
     return [one.name for one in e.base.directions if one.name != base.START and not base.is_member(one.name)]
 
 
-def tangent(e: Evidence, now: Fitted, own: Sequence[Direction]) -> grams.Grams:
-    """Matrices of the base's columns, of the effects' parameters where they stand, and of what is left."""
-    found = columns.all_columns(now.equipped, e.runs, own, e.base.noise)
-    return grams.grams(grams.beside(e.base.products, found), now.left)
+def tangent(e: Evidence, now: Fitted, own: Sequence[Direction]) -> grams.Products:
+    """The base's columns, and those of the effects' parameters where they stand."""
+    return grams.beside(e.base.products, columns.all_columns(now.equipped, e.runs, own, e.base.noise))
 
 
 def parameters(now: Fitted) -> list[Direction]:

@@ -11,29 +11,22 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stagectl.gap import least_squares
 from stagectl.gap.candidates import Form
-from stagectl.gap.grams import Grams
+from stagectl.gap.grams import Grams, first_hand
 from stagectl.gap.session import Array
 
 
 def hands(g: Grams, cut: Array) -> Array:
     """(2, p + 1, p + 1) of the matrices (c, p + 1, p + 1) of one cut: even and odd half strokes of every experiment."""
-    first = first_hand(g).astype(np.float64)
+    first = first_hand(g.stroke).astype(np.float64)
     return np.stack([np.tensordot(hand, cut, 1) for hand in (first, 1.0 - first)])
 
 
 def cuts_of(g: Grams) -> Array:
     """(2, 2, p + 1, p + 1): the hands of the mechanics' cut and of the drive's."""
     return np.stack([hands(g, g.effort), hands(g, g.current)])
-
-
-def first_hand(g: Grams) -> NDArray[np.bool_]:
-    """(c,) half strokes that the first hand holds, two by two: there and back stay together."""
-    first: NDArray[np.bool_] = g.stroke % 4 < 2
-    return first
 
 
 def against(g: Array, residual: int) -> Array:

@@ -17,13 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap import base, candidates, columns, grams, refine, stability, symmetries
+from stagectl.gap import base, candidates, columns, grams, null, refine, stability, symmetries
 from stagectl.gap.candidates import Form, Named
 from stagectl.gap.grams import Grams, Products
 from stagectl.gap.library import Definition
 from stagectl.gap.limits import BEYOND, SMALLEST, Threshold, doubt
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.scores import Score, best_of, cuts_of, freed, scores
+from stagectl.gap.session import Array
 
 MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
@@ -110,24 +111,40 @@ def _of_drive(effect: Definition, library: Library) -> bool:
 def _free(e: Evidence, now: Fitted) -> float:
     """Sum of squares left in the mechanics' cut that no nuisance explains: what functions are fitted to."""
     own = columns.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
-    g = grams.grams(grams.beside(grams.only(e.base.products, nuisances(e)), own), now.left)
+    g = grams.dealt(grams.beside(grams.only(e.base.products, nuisances(e)), own), now.left)
     return float(freed(cuts_of(g)[0], range(len(g.names)))[:, -1, -1].sum())
 
 
-def scored(e: Evidence, library: Library, now: Fitted) -> tuple[Grams, list[Score]]:
+class Scored(NamedTuple):
+    """Every effect that is not in a model yet, on what that leaves."""
+
+    scores: list[Score]
+    floor: Array  # (2,) what repeats differ by, of both cuts
+    beside: list[str]  # columns that move beside every candidate
+    products: Products
+    left: list[list[Array]]
+
+    def half_strokes(self, forms: Sequence[Form]) -> Grams:
+        """Their matrices, of what a verdict on `forms` asks."""
+        own = dict.fromkeys(name for form in forms for name in form.names)
+        return grams.grams(grams.only(self.products, [*self.beside, *null.gains(self.products.names), *own]), self.left)
+
+    def doubt(self, forms: Sequence[Form]) -> float:
+        """Limit of the effect of `forms` over its gain."""
+        g = self.half_strokes(forms)
+        return doubt(g, g.of(self.beside), forms)
+
+
+def scored(e: Evidence, library: Library, now: Fitted) -> Scored:
     """Every effect that is not in the model yet, on what is left."""
     own = refine.parameters(now)
     found = columns.all_columns(now.equipped, e.runs, own, e.base.noise)
-    g = grams.grams(grams.beside(library.products, found), now.left)
-    nuisance = _beside(e, g, now)
+    products = grams.beside(library.products, found)
+    g, beside = grams.dealt(products, now.left), [*nuisances(e), *(one.name for one in own)]
     taken = {one.effect.name for one in now.effects}
     forms = [form for form in library.forms if form.effect.name not in taken]
-    return g, scores(cuts_of(g), nuisance, [g.of(form.names) for form in forms], forms)
-
-
-def _beside(e: Evidence, g: Grams, now: Fitted) -> list[int]:
-    """Places of the columns that move beside every candidate."""
-    return g.of([*nuisances(e), *(one.name for one in refine.parameters(now))])
+    each = scores(cuts_of(g), g.of(beside), [g.of(form.names) for form in forms], forms)
+    return Scored(each, g.floor.sum(axis=0), beside, products, now.left)
 
 
 def nuisances(e: Evidence) -> list[str]:
@@ -146,37 +163,32 @@ def material(e: Evidence) -> float:
     return MATERIAL if refine.repeated(e) else ALONE
 
 
-def _eligible(e: Evidence, g: Grams, found: Sequence[Score], library: Library, now: Fitted) -> list[Score]:
+def _eligible(e: Evidence, found: Scored, library: Library, now: Fitted) -> list[Score]:
     good = []
     # Across a gap the others' columns are not what they were: only what stands out is believed beside it.
     least = DOMINANT if any(one.effect.bent for one in now.effects) else 0.0
-    for score in best_of(found).values():
-        material = score.gain > _least(e, g, library, score) and score.worst > least
-        if material and _beyond(e, g, library, now, score):
+    for score in best_of(found.scores).values():
+        material = score.gain > _least(e, found, library, score) and score.worst > least
+        if material and _beyond(found, library, score):
             good.append(score)
     return sorted(good, key=lambda score: -score.gain)
 
 
-def _beyond(e: Evidence, g: Grams, library: Library, now: Fitted, score: Score) -> bool:
+def _beyond(found: Scored, library: Library, score: Score) -> bool:
     """Whether it is more than machines without an effect give it, on all data or on one experiment."""
-    name = _name(score)
-    known = library.thresholds[name]
+    known, forms = library.thresholds[_name(score)], _forms_of(library, _name(score))
     clear = score.gain > known.limit or score.worst > max(BEYOND * known.share, DOMINANT)
-    return clear or _doubt(e, g, library, now, name) < 1.0
-
-
-def _doubt(e: Evidence, g: Grams, library: Library, now: Fitted, name: str) -> float:
-    return doubt(g, _beside(e, g, now), _forms_of(library, name))
+    return clear or found.doubt(forms) < 1.0
 
 
 def _forms_of(library: Library, name: str) -> list[Form]:
     return [form for form in library.forms if form.effect.name == name]
 
 
-def _least(e: Evidence, g: Grams, library: Library, score: Score) -> float:
+def _least(e: Evidence, found: Scored, library: Library, score: Score) -> float:
     """Sum of squares that an effect must take to be material: of what no nuisance explains, and of all there was."""
     cut = 1 if _of_drive(score.form.effect, library) else 0
-    left = score.before - float(g.floor[:, cut].sum())
+    left = score.before - float(found.floor[cut])
     clear = score.worst > DOMINANT and score.gain > FAR * library.thresholds[_name(score)].limit
     return max(material(e) * left, (OF_ALL_CLEAR if clear else OF_ALL) * library.first[cut], SMALLEST)
 
@@ -187,8 +199,8 @@ def _next(e: Evidence, library: Library, now: Fitted, taken: Mapping[str, float]
     `taken` holds what each effect took when it was added.  None of them returns that was dropped, and their kin must
     take more than an error of their form would.
     """
-    g, found = scored(e, library, now)
-    eligible = [score for score in _eligible(e, g, found, library, now) if _name(score) not in taken]
+    found = scored(e, library, now)
+    eligible = [score for score in _eligible(e, found, library, now) if _name(score) not in taken]
     good = [score for score in eligible if _stands_out(score, taken)]
     if not good:
         return None
@@ -196,8 +208,8 @@ def _next(e: Evidence, library: Library, now: Fitted, taken: Mapping[str, float]
     first = rivals[:2] + [one for one in rivals[2:] if symmetries.narrower(rivals[0].form.effect.name, _name(one))]
     tried = [(score, refine.refine(e, now.model, _joined(e, now, score))) for score in first]
     # What a simulation confirms counts, not what a linear estimate promised.
-    better = [one for score, one in tried if now.misfit - one.misfit > _least(e, g, library, score)]
-    return _simplest(better, floor(e)) if better else None
+    better = [one for score, one in tried if now.misfit - one.misfit > _least(e, found, library, score)]
+    return _simplest(better, refine.floor(e)) if better else None
 
 
 def _joined(e: Evidence, now: Fitted, score: Score) -> list[Named]:
@@ -257,21 +269,10 @@ def _pruned(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
     for one in now.effects[:-1]:
         rest = [other for other in now.effects if other is not one]
         less = refine.refine(e, now.model, rest, 1)
-        if less.misfit - now.misfit < max(SMALLEST, material(e) * (less.misfit - floor(e))):
+        if less.misfit - now.misfit < max(SMALLEST, material(e) * (less.misfit - refine.floor(e))):
             say(f"dropped {one.effect.name}")
             return _pruned(e, library, less, say)
     return now
-
-
-def floor(e: Evidence) -> float:
-    """Sum of squares that repeats differ by."""
-    repeats = [len(one) for one in e.deviations]
-    pairs = zip(e.deviations, e.runs, repeats, strict=True)
-    return sum(
-        float(np.sum((one * run.weight[:, None]) ** 2)) * count / max(count - 1, 1)
-        for each, run, count in pairs
-        for one in each
-    )
 
 
 def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
@@ -280,16 +281,15 @@ def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
     for one in now.effects:
         rest = tuple(other for other in now.effects if other is not one)
         less = Fitted(now.model, rest, refine.left(e, now.model, rest), 0.0)
-        g, every = scored(e, library, less)
-        found = best_of(every)
-        forms = _forms_of(library, one.effect.name)
-        inclusion[one.effect.name] = stability.inclusion(g, _beside(e, g, less), forms, OF_ALL, library.resampled)
-        doubts[one.effect.name] = _doubt(e, g, library, less, one.effect.name)
+        every, forms = scored(e, library, less), _forms_of(library, one.effect.name)
+        found, g = best_of(every.scores), every.half_strokes(forms)
+        inclusion[one.effect.name] = stability.inclusion(g, g.of(every.beside), forms, OF_ALL, library.resampled)
+        doubts[one.effect.name] = every.doubt(forms)
         own = found[one.effect.name].gain
         gains[one.effect.name] = own
         alternatives[one.effect.name] = {
             name: score.gain / own for name, score in found.items() if name != one.effect.name and own > 0.0
         }
         rivals[one.effect.name] = {name: named(score) for name, score in found.items() if score.gain > 0.0}
-    left = _free(e, now) - float(grams.grams(e.base.products, now.left).floor[:, 0].sum())
+    left = _free(e, now) - float(grams.dealt(e.base.products, now.left).floor[:, 0].sum())
     return Selected(now, alternatives, gains, rivals, inclusion, doubts, left)

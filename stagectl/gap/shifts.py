@@ -40,7 +40,7 @@ class Shift(NamedTuple):
 def shifts(session: Session, e: Evidence, now: Fitted, before: float) -> list[Shift]:
     """All shifts of the refitted model; `before` is the closable misfit of the nominal model."""
     own = refine.parameters(now)
-    g = refine.tangent(e, now, own)
+    g = grams.grams(refine.tangent(e, now, own), now.left)
     names = [*refine.nuisances(e), *(one.name for one in own)]
     deviation = base.robust(g, names)
     returned = _returned(g, refine.nuisances(e), _moves(session, now))

@@ -24,7 +24,14 @@ from stagectl.kernels.stage import Stage
 
 RESAMPLED = 400  # times, for the interval of the closure
 NEARLY = 1.05  # squared gap, of the smallest
-CHANNELS = ("position", "tracking", "current")
+CHANNELS = ("position", "current")  # of the tracking error it is that of the position: the reference is known
+
+
+class Judged(NamedTuple):
+    """A log, and the half strokes over which its gap is summed."""
+
+    log: Log
+    strokes: list[slice]
 
 
 class Squares(NamedTuple):
@@ -49,7 +56,8 @@ def closest(session: Session, stages: Sequence[Stage], logs: Sequence[Log]) -> S
     What a model explains of the effort need not bring its position nearer: a table or a fit that leads away from the
     logs that it was made on is left out.
     """
-    sums = [squares(logs, predicted(session, one, logs), "position", session.dt).gap.sum() for one in stages]
+    counts = counted(session, logs)
+    sums = [remaining(counts, predicted(session, one, logs)) for one in stages]
     return next(one for one, left in zip(stages, sums, strict=True) if left <= NEARLY * np.nanmin(sums))
 
 
@@ -60,8 +68,8 @@ def _aging(p: Stage) -> bool:
     return any(rises)
 
 
-def counted(session: Session, logs: Sequence[Log]) -> list[Log]:
-    """The logs with the rows left out in which the friction's state is still that of an earlier motion.
+def counted(session: Session, logs: Sequence[Log]) -> list[Judged]:
+    """The logs, less the rows in which the friction's state is still that of an earlier motion, in half strokes.
 
     No model can know it; it is over once the axis has gone through its rolling zone.
     """
@@ -69,16 +77,24 @@ def counted(session: Session, logs: Sequence[Log]) -> list[Log]:
     for log in logs:
         valid = log.valid.copy()
         valid[: known_from(log.position, zone)] = False
-        found.append(log._replace(valid=valid))
+        found.append(Judged(log._replace(valid=valid), _strokes(log.position, session.dt)))
     return found
 
 
-def squares(logs: Sequence[Log], rows: Sequence[Array], channel: str, dt: float) -> Squares:
+def remaining(judged: Sequence[Judged], rows: Sequence[Array]) -> float:
+    """Sum of squares of measured less simulated position."""
+    each = (
+        _difference(one.log, simulated, "position")[one.log.valid] for one, simulated in zip(judged, rows, strict=True)
+    )
+    return float(sum(one @ one for one in each))
+
+
+def squares(judged: Sequence[Judged], rows: Sequence[Array], channel: str) -> Squares:
     """Measured less simulated of every log, summed over half strokes."""
     sums, counts = [], []
-    for log, simulated in zip(logs, rows, strict=True):
+    for (log, strokes), simulated in zip(judged, rows, strict=True):
         difference = _difference(log, simulated, channel)
-        for piece in _pieces(log, dt):
+        for piece in strokes:
             part = difference[piece][log.valid[piece]]
             sums.append(float(part @ part))
             counts.append(len(part))
@@ -92,12 +108,14 @@ def _difference(log: Log, simulated: Array, channel: str) -> Array:
     return log.position - column(simulated, "measured")[:rows]
 
 
-def floor(logs: Sequence[Log], rows: Sequence[Array], channel: str, dt: float) -> Squares:
+def floor(judged: Sequence[Judged], rows: Sequence[Array], channel: str) -> Squares:
     """What repeats differ by: mean |r_a - r_b|^2 / 2 of measured less simulated `rows`, summed over half strokes.
 
     Zeros where nothing was repeated.  What a model foretells of a drift from repeat to repeat is no noise.
     """
     sums, counts = [], []
+    strokes = {one.log.name: one.strokes for one in judged}
+    logs = [one.log for one in judged]
     left = {log.name: _difference(log, simulated, channel) for log, simulated in zip(logs, rows, strict=True)}
     for repeats in by_experiment(logs).values():
         for log in repeats:
@@ -108,14 +126,14 @@ def floor(logs: Sequence[Log], rows: Sequence[Array], channel: str, dt: float) -
                 2 * len(others), 1
             )
             whole = np.concatenate([squared, np.zeros(len(signal) - common)])
-            for piece in _pieces(log, dt):
+            for piece in strokes[log.name]:
                 sums.append(float(whole[piece][log.valid[piece]].sum()))
                 counts.append(int(log.valid[piece].sum()))
     return Squares(np.array(sums), np.array(counts, dtype=np.float64))
 
 
-def _pieces(log: Log, dt: float) -> list[slice]:
-    cluster = half_strokes(log.position, dt)
+def _strokes(position: Array, dt: float) -> list[slice]:
+    cluster = half_strokes(position, dt)
     borders = [0, *(np.flatnonzero(np.diff(cluster)) + 1).tolist(), len(cluster)]
     return [slice(a, b) for a, b in itertools.pairwise(borders)]
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from stagectl.gap.candidates import Form
-from stagectl.gap.grams import Grams
-from stagectl.gap.scores import cut_of, first_hand, scores
+from stagectl.gap.grams import Grams, first_hand
+from stagectl.gap.scores import cut_of, scores
 from stagectl.gap.session import Array
 
 SEEN = 0.2  # of an effect's column, below which a resample does not excite it
@@ -28,13 +28,15 @@ def inclusion(g: Grams, nuisance: Sequence[int], forms: Sequence[Form], share: f
     cut = cut_of(forms[0], small)
     at = {place: k for k, place in enumerate(places)}
     own = [[at[place] for place in g.of(form.names)] for form in forms]
-    first, source = first_hand(g), np.random.default_rng(0)
+    first, source = first_hand(g.stroke), np.random.default_rng(0)
     energy = [small[cut][:, k, k] for k in {place for chosen in own for place in chosen}]
     found = []
-    for weight in _resampled(g, times, source):
+    drawn = np.array(_resampled(g, times, source))
+    dealt = np.tensordot(np.stack([drawn * first, drawn * ~first], axis=1), small, (2, 1))  # (r, 2 hands, 2 cuts, ...)
+    for weight, hands in zip(drawn, dealt, strict=True):
         if not any(weight @ one > SEEN * one.sum() for one in energy):
             continue
-        both = np.stack([[np.tensordot(weight * hand, part, 1) for hand in (first, ~first)] for part in small])
+        both = np.swapaxes(hands, 0, 1)
         best = max(scores(both, range(len(nuisance)), own, forms), key=lambda score: score.gain)
         # Without the effect the base stands where it does beside it: what it would take back is not left.
         found.append(best.gain > share * (best.before - float(weight @ g.floor[:, cut])))

@@ -183,7 +183,7 @@ def _foretold(
     """What variants of one function foretell; `products` hold its columns, and those that move beside it."""
     one, variants = what
     beside = [direction.name for direction in refine.parameters(now)]
-    g = grams.grams(products, means(now.left))
+    g = grams.dealt(products, means(now.left))
     free, floor = freed(hands(g, g.effort), g.of([*search.nuisances(e), *beside])), _floor(e)
     machines = [against(free, place) for place in g.of(null.gains(products.names))]
     owns = [g.of([name for part in parts for name in smoothers.names(one, part)]) for parts in variants]
@@ -210,7 +210,7 @@ def _shape(e: Evidence, now: Fitted, products: Products, best: Foretold) -> Shap
     """Force over the coordinate, fitted beside the base's parameters: those have taken a part of it upon themselves."""
     one = best.smoother
     own = [name for part in best.parts for name in smoothers.names(one, part)]
-    g = grams.grams(products, means(now.left))
+    g = grams.dealt(products, means(now.left))
     beside = g.of(refine.nuisances(e))
     amplitude = drawn(g.effort.sum(axis=0), g.of(own), beside)[len(beside) :]
     split = dict(zip(best.parts, np.split(amplitude, len(best.parts)), strict=True))

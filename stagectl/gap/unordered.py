@@ -47,7 +47,7 @@ class Freed(NamedTuple):
 
 def left_of(now: Fitted, known: Products) -> Left:
     """What `now` leaves, beside the columns `known`."""
-    return Left(now, known, grams.grams(known, means(now.left)))
+    return Left(now, known, grams.dealt(known, means(now.left)))
 
 
 def in_a_band(e: Evidence, rows: Freed, least: float) -> Shape | None:
@@ -76,7 +76,7 @@ def in_the_drive(e: Evidence, all_: Left) -> Shape | None:
     own = [f"{one.effect.name}." for one in all_.fitted.effects if one.effect.block == "drive"]
     beside = [k for k, name in enumerate(names) if name == "time_shift" or name.startswith(tuple(own))]
     shift = [k for k in beside if names[k] == "time_shift"]
-    first = grams.grams(all_.known, means(e.base.after)).current.sum(axis=0)
+    first = grams.dealt(all_.known, means(e.base.after)).current.sum(axis=0)
     left, before = least_squares.fit(whole, beside).misfit - floor, least_squares.fit(first, shift).misfit - floor
     if left < max(OF_NOISE["drive"] * floor, OF_FORM["drive"] * before):
         return None
@@ -88,7 +88,7 @@ def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) ->
     """Friction or damping that has changed from run to run in another way than any effect named."""
     if smooth.clock is None:
         return None
-    after, before = (grams.grams(smooth.clock, left) for left in (now.left, e.base.after))
+    after, before = (grams.dealt(smooth.clock, left) for left in (now.left, e.base.after))
     (held, noise), (first, _) = _foretold(e, after), _foretold(e, before)
     if held < max(OF_NOISE[TIME] * noise, OF_FORM[TIME] * first, least):
         return None

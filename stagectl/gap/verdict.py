@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stagectl.gap import base, fields, friction_family, refine, symmetries
+from stagectl.gap import base, fields, friction_family, grams, refine, symmetries
 from stagectl.gap.candidates import Named, equipped
 from stagectl.gap.found import NAMED, Effect, Fields, Value
 from stagectl.gap.library import Amplitude, Definition, Shape
@@ -68,7 +68,8 @@ def deviations(e: Evidence, now: Fitted) -> dict[str, float]:
     own = refine.parameters(now)
     if not own:
         return {}
-    return base.robust(refine.tangent(e, now, own), [*refine.nuisances(e), *(one.name for one in own)])
+    g = grams.grams(refine.tangent(e, now, own), now.left)
+    return base.robust(g, [*refine.nuisances(e), *(one.name for one in own)])
 
 
 def _effect(

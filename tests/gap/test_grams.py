@@ -94,3 +94,21 @@ def test_another_block_leaves_what_is_there() -> None:
     before = grams.grams(p, left).effort.copy()
     grams.grams(grams.beside(p, [{"step": x["step"], "b": x["b"]}]), left)
     assert np.array_equal(grams.grams(p, left).effort, before)
+
+
+@pytest.mark.parametrize("repeats", [1, REPEATS])
+def test_dealt_matrices_are_the_half_strokes_of_each_hand_added_up(repeats: int) -> None:
+    """Over strokes of which no hand has the same, and what runs on the clock among the columns."""
+    source = np.random.default_rng(7)
+    runs = [_run(source), _run(source)._replace(cluster=np.repeat(np.arange(3), ROWS // 3))]
+    x = [_columns(source) for _ in runs]
+    left = [[source.standard_normal((ROWS, 2)) for _ in range(repeats)] for _ in runs]
+    p = grams.products(runs, [{name: one[name] for name in ("own", "a", "warm")} for one in x], "own")
+    p = grams.only(grams.beside(p, [{name: one[name] for name in ("b", "step")} for one in x]), ["step", "b", "a"])
+    whole, hands = grams.grams(p, left), grams.dealt(p, left)
+    assert hands.names == whole.names
+    assert grams.first_hand(hands.stroke).tolist() == [True, False]
+    first = grams.first_hand(whole.stroke)
+    for cut in ("effort", "current", "floor"):
+        each, sums = getattr(whole, cut), getattr(hands, cut)
+        np.testing.assert_allclose(sums, [each[first].sum(axis=0), each[~first].sum(axis=0)], rtol=1e-12, atol=1e-12)
