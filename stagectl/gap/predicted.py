@@ -126,7 +126,7 @@ def _at_least(density: Array, white: float, dt: float, frequency: Array) -> Arra
 def told(p: Bench, model: stage.Stage, shift: float = 0.0) -> Told:
     """The prediction of `model` with its current logged late by `shift` (s); quiet, and of a machine without steps."""
     rows = np.zeros((len(p.setpoints), rollout.WIDTH))
-    plant = stage.at_rest(model, p.start, p.clock)
+    plant = stage.at_reading(model, p.start, p.clock)
     inputs = (np.ascontiguousarray(p.setpoints), np.zeros((len(rows), 2)), rows)
     rollout.closed_loop(rollout.Loop(p.law, model), plant, inputs, p.dt, SUBSTEPS)
     position = rows[:, rollout.COLUMNS.index("measured")] - p.setpoints[:, 0]

@@ -23,7 +23,7 @@ def closed(session: Session, model: stage.Stage, log: Log, substeps: int = SUBST
         lacking = "the deployed controller" if session.law is None else "its reference"
         raise GapError(f"{log.name} cannot be simulated in closed loop: {lacking} is not known; see `cannot_tell`")
     rows = np.zeros((log.rows, rollout.WIDTH))
-    plant = stage.at_rest(model, float(log.position[0]), log.start)
+    plant = stage.at_reading(model, float(log.position[0]), log.start)
     inputs = (np.ascontiguousarray(log.setpoints), np.zeros((log.rows, 2)), rows)
     rollout.closed_loop(rollout.Loop(session.law, model), plant, inputs, session.dt, substeps)
     return rows

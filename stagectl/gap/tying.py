@@ -60,7 +60,7 @@ def tracker(nominal: stage.Stage, dt: float) -> feedback.Pid:
 def lacking(p: tied.Tied, path: Path, substeps: int = SUBSTEPS, load: float = 0.0) -> Lacking:
     """What `p` lacks along `path`; its friction begins with the share `load` of what it can hold."""
     p = p._replace(stage=p.stage._replace(encoder=p.stage.encoder._replace(step=0.0)))  # the log has rounded already
-    plant = stage.at_rest(p.stage, float(path.rows[0, 1]), path.start)
+    plant = stage.at_reading(p.stage, float(path.rows[0, 1]), path.start)
     if load:
         plant.stops[:] = load
     x = tied.State(plant, feedback.AT_REST)

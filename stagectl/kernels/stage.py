@@ -64,6 +64,11 @@ def at_rest(p: Stage, position: float = 0.0, time: float = 0.0) -> State:
     return standing.at_rest(p, float(position), float(time))
 
 
+def at_reading(p: Stage, measured: float, time: float = 0.0) -> State:
+    """`at_rest` where the encoder, with the errors of its grating, reads `measured` (rad | m)."""
+    return standing.at_rest(p, standing.read(p, float(measured)), float(time))
+
+
 def sliding(p: Friction) -> float:
     """Friction at speed (N m | N), without its viscous part."""
     return float(sum(p.operators.weight)) + p.bristle.coulomb

@@ -9,6 +9,7 @@ from stagectl.kernels.plant import NO_COMMANDS, Line, Memory, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 _NEVER: Line = (-math.inf,) * 8  # no command has begun
+_READ = 20  # steps towards a reading, each as much nearer as the error is flat
 
 
 def at_rest(p: Stage, position: float, time: float) -> State:
@@ -27,6 +28,14 @@ def at_rest(p: Stage, position: float, time: float) -> State:
     seen = affected.seen(p.encoder, p.mechanics.pitch, position)
     here: Line = (seen, seen, seen, seen, seen, seen, seen, seen)
     return State(NO_COMMANDS, here, p.drive.offset, position, 0.0, force, stops, bristle, memory)
+
+
+def read(p: Stage, measured: float) -> float:
+    """Position (rad | m) that the encoder shows as `measured`; its errors are small beside their periods."""
+    position = measured
+    for _ in range(_READ):
+        position += measured - affected.seen(p.encoder, p.mechanics.pitch, position)
+    return position
 
 
 def efforts(p: Stage, position: float, time: float) -> tuple[float, float]:

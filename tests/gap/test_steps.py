@@ -14,7 +14,7 @@ from stagectl.gap import candidates, cuts, friction_family, least_squares, libra
 from stagectl.gap.runs import half_strokes, known_from, standstills
 from stagectl.gap.tying import Lacking
 from stagectl.gap.tying import Path as Measured
-from stagectl.kernels import feedback, stage, tied
+from stagectl.kernels import effects, feedback, stage, tied
 
 SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")
 
@@ -23,9 +23,9 @@ def _driven(p: stage.Stage, amplitude: float = 3.0, seconds: float = 1.0) -> Mea
     """The stage in open loop under a current sine, sampled as a log is."""
     n = round(seconds / SETUP.dt)
     command = amplitude * np.sin(2.0 * math.pi * 2.0 * SETUP.dt * np.arange(n))
-    rows, x = np.empty((n, 3)), stage.at_rest(p)
+    rows, x, smooth = np.empty((n, 3)), stage.at_rest(p, 1.0), p.encoder._replace(step=0.0)
     for k in range(n):
-        rows[k] = command[k], x.position, x.current
+        rows[k] = command[k], stage.measured(smooth, x, stage.SILENT), x.current
         x = stage.period(p, x, float(command[k]), stage.SILENT, SETUP.dt, 10)
     return Measured(rows, 0.0, SETUP.dt)
 
@@ -38,6 +38,13 @@ def test_a_true_model_lacks_nothing() -> None:
     lacks = tying.lacking(_tied(SETUP.stage), _driven(SETUP.stage), 10)
     assert np.abs(lacks.effort).max() < 1e-9
     assert np.abs(lacks.current).max() < 1e-12
+
+
+def test_a_true_model_lacks_nothing_behind_an_encoder_that_is_out() -> None:
+    """From the first row on: it stands where the encoder reads it, not where it would be without errors."""
+    encoder = SETUP.stage.encoder._replace(step=0.0, eccentricity=effects.Harmonic(3e-4, 1.0, 0.3))
+    p = SETUP.stage._replace(encoder=encoder)
+    assert np.abs(tying.lacking(_tied(p), _driven(p), 10).effort).max() < 1e-9
 
 
 def test_a_constant_effort_is_told_as_it_is() -> None:
