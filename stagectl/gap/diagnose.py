@@ -170,7 +170,7 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     )
     g = grams.dealt(known, e.base.after)
     limits = thresholds(g, g.of(search.nuisances(e)), forms)
-    return Library(tuple(forms), known, limits, RESAMPLED[options.full], search.closable(g), bool(g.current.any()))
+    return Library(tuple(forms), known, limits, RESAMPLED[options.full], search.closable(e, g), bool(g.current.any()))
 
 
 def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:

@@ -6,6 +6,7 @@ from stagectl.gap.library import Aging, Amplitude, Definition, Scales, Shape, Va
 from stagectl.kernels.stage import Stage
 
 STATIONS = 24  # instants at which a step of the friction is looked for
+LENGTHS = (0.15, 0.4, 1.0)  # of the rolling zone: slip that wipes a dwell
 
 
 def definitions(s: Scales) -> list[Definition]:
@@ -14,7 +15,7 @@ def definitions(s: Scales) -> list[Definition]:
 
 
 def _of_speed(s: Scales) -> list[Definition]:
-    speeds = tuple(s.speed * f for f in (0.001, 0.004, 0.015, 0.06, 0.2))
+    zone, speeds = s.length, tuple(s.speed * f for f in (0.001, 0.004, 0.015, 0.06, 0.2))
     return [
         Definition(
             "coulomb_asymmetry",
@@ -49,8 +50,13 @@ def _of_speed(s: Scales) -> list[Definition]:
             "mechanics",
             "time",
             (Amplitude("rise", "", (0.03,), 0.0, 1.0),),
-            (Shape("time", "s", (0.03, 0.2)),),
-            lambda p, v: put(p, "friction.dwell", p.friction.dwell._replace(rise=v["rise"], time=v["time"])),
+            (
+                Shape("time", "s", (0.03, 0.2)),
+                Shape("length", "rad | m", tuple(f * zone for f in LENGTHS), True, 0.01 * zone, 10.0 * zone),
+            ),
+            lambda p, v: put(
+                p, "friction.dwell", p.friction.dwell._replace(rise=v["rise"], time=v["time"], length=v["length"])
+            ),
         ),
         Definition(
             "load_friction",

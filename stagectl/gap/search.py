@@ -23,12 +23,12 @@ from stagectl.gap.grams import Grams, Products
 from stagectl.gap.library import Definition
 from stagectl.gap.limits import BEYOND, SMALLEST, Threshold, doubt
 from stagectl.gap.refine import Evidence, Fitted
-from stagectl.gap.scores import Score, best_of, cuts_of, freed, scores
+from stagectl.gap.scores import Score, best_of, cuts_of, free_of, freed, scores
 from stagectl.gap.session import Array
 
 MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
-OF_ALL = 0.01  # of the closable gap that the base refit left: less is the form of something else
+OF_ALL = 0.01  # of the closable gap that base refit and friction's laws left: less is the form of something else
 OF_ALL_CLEAR = 0.001  # the same for a second, weaker effect that takes `DOMINANT` of what is left and is `FAR` above
 FAR = 20.0  # times its limit
 ALONE = 0.1  # the same where nothing was repeated: there is no floor, and form error counts as gap
@@ -47,7 +47,7 @@ class Library(NamedTuple):
     products: Products  # of the base and the null ensemble, too
     thresholds: Mapping[str, Threshold]  # by effect
     resampled: int  # times for each experiment that is left out, to see whether an effect stays
-    first: tuple[float, float]  # closable misfit that the base refit left: of the mechanics, of the drive
+    first: tuple[float, float]  # closable misfit that the base refit and friction's laws left: of mechanics, of drive
     measured: bool  # whether the logs hold the current beside the command
 
 
@@ -152,9 +152,10 @@ def nuisances(e: Evidence) -> list[str]:
     return [*refine.nuisances(e), *(one.name for one in e.base.directions if base.is_member(one.name))]
 
 
-def closable(g: Grams) -> tuple[float, float]:
-    """Sum of squares left above what repeats differ by, of the mechanics' cut and of the drive's."""
-    effort, current = (part[:, -1, -1].sum() - g.floor[:, k].sum() for k, part in enumerate((g.effort, g.current)))
+def closable(e: Evidence, g: Grams) -> tuple[float, float]:
+    """Sum of squares left that no nuisance explains, above the floor of repeats: of the mechanics, of the drive."""
+    free = free_of(cuts_of(g), g.of(nuisances(e)))
+    effort, current = free[:, :, -1, -1].sum(axis=1) - g.floor.sum(axis=0)
     return float(effort), float(current)
 
 

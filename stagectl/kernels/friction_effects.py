@@ -9,7 +9,7 @@ operator between any two limits that enclose 0 takes energy or stores it, howeve
 
 Source of the dwell: the ageing law ``dt_d/dt = 1 - t_d |v_slip| / length`` of J. H. Dieterich, J. Geophysical Research
 84, 1979; what slips of a move is taken as its share ``F / (T_c factor)`` in the direction of the force, as in Dahl's
-law, and the length is the mean slip of the friction's own elements.
+law, and the length is that of the dwell, or the mean slip of the friction's own elements.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ class Dwell(NamedTuple):
 
     rise: Annotated[float, Quantity("", "[0, 10]", "rise per e-fold of the time at rest; 0 is neutral")] = 0.0
     time: Annotated[float, Quantity("s", "(0, 1e6]", "time at rest from which it grows")] = 0.1
+    length: Annotated[float, Quantity("rad | m", "[0, 1e3]", "slip that wipes it; 0: mean slip of the friction")] = 0.0
 
 
 class Along(NamedTuple):
@@ -50,6 +51,7 @@ class Held(NamedTuple):
     learns: float  # share of the velocity's change that Stribeck's factor takes in one step
     coulomb: float  # N m | N, all that can slip
     length: float  # rad | m, mean slip
+    wiping: float  # rad | m, slip that wipes the contact's age
     stribeck: friction.Stribeck  # of the operators
     bristle: friction_bristle.Bristle
     asymmetry: float
@@ -95,7 +97,8 @@ def held(p: Friction, time: float, h: float) -> Held:
         learns = -math.expm1(-h / p.lag)
     length = lengths / coulomb if coulomb > 0.0 else 1.0
     drift = effects.drifting(p.warming, p.step, time)
-    return Held(h, drift, learns, coulomb, length, p.stribeck, p.bristle, p.asymmetry, p.dwell, p.load)
+    wiping = p.dwell.length if p.dwell.length > 0.0 else length
+    return Held(h, drift, learns, coulomb, length, wiping, p.stribeck, p.bristle, p.asymmetry, p.dwell, p.load)
 
 
 @kernel
@@ -153,6 +156,6 @@ def _bent(c: Held, z: float, limit: float, dx: float) -> tuple[float, float]:
 @kernel
 def _aged(c: Held, rested: float, dx: float, share: float) -> float:
     """Age of the contact after a move `dx`, of which `share` slips where it has the force's sign; exact in the step."""
-    slips = min(max(math.copysign(share, share * dx), 0.0), 1.0) * abs(dx) / c.length
+    slips = min(max(math.copysign(share, share * dx), 0.0), 1.0) * abs(dx) / c.wiping
     mean = effects.relaxed(slips)
     return rested * (1.0 - slips * mean) + c.h * mean

@@ -48,7 +48,7 @@ ADDED = {
   stribeck: {rise: 20 %, velocity: 3 mm/s}
   lag: 5 ms
   asymmetry: 5 %
-  dwell: {rise: 3 %, time: 0.1 s}
+  dwell: {rise: 3 %, time: 0.1 s, length: 4 um}
   load: 2 %
   along: {slope: 0.02 1/rad, bow: 0.001 1/rad^2, centre: 5 mm}
   lead: {amplitude: 5 %}
@@ -113,7 +113,7 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
         "cable": Cable(0.01, 10e-3 * RADIAN, 0.05, 3e-3 * RADIAN),
         "transmission": Transmission(0.4, 300.0, 0.03, 2e-6 * RADIAN, 0.7),
         "base": Base(0.05, 20.0, 0.02),
-        "dwell": Dwell(0.03, 0.1),
+        "dwell": Dwell(0.03, 0.1, 4e-6 * RADIAN),
         "along": Along(0.02, 0.001, 5e-3 * RADIAN),
         "lead": Harmonic(0.05, 1.0, 0.0),
         "ball_pass": Harmonic(0.03, 7.3, 0.0),

@@ -275,9 +275,11 @@ def test_what_slips_carries_the_factor(changes: dict[str, object], factor: objec
         assert x.force == pytest.approx(sign * TC * expected, rel=2e-3 if bristled else 1e-6)
 
 
-def test_ageing_raises_the_break_away_and_slip_wipes_it() -> None:
+@pytest.mark.parametrize("length", [0.0, 3.0 * SLIP])
+def test_ageing_raises_the_break_away_and_slip_wipes_it(length: float) -> None:
     """T_c (1 + b ln(1 + t_d / tau)); each move wipes by its share F / (T_c factor); sliding: length / |v|."""
-    p = frictional(plant(D, TC), dwell=Dwell(0.1, 0.1))
+    p = frictional(plant(D, TC), dwell=Dwell(0.1, 0.1, length))
+    wiping = length or SLIP
     x = run(p, 0.0, 1.0)
     assert x.memory.rested == pytest.approx(1.0, rel=1e-9)
     forces = []
@@ -287,12 +289,24 @@ def test_ageing_raises_the_break_away_and_slip_wipes_it() -> None:
     rate, force, age = 2.0 * TC / (1000 * DT), 0.0, 1.0  # the operator as a spring under a slow ramp
     while force < TC * (1.0 + 0.1 * math.log(1.0 + age / 0.1)):
         share = force / (TC * (1.0 + 0.1 * math.log(1.0 + age / 0.1)))
-        age += 1e-5 * (1.0 - age * share * rate / TC)
+        age += 1e-5 * (1.0 - age * share * rate / TC * SLIP / wiping)
         force += 1e-5 * rate
-    assert 1.1 * TC < force < TC * (1.0 + 0.1 * math.log(1.0 + 1.0 / 0.1))
+    assert 1.1 * TC < force < TC * (1.0 + 0.1 * math.log(1.0 + (1.0 if not length else 2.0) / 0.1))
     assert max(forces) == pytest.approx(force, rel=0.005)
-    assert x.memory.rested == pytest.approx(SLIP / x.velocity, rel=0.05)
-    assert forces[-1] == pytest.approx(TC, rel=0.01)
+    assert x.memory.rested == pytest.approx(wiping / x.velocity, rel=0.05)
+    assert forces[-1] == pytest.approx(TC * (1.0 + 0.1 * math.log1p(x.memory.rested / 0.1)), rel=1e-3)
+
+
+def test_an_axis_that_begins_at_a_reading_reads_it() -> None:
+    """An encoder with errors stands where it reads the log's first row: nothing moves to get there."""
+    grating = stage.Encoder(0.0, 0, Harmonic(3e-4, 1.0, 0.4), Harmonic(2.4e-5, 1024.0, 1.0))
+    p = plant()._replace(encoder=grating)
+    for reading in (-2.7, 0.0, 31.4):
+        x = stage.at_reading(p, reading, 7.0)
+        assert stage.measured(p.encoder, x, stage.SILENT) == pytest.approx(reading, abs=1e-13)
+        assert 1e-5 < abs(x.position - reading) < 4e-4
+        assert (x.velocity, x.memory.time) == (0.0, 7.0)
+    assert stage.at_reading(plant(), 31.4).position == 31.4
 
 
 def test_stribecks_velocity_lags() -> None:
