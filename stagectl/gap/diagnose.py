@@ -115,6 +115,8 @@ def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Di
     clock("where")
     sure = verdict.sure(evidence, selected, named)
     unknown = find_unknown(evidence, sure, smooth)
+    if unknown is None:
+        named = verdict.named_effects(session, evidence, selected, alone=True)
     clock("held-out runs simulated")
     fitted = selected.fitted if unknown is None or not unknown.fields else with_shape(evidence, sure.fitted, unknown)
     signed = signatures(session, evidence, fitted, options.excluded)

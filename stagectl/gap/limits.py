@@ -21,12 +21,21 @@ from stagectl.gap.session import Array
 BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
 SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms
 
+CERTAIN = 2.0  # times that: what noise gives the best of many forms in the best of many experiments
+
 
 class Threshold(NamedTuple):
     """What machines without an effect give one effect."""
 
     limit: float  # gain beyond which it counts as found
     share: float  # largest relative drop that it gives on both hands; well beyond it counts as found, too
+
+
+class Clarity(NamedTuple):
+    """How clear one effect is where it is clearest: on all data, or on one experiment alone."""
+
+    doubt: float  # its limit over its gain
+    share: float  # of what is left above the repeats' floor; 0 where noise might give as much
 
 
 def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict[str, Threshold]:
@@ -54,26 +63,28 @@ def limit(largest: float) -> float:
     return max(BEYOND * largest, SMALLEST)
 
 
-def doubt(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> float:
-    """Limit of one effect over its gain with the best of its `forms`: the smallest of all data and each experiment.
+def clarity(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> Clarity:
+    """How clear one effect is with the best of its `forms`, on all data and on each experiment alone.
 
     The residual of `g` lacks the effect.
     """
     members, own = g.of(null.gains(g.names)), [g.of(form.names) for form in forms]
     places = [*nuisance, *members, *sorted({place for each in own for place in each}), len(g.names)]
     at = {place: k for k, place in enumerate(places)}
-    small = [part[:, places][:, :, places] for part in (g.effort, g.current)]
-    where = [[at[place] for place in each] for each in own]
+    small = np.stack([part[:, places][:, :, places] for part in (g.effort, g.current)])
+    where, cut = [[at[place] for place in each] for each in own], cut_of(forms[0], small)
 
-    def answer(counted: NDArray[np.bool_]) -> float:
+    def answer(counted: NDArray[np.bool_]) -> Clarity:
         first = first_hand(g.stroke)[counted]
-        cuts = np.stack([[cut[counted][hand].sum(axis=0) for hand in (first, ~first)] for cut in small])
-        free = free_of(cuts, range(len(nuisance)))[cut_of(forms[0], cuts)]
+        cuts = np.stack([[part[counted][hand].sum(axis=0) for hand in (first, ~first)] for part in small])
+        free = free_of(cuts, range(len(nuisance)))[cut]
         machines = [free, *(against(free, at[member]) for member in members)]
-        gains = [
-            max(score_of(each, here, form).gain for here, form in zip(where, forms, strict=True)) for each in machines
-        ]
-        return limit(max(gains[1:], default=0.0)) / max(gains[0], 1e-300)
+        scores = [[score_of(each, here, form) for here, form in zip(where, forms, strict=True)] for each in machines]
+        gains = [max(score.gain for score in each) for each in scores]
+        left = max(scores[0][0].before - float(g.floor[counted, cut].sum()), gains[0])
+        doubt = limit(max(gains[1:], default=0.0)) / max(gains[0], 1e-300)
+        return Clarity(doubt, gains[0] / left if gains[0] > CERTAIN * SMALLEST else 0.0)
 
     alone = [g.experiment == one for one in np.unique(g.experiment)]
-    return min(answer(counted) for counted in (np.ones(len(g.stroke), dtype=bool), *alone))
+    each = [answer(counted) for counted in (np.ones(len(g.stroke), dtype=bool), *alone)]
+    return Clarity(min(one.doubt for one in each), max(one.share for one in each))

@@ -21,7 +21,7 @@ from stagectl.gap import base, candidates, columns, grams, null, refine, stabili
 from stagectl.gap.candidates import Form, Named
 from stagectl.gap.grams import Grams, Products
 from stagectl.gap.library import Definition
-from stagectl.gap.limits import BEYOND, SMALLEST, Threshold, doubt
+from stagectl.gap.limits import BEYOND, SMALLEST, Clarity, Threshold, clarity
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.scores import Score, best_of, cuts_of, free_of, freed, scores
 from stagectl.gap.session import Array
@@ -59,7 +59,7 @@ class Selected(NamedTuple):
     gains: Mapping[str, float]  # of each effect when it alone is left out
     rivals: Mapping[str, Mapping[str, Named]]  # the same others, with their values
     inclusion: Mapping[str, float]  # of each effect: share of resamples in which it is found again
-    doubts: Mapping[str, float]  # of each effect: what machines without it give it, over its gain
+    clarity: Mapping[str, Clarity]  # of each effect
     unexplained: float  # sum of squares above the floor that is left in the mechanics' cut, and that no nuisance takes
 
 
@@ -129,10 +129,10 @@ class Scored(NamedTuple):
         own = dict.fromkeys(name for form in forms for name in form.names)
         return grams.grams(grams.only(self.products, [*self.beside, *null.gains(self.products.names), *own]), self.left)
 
-    def doubt(self, forms: Sequence[Form]) -> float:
-        """Limit of the effect of `forms` over its gain."""
+    def clarity(self, forms: Sequence[Form]) -> Clarity:
+        """How clear the effect of `forms` is."""
         g = self.half_strokes(forms)
-        return doubt(g, g.of(self.beside), forms)
+        return clarity(g, g.of(self.beside), forms)
 
 
 def scored(e: Evidence, library: Library, now: Fitted) -> Scored:
@@ -179,7 +179,7 @@ def _beyond(found: Scored, library: Library, score: Score) -> bool:
     """Whether it is more than machines without an effect give it, on all data or on one experiment."""
     known, forms = library.thresholds[_name(score)], _forms_of(library, _name(score))
     clear = score.gain > known.limit or score.worst > max(BEYOND * known.share, DOMINANT)
-    return clear or found.doubt(forms) < 1.0
+    return clear or found.clarity(forms).doubt < 1.0
 
 
 def _forms_of(library: Library, name: str) -> list[Form]:
@@ -278,14 +278,14 @@ def _pruned(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
 
 def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
     """Swap tests on every effect."""
-    alternatives, gains, rivals, inclusion, doubts = {}, {}, {}, {}, {}
+    alternatives, gains, rivals, inclusion, clear = {}, {}, {}, {}, {}
     for one in now.effects:
         rest = tuple(other for other in now.effects if other is not one)
         less = Fitted(now.model, rest, refine.left(e, now.model, rest), 0.0)
         every, forms = scored(e, library, less), _forms_of(library, one.effect.name)
         found, g = best_of(every.scores), every.half_strokes(forms)
         inclusion[one.effect.name] = stability.inclusion(g, g.of(every.beside), forms, OF_ALL, library.resampled)
-        doubts[one.effect.name] = every.doubt(forms)
+        clear[one.effect.name] = clarity(g, g.of(every.beside), forms)
         own = found[one.effect.name].gain
         gains[one.effect.name] = own
         alternatives[one.effect.name] = {
@@ -293,4 +293,4 @@ def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
         }
         rivals[one.effect.name] = {name: named(score) for name, score in found.items() if score.gain > 0.0}
     left = _free(e, now) - float(grams.dealt(e.base.products, now.left).floor[:, 0].sum())
-    return Selected(now, alternatives, gains, rivals, inclusion, doubts, left)
+    return Selected(now, alternatives, gains, rivals, inclusion, clear, left)

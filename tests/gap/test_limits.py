@@ -12,7 +12,7 @@ from stagectl.gap.candidates import Form, Named
 from stagectl.gap.found import Effect
 from stagectl.gap.grams import Grams
 from stagectl.gap.library import Amplitude, Definition
-from stagectl.gap.limits import SMALLEST, doubt, thresholds
+from stagectl.gap.limits import SMALLEST, Clarity, clarity, thresholds
 from stagectl.gap.refine import Fitted
 from stagectl.gap.search import Selected
 
@@ -39,26 +39,26 @@ def test_an_experiment_in_which_the_law_shows_takes_nothing_from_the_other() -> 
     clear, doubtful = _data(1.0, 0.0, 1), _data(1.0, 3.0)
     known = thresholds(doubtful, [0], [FORM])["effect"]
     assert known.limit > 2.0 * HALF_STROKES * 20  # more than all that the effect can take
-    assert doubt(clear, [0], [FORM]) == pytest.approx(doubt(doubtful, [0], [FORM]), rel=0.25)
-    assert doubt(doubtful, [0], [FORM]) < 0.2
+    assert clarity(clear, [0], [FORM]).doubt == pytest.approx(clarity(doubtful, [0], [FORM]).doubt, rel=0.25)
+    assert clarity(doubtful, [0], [FORM]).doubt < 0.2
 
 
 def test_what_no_experiment_shows_stays_in_doubt() -> None:
-    assert doubt(_data(0.0, 3.0), [0], [FORM]) > 1.0
+    assert clarity(_data(0.0, 3.0), [0], [FORM]).doubt > 1.0
     alone = _data(1.0, 3.0, 1)  # the one experiment there is: the law gives more than the effect
-    assert doubt(alone, [0], [FORM]) > 1.0
+    assert clarity(alone, [0], [FORM]).doubt > 1.0
 
 
 def test_noise_gives_the_limit_where_no_law_does() -> None:
     g = _data(1.0, 0.0, 1)
-    gain = SMALLEST / doubt(g, [0], [FORM])
+    gain = SMALLEST / clarity(g, [0], [FORM]).doubt
     assert gain == pytest.approx(HALF_STROKES * 20, rel=0.2)
 
 
 def _selected(gains: dict[str, float], inclusion: dict[str, float]) -> Selected:
     effects = tuple(Named(EFFECT._replace(name=name), {}) for name in gains)
     fitted = Fitted(None, effects, [], 0.0)  # type: ignore[arg-type]
-    return Selected(fitted, {}, gains, {}, inclusion, dict.fromkeys(gains, 0.1), 0.0)
+    return Selected(fitted, {}, gains, {}, inclusion, dict.fromkeys(gains, Clarity(0.1, 0.0)), 0.0)
 
 
 @pytest.fixture
@@ -92,3 +92,17 @@ def test_what_is_not_named_explains_nothing() -> None:
     sure = verdict.sure(nothing, selected, effects)  # type: ignore[arg-type]
     assert [one.effect.name for one in sure.fitted.effects] == ["cogging"]
     assert verdict.sure(nothing, sure, effects) is sure  # type: ignore[arg-type]
+
+
+def test_an_experiment_alone_may_be_clear_of_what_is_left_in_the_others() -> None:
+    """All of what one leaves is the effect's; in the other, friction's form leaves ten times as much beside it."""
+    g = _data(1.0, 0.0)
+    beside = np.zeros_like(g.effort)
+    beside[:, -1, -1] = np.where(g.experiment == 1, 200.0, 0.0)  # of what no column explains
+    g = g._replace(effort=g.effort + beside, floor=np.where(g.stroke >= 0, 20.0, 0.0)[:, None] * np.ones(2))
+    both, first = clarity(g, [0], [FORM]), g.experiment == 0
+    alone = g._replace(
+        **{name: getattr(g, name)[first] for name in ("effort", "current", "floor", "experiment", "stroke")}
+    )
+    assert both.share == pytest.approx(clarity(alone, [0], [FORM]).share) and both.share > 0.8
+    assert clarity(_data(0.1, 0.0, 1), [0], [FORM]).share == 0.0  # noise might give as much
