@@ -26,6 +26,16 @@ class Told(NamedTuple):
     gaps: dict[str, Gap]
     shares: dict[str, float]  # of the squared gap before; with the floor they sum to one
     traces: list[Trace]
+    open: bool = False  # whether the loop says that something is missing
+
+
+def told(session: Session, e: Evidence, selected: Selected, improved: Stage) -> Told:
+    """Of the held-out runs, or of all where none is: in closed loop where it is known, else along the path."""
+    judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
+    if session.law is None or any(log.setpoints is None for log in judged):
+        return along_the_path(session, e, selected, improved, judged)
+    found = closed(session, e, selected, improved, judged)
+    return found._replace(open=stays_open(found.gap, judged))
 
 
 def closed(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> Told:

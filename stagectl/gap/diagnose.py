@@ -111,22 +111,23 @@ def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Di
     clock("parameters")
     before = closable(evidence, refitted.before)
     moved = shifts.shifts(session, evidence, selected.fitted, before)
-    named = verdict.named_effects(session, evidence, selected)
+    deviation = verdict.deviations(evidence, selected.fitted)
     clock("where")
-    sure = verdict.sure(evidence, selected, named)
+    sure = verdict.sure(evidence, selected, verdict.named_effects(session, selected, deviation, apart=False))
     unknown = find_unknown(evidence, sure, smooth)
-    if unknown is None:
-        named = verdict.named_effects(session, evidence, selected, alone=True)
     clock("held-out runs simulated")
     fitted = selected.fitted if unknown is None or not unknown.fields else with_shape(evidence, sure.fitted, unknown)
     signed = signatures(session, evidence, fitted, options.excluded)
-    effects = [*verdict.with_signatures(named, signed), *verdict.shifted(session, moved, selected.fitted)]
-    effects = [one for one in effects if one.name not in options.excluded]
     improved = _improved(session, [fitted, selected.fitted])
     noted = doubts(session, evidence, improved)
     for one in signed:
         improved = one.put_in(improved)
-    found = _assembled(session, evidence, selected, effects, (unknown, improved, agreement, smooth))
+    told = closing.told(session, evidence, selected, improved)
+    unknown = UNORDERED if unknown is None and told.open else unknown
+    named = verdict.named_effects(session, selected, deviation, apart=unknown is None)
+    effects = [*verdict.with_signatures(named, signed), *verdict.shifted(session, moved, selected.fitted)]
+    effects = [one for one in effects if one.name not in options.excluded]
+    found = _assembled(session, evidence, selected, effects, told, (unknown, improved, agreement, smooth))
     found = found._replace(notes=(*session.notes, *noted))
     clock("next experiment")
     if options.advice:
@@ -194,14 +195,10 @@ def _assembled(
     e: Evidence,
     selected: Selected,
     effects: list[Effect],
+    told: closing.Told,
     result: tuple[Shape | None, Stage, Parity, Functions],
 ) -> Found:
     now, (unknown, improved, agreement, smooth) = selected.fitted, result
-    judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
-    loop = session.law is not None and all(log.setpoints is not None for log in judged)
-    told = (closing.closed if loop else closing.along_the_path)(session, e, selected, improved, judged)
-    if unknown is None and loop and closing.stays_open(told.gap, judged):
-        unknown = UNORDERED
     shared = _with_shares(effects, told.shares)
     named = [one for one in shared if one.probability >= NAMED]
     return Found(

@@ -7,6 +7,7 @@ experiment, resampling half strokes and trying thousands of sets cost microsecon
 ::
 
     columns of each run --> Products: X' X, once --> beside: a few columns more --> grams: a residual added
+                                                                                --> dealt: ... and summed over the hands
 
 Most columns are the same in every repeat.  What runs on the session clock is not, and counts by its mean over the
 repeats and by each repeat's deviation from it: ``sum_k X_k' X_k = n X' X + sum_k dX_k' dX_k``.

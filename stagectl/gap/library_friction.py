@@ -6,7 +6,7 @@ from stagectl.gap.library import Aging, Amplitude, Definition, Scales, Shape, Va
 from stagectl.kernels.stage import Stage
 
 STATIONS = 24  # instants at which a step of the friction is looked for
-LENGTHS = (0.15, 0.4, 1.0)  # of the rolling zone: slip that wipes a dwell
+WIPING = (0.15, 0.4, 1.0)  # of the rolling zone: about the mean slip of its elements, and 2.5 times less and more
 
 
 def definitions(s: Scales) -> list[Definition]:
@@ -52,7 +52,7 @@ def _of_speed(s: Scales) -> list[Definition]:
             (Amplitude("rise", "", (0.03,), 0.0, 1.0),),
             (
                 Shape("time", "s", (0.03, 0.2)),
-                Shape("length", "rad | m", tuple(f * zone for f in LENGTHS), True, 0.01 * zone, 10.0 * zone),
+                Shape("length", "rad | m", tuple(f * zone for f in WIPING), True, 0.05 * zone, 3.0 * zone),
             ),
             lambda p, v: put(
                 p, "friction.dwell", p.friction.dwell._replace(rise=v["rise"], time=v["time"], length=v["length"])

@@ -20,8 +20,7 @@ from stagectl.gap.session import Array
 
 BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
 SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms
-
-CERTAIN = 2.0  # times that: what noise gives the best of many forms in the best of many experiments
+CERTAIN = 2.0  # times SMALLEST: what noise gives the best of many forms in the best of many experiments
 
 
 class Threshold(NamedTuple):
@@ -35,7 +34,7 @@ class Clarity(NamedTuple):
     """How clear one effect is where it is clearest: on all data, or on one experiment alone."""
 
     doubt: float  # its limit over its gain
-    share: float  # of what is left above the repeats' floor; 0 where noise might give as much
+    share: float  # of what is left above the repeats' floor; 0 where noise or another law might give as much
 
 
 def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict[str, Threshold]:
@@ -82,8 +81,9 @@ def clarity(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> Clarity
         scores = [[score_of(each, here, form) for here, form in zip(where, forms, strict=True)] for each in machines]
         gains = [max(score.gain for score in each) for each in scores]
         left = max(scores[0][0].before - float(g.floor[counted, cut].sum()), gains[0])
-        doubt = limit(max(gains[1:], default=0.0)) / max(gains[0], 1e-300)
-        return Clarity(doubt, gains[0] / left if gains[0] > CERTAIN * SMALLEST else 0.0)
+        least = limit(max(gains[1:], default=0.0))
+        sure = gains[0] > max(least, CERTAIN * SMALLEST)
+        return Clarity(least / max(gains[0], 1e-300), gains[0] / left if sure else 0.0)
 
     alone = [g.experiment == one for one in np.unique(g.experiment)]
     each = [answer(counted) for counted in (np.ones(len(g.stroke), dtype=bool), *alone)]

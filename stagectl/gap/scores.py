@@ -19,7 +19,7 @@ from stagectl.gap.session import Array
 
 
 def hands(g: Grams, cut: Array) -> Array:
-    """(2, p + 1, p + 1) of the matrices (c, p + 1, p + 1) of one cut: even and odd half strokes of every experiment."""
+    """(2, p + 1, p + 1) of the matrices (c, p + 1, p + 1) of one cut: its half strokes, two by two in turn."""
     first = first_hand(g.stroke).astype(np.float64)
     return np.stack([np.tensordot(hand, cut, 1) for hand in (first, 1.0 - first)])
 

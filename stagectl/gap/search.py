@@ -125,7 +125,7 @@ class Scored(NamedTuple):
     left: list[list[Array]]
 
     def half_strokes(self, forms: Sequence[Form]) -> Grams:
-        """Their matrices, of what a verdict on `forms` asks."""
+        """The matrices of the half strokes, with what a verdict on `forms` asks."""
         own = dict.fromkeys(name for form in forms for name in form.names)
         return grams.grams(grams.only(self.products, [*self.beside, *null.gains(self.products.names), *own]), self.left)
 

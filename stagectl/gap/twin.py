@@ -201,7 +201,7 @@ def friction_length(p: stage.Friction) -> float:
 
 
 def begin(p: Twin, position: float, controller: law.State | None) -> State:
-    """All models at rest at `position` (rad | m)."""
+    """All models at rest where the encoder reads `position` (rad | m)."""
     states = [tied.State(stage.at_reading(model, position), feedback.AT_REST) for model in p.models]
     return State(controller, tuple(states), np.full(_SPAN, position), 0.0, float("nan"), 0, 0.0)
 

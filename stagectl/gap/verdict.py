@@ -29,15 +29,14 @@ STABLE = 0.8  # share of resamples in which an effect must be found again
 EVEN = 0.55  # least share of a found effect against its rivals
 
 
-def named_effects(session: Session, e: Evidence, selected: Selected, alone: bool = False) -> list[Effect]:
-    """The effects of the search, the surest gains first.
+def named_effects(session: Session, selected: Selected, deviation: Mapping[str, float], apart: bool) -> list[Effect]:
+    """The effects of the search, the surest gains first, with the `deviation` of their parameters.
 
-    `alone`: what one experiment shows clearly counts, whatever is left in the others.  So it is where only the form of
+    `apart`: what one experiment shows clearly counts, whatever is left in the others.  So it is where only the form of
     friction is left; where an unknown is, an effect may be a part of that.
     """
     now = selected.fitted
-    deviation = deviations(e, now)
-    found = [_effect(session, now, one, (selected, alone), deviation) for one in now.effects]
+    found = [_effect(session, now, one, (selected, apart), deviation) for one in now.effects]
     order = {one.effect.name: selected.gains[one.effect.name] for one in now.effects}
     return [part for one in sorted(found, key=lambda one: -order[one.name]) for part in _parted(one)]
 
@@ -83,7 +82,7 @@ def _effect(
     what: tuple[Selected, bool],
     deviation: Mapping[str, float],
 ) -> Effect:
-    name, (selected, alone) = one.effect.name, what
+    name, (selected, apart) = one.effect.name, what
     rivals = {other: share for other, share in selected.alternatives[name].items() if share > 0.0}
     certain = symmetries.alternatives(name, symmetries.EXACT)
     close = tuple(
@@ -96,7 +95,7 @@ def _effect(
         name=name,
         alternatives=tuple(dict.fromkeys([*certain, *close, *(("bias",) if name == "coulomb_asymmetry" else ())])),
         probability=min(selected.inclusion[name] / STABLE, 1.0)
-        * _clear(selected, one, deviation, alone)
+        * _clear(selected, one, deviation, apart)
         * probability(selected.clarity[name].doubt, rivals, name),
         share=0.0,
         parameters=parameters(one, deviation, session.kind),
@@ -106,7 +105,7 @@ def _effect(
     )
 
 
-def _clear(selected: Selected, one: Named, deviation: Mapping[str, float], alone: bool) -> float:
+def _clear(selected: Selected, one: Named, deviation: Mapping[str, float], apart: bool) -> float:
     """Below 1 where so much of the mechanics stays unexplained that an effect may be a part of it.
 
     Of the drive's effects it is a delay: what bends the time shift of the base looks like one.
@@ -118,9 +117,10 @@ def _clear(selected: Selected, one: Named, deviation: Mapping[str, float], alone
     width = deviation[f"{name}.{delays[name]}"] if name in delays else 0.0
     if width > 0.0:
         return min(abs(one.values[delays[name]]) / (SURE[name] * width), 1.0)
-    least = LEAKS if name in delays else FAINT
-    shares = [selected.gains[name] / max(selected.unexplained, 1e-300), selected.clarity[name].share if alone else 0.0]
-    return min(max(shares) / least, 1.0)
+    share = selected.gains[name] / max(selected.unexplained, 1e-300)
+    if name in delays:
+        return min(share / LEAKS, 1.0)
+    return min(max(share, selected.clarity[name].share if apart else 0.0) / FAINT, 1.0)
 
 
 def probability(doubt: float, rivals: Mapping[str, float], name: str) -> float:

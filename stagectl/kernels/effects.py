@@ -12,7 +12,6 @@ from stagectl.kernels.jit import kernel, table
 from stagectl.units import Quantity
 
 TURN = 2.0 * math.pi
-_3, _4, _5, _6 = 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0
 NONE, VELOCITY, SINCE_REVERSAL, POSITION, POSITION_MOD_PITCH, CURRENT, TIME, SPEED = range(8)
 Coordinate = Literal[
     "none",
@@ -98,7 +97,7 @@ def relaxed(y: float) -> float:
     """``(1 - exp(-y)) / y`` for y >= 0: mean of a decay over its step."""
     if y < 0.01:  # as exact as the function, and a fifth of its time: damping comes here at every step
         even = y * y
-        return 1.0 - 0.5 * y + even * (_3 - _4 * y + even * (_5 - _6 * y))
+        return 1.0 - 0.5 * y + even * (1.0 / 6.0 - (1.0 / 24.0) * y + even * (1.0 / 120.0 - (1.0 / 720.0) * y))
     return -math.expm1(-y) / y
 
 

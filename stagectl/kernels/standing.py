@@ -34,7 +34,10 @@ def read(p: Stage, measured: float) -> float:
     """Position (rad | m) that the encoder shows as `measured`; its errors are small beside their periods."""
     position = measured
     for _ in range(_READ):
-        position += measured - affected.seen(p.encoder, p.mechanics.pitch, position)
+        off = measured - affected.seen(p.encoder, p.mechanics.pitch, position)
+        if off == 0.0:
+            break
+        position += off
     return position
 
 

@@ -106,3 +106,26 @@ def test_an_experiment_alone_may_be_clear_of_what_is_left_in_the_others() -> Non
     )
     assert both.share == pytest.approx(clarity(alone, [0], [FORM]).share) and both.share > 0.8
     assert clarity(_data(0.1, 0.0, 1), [0], [FORM]).share == 0.0  # noise might give as much
+
+
+def test_a_law_that_gives_as_much_in_the_one_experiment_takes_its_clearness() -> None:
+    """The effect is there in the first, beside more that nothing explains; the second shows nothing but a law."""
+    g = _data(1.0, 50.0)
+    beside = np.zeros_like(g.effort)
+    beside[:, -1, -1] = np.where(g.experiment == 0, 400.0, 0.0)
+    found = clarity(g._replace(effort=g.effort + beside), [0], [FORM])
+    assert found.doubt < 0.3 and found.share < 0.1
+
+
+@pytest.mark.parametrize(
+    ("name", "block", "apart", "clear"),
+    [("cogging", "mechanics", False, 0.1), ("cogging", "mechanics", True, 1.0), ("dead_time", "drive", True, 0.4)],
+)
+def test_what_is_faint_on_all_data_is_clear_where_one_experiment_says_so(
+    name: str, block: str, apart: bool, clear: float
+) -> None:
+    """Of 250 units of an effect beside 10 000 unexplained ones; not for a delay, which is a share of another cut."""
+    gain = 250.0 if block == "mechanics" else 40.0
+    selected = _selected({name: gain}, {name: 1.0})._replace(unexplained=10_000.0, clarity={name: Clarity(0.1, 0.6)})
+    one = Named(EFFECT._replace(name=name, block=block), {"time": 1e-4})
+    assert verdict._clear(selected, one, {"dead_time.time": 0.0}, apart) == pytest.approx(clear)

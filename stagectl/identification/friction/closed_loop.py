@@ -107,7 +107,7 @@ def _percent(ours: Array, theirs: Array) -> float:
 def _sliding(p: stage.Stage, position: float, velocity: float) -> stage.State:
     """The plant at this position and velocity, all of its friction slipping."""
     side = math.copysign(1.0, velocity) if velocity else 0.0
-    x, bristle = stage.at_rest(p, position), p.friction.bristle
+    x, bristle = stage.at_reading(p, position), p.friction.bristle
     factor = friction.stribeck(p.friction.stribeck, velocity)
     for j in range(len(p.friction.operators.weight)):
         x.stops[j] = side * factor

@@ -91,6 +91,7 @@ def _parameters() -> tuple[Scene, ...]:
 
 def _friction() -> tuple[Scene, ...]:
     lagging: dict[str, float] = {"rise": 0.3, "velocity": FALL, "shape": 1.0, "lag": 0.01}
+    aged = {"rise": 0.05, "time": 0.1, "length": 4.0 * UM}
     return (
         _scene("coulomb_asymmetry", "stairs", "velocity", {"size": 0.05}),
         _scene("viscous_asymmetry", "stairs", "velocity", {"size": 0.15}),
@@ -106,7 +107,7 @@ def _friction() -> tuple[Scene, ...]:
             opposing=True,
             zoom=(1.0, 14.0),
         ),
-        _scene("dwell", "dwells-short", "since", {"rise": 0.05, "time": 0.1}, colours="rest", opposing=True, **CLOSE),
+        _scene("dwell", "dwells-short", "since", aged, colours="rest", opposing=True, **CLOSE),
         _scene("load_friction", "speeds-by-acceleration", "load", {"share": 0.05}, opposing=True),
     )
 

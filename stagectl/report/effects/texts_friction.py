@@ -98,7 +98,7 @@ FRICTION = Group(
         ),
         Told(
             "dwell",
-            "The contact ages at rest: the first rolling zone after a dwell takes more, and slip wipes it out.",
+            "The contact ages at rest: the first rolling zone after a dwell takes more, and some slip wipes it out.",
             "1 to 8 % per e-fold of the time at rest",
             "Stribeck friction; presliding",
             "steps after dwells of 0.1, 1, 5 and 30 s",
