@@ -195,26 +195,26 @@ def _also_clocked(p: _Clocked | None, unequal: Mapping[int, Array], borders: Seq
 
 def _split(p: _Part, found: Sequence[Array]) -> tuple[Array, Array | None]:
     """Mean (2, m) of a column over the repeats, and each repeat's deviation (n, 2, m); None where there is none."""
-    each = np.stack([_free(p, (one * p.run.weight[:, None]).T) for one in found])
-    mean = each.mean(axis=0)
-    return mean, each - mean if len(found) > 1 else None
+    each = [rows(p, one) for one in found]
+    if len(each) == 1:
+        return each[0], None
+    mean: Array = np.mean(each, axis=0)
+    return mean, np.stack(each) - mean
 
 
-def rows(p: _Part, residual: Array) -> Array:
-    """(2, m) a residual (m, 2) as the products hold it: weighted, less its part along the run's own column."""
-    return _free(p, (residual * p.run.weight[:, None]).T)
-
-
-def _free(p: _Part, column: Array) -> Array:
-    """`column` (2, m) less its part along the run's own."""
-    share = float(np.vdot(p.own, column))
-    return column - share * p.own if share else column
+def rows(p: _Part, signal: Array) -> Array:
+    """(2, m) a column or a residual (m, 2) as the products hold it: weighted, less its part along the run's own."""
+    found: Array = np.multiply(signal.T, p.run.weight, order="C")
+    share = float(np.vdot(p.own, found))
+    if share:
+        found -= share * p.own
+    return found
 
 
 def _residual(p: _Part, left: Sequence[Array]) -> tuple[Array, Array]:
     """The last column (2, c, p + 1, 1) of the matrices, repeats added up, and their floor (2, c)."""
     borders, repeats = _borders(p.run), len(left)
-    each = np.stack([_free(p, (one * p.run.weight[:, None]).T) for one in left])
+    each = np.stack([rows(p, one) for one in left])
     mean = each.mean(axis=0)
     spread = (each - mean)[:, :, None]
     noise, last = _repeated(spread, borders), mean[:, None]
