@@ -104,28 +104,28 @@ def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Di
     if reason := unidentifiable(session):
         return Diagnosis(_blank(session, "not-identifiable", reason), session.stage)
     evidence, size, library = prepared(session, options, clock)
-    refitted = evidence.base
     clock("search")
     smooth = functions(evidence, size, library)
     selected = search.search(evidence, library, say, lambda now: largest(evidence, now, smooth))
     clock("parameters")
-    before = closable(evidence, refitted.before)
-    moved = shifts.shifts(session, evidence, selected.fitted, before)
-    deviation = verdict.deviations(evidence, selected.fitted)
+    before, now = closable(evidence, evidence.base.before), selected.fitted
+    g = grams.grams(refine.tangent(evidence, now, refine.parameters(now)), now.left)
+    deviation = verdict.deviations(evidence, now, g)
+    moved = shifts.shifts(session, evidence, now, g, deviation, before)
     clock("where")
     sure = verdict.sure(evidence, selected, verdict.named_effects(session, selected, deviation, apart=False))
     unknown = find_unknown(evidence, sure, smooth)
     clock("held-out runs simulated")
-    fitted = selected.fitted if unknown is None or not unknown.fields else with_shape(evidence, sure.fitted, unknown)
+    fitted = now if unknown is None or not unknown.fields else with_shape(evidence, sure.fitted, unknown)
     signed = signatures(session, evidence, fitted, options.excluded)
-    improved = _improved(session, [fitted, selected.fitted])
+    improved = _improved(session, [fitted, now])
     noted = doubts(session, evidence, improved)
     for one in signed:
         improved = one.put_in(improved)
     told = closing.told(session, evidence, selected, improved)
     unknown = UNORDERED if unknown is None and told.open else unknown
     named = verdict.named_effects(session, selected, deviation, apart=unknown is None)
-    effects = [*verdict.with_signatures(named, signed), *verdict.shifted(session, moved, selected.fitted)]
+    effects = [*verdict.with_signatures(named, signed), *verdict.shifted(session, moved, now)]
     effects = [one for one in effects if one.name not in options.excluded]
     found = _assembled(session, evidence, selected, effects, told, (unknown, improved, agreement, smooth))
     found = found._replace(notes=(*session.notes, *noted))

@@ -26,6 +26,8 @@ from stagectl.gap.batch import in_parallel
 from stagectl.gap.runs import Run
 from stagectl.gap.session import Array
 
+HANDS = (0, 2)  # numbers of half strokes that stand for a hand each, where all of it are added up
+
 
 class Grams(NamedTuple):
     """All half strokes of the data, or their sums over two hands; the residual is last in each matrix."""
@@ -147,9 +149,6 @@ def dealt(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     each = in_parallel(of, zip(p.parts, residuals, strict=True))
     square, floor = (np.sum([one[k] for one in each], axis=0) for k in (0, 1))
     return Grams(p.names, square[0], square[1], floor.T, np.zeros(2, np.int64), np.array(HANDS))
-
-
-HANDS = (0, 2)  # half strokes that stand for a hand each
 
 
 def first_hand(stroke: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -37,12 +37,14 @@ class Shift(NamedTuple):
     sure: bool
 
 
-def shifts(session: Session, e: Evidence, now: Fitted, before: float) -> list[Shift]:
-    """All shifts of the refitted model; `before` is the closable misfit of the nominal model."""
-    own = refine.parameters(now)
-    g = grams.grams(refine.tangent(e, now, own), now.left)
-    names = [*refine.nuisances(e), *(one.name for one in own)]
-    deviation = base.robust(g, names)
+def shifts(
+    session: Session, e: Evidence, now: Fitted, g: grams.Grams, deviation: Mapping[str, float], before: float
+) -> list[Shift]:
+    """All shifts of the refitted model; `before` is the closable misfit of the nominal model.
+
+    `g` holds the columns of all parameters where they stand, `deviation` the standard deviations of these.
+    """
+    names = list(deviation)
     returned = _returned(g, refine.nuisances(e), _moves(session, now))
     found = [
         _plain(session, now, name, deviation[name], returned.get(name, 0.0) / before)

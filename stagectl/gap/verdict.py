@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stagectl.gap import base, fields, friction_family, grams, refine, symmetries
+from stagectl.gap import base, fields, friction_family, refine, symmetries
 from stagectl.gap.candidates import Named, equipped
 from stagectl.gap.found import NAMED, Effect, Fields, Value
+from stagectl.gap.grams import Grams
 from stagectl.gap.library import Amplitude, Definition, Shape
 from stagectl.gap.refine import Evidence, Fitted
 from stagectl.gap.search import Selected
@@ -66,13 +67,9 @@ def with_signatures(effects: Sequence[Effect], found: Sequence[Signature]) -> li
     return [*own, *(one.effect for one in found)]
 
 
-def deviations(e: Evidence, now: Fitted) -> dict[str, float]:
-    """Standard deviations of the effects' parameters, ``effect.parameter``, over half strokes."""
-    own = refine.parameters(now)
-    if not own:
-        return {}
-    g = grams.grams(refine.tangent(e, now, own), now.left)
-    return base.robust(g, [*refine.nuisances(e), *(one.name for one in own)])
+def deviations(e: Evidence, now: Fitted, g: Grams) -> dict[str, float]:
+    """Standard deviations of all parameters, an effect's as ``effect.parameter``; `g` holds their columns."""
+    return base.robust(g, [*refine.nuisances(e), *(one.name for one in refine.parameters(now))])
 
 
 def _effect(
