@@ -15,11 +15,11 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.daemon.client import ask
+from stagectl.web.client import ask
 from stagectl.units import StageError
 from tests.conftest import CONFIG, ROOT
 
-DOCS = ROOT / ".docs"
+DOCS = ROOT / "docs"
 _NAMED = re.compile(r'(?m)^ *```yaml title="([\w.-]+\.yaml)"\n(.*?)^ *```', re.DOTALL)
 _PATIENCE = 300.0  # s: the machine is shared
 

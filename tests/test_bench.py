@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from stagectl.exam.blind import ledger
+from stagectl_studies.exam import ledger
 from tests.conftest import ROOT
 
 BENCH = ROOT / "tools" / "bench"
@@ -30,7 +30,7 @@ def line(low: float, median: float, high: float, what: str = "time of a fit") ->
 
 
 def figures(*lines: dict[str, Any]) -> dict[str, Any]:
-    scores = ledger.read(ROOT / ".docs" / "exam-ledger.jsonl")[-1]["scores"]
+    scores = ledger.read(ROOT / "docs" / "exam-ledger.jsonl")[-1]["scores"]
     return {
         "parts": {"identification": {"against": list(lines), "skipped": {"cycle": "no hardware"}}},
         "machine": "x86_64",

@@ -13,7 +13,7 @@ import numpy as np
 from playwright.sync_api import sync_playwright
 
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.gap.fields import fields_of
+from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.report.effects.scenes import scenes
 from tests.conftest import ROOT
 from tests.printed import tool
@@ -22,7 +22,7 @@ from tests.printed import tool
 def test_the_manual_builds_strictly(tmp_path: Path) -> None:
     """Every link and anchor resolves; pages of effects, reference and commands are there.  Pictures are left blank."""
     environment = {**os.environ, "STAGECTL_MANUAL_PLAIN": "1", "PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"}
-    command = [sys.executable, "-m", "mkdocs", "build", "-q", "-f", ".mkdocs.yml", "-d", str(tmp_path / "site")]
+    command = [sys.executable, "-m", "mkdocs", "build", "-q", "-f", "mkdocs.yml", "-d", str(tmp_path / "site")]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     site = tmp_path / "site"
@@ -77,7 +77,7 @@ def test_the_lines_below_each_picture_play_its_effect(ball_screw: Setup, tmp_pat
 
 def test_the_reference_names_every_entry() -> None:
     """What the schema knows, the reference shows: counted in two ways."""
-    from stagectl.config.reference import stage_blocks
+    from stagectl.config.manual_reference import stage_blocks
     from stagectl.config.schema import stage_schema
 
     def keys(node: object) -> set[str]:
@@ -95,9 +95,9 @@ def test_links_of_readme_and_manual_lead_somewhere_in_the_repository() -> None:
     """As they are followed where the sources are shown; of the manual's own pages some are made when it is built."""
     made = ("effects/", "reference/", "drives.md")
     followed = 0
-    for page in (ROOT / "README.md", *(ROOT / ".docs").glob("*.md")):
+    for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
         for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8")):
-            if "://" in target or (page.parent.name == ".docs" and target.startswith(made)):
+            if "://" in target or (page.parent.name == "docs" and target.startswith(made)):
                 continue
             assert (page.parent / target).exists(), f"{page.name}: {target}"
             followed += 1

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.gap.stored import save
+from stagectl.gap.result.result_json import save
 from tests.cli.test_help import ROOT as ROOT_COMMAND
 from tests.cli.test_help import verbs
 from tests.conftest import ROOT

@@ -26,11 +26,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
-from stagectl.daemon.client import RefusedError
+from stagectl.web.client import RefusedError
 from stagectl.recording.hdf5 import open_recording
 from stagectl.units import StageError
 from tests.conftest import SILENCE
-from tests.daemon.serving import Served, served
+from tests.service.serving import Served, served
 
 
 class Victim(NamedTuple):
@@ -43,9 +43,9 @@ class Victim(NamedTuple):
 
 
 VICTIMS = (
-    Victim("real-time process", "stagectl.daemon.axes", "process_died", False),
+    Victim("real-time process", "stagectl.realtime.axes", "process_died", False),
     Victim("recorder", "stagectl.recording.recorder", "recorder_died", True),
-    Victim("black box", "stagectl.daemon.blackbox", "blackbox_died", True),
+    Victim("black box", "stagectl.service.black_box", "blackbox_died", True),
     Victim("service", "", "service_died", False),
     Victim("drive", "", "feedback_lost", False),
 )

@@ -1,6 +1,6 @@
 """The service's real-time process for an hour: ``python tools/soak.py [SECONDS] [--wall]``.
 
-The process is the service's own (`stagectl.daemon.axes`), an axis at 2 kHz that goes to and fro on one sine after the
+The process is the service's own (`stagectl.realtime.axes`), an axis at 2 kHz that goes to and fro on one sine after the
 other, with the stage model as its drive and a recorder that writes each row to disk.  Its periods follow each other as
 fast as they are done (simulated time), or with ``--wall`` by the clock.  It says how the memory of the process grows
 after the first tenth, whether a row was lost, and how soon and how large the process is with a CANopen drive.
@@ -29,8 +29,8 @@ def child() -> None:
     """Be the real-time process, with a clock of its own."""
     import pickle
 
-    from stagectl.daemon import axes
-    from stagectl.drives.timeline import Timeline
+    from stagectl.realtime import axes
+    from stagectl.drives.bus.virtual_time import Timeline
 
     axes.serve(pickle.load(sys.stdin.buffer), Timeline())  # its waits take no time
     os._exit(0)
@@ -49,9 +49,9 @@ class Soak:
         import subprocess
 
         from stagectl.config.stage_file import InProcess, load_stage
-        from stagectl.daemon.axes import Post
-        from stagectl.daemon.child import Child, start
-        from stagectl.daemon.manned import COLUMNS, Manned
+        from stagectl.realtime.axes import Post
+        from stagectl.service.child_process import Child, start
+        from stagectl.service.axis_controller import COLUMNS, Manned
         from stagectl.recording.recorder import Order
 
         setup = load_stage(ROOT / "config" / "ball-screw.yaml")
@@ -63,7 +63,7 @@ class Soak:
         alive, held = os.pipe()
         shared = (axis.ring.descriptor, axis.board.descriptor, held)
         if wall:
-            self.loop = start("stagectl.daemon.axes", shared, "interpreted")
+            self.loop = start("stagectl.realtime.axes", shared, "interpreted")
         else:
             words = [sys.executable, __file__, CHILD]
             self.loop = Child(subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=shared))
@@ -79,8 +79,8 @@ class Soak:
 
     def run(self, seconds: float) -> list[tuple[float, int]]:
         """Go to and fro for so long (s, the axis' own time); time and memory (KiB) of the process meanwhile."""
-        from stagectl.daemon.board import Order
-        from stagectl.daemon.states import Event, State
+        from stagectl.realtime.shared_memory import Order
+        from stagectl.realtime.states import Event, State
 
         axis, seen, shown = self.axis, list[tuple[float, int]](), time.monotonic()
         axis.board.order(Order(Event.ENABLE))
@@ -120,11 +120,11 @@ def worked(pid: int) -> float:
 
 def started() -> tuple[float, float, int]:
     """With a CANopen drive that is there, to its configuration: time (s), processor time of it (s), and then KiB."""
-    from stagectl.daemon.axes import Post
-    from stagectl.daemon.child import start
-    from stagectl.daemon.machine import machine
-    from stagectl.daemon.manned import COLUMNS
-    from tests.daemon.serving import Served
+    from stagectl.realtime.axes import Post
+    from stagectl.service.child_process import start
+    from stagectl.service.machine import machine
+    from stagectl.service.axis_controller import COLUMNS
+    from tests.service.serving import Served
 
     with tempfile.TemporaryDirectory() as folder:
         drive = Served(Path(folder))
@@ -133,7 +133,7 @@ def started() -> tuple[float, float, int]:
             axis = machine([str(drive.stage)], str(Path(folder) / "bus"))["axis"]
             post = Post((axis.orders(),), axis.setup.dt, 0, None, len(COLUMNS), axis.ring.capacity, True)
             began = time.monotonic()
-            loop = start("stagectl.daemon.axes", (axis.ring.descriptor, axis.board.descriptor), "interpreted")
+            loop = start("stagectl.realtime.axes", (axis.ring.descriptor, axis.board.descriptor), "interpreted")
             loop.send(post)
             assert loop.line()
             found = time.monotonic() - began, worked(loop.pid), resident(loop.pid)

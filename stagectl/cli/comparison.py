@@ -48,17 +48,17 @@ def learn(
     Example: stagectl learn config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --trials 8 --simulate
     """
     engine(simulate)
-    from stagectl import trials as many
-    from stagectl.recording import learned
-    from stagectl.session import prepare
+    from stagectl.workflows import trials as many
+    from stagectl.recording import learned_current
+    from stagectl.workflows.motion import prepare
 
     machine = machine_of(stage, simulate, plant, channel)
     folder = many.fresh_folder(f"learn-{trajectory.stem}")
     base = prepare(machine.setup, trajectory, layers_without(without), folder / "trial-1.h5")
     path = output or folder / "learned.h5"
-    learned.claim(path)
+    learned_current.claim(path)
     found = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
-    learned.save(path, found.pop("current"))
+    learned_current.save(path, found.pop("current"))
     for line in many.convergence_words(found):
         console.print(line)
     console.print(many.learned_words(found))
@@ -97,10 +97,10 @@ def compare(
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """
     engine(simulate)
-    from stagectl import repeats as many
+    from stagectl.workflows import layer_comparison as many
     from stagectl.report.comparison import page
     from stagectl.report.page import write
-    from stagectl.trials import Shown, fresh_folder
+    from stagectl.workflows.trials import Shown, fresh_folder
 
     machine = machine_of(stage, simulate, plant, channel)
     folder, shown = output or fresh_folder(f"compare-{trajectory.stem}"), Shown(console.print, bar)
@@ -133,8 +133,8 @@ def machine_of(stage: Path, simulate: bool, plant: Path | None, channel: str | N
     Raises StageError for a plant beside a drive.
     """
     from stagectl.config.stage_file import load_stage
-    from stagectl.session import on_channel
-    from stagectl.trials import Machine
+    from stagectl.workflows.motion import on_channel
+    from stagectl.workflows.trials import Machine
 
     if plant is not None and not simulate:
         raise StageError(f"--plant {plant} without --simulate: a drive has its own machine; add --simulate")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from stagectl.report.braille import bounds_of, curve
-from stagectl.words import duration, length
+from stagectl.number_format import duration, length
 
 _MARGIN = 12  # characters left of the curve
 _LANE = 6  # lines

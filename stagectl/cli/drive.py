@@ -37,8 +37,8 @@ def probe(
     """
     without_compiler()
     from stagectl.config.stage_file import load_stage
-    from stagectl.drives.probe import probe as ask
-    from stagectl.session import line_of, on_channel
+    from stagectl.drives.canopen.probe import probe as ask
+    from stagectl.workflows.motion import line_of, on_channel
 
     setup = on_channel(load_stage(stage, judged=False), channel)
     with line_of(setup, console.print) as (wire, line):
@@ -58,7 +58,7 @@ def presets(json: Json = None) -> None:
 
     Example: stagectl drive presets
     """
-    from stagectl.drives.presets import PRESETS
+    from stagectl.drives.canopen.presets import PRESETS
 
     for one in PRESETS:
         console.print(f"{one.name}: {one.family} ({one.standing})")
@@ -69,7 +69,7 @@ def presets(json: Json = None) -> None:
 
 
 def _chosen(name: str | None) -> Any:
-    from stagectl.drives.presets import NAMES, named
+    from stagectl.drives.canopen.presets import NAMES, named
 
     if name is None:
         return None

@@ -27,9 +27,9 @@ def dump(
     """
     without_compiler()
     from stagectl.config.stage_file import load_stage
-    from stagectl.drives.dump import dump as read
-    from stagectl.drives.dump import write_dcf
-    from stagectl.session import line_of, on_channel
+    from stagectl.drives.canopen.dump import dump as read
+    from stagectl.drives.canopen.dump import write_dcf
+    from stagectl.workflows.motion import line_of, on_channel
 
     setup = on_channel(load_stage(stage, judged=False), channel)
     with line_of(setup, console.print) as (wire, line), progress(f"node {wire.node}", 1) as update:

@@ -41,8 +41,8 @@ def inject(
         return
     from stagectl.config.fault_words import read_fault
     from stagectl.config.stage_file import load_stage
-    from stagectl.drives.inject import ask, doorway
-    from stagectl.session import canopen, on_channel
+    from stagectl.drives.virtual.inject import ask, doorway
+    from stagectl.workflows.motion import canopen, on_channel
 
     if stage is None or clear == (fault is not None):
         raise StageError("give STAGE.yaml, and either the name of a fault (see --list) or --clear")
@@ -72,7 +72,7 @@ def selftest(
     """
     without_compiler()
     from stagectl.selftest import result
-    from stagectl.session import drive_present
+    from stagectl.workflows.motion import drive_present
 
     setup = _checked(stage)
     with drive_present(setup, console.print) if current else contextlib.nullcontext():
@@ -111,7 +111,7 @@ def _show_result(found: dict[str, Any], report: Path | None) -> None:
 
 def _checked(stage: Path) -> Any:
     from stagectl.config.stage_file import load_stage
-    from stagectl.session import canopen
+    from stagectl.workflows.motion import canopen
 
     setup = load_stage(stage)
     canopen(setup)

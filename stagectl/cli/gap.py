@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli import gap_apply, gap_diagnose, gap_exam, gap_fleet, gap_knock, gap_next, gap_twin
+from stagectl.cli import gap_apply, gap_diagnose, gap_fleet, gap_knock, gap_next, gap_twin
+from stagectl_studies.commands import gap_exam
 from stagectl.cli.comparison import Plant, Simulate, engine, machine_of
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.show import console, emit
@@ -49,9 +50,9 @@ def record(
     Example: stagectl gap record config/ball-screw.yaml --simulate
     """
     engine(simulate)
-    from stagectl import campaign as many
-    from stagectl.gap.battery import battery, held_out
-    from stagectl.trials import Shown, fresh_folder
+    from stagectl.workflows import campaign as many
+    from stagectl.gap.experiment_design.battery import battery, held_out
+    from stagectl.workflows.trials import Shown, fresh_folder
 
     machine = machine_of(stage, simulate, plant, channel)
     experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), _names(only), _names(skip))

@@ -43,8 +43,8 @@ def apply(
 
     Example: stagectl gap apply captures/ config/ball-screw.yaml -o with-effects.yaml
     """
-    from stagectl.gap.patch import applied, patch_of
-    from stagectl.gap.stored import load
+    from stagectl.gap.result.patch import applied, patch_of
+    from stagectl.gap.result.result_json import load
 
     found = load(folder)
     patch = patch_of(found, stage, [one.strip() for one in only.split(",")] if only else (), unknown)

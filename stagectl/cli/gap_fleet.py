@@ -37,7 +37,7 @@ def fleet(
     """
     single_threaded_algebra()
     from stagectl.gap.fleet import Machine, names_of
-    from stagectl.gap.library_names import excluded
+    from stagectl.gap.effects.library_names import excluded
 
     names = excluded(exclude or [])
     places = [one.resolve() for one in folders]

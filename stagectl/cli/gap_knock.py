@@ -50,20 +50,20 @@ def knock(
     single_threaded_algebra()
     from stagectl.config.stage_file import load_stage
     from stagectl.gap import diagnose as pipeline
-    from stagectl.gap import folder as folders
-    from stagectl.gap import knocks
+    from stagectl.gap.logs import load_session as folders
+    from stagectl.gap import knock_out
 
     session = folders.load(folder, load_stage(stage) if stage is not None else None)
-    names = [name.strip() for text in into or () for name in text.split(",") if name.strip()] or list(knocks.FORCES)
-    waiting = knocks.out(session) if only is not Way.IN else []
-    waiting += knocks.into(session, names, share) if only is not Way.OUT else []
+    names = [name.strip() for text in into or () for name in text.split(",") if name.strip()] or list(knock_out.FORCES)
+    waiting = knock_out.out(session) if only is not Way.IN else []
+    waiting += knock_out.into(session, names, share) if only is not Way.OUT else []
     options, table = pipeline.Options(full=full, advice=False), Table("knocked", "way", "named", "verdict", "right")
     found = []
     with progress("knocked out and in", 1 + len(waiting)) as update:
         plain = pipeline.diagnose(session, options, lambda _: None).found
         for done, one in enumerate(waiting, start=1):
             update(done, 1 + len(waiting))
-            told = knocks.judged(one, pipeline.diagnose(one.session, options, lambda _: None).found, plain)
+            told = knock_out.judged(one, pipeline.diagnose(one.session, options, lambda _: None).found, plain)
             found.append(told._asdict())
             said = ", ".join(" or ".join(each) for each in told.named)
             table.add_row(told.name, told.way, said, told.verdict, "yes" if told.right else "no")

@@ -14,7 +14,7 @@ from stagectl.cli.show import console, emit
 from stagectl.units import ROTARY, StageError
 
 if TYPE_CHECKING:
-    from stagectl.gap.found import Found, Next
+    from stagectl.gap.result.diagnosis import Found, Next
 
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE.yaml", help="Where the trajectory goes; else to FOLDER.")
@@ -41,12 +41,12 @@ def following(
 
     Example: stagectl gap next captures/ -o next.yaml
     """
-    from stagectl.gap import told
-    from stagectl.gap.stored import load
+    from stagectl.gap.result import verdict_text
+    from stagectl.gap.result.result_json import load
 
     found = load(folder)
     one = found.next_experiment
-    for line in told.advice(found) if one else ["no experiment is proposed: these data leave nothing that one tells"]:
+    for line in verdict_text.advice(found) if one else ["no experiment is proposed: these data leave nothing that one tells"]:
         console.print(line)
     written = _written(found, one, folder, output) if one else None
     if samples is not None and written is not None:

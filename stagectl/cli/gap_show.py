@@ -7,10 +7,10 @@ from pathlib import Path
 from rich.table import Table
 
 from stagectl.cli.show import console
-from stagectl.gap import effect_words as words
-from stagectl.gap import told
-from stagectl.gap.found import NAMED, Effect, Found, Gap
-from stagectl.gap.shown import parameter, percent, together
+from stagectl.gap.effects import effect_names as words
+from stagectl.gap.result import verdict_text
+from stagectl.gap.result.diagnosis import NAMED, Effect, Found, Gap
+from stagectl.gap.result.gap_numbers import parameter, percent, together
 
 MOST_COORDINATES = 3
 MOST_SPANS = 8
@@ -18,12 +18,12 @@ MOST_SPANS = 8
 
 def show(found: Found, folder: Path) -> None:
     """Print the diagnosis of `folder`."""
-    console.print(f"{found.verdict}: {found.sentence or told.sentence(found)}")
+    console.print(f"{found.verdict}: {found.sentence or verdict_text.sentence(found)}")
     if found.effects:
         console.print(_effects(found))
     if found.verdict != "controller":
         console.print(_gaps(found))
-    for line in (*_where(found), *told.quietly(found), *told.ambiguous(found), *told.advice(found)):
+    for line in (*_where(found), *verdict_text.quietly(found), *verdict_text.ambiguous(found), *verdict_text.advice(found)):
         console.print(line)
     for line in _commands(found, folder):
         console.print(line, style="bold")
@@ -33,7 +33,7 @@ def _effects(found: Found) -> Table:
     table = Table("effect", "in", "share", "probability", "parameters (95 %)")
     for one in found.effects:
         probability = f"{one.probability:.2f}" + ("" if one.probability >= NAMED else ", not named")
-        table.add_row(told.either(one), one.block, percent(one.share), probability, _parameters(one, found))
+        table.add_row(verdict_text.either(one), one.block, percent(one.share), probability, _parameters(one, found))
     return table
 
 
@@ -46,13 +46,13 @@ def _gaps(found: Found) -> Table:
     table = Table("held-out runs, rms", "before", "after", "floor", "unit", "closed (95 %)")
     known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
     for name, one in known.items():
-        table.add_row(told.called(name), *_gap(one, found))
+        table.add_row(verdict_text.called(name), *_gap(one, found))
     return table
 
 
 def _gap(one: Gap, found: Found) -> list[str]:
     (before, after, floor), unit = together((one.before, one.after, one.floor), one.unit, found)
-    return [before, after, floor, unit, "nothing to close" if found.verdict == "none" else told.closure(one)]
+    return [before, after, floor, unit, "nothing to close" if found.verdict == "none" else verdict_text.closure(one)]
 
 
 def _where(found: Found) -> list[str]:
@@ -64,7 +64,7 @@ def _where(found: Found) -> list[str]:
     ranked = sorted(found.coordinates, key=lambda one: -one.share)[:MOST_COORDINATES]
     follows = ", ".join(f"{words.coordinate(one.name)} {percent(one.share)}" for one in ranked)
     lines = [f"where in the loop: {blocks}"] + ([f"what it follows: {follows}"] if ranked else [])
-    spans = told.spans(found._replace(captures=tuple(one for one in found.captures if one.spans)))
+    spans = verdict_text.spans(found._replace(captures=tuple(one for one in found.captures if one.spans)))
     more = [f"and {len(spans) - MOST_SPANS} more captures"] if len(spans) > MOST_SPANS else []
     return [*lines, *(f"open in {one}" for one in spans[:MOST_SPANS]), *more]
 

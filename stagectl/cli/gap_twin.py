@@ -16,7 +16,7 @@ from rich.text import Text
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, stream
 from stagectl.units import Quantity, StageError
-from stagectl.words import duration
+from stagectl.number_format import duration
 
 _POLL = 0.25  # s
 _SILENCE = 5.0  # s without a snapshot, after which the twin's process is looked for
@@ -42,7 +42,7 @@ def watch(
 
     Example: stagectl gap watch
     """
-    from stagectl.gap.twin_start import newest, seen
+    from stagectl.twin.start import newest, seen
 
     path = file or newest(Path("recordings"))
     if path is None:
@@ -60,7 +60,7 @@ def watch(
 
 def _plain(path: Path, once: bool, json: str | None) -> str:
     """Every snapshot as it comes; why there will be no more, where that is so."""
-    from stagectl.gap.twin_start import seen
+    from stagectl.twin.start import seen
 
     last, write = 0.0, stream(json)
     while True:
@@ -145,8 +145,8 @@ def drift(
 
     Example: stagectl gap drift recordings/twin-ball-screw-stage-A.jsonl
     """
-    from stagectl.gap.twin_drift import drift as found_in
-    from stagectl.gap.twin_record import read
+    from stagectl.twin.drift import drift as found_in
+    from stagectl.twin.record import read
 
     found = found_in(read(file), axis)
     table = Table(title=f"{file}", title_justify="left")

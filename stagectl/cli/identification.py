@@ -69,7 +69,7 @@ def identify(
     from stagectl.config.stage_file import load_stage
     from stagectl.identification import methods
     from stagectl.identification.captures import held_out, opened, prepared
-    from stagectl.identification.suspicion import implausible
+    from stagectl.identification.capture_checks import implausible
     from stagectl.recording.columns import split
 
     methods.chosen(method)

@@ -34,8 +34,8 @@ def doctor(
     """
     without_compiler()
     from stagectl.config.stage_file import load_stage
-    from stagectl.daemon.client import default_socket
-    from stagectl.daemon.doctor import examine
+    from stagectl.web.client import default_socket
+    from stagectl.service.doctor import examine
 
     folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
     found = list(examine(load_stage(stage), folder, default_socket().exists()))
@@ -63,8 +63,8 @@ def install(
     Example: sudo stagectl service install /etc/stagectl/stage.yaml
     """
     from stagectl.config.stage_file import load_stage
-    from stagectl.daemon.machine import named, together
-    from stagectl.systemd import install as systemd
+    from stagectl.service.machine import named, together
+    from stagectl.service import install as systemd
 
     read = tuple((name, path.absolute(), load_stage(path)) for name, path in named(stages).items())
     wanted = systemd.Wanted(read, systemd.interpreter(), tcp, together(stages))
@@ -77,7 +77,7 @@ def remove(root: Root = Path("/"), json: Json = None) -> None:
 
     Example: sudo stagectl service remove
     """
-    from stagectl.systemd.install import remove as take_away
+    from stagectl.service.install import remove as take_away
 
     _tell(take_away(root), json)
 

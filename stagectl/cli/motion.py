@@ -64,7 +64,7 @@ def run(
     Example: stagectl run config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
     """
     without_compiler()
-    from stagectl.session import on_channel, perform, prepare
+    from stagectl.workflows.motion import on_channel, perform, prepare
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
     setup = on_channel(_judged(stage), channel)
@@ -84,7 +84,7 @@ def run(
 
 def _with_twin(motion: Any, state: Path | None) -> Any:
     """The motion with a twin beside it."""
-    from stagectl.gap.twin_start import companion
+    from stagectl.twin.start import companion
 
     console.print("starting the twin: some seconds, and longer once for each version, while its kernels are compiled")
     return motion._replace(companion=companion(motion.setup, motion.law, motion.recording, state))
@@ -94,7 +94,7 @@ def _seen(motion: Any) -> dict[str, Any]:
     """What the twin saw, where there was one; its words are shown."""
     if motion.companion is None:
         return {}
-    from stagectl.gap.twin_start import live_file, seen
+    from stagectl.twin.start import live_file, seen
 
     path = live_file(motion.recording)
     if not path.exists():
@@ -122,7 +122,7 @@ def simulate(
     Example: stagectl simulate config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --json -
     """
     from stagectl.kernels.jit import cold
-    from stagectl.session import prepare, pretend
+    from stagectl.workflows.motion import prepare, pretend
 
     if cold():
         console.print("compiling the kernels, once for this version: up to a minute")
@@ -153,10 +153,10 @@ def virtual_drive(
     Example: stagectl virtual-drive config/ball-screw.yaml
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")  # compiled, its plant is lighter on the machine
-    from stagectl.daemon.realtime import follow_parent
-    from stagectl.daemon.virtual import serve, serve_odrive
+    from stagectl.realtime.scheduling import follow_parent
+    from stagectl.service.virtual_drive import serve, serve_odrive
     from stagectl.drives.drive import Odrive
-    from stagectl.session import canopen, on_channel
+    from stagectl.workflows.motion import canopen, on_channel
 
     if follow:
         follow_parent()
@@ -197,7 +197,7 @@ def demo(
     Example: stagectl demo -o demo
     """
     without_compiler()
-    from stagectl.demo import demo as show
+    from stagectl.workflows.demo import demo as show
 
     found = show(output, console.print, bar)
     console.print(f"report: {found['report']}")

@@ -46,9 +46,9 @@ def scope(
     if show:
         _list(axis, socket, json)
         return
-    from stagectl.daemon.client import RefusedError, default_socket
-    from stagectl.daemon.page.watching import captures
-    from stagectl.daemon.page.watching import trigger as read
+    from stagectl.web.client import RefusedError, default_socket
+    from stagectl.web.capture_client import captures
+    from stagectl.web.capture_client import trigger as read
 
     names = channels or ["error", "measured_current"]
     once = once or json is not None
@@ -141,7 +141,7 @@ def record(
         ask_service(socket, "POST", f"/v1/recordings/end?axis={begun['axis']}")
     found = {"axis": begun["axis"], "recording": begun["path"]}
     if output is not None:
-        from stagectl.daemon.client import default_socket, fetch
+        from stagectl.web.client import default_socket, fetch
 
         what = f"/v1/recordings/recordings/{begun['axis']}/{begun['file']}"
         output.parent.mkdir(parents=True, exist_ok=True)

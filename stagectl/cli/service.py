@@ -12,7 +12,7 @@ import typer
 from stagectl.cli.motion import Lines
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, said, stream
-from stagectl.daemon import leaving
+from stagectl.service import shutdown_signals
 from stagectl.units import StageError
 
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
@@ -62,16 +62,16 @@ def serve(
 
     Example: stagectl serve config/ball-screw.yaml
     """
-    leaving.hold_back()
+    shutdown_signals.hold_back()
     without_compiler()
     try:
-        from stagectl.daemon.server import run
+        from stagectl.web.server import run
     except ModuleNotFoundError as error:
         raise StageError(f"{error.name} is not installed: `pip install 'stagectl[service]'`") from error
     from stagectl import design
-    from stagectl.daemon.client import own_socket
-    from stagectl.daemon.machine import machine, together, virtual
-    from stagectl.daemon.service import Service, Where
+    from stagectl.web.client import own_socket
+    from stagectl.service.machine import machine, together, virtual
+    from stagectl.service.service import Service, Where
 
     folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
     runtime = os.environ.get("RUNTIME_DIRECTORY")
@@ -92,7 +92,7 @@ def serve(
 
 def _port(tcp: str | None, token: Path, writes: bool, virtual: bool) -> Any:
     """The port that was asked for; a virtual machine shows its page unasked."""
-    from stagectl.daemon.server import Tcp
+    from stagectl.web.server import Tcp
 
     if tcp is None:
         return Tcp("127.0.0.1", 8402, token, writes, virtual, any_port=True) if virtual else None
@@ -258,7 +258,7 @@ def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] |
 
 def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
     """The answer; a no of the service is exit code 1, no answer is 2."""
-    from stagectl.daemon.client import RefusedError, ask, default_socket
+    from stagectl.web.client import RefusedError, ask, default_socket
 
     try:
         return ask(socket or default_socket(), method, what, body)
@@ -268,7 +268,7 @@ def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any
 
 
 def _told(found: dict[str, Any], json: str | None) -> None:
-    from stagectl.words import length
+    from stagectl.number_format import length
 
     for axis in found["axes"]:
         place = "" if axis["position"] is None else f" at {length(axis['position'], axis['unit'])}"

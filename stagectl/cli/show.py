@@ -15,7 +15,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from stagectl.words import length
+from stagectl.number_format import length
 
 # Standard output is for results only; names and paths appear as they are, whatever brackets they hold.
 console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)

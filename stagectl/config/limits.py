@@ -1,4 +1,4 @@
-"""The block `limits` of a stage file; what the loop makes of it stands in daemon/envelope.py."""
+"""The block `limits` of a stage file; what the loop makes of it stands in realtime/envelope.py."""
 
 from __future__ import annotations
 

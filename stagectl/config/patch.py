@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from stagectl.config import surgery
+from stagectl.config import yaml_edit
 from stagectl.config.loader import Lengths
 from stagectl.config.source import ConfigError, node_at, read_text
 from stagectl.config.stage_file import StageFile, load_stage
-from stagectl.config.wording import hint_at, tag_of, worded
+from stagectl.config.unit_format import hint_at, tag_of, worded
 from stagectl.units import StageError
 
 CLOSE = 1e-6  # relative difference between what was to be written and what is read back
@@ -72,7 +72,7 @@ def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
     """
     found = Patched(text)
     for name, value in values.items():
-        hint = hint_at(StageFile, name, surgery.root_of(found.text))
+        hint = hint_at(StageFile, name, yaml_edit.root_of(found.text))
         found = (
             _block(found, name, value, lengths)
             if isinstance(value, Mapping)
@@ -82,9 +82,9 @@ def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
 
 
 def _block(found: Patched, name: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
-    root = surgery.root_of(found.text)
+    root = yaml_edit.root_of(found.text)
     tag = tag_of(hint_at(StageFile, name, root))
-    before = node_at(root, name) if surgery.holds(root, name) else None
+    before = node_at(root, name) if yaml_edit.holds(root, name) else None
     old = [key.value for key, _ in before.value] if isinstance(before, yaml.MappingNode) else []
     if tag is not None:  # first: it says which entries there are
         found = _value(found, f"{name}.{tag.key}", (values[tag.key], str), lengths, dated=True)
@@ -100,37 +100,37 @@ def _block(found: Patched, name: str, values: Mapping[str, Any], lengths: Length
 
 def _value(found: Patched, name: str, wanted: tuple[Any, Any], lengths: Lengths, dated: bool = False) -> Patched:
     """With one value and the hint that describes it; where a tag changes, its comment is `dated`."""
-    text, root = found.text, surgery.root_of(found.text)
-    if not surgery.holds(root, name):
+    text, root = found.text, yaml_edit.root_of(found.text)
+    if not yaml_edit.holds(root, name):
         return _added(found, name, wanted, lengths)
-    place = surgery.place_of(text, root, name)
+    place = yaml_edit.place_of(text, root, name)
     old = text[place.begin : place.end]
-    new = worded(*wanted, lengths, old, surgery.column(text, place.colon) + 1)
+    new = worded(*wanted, lengths, old, yaml_edit.column(text, place.colon) + 1)
     if " ".join(old.split()) == " ".join(new.split()):
         return found
     if dated:
-        text = surgery.dated(text, place.end, old)
-    text = surgery.with_value(text, place, node_at(root, name), new)
+        text = yaml_edit.dated(text, place.end, old)
+    text = yaml_edit.with_value(text, place, node_at(root, name), new)
     return Patched(text, (*found.changes, Change(name, old, new)))
 
 
 def _added(found: Patched, name: str, wanted: tuple[Any, Any], lengths: Lengths) -> Patched:
     """With a new entry at the end of its block; blocks that are missing on the way are added, too."""
-    root, words = surgery.root_of(found.text), name.split(".")
-    depth = next(n for n in range(len(words) - 1, -1, -1) if n == 0 or surgery.holds(root, ".".join(words[:n])))
+    root, words = yaml_edit.root_of(found.text), name.split(".")
+    depth = next(n for n in range(len(words) - 1, -1, -1) if n == 0 or yaml_edit.holds(root, ".".join(words[:n])))
     parent = node_at(root, ".".join(words[:depth])) if depth else root
     if not isinstance(parent, yaml.MappingNode):
         raise ConfigError(f"{'.'.join(words[:depth])} is no block of `key: value` lines, so {name} has no place")
     new = worded(*wanted, lengths, "", 2 * len(words) + len(words[-1]))
-    text = surgery.with_entry(found.text, parent, words[depth:], new)
+    text = yaml_edit.with_entry(found.text, parent, words[depth:], new)
     return Patched(text, (*found.changes, Change(name, "", new)))
 
 
 def _removed(found: Patched, name: str) -> Patched:
-    root = surgery.root_of(found.text)
-    place = surgery.place_of(found.text, root, name)
+    root = yaml_edit.root_of(found.text)
+    place = yaml_edit.place_of(found.text, root, name)
     old = found.text[place.begin : place.end]
-    return Patched(surgery.without_entry(found.text, root, name), (*found.changes, Change(name, old, "")))
+    return Patched(yaml_edit.without_entry(found.text, root, name), (*found.changes, Change(name, old, "")))
 
 
 def _short(text: str) -> str:

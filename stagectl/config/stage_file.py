@@ -18,7 +18,8 @@ from stagectl.config.limits import Limits
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged
 from stagectl.config.machine_file import load_axis
 from stagectl.config.source import node_at
-from stagectl.drives import bus, odrive, slcan
+from stagectl.drives.bus import frames, slcan
+from stagectl.drives import odrive
 from stagectl.drives.drive import Canopen, Odrive
 from stagectl.drives.faults import BLOCKS
 from stagectl.drives.simulated import Simulation
@@ -233,7 +234,7 @@ def _check_wire(file: StageFile, path: Path) -> list[str]:
     if 0.0 < (silence := wire.rpdo_timeout) <= file.control.period:
         wrong.append(f"drive.wire.rpdo_timeout = {silence:g} s; must exceed control.period, or be 0 s: off")
     wrong += slcan.refused(wire, file.control.period)
-    load_share = bus.load(1.0 / file.control.period, wire.bitrate, (0, 8, 8))
+    load_share = frames.load(1.0 / file.control.period, wire.bitrate, (0, 8, 8))
     if load_share > wire.bus_load_limit:
         wrong.append(_overload(file, wire, load_share))
     return wrong

@@ -148,7 +148,7 @@ _ERROR = Fault.FOLLOWING_ERROR
 _SILENT = Must(1, ("feedback",), reasons=(_LOST,))
 _SEEN = Must(1, ("error",), "either", "coast")
 _GOES_ON = Must(None, (), "go on")
-_JUMPS = Must(0, brakes="coast", reasons=(Fault.JUMP,))  # an encoder that lies must not be braked by: `daemon.stops`
+_JUMPS = Must(0, brakes="coast", reasons=(Fault.JUMP,))  # an encoder that lies must not be braked by: `realtime.stops`
 
 # Where a row admits that the axis coasts although its category is 1, the drive cannot brake: its own ramp is closed
 # over the encoder or the current that has failed, or a bent controlword has taken its power away before anybody asked.

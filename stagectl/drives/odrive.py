@@ -21,7 +21,7 @@ import os
 import select
 from typing import Any
 
-from stagectl.drives.cia402 import State
+from stagectl.drives.canopen.cia402 import State
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError, Fault, Feedback, Odrive, Power
 

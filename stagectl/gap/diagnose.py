@@ -15,38 +15,27 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from stagectl.gap import (
-    base,
-    candidates,
-    closing,
-    columns,
-    grams,
-    null,
-    refine,
-    search,
-    shifts,
-    shrink,
-    sizes,
-    verdict,
-    where,
-)
-from stagectl.gap.controller import Parity, parity
-from stagectl.gap.coordinates import coordinates
-from stagectl.gap.doubts import doubts
-from stagectl.gap.following import propose
-from stagectl.gap.found import NAMED, NOISE, UNORDERED, Effect, Found, Gap, Next, Shape
-from stagectl.gap.library import Scales
-from stagectl.gap.limits import thresholds
-from stagectl.gap.orders import modes, orders
-from stagectl.gap.refine import Evidence, Fitted
-from stagectl.gap.runs import runs
-from stagectl.gap.search import Library, Selected
-from stagectl.gap.session import Array, GapError, Session
-from stagectl.gap.signatures import signatures
-from stagectl.gap.smoothers import Functions
-from stagectl.gap.told import sentence
-from stagectl.gap.unknown import functions, largest, with_shape
-from stagectl.gap.unknown import unknown as find_unknown
+from stagectl.gap.selection import baseline_fit, candidates, null_ensemble, refine, search, machine_scales
+from stagectl.gap.validation import closure, held_out_gap
+from stagectl.gap.residuals import sensitivities, gram_matrices
+from stagectl.gap.inference import parameter_errors, verdict, time_localisation
+from stagectl.gap.controller_check.command_check import Parity, parity
+from stagectl.gap.inference.coordinates import coordinates
+from stagectl.gap.validation.warnings import doubts
+from stagectl.gap.experiment_design.experiment_proposal import propose
+from stagectl.gap.result.diagnosis import NAMED, NOISE, UNORDERED, Effect, Found, Gap, Next, Shape
+from stagectl.gap.effects.library import Scales
+from stagectl.gap.selection.detection_thresholds import thresholds
+from stagectl.gap.residuals.pitch_orders import modes, orders
+from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.residuals.half_strokes import runs
+from stagectl.gap.selection.search import Library, Selected
+from stagectl.gap.logs.session import Array, GapError, Session
+from stagectl.gap.inference.signatures import signatures
+from stagectl.gap.inference.basis_functions import Functions
+from stagectl.gap.result.verdict_text import sentence
+from stagectl.gap.inference.unknown import functions, largest, with_shape
+from stagectl.gap.inference.unknown import unknown as find_unknown
 from stagectl.kernels.stage import Stage
 
 Say = Callable[[str], None]  # what is being done
@@ -109,9 +98,9 @@ def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Di
     selected = search.search(evidence, library, say, lambda now: largest(evidence, now, smooth))
     clock("parameters")
     before, now = closable(evidence, evidence.base.before), selected.fitted
-    g = grams.grams(refine.tangent(evidence, now, refine.parameters(now)), now.left)
+    g = gram_matrices.grams(refine.tangent(evidence, now, refine.parameters(now)), now.left)
     deviation = verdict.deviations(evidence, now, g)
-    moved = shifts.shifts(session, evidence, now, g, deviation, before)
+    moved = parameter_errors.shifts(session, evidence, now, g, deviation, before)
     clock("where")
     sure = verdict.sure(evidence, selected, verdict.named_effects(session, selected, deviation, apart=False))
     unknown = find_unknown(evidence, sure, smooth)
@@ -122,7 +111,7 @@ def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Di
     noted = doubts(session, evidence, improved)
     for one in signed:
         improved = one.put_in(improved)
-    told = closing.told(session, evidence, selected, improved)
+    told = closure.told(session, evidence, selected, improved)
     unknown = UNORDERED if unknown is None and told.open else unknown
     named = verdict.named_effects(session, selected, deviation, apart=unknown is None)
     effects = [*verdict.with_signatures(named, signed), *verdict.shifted(session, moved, now)]
@@ -141,10 +130,10 @@ def prepared(session: Session, options: Options, say: Say) -> tuple[Evidence, Sc
     """The base refit, the sizes that the data give, and all candidates on them: where every search begins."""
     say("base model refitted")
     training = runs(session)
-    refitted = base.refit(session, training, columns.model_of(session, session.stage), options.excluded)
+    refitted = baseline_fit.refit(session, training, sensitivities.model_of(session, session.stage), options.excluded)
     evidence = refine.evidence(training, refitted)
     say("effects simulated along the measured paths")
-    size = sizes.scales(session, training, orders(training, refitted.after, session.stage.mechanics.pitch))
+    size = machine_scales.scales(session, training, orders(training, refitted.after, session.stage.mechanics.pitch))
     size = size._replace(modes=modes(training, refitted.after))
     return evidence, size, candidates_of(evidence, size, options)
 
@@ -166,12 +155,12 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     """All effects with their columns on these data, and what the null ensemble gives each."""
     forms = candidates.forms(candidates.without(candidates.library(size), options.excluded))
     directions = [one for form in forms for one in candidates.directions(form)]
-    without = null.members(e.base.model, MEMBERS[options.full], SEED, size.coulomb)
-    known = grams.beside_each(
+    without = null_ensemble.members(e.base.model, MEMBERS[options.full], SEED, size.coulomb)
+    known = gram_matrices.beside_each(
         e.base.products,
-        lambda run: columns.all_columns(e.base.model, [run], [*directions, *without], e.base.noise)[0],
+        lambda run: sensitivities.all_columns(e.base.model, [run], [*directions, *without], e.base.noise)[0],
     )
-    g = grams.dealt(known, e.base.after)
+    g = gram_matrices.dealt(known, e.base.after)
     limits = thresholds(g, g.of(search.nuisances(e)), forms)
     return Library(tuple(forms), known, limits, RESAMPLED[options.full], search.closable(e, g), bool(g.current.any()))
 
@@ -187,7 +176,7 @@ def _improved(session: Session, models: Sequence[Fitted]) -> Stage:
     training = [log for log in session.logs if not log.held_out]
     if session.law is None or any(log.setpoints is None for log in training):
         return stages[0]
-    return shrink.closest(session, stages, training)
+    return held_out_gap.closest(session, stages, training)
 
 
 def _assembled(
@@ -195,7 +184,7 @@ def _assembled(
     e: Evidence,
     selected: Selected,
     effects: list[Effect],
-    told: closing.Told,
+    told: closure.Told,
     result: tuple[Shape | None, Stage, Parity, Functions],
 ) -> Found:
     now, (unknown, improved, agreement, smooth) = selected.fitted, result
@@ -207,9 +196,9 @@ def _assembled(
         effects=tuple(shared),
         gap=told.gap,
         gaps=told.gaps,
-        blocks=where.blocks(e, now, agreement),
+        blocks=time_localisation.blocks(e, now, agreement),
         coordinates=coordinates(e, smooth),
-        captures=tuple(where.spans(e, now, e.runs, where.parts(session, now, named, improved))),
+        captures=tuple(time_localisation.spans(e, now, e.runs, time_localisation.parts(session, now, named, improved))),
         shares=tuple(told.shares.items()),
         unknown=unknown,
         traces=tuple(told.traces),

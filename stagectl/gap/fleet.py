@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from stagectl.gap import stored
-from stagectl.gap.found import Gap
-from stagectl.gap.session import GapError
+from stagectl.gap.result import result_json
+from stagectl.gap.result.diagnosis import Gap
+from stagectl.gap.logs.session import GapError
 from stagectl.units import StageError
 
 
@@ -47,14 +47,14 @@ class Line(NamedTuple):
 def diagnosed(machine: Machine) -> Line:
     """Diagnose one folder, leave diagnosis.json in it; a folder that cannot be diagnosed is a line that says so."""
     from stagectl.gap import diagnose as pipeline
-    from stagectl.gap import folder as folders
+    from stagectl.gap.logs import load_session as folders
 
     folder = Path(machine.folder)
     before = _last(folder)
     try:
         session = folders.load([folder])
         found = pipeline.diagnose(session, pipeline.Options(machine.excluded, machine.full), lambda _: None).found
-        stored.save(found, folder)
+        result_json.save(found, folder)
     except Exception as error:  # whatever one machine's logs bring about, the others' lines stand
         words = str(error) if isinstance(error, StageError) else f"{type(error).__name__}: {error}"
         return Line(machine.name, "", (), math.nan, math.nan, "", None, words)
@@ -65,7 +65,7 @@ def diagnosed(machine: Machine) -> Line:
 
 def _last(folder: Path) -> Gap | None:
     try:
-        return stored.load(folder).gap
+        return result_json.load(folder).gap
     except GapError:
         return None
 

@@ -28,7 +28,7 @@ from scipy import stats
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.found import Found, Parameter
+from stagectl.identification.result import Found, Parameter
 from stagectl.identification.response.sampling import check
 from stagectl.units import ROTARY
 

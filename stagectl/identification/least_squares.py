@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from stagectl.identification import after_reversals, standard_errors
 from stagectl.identification.capture import Array, IdentificationError
-from stagectl.identification.recipe import Motion, Recipe, moved, recipe, thinned
+from stagectl.identification.filtering import Motion, Recipe, moved, recipe, thinned
 from stagectl.identification.sampling import parts
 
 BOTH_WAYS = 0.05  # least share of the samples that move in the rarer direction

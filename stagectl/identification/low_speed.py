@@ -29,7 +29,7 @@ from scipy import optimize, stats
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.found import Characteristic, Found, Parameter
+from stagectl.identification.result import Characteristic, Found, Parameter
 from stagectl.identification.response.sampling import check
 from stagectl.units import ROTARY
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup, StageFile
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.found import Characteristic, Found, Progress
+from stagectl.identification.result import Characteristic, Found, Progress
 from stagectl.units import LINEAR
 
 TIED = 0.95  # correlation, either way

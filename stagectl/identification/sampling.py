@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from stagectl.identification.capture import Array, IdentificationError
-from stagectl.words import duration
+from stagectl.number_format import duration
 
 GAP = 3.5  # median steps: a row or two may be lost without one
 JITTER = 1e-3  # of the mean step: digits of the time stamps, not their irregularity

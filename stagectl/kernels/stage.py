@@ -20,16 +20,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stagectl.kernels import (
-    affected,
-    drive_effects,
-    effects,
-    friction,
-    friction_bristle,
-    friction_effects,
-    standing,
-    transmission,
-)
+from stagectl.kernels import (plant_with_effects, drive_effects, effects, friction, friction_bristle, friction_effects, equilibrium, transmission)
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import NO_COMMANDS as NO_COMMANDS
 from stagectl.kernels.plant import SILENT as SILENT
@@ -61,12 +52,12 @@ def at_rest(p: Stage, position: float = 0.0, time: float = 0.0) -> State:
     Its friction carries bias, cogging, cable and what else stands on the axis; behind a transmission the load is where
     spring and gap balance.
     """
-    return standing.at_rest(p, float(position), float(time))
+    return equilibrium.at_rest(p, float(position), float(time))
 
 
 def at_reading(p: Stage, measured: float, time: float = 0.0) -> State:
     """`at_rest` where the encoder, with the errors of its grating, reads `measured` (rad | m)."""
-    return standing.at_rest(p, standing.read(p, float(measured)), float(time))
+    return equilibrium.at_rest(p, equilibrium.read(p, float(measured)), float(time))
 
 
 def sliding(p: Friction) -> float:
@@ -163,9 +154,9 @@ def _noted(m: Memory, current: float) -> Memory:
 def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State:
     """The plant `dt` (s) later, under the command that acts."""
     # Asked once a period, not at every step: neutral costs nothing.
-    plain = drive_effects.neutral(p.drive) and affected.smooth(p.motor) and transmission.neutral(p.mechanics)
+    plain = drive_effects.neutral(p.drive) and plant_with_effects.smooth(p.motor) and transmission.neutral(p.mechanics)
     if not (plain and friction_effects.neutral(p.friction) and p.residual.coordinate == effects.NONE):
-        return affected.drifted(p, x, noise, dt, substeps)
+        return plant_with_effects.drifted(p, x, noise, dt, substeps)
     return _plain(
         p,
         x,
@@ -179,7 +170,7 @@ def drifted(p: Stage, x: State, noise: Noise, dt: float, substeps: int) -> State
 @kernel
 def latched(p: Stage, x: State) -> State:
     """Encoder, once a period: the position it sees now enters the measurement's delay line."""
-    line = pushed(x.latched, affected.seen(p.encoder, p.mechanics.pitch, x.position))
+    line = pushed(x.latched, plant_with_effects.seen(p.encoder, p.mechanics.pitch, x.position))
     return State(x.commands, line, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, x.memory)
 
 

@@ -25,7 +25,7 @@ from scipy.io import savemat
 from stagectl.kernels.law import Setpoint
 from stagectl.recording import mcap_log
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
-from stagectl.recording.nominal import nominal_of
+from stagectl.recording.nominal_yaml import nominal_of
 from stagectl.trajectories import Recorded
 
 # Columns of a capture folder and ours that they show; the header appends the unit.

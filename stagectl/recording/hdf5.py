@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import law, rollout
-from stagectl.recording.claim import RecordingError as RecordingError
-from stagectl.recording.claim import beginning, being_written, claimed
+from stagectl.recording.file_lock import RecordingError as RecordingError
+from stagectl.recording.file_lock import beginning, being_written, claimed
 from stagectl.units import Quantity, quantity_of
 
 FORMAT = "stagectl-recording/1"

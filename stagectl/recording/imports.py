@@ -15,10 +15,10 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout
-from stagectl.recording import beside, csv_logs, mat_logs
+from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
-from stagectl.recording.meta import versions
+from stagectl.recording.metadata import versions
 from stagectl.recording.scales import read_values
 
 
@@ -133,7 +133,7 @@ def _with_beside(log: Log, entry: Mapping[str, Any]) -> Log:
             raise RecordingError(f"{log.path} has the {key} {entry[key]}; no such file in {log.path.parent}")
     columns, time = dict(log.columns), log.columns["time"]
     if "injection" in paths:
-        columns["injection"] = beside.injection(paths["injection"], time)
+        columns["injection"] = capture_attachments.injection(paths["injection"], time)
     if "setpoints" in paths:  # they hold the injection, too, apart from what was learned
-        columns |= beside.setpoints(paths["setpoints"], len(time), log.scales.kind)
+        columns |= capture_attachments.setpoints(paths["setpoints"], len(time), log.scales.kind)
     return log._replace(columns=columns)

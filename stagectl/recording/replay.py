@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from stagectl.kernels import law
 from stagectl.recording.hdf5 import Recording, RecordingError
-from stagectl.recording.meta import read_law
+from stagectl.recording.metadata import read_law
 
 
 def outputs(recording: Recording) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""The faults in words: for the terminal, and as the table of .docs/faults.md, which a test compares with it."""
+"""The faults in words: for the terminal, and as the table of docs/faults.md, which a test compares with it."""
 
 from __future__ import annotations
 

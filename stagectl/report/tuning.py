@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
-from stagectl.recording.meta import versions
+from stagectl.recording.metadata import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
 from stagectl.tuning.families import chosen, cut

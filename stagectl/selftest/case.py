@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from stagectl.daemon import loop
-from stagectl.daemon.realtime import Metronome
+from stagectl.realtime import loop
+from stagectl.realtime.scheduling import Metronome
 from stagectl.drives import faults
-from stagectl.drives.canopen import CanopenDrive
+from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import DriveError, Fault
 from stagectl.drives.faults import Row
 from stagectl.selftest.limits import Limit, limit, ramp

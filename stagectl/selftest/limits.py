@@ -19,8 +19,8 @@ import math
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.daemon.envelope import acceleration
-from stagectl.daemon.virtual import VELOCITY_LOOP
+from stagectl.realtime.envelope import acceleration
+from stagectl.service.virtual_drive import VELOCITY_LOOP
 from stagectl.drives.drive import Canopen
 from stagectl.drives.faults import Row
 from stagectl.kernels import stage

@@ -19,7 +19,7 @@ STATES = (*case.STATES, *served.STATES)
 
 _STANDING = 1e-4  # s of the ramp's deceleration: speed below which an axis stands
 UNSEEN = 0.05  # s between two looks at the axis after which nothing is known of what was between them
-_SUBSTEPS = 2  # a stop is not a matter of nanometres: 2 do as well as 160, see .docs/architecture.md
+_SUBSTEPS = 2  # a stop is not a matter of nanometres: 2 do as well as 160, see docs/architecture.md
 
 
 class Outcome(NamedTuple):

@@ -10,17 +10,17 @@ import numpy as np
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.daemon import loop
-from stagectl.daemon.envelope import envelope
-from stagectl.daemon.realtime import Metronome
-from stagectl.daemon.virtual import virtual_node
-from stagectl.drives.canopen import CanopenDrive
+from stagectl.realtime import loop
+from stagectl.realtime.envelope import envelope
+from stagectl.realtime.scheduling import Metronome
+from stagectl.service.virtual_drive import virtual_node
+from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import Clock
 from stagectl.drives.drive import Canopen
-from stagectl.drives.timeline import Timeline, Wire
+from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.kernels import law
 from stagectl.plan import plan
-from stagectl.recording.meta import portable
+from stagectl.recording.metadata import portable
 from stagectl.selftest.limits import LONGEST
 from stagectl.trajectories import Dwell, Trapezoid
 

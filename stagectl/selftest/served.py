@@ -1,6 +1,6 @@
-"""A fault in each state of the service's axis: its own real-time loop (`daemon.axes`), in virtual time.
+"""A fault in each state of the service's axis: its own real-time loop (`realtime.axes`), in virtual time.
 
-Every state of `daemon.states` is tried.  The controller's end is the service's: orders by the board, and whatever is
+Every state of `realtime.states` is tried.  The controller's end is the service's: orders by the board, and whatever is
 under power when nothing more is to be seen is disabled by an order, which must be obeyed.
 """
 
@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
-from stagectl.daemon import axes
-from stagectl.daemon.axis import Orders
-from stagectl.daemon.board import PENDING, TAKEN, Order
-from stagectl.daemon.envelope import envelope
-from stagectl.daemon.manned import COLUMNS, Manned, Motion
-from stagectl.daemon.states import STOPS_GOING_ON, Event, State
-from stagectl.drives.canopen import CanopenDrive
+from stagectl.realtime import axes
+from stagectl.realtime.axis import Orders
+from stagectl.realtime.shared_memory import PENDING, TAKEN, Order
+from stagectl.realtime.envelope import envelope
+from stagectl.service.axis_controller import COLUMNS, Manned, Motion
+from stagectl.realtime.states import STOPS_GOING_ON, Event, State
+from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.drives.faults import Row
 from stagectl.selftest.case import AFTER, BEFORE, PATIENCE, TRIP, Case

@@ -14,7 +14,7 @@ from stagectl.kernels import cascade, feedback
 from stagectl.tuning.families import law_of
 from stagectl.tuning.robustness import Peak, Robustness, attenuated, bandwidth, following, loops, softest, stepped
 from stagectl.tuning.search import PEAK, Tuned
-from stagectl.words import duration
+from stagectl.number_format import duration
 
 SETTLED = 0.02  # of the step
 NAMES = {"pid": "PID", "cascade": "P-PI cascade"}

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from stagectl import session
+from stagectl.workflows import motion as session
 from tests.cli.conftest import Command
 from tests.config.corpus import Case, files
 from tests.conftest import CONFIG

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl import session, trials
+from stagectl.workflows import motion as session, trials
 from stagectl.recording.hdf5 import open_recording
-from stagectl.recording.learned import load
+from stagectl.recording.learned_current import load
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
 

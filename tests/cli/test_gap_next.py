@@ -9,8 +9,8 @@ import pytest
 import typer
 
 from stagectl.cli import gap_next
-from stagectl.gap.found import Next
-from stagectl.gap.stored import save
+from stagectl.gap.result.diagnosis import Next
+from stagectl.gap.result.result_json import save
 from stagectl.units import StageError
 from tests.gap.examples import found
 

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import yaml
 
-from stagectl import campaign, session
+from stagectl.workflows import campaign, motion as session
 from stagectl.config.stage_file import load_stage
-from stagectl.daemon import virtual
+from stagectl.service import virtual_drive
 from stagectl.drives.drive import DriveError
-from stagectl.gap.battery import battery, held_out
+from stagectl.gap.experiment_design.battery import battery, held_out
 from stagectl.recording.hdf5 import open_recording
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
@@ -182,8 +182,8 @@ def test_a_virtual_drive_is_told_its_seed(monkeypatch: pytest.MonkeyPatch) -> No
         told.append(seed)
         raise DriveError("far enough")
 
-    monkeypatch.setattr(virtual, "answers", lambda _: False)
-    monkeypatch.setattr(virtual, "start", started)
+    monkeypatch.setattr(virtual_drive, "answers", lambda _: False)
+    monkeypatch.setattr(virtual_drive, "start", started)
     setup = campaign.reseeded(load_stage(STAGE), 2**31 + 4)
     with suppress(DriveError), session.drive_present(setup, lambda _: None):
         pass

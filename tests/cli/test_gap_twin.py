@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from stagectl.gap.twin_record import add
+from stagectl.twin.record import add
 from tests.cli.conftest import Command
-from tests.gap.test_twin_record import lines
+from tests.twin.test_twin_record import lines
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ import pytest
 import typer
 
 from stagectl.cli.app import app
-from stagectl.daemon.client import ask
+from stagectl.web.client import ask
 from stagectl.units import StageError
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG

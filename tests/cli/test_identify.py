@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.identification import suspicion
+from stagectl.identification import capture_checks
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
 from tests.identification.synthetic import TC, D, J, motion, write_csv
@@ -70,7 +70,7 @@ def test_write_patches_and_says_what(command: Command, folder: Path) -> None:
 def test_write_refuses_what_is_not_this_machine(
     command: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(suspicion, "implausible", lambda values, setup: ["inertia is 11, 0.01 in the stage file"])
+    monkeypatch.setattr(capture_checks, "implausible", lambda values, setup: ["inertia is 11, 0.01 in the stage file"])
     mine = folder / "mine.yaml"
     mine.write_text(STAGE.read_text())
     code, out, err = command("identify", "least-squares", mine, "log.csv", "--write", mine, "--json", "-")

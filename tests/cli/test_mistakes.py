@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
-from stagectl.daemon import client
+from stagectl.web import client
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
 from tests.identification.synthetic import motion, write_csv
@@ -66,7 +66,7 @@ def test_swapped_sign(command: Command, folder: Path) -> None:
 
 def test_wrong_node_id(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     """The drive has another id than the stage file says: who does answer is told."""
-    from stagectl.drives.bus import Embedded, frame, parse
+    from stagectl.drives.bus.frames import Embedded, frame, parse
 
     class Answering(Embedded):
         """A bus on which node 5 answers, and nobody else."""
@@ -81,8 +81,8 @@ def test_wrong_node_id(command: Command, monkeypatch: pytest.MonkeyPatch) -> Non
 
         waiting: list[bytes] = []  # noqa: RUF012
 
-    monkeypatch.setattr("stagectl.session.open_bus", lambda *_: Answering("alone"))
-    monkeypatch.setattr("stagectl.session.drive_present", lambda *_: contextlib.nullcontext())
+    monkeypatch.setattr("stagectl.workflows.motion.open_bus", lambda *_: Answering("alone"))
+    monkeypatch.setattr("stagectl.workflows.motion.drive_present", lambda *_: contextlib.nullcontext())
     stage = stage_with("node: 5", "node: 9")
     ends(command("drive", "probe", stage), "node 9 does not answer", "node 5 does: set 'node: 5'", "stagectl doctor")
 

@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.recording.hdf5 import open_recording
 from tests.conftest import Command
-from tests.daemon.serving import Served, served
+from tests.service.serving import Served, served
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from stagectl.kernels.drive_effects import Reported
 from stagectl.kernels.effects import Harmonic, Step, Warming
 from stagectl.kernels.friction_effects import Along, Dwell
 from stagectl.kernels.transmission import Base, Cable, Transmission
-from stagectl.recording import nominal
+from stagectl.recording import nominal_yaml
 from stagectl.simulation import noise
 from tests.conftest import CONFIG
 
@@ -186,7 +186,7 @@ def test_without_jitter_the_noise_is_that_of_always(setup: Setup) -> None:
 
 
 def test_nominal_loses_none_of_them(setup: Setup) -> None:
-    found, drive = nominal.effects_of(setup.file), nominal._drive(setup.file)
+    found, drive = nominal_yaml.effects_of(setup.file), nominal_yaml._drive(setup.file)
     given = yaml.safe_load("\n".join(f"{line.split(':')[0]}:{more}" for line, more in ADDED.items()))
     assert set(found["motor"]) == {"cogging", "cogging_second", "ripple", "ripple_second"}
     assert set(found["mechanics"]) == set(setup.stage.mechanics._fields[4:])
@@ -196,7 +196,7 @@ def test_nominal_loses_none_of_them(setup: Setup) -> None:
     assert (drive["voltage_limit_V"], drive["resistance_ohm"], drive["back_emf_V_per_unit_s"]) == (48.0, 1.1, 0.48)
     assert found["residual"]["values"] == [-0.02, 0.0, 0.02]
     assert yaml.safe_load(yaml.safe_dump(found)) == found
-    assert nominal.effects_of(load_stage(CONFIG / "ball-screw.yaml").file) == {}
+    assert nominal_yaml.effects_of(load_stage(CONFIG / "ball-screw.yaml").file) == {}
 
 
 REFUSED = [

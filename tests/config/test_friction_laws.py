@@ -11,7 +11,7 @@ from stagectl.config.loader import ConfigError
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.kernels import stage
 from stagectl.kernels.friction_bristle import Bristle
-from stagectl.recording import nominal
+from stagectl.recording import nominal_yaml
 from stagectl.trajectories import Sine
 from tests.conftest import CONFIG, Run
 
@@ -67,7 +67,7 @@ def test_compensation_foresees_the_bristle(setup: Setup) -> None:
 
 def test_the_law_stands_in_the_nominal_file(setup: Setup) -> None:
     p = setup.stage.friction.bristle
-    found = nominal._friction(setup.file)
+    found = nominal_yaml._friction(setup.file)
     assert found["law"] in ("dahl", "lugre")
     assert {name: found[name] for name in ("coulomb", "stiffness", "exponent", "damping")} == {
         name: getattr(p, name) for name in ("coulomb", "stiffness", "exponent", "damping")

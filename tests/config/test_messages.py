@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.session import prepare
+from stagectl.workflows.motion import prepare
 from stagectl.units import StageError
 from tests.conftest import CONFIG
 

@@ -17,19 +17,19 @@ from typing import Any
 import canopen
 import pytest
 
-from stagectl.drives import canopen as module
-from stagectl.drives import canopen_power, canopen_setup
-from stagectl.drives.bus import Embedded, frame, parse
-from stagectl.drives.can_plugin import EmbeddedBus
-from stagectl.drives.canopen import CanopenDrive
-from stagectl.drives.canopen_pdo import CommandPdo, FeedbackPdo
-from stagectl.drives.canopen_words import WHAT
-from stagectl.drives.cia402 import State
-from stagectl.drives.cia402 import state as state_of
+from stagectl.drives.canopen import drive as module
+from stagectl.drives.canopen import power_states, setup
+from stagectl.drives.bus.frames import Embedded, frame, parse
+from stagectl.drives.bus.can_plugin import EmbeddedBus
+from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
+from stagectl.drives.canopen.fault_texts import WHAT
+from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.cia402 import state as state_of
 from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Power
-from stagectl.drives.node import VirtualNode
-from stagectl.drives.wire import load_eds
+from stagectl.drives.virtual.node import VirtualNode
+from stagectl.drives.canopen.network import load_eds
 from stagectl.kernels import stage
 from tests.drives.workbench import DT, EDS, STEP, SYNC, Workbench, linear_stage
 
@@ -318,7 +318,7 @@ def test_a_late_answer_to_a_request_that_was_given_up_is_none_to_the_next(bench:
 
 
 def test_nobody_answers(bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(canopen_setup, "_ANSWER_TIME", 0.1)
+    monkeypatch.setattr(setup, "_ANSWER_TIME", 0.1)
     with pytest.raises(DriveError, match=r"node 5 does not answer on embedded .* is the drive powered"):
         drive_on(bench, bus)
 
@@ -436,8 +436,8 @@ CONTROLLER = """
 import sys, time
 sys.path[:0] = {path!r}
 from tests.drives.workbench import canopen_settings, STEP, DT
-from stagectl.drives.bus import open_bus
-from stagectl.drives.canopen import CanopenDrive
+from stagectl.drives.bus.frames import open_bus
+from stagectl.drives.canopen.drive import CanopenDrive
 s = canopen_settings({channel!r}, heartbeat_timeout=0.5, rpdo_timeout=0.0)
 drive = CanopenDrive(s, open_bus("embedded", {channel!r}, 1e6), STEP, DT)
 drive.enable()
@@ -646,9 +646,9 @@ def test_it_leaves_quick_stop_active_only_when_the_axis_stands(bench: Workbench,
 
 def test_standing_still_is_the_same_in_both_directions_and_begins_anew() -> None:
     for step in (2.5, -2.5):
-        still = canopen_power.Standstill(1.0)
+        still = power_states.Standstill(1.0)
         assert not any(still.stands(step * k) for k in range(300))
-    still = canopen_power.Standstill(1.0)
+    still = power_states.Standstill(1.0)
     assert [still.stands(0.9 * (-1) ** k if k else 0.0) for k in range(99)] == [False] * 99
     assert not still.stands(5.0)
     assert [still.stands(5.0) for _ in range(100)] == [False] * 99 + [True]
@@ -656,7 +656,7 @@ def test_standing_still_is_the_same_in_both_directions_and_begins_anew() -> None
 
 
 def test_a_fault_is_reset_by_repeated_slow_edges() -> None:
-    words = [canopen_power._towards_enabled(State.FAULT, cycle, False) for cycle in range(64)]
+    words = [power_states._towards_enabled(State.FAULT, cycle, False) for cycle in range(64)]
     assert words == ([0x00] * 8 + [0x80] * 8) * 4
 
 
@@ -679,7 +679,7 @@ def test_a_drive_without_torque_mode_is_refused(bench: Workbench, bus: Tapped) -
 
 
 def test_a_drive_that_keeps_its_mode_is_refused(bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(canopen_setup, "_MODE_TIME", 0.05)
+    monkeypatch.setattr(setup, "_MODE_TIME", 0.05)
     bench.running("sync").objects.getters[0x606100] = lambda: 8
     with pytest.raises(DriveError, match=r"mode of operation stays 8 \(0x6061\); must become 10"):
         drive_on(bench, bus)
@@ -707,7 +707,7 @@ def test_other_pdos_are_switched_off_and_bits_that_are_the_drives_stay(bench: Wo
 def test_a_short_time_out_is_not_rounded_to_none() -> None:
     """0 would switch the supervision off."""
     times = [0.0, 1e-4, 4e-4, 1.4e-3, 0.0996, 1.0]
-    assert [canopen_setup._milliseconds(seconds) for seconds in times] == [0, 1, 1, 1, 100, 1000]
+    assert [setup._milliseconds(seconds) for seconds in times] == [0, 1, 1, 1, 100, 1000]
 
 
 def test_power_is_asked_for_while_the_cycle_goes_on(bench: Workbench, bus: Tapped) -> None:

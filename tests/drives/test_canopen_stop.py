@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from stagectl.drives.canopen_stop import Braking, Failure, Pace
+from stagectl.drives.canopen.stop_watch import Braking, Failure, Pace
 
 DT, RAMP = 5e-4, 5.0  # s, m/s^2
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from stagectl.drives import cia402
-from stagectl.drives.cia402 import TOWARDS_ENABLED, TRANSITIONS, Command, State
+from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.cia402 import TOWARDS_ENABLED, TRANSITIONS, Command, State
 
 # CiA 402-2, table of the statusword: bits xxxx xxxx x.xx .... with x = anything
 PATTERNS = {

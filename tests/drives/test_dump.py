@@ -9,7 +9,7 @@ import canopen
 import pytest
 
 from stagectl.drives.drive import DriveError
-from stagectl.drives.dump import dump, write_dcf
+from stagectl.drives.canopen.dump import dump, write_dcf
 from tests.drives.workbench import EDS, Workbench
 
 

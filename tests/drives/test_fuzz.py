@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stagectl.drives.bus import frame
+from stagectl.drives.bus.frames import frame
 from stagectl.drives.simulated import Plant, Simulation
 from tests.drives.fuzzing import enables, fuzz_controller, fuzz_node
 from tests.drives.workbench import DT, Script, Workbench, linear_stage

@@ -13,7 +13,7 @@ import pytest
 from stagectl.config.fault_words import read_fault
 from stagectl.config.stage_file import load_stage
 from stagectl.drives.faults import BLOCKS, TABLE, Jump, Plain
-from stagectl.drives.inject import Doorway, InjectError, ask, doorway, obey
+from stagectl.drives.virtual.inject import Doorway, InjectError, ask, doorway, obey
 from stagectl.report.fault_table import lines
 from stagectl.units import StageError
 from tests.conftest import CONFIG, ROOT, Command
@@ -124,6 +124,6 @@ def test_the_stage_file_takes_faults_and_refuses_what_is_none(tmp_path: Path) ->
 
 
 def test_the_manual_is_the_table() -> None:
-    manual = (ROOT / ".docs" / "faults.md").read_text(encoding="utf-8")
+    manual = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
     assert "\n".join(lines()) in manual
     assert all(f"`{name}`" in manual for name in BLOCKS)

@@ -11,13 +11,13 @@ from tests.conftest import ROOT
 
 NEITHER = """
 import sys
-import stagectl.daemon.axes, stagectl.daemon.loop
+import stagectl.realtime.axes, stagectl.realtime.loop
 print(sorted({"can", "asyncio", "numpy", "numba", "scipy", "yaml"} & set(sys.modules)))
 """
 BOTH = """
 import sys
-from stagectl.drives.library import canopen
-from stagectl.drives.can_plugin import EmbeddedBus
+from stagectl.drives.canopen.library import canopen
+from stagectl.drives.bus.can_plugin import EmbeddedBus
 heard = []
 here, there = canopen.Network(EmbeddedBus(channel=sys.argv[1])), canopen.Network(EmbeddedBus(channel=sys.argv[1]))
 there.connect()
@@ -51,6 +51,6 @@ def test_the_librarys_own_network_still_reaches_python_can(tmp_path: Path) -> No
 
 
 def test_what_the_library_logs_does_not_appear_beside_our_words() -> None:
-    program = "import logging, stagectl.drives.library; logging.getLogger('canopen.sdo.client').error('no answer')"
+    program = "import logging, stagectl.drives.canopen.library; logging.getLogger('canopen.sdo.client').error('no answer')"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -8,14 +8,15 @@ from typing import Any
 
 import pytest
 
-from stagectl.drives import faults, faulty_bus
-from stagectl.drives.bus import frame, parse
-from stagectl.drives.cia402 import State
+from stagectl.drives import faults
+from stagectl.drives.bus import faulty_bus
+from stagectl.drives.bus.frames import frame, parse
+from stagectl.drives.canopen.cia402 import State
 from stagectl.drives.clock import Skewed
-from stagectl.drives.faulty_bus import FaultyBus, Rule
-from stagectl.drives.node import VirtualNode
-from stagectl.drives.node_deeds import DEEDS
-from stagectl.drives.timeline import Timeline
+from stagectl.drives.bus.faulty_bus import FaultyBus, Rule
+from stagectl.drives.virtual.node import VirtualNode
+from stagectl.drives.virtual.fault_actions import DEEDS
+from stagectl.drives.bus.virtual_time import Timeline
 from tests.drives.test_node import START, answers, enabled, rpdo, sdo, tpdos
 from tests.drives.workbench import SYNC, Script, Workbench
 

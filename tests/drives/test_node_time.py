@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from stagectl.drives.bus import frame
-from stagectl.drives.cia402 import State
-from stagectl.drives.node import VirtualNode
+from stagectl.drives.bus.frames import frame
+from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.virtual.node import VirtualNode
 from tests.drives.test_node import RESET, START, answers, enabled, rpdo, tpdos, write
 from tests.drives.workbench import DT, STEP, SYNC, Script, Workbench
 

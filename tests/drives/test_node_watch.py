@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stagectl.drives.node_watch import Lost, Watchdog
+from stagectl.drives.virtual.supervision import Lost, Watchdog
 
 
 def watching(timeout: float = 0.5) -> Watchdog:

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from stagectl.gap.found import Coordinate, Effect, Found, Gap, Next, Shape, Spans, Trace, Value
-from stagectl.gap.told import sentence
+from stagectl.gap.result.diagnosis import Coordinate, Effect, Found, Gap, Next, Shape, Spans, Trace, Value
+from stagectl.gap.result.verdict_text import sentence
 
 PER_UNIT = 0.012 / (2.0 * math.pi)  # m per rad
 MICRON = 1e-6 / PER_UNIT  # rad

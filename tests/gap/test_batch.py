@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stagectl import design
 from stagectl.config.stage_file import load_stage
-from stagectl.gap import batch
+from stagectl import parallel
 from stagectl.kernels import rollout, stage
 
 BALL_SCREW = Path(__file__).parents[2] / "config" / "ball-screw.yaml"
@@ -37,8 +37,8 @@ def test_order_of_the_items() -> None:
         time.sleep(0.02 if number == 0 else 0.0)
         return number * number
 
-    assert batch.in_parallel(slow_at_first, range(7)) == [0, 1, 4, 9, 16, 25, 36]
-    assert batch.in_parallel(slow_at_first, []) == []
+    assert parallel.in_parallel(slow_at_first, range(7)) == [0, 1, 4, 9, 16, 25, 36]
+    assert parallel.in_parallel(slow_at_first, []) == []
 
 
 def test_exception_of_the_first_item_that_fails() -> None:
@@ -51,14 +51,14 @@ def test_exception_of_the_first_item_that_fails() -> None:
         done.append(number)
 
     with pytest.raises(ValueError, match="item 1"):
-        batch.in_parallel(fails, range(200))
+        parallel.in_parallel(fails, range(200))
     assert len(done) < 190  # what had not begun is left
 
 
 def test_rollouts_side_by_side_have_the_same_bits() -> None:
     amplitudes = [0.3, 0.7, 1.1, 1.9, 2.6]
     alone = [_rollout(amplitude) for amplitude in amplitudes]
-    for one, other in zip(alone, batch.in_parallel(_rollout, amplitudes), strict=True):
+    for one, other in zip(alone, parallel.in_parallel(_rollout, amplitudes), strict=True):
         assert np.array_equal(one, other)
 
 

@@ -11,19 +11,21 @@ import pyarrow.csv
 import pytest
 
 from stagectl.cli.gap_diagnose import BEGINS
-from stagectl.exam.trials import Options as Drawn
-from stagectl.exam.trials import draw, stage_trial
-from stagectl.gap import diagnose, folder, predictions
-from stagectl.gap.found import Found
-from stagectl.gap.session import Session
-from stagectl.gap.stored import as_json
+from stagectl_studies.machine.trials import Options as Drawn
+from stagectl_studies.machine.trials import draw, stage_trial
+from stagectl.gap import diagnose
+from stagectl.gap.logs import load_session
+from stagectl.gap.validation import predictions
+from stagectl.gap.result.diagnosis import Found
+from stagectl.gap.logs.session import Session
+from stagectl.gap.result.result_json import as_json
 from tests.gap.captured import SINE, TRAPEZOID, exported, recorded
 
 
 def _trial(place: Path, seed: int, stratum: str, **left: Any) -> tuple[Session, dict[str, Any]]:
     stage_trial(draw(seed, stratum, Drawn(short=True, **left)), place)
     truth: dict[str, Any] = json.loads((place / "sealed" / "truth.json").read_text())
-    return folder.load([place / "captures"]), truth
+    return load_session.load([place / "captures"]), truth
 
 
 def _named(found: Found) -> list[str]:
@@ -89,7 +91,7 @@ def test_logs_without_a_force_tell_nothing(tmp_path: Path) -> None:
 
 def test_a_machine_that_is_its_model_lacks_nothing(tmp_path: Path) -> None:
     """Without noise all that is left is rounding, the same in every repeat: it repeats, and is no gap."""
-    session = folder.load([exported([*recorded(tmp_path, SINE), *recorded(tmp_path, TRAPEZOID)], tmp_path / "session")])
+    session = load_session.load([exported([*recorded(tmp_path, SINE), *recorded(tmp_path, TRAPEZOID)], tmp_path / "session")])
     found = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).found
     assert (found.verdict, _named(found), found.unknown, found.gap.before) == ("none", [], None, 0.0)
     assert any("copies" in note for note in found.notes)

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.exam.trials import Options as Drawn
-from stagectl.exam.trials import draw, stage_trial
-from stagectl.gap import diagnose, folder
-from stagectl.gap.found import Found
+from stagectl_studies.machine.trials import Options as Drawn
+from stagectl_studies.machine.trials import draw, stage_trial
+from stagectl.gap import diagnose
+from stagectl.gap.logs import load_session
+from stagectl.gap.result.diagnosis import Found
 
 
 def _diagnosed(place: Path, drawn: Drawn, seed: int, excluded: tuple[str, ...] = ()) -> Found:
     stage_trial(draw(seed, "single" if len(drawn.effects or ()) == 1 else "pair", drawn), place)
-    session = folder.load([place / "captures"])
+    session = load_session.load([place / "captures"])
     return diagnose.diagnose(session, diagnose.Options(excluded=excluded, advice=False), lambda _: None).found
 
 

@@ -8,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from stagectl.cli.app import app
-from stagectl.gap import stored
+from stagectl.gap.result import result_json
 from stagectl.gap.fleet import Machine, diagnosed, drift, names_of
-from stagectl.gap.found import Gap
+from stagectl.gap.result.diagnosis import Gap
 from stagectl.recording.exports import write_columns
 
 GAP = Gap(2e-5, 1e-6, 5e-7, "rad", 0.99, 0.98, 1.0)
@@ -41,7 +41,7 @@ def test_names_that_tell_folders_apart() -> None:
 
 
 def test_an_error_of_ours_takes_no_other_line(blind: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stored, "save", lambda *_: 1 / 0)
+    monkeypatch.setattr(result_json, "save", lambda *_: 1 / 0)
     line = diagnosed(Machine(str(blind), "one"))
     assert (line.machine, line.verdict, line.words) == ("one", "", "ZeroDivisionError: division by zero")
 

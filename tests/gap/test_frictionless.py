@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap import diagnose, folder, friction_family, null
-from stagectl.gap.columns import Model
-from stagectl.gap.found import Found
+from stagectl.gap import diagnose
+from stagectl.gap.logs import load_session
+from stagectl.gap.residuals import friction_family
+from stagectl.gap.selection import null_ensemble
+from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.result.diagnosis import Found
 from stagectl.kernels import friction, stage
 from tests.conftest import movable
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, recorded
@@ -24,7 +27,7 @@ def diagnosed(place: Path, machine: str, model: str) -> Found:
     (place / "machine.yaml").write_text(machine)
     (place / "model.yaml").write_text(model)
     paths = [path for text in (SINE, TRAPEZOID) for path in recorded(place, text, 2, place / "machine.yaml")]
-    session = folder.load(paths, load_stage(place / "model.yaml"))
+    session = load_session.load(paths, load_stage(place / "model.yaml"))
     return diagnose.diagnose(session, diagnose.Options(), lambda _: None).found
 
 
@@ -59,5 +62,5 @@ def test_machines_with_another_law_where_the_refit_has_left_no_friction() -> Non
     assert friction_family.size(p) == stage.sliding(p.friction) and friction_family.length(none.friction) == 1e-3
     assert friction_family.size(none) == pytest.approx(0.01 * p.motor.force_constant)
     model = Model(none, None, 0.0)  # type: ignore[arg-type]
-    laws = [one.change(model).stage.friction for one in null.members(model, 6, 1, 2.0)]
+    laws = [one.change(model).stage.friction for one in null_ensemble.members(model, 6, 1, 2.0)]
     assert np.allclose([stage.sliding(law) for law in laws], 2.0)

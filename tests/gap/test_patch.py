@@ -14,11 +14,11 @@ from stagectl.config.loader import Lengths
 from stagectl.config.patch import patched
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Operators, Rolling, load_stage
-from stagectl.gap.fields import fields_of
-from stagectl.gap.found import UNORDERED, Fields, Found
-from stagectl.gap.patch import applied, parts, patch_of
-from stagectl.gap.session import GapError
-from stagectl.gap.stored import save
+from stagectl.gap.inference.patch_fields import fields_of
+from stagectl.gap.result.diagnosis import UNORDERED, Fields, Found
+from stagectl.gap.result.patch import applied, parts, patch_of
+from stagectl.gap.logs.session import GapError
+from stagectl.gap.result.result_json import save
 from stagectl.kernels import effects, friction, friction_bristle
 from stagectl.kernels.stage import Stage
 from stagectl.units import ROTARY, StageError

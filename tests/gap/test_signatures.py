@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.gap import signatures
-from stagectl.gap.session import Session
-from stagectl.gap.signatures import Missing
+from stagectl.gap.inference import signatures
+from stagectl.gap.logs.session import Session
+from stagectl.gap.inference.signatures import Missing
 from stagectl.kernels.plant import Drive
 
 NOISE = 0.04  # A

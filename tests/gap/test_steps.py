@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap import candidates, cuts, friction_family, least_squares, library, orders, shrink, tying
-from stagectl.gap.runs import half_strokes, known_from, standstills
-from stagectl.gap.tying import Lacking
-from stagectl.gap.tying import Path as Measured
-from stagectl.kernels import effects, feedback, stage, tied
+from stagectl.gap.selection import candidates
+from stagectl.gap.residuals import whitening, friction_family, least_squares, pitch_orders, model_tracking
+from stagectl.gap.effects import library
+from stagectl.gap.validation import held_out_gap
+from stagectl.gap.residuals.half_strokes import half_strokes, known_from, standstills
+from stagectl.gap.residuals.model_tracking import Lacking
+from stagectl.gap.residuals.model_tracking import Path as Measured
+from stagectl.kernels import effects, feedback, stage, tracked_model
 
 SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")
 
@@ -30,12 +33,12 @@ def _driven(p: stage.Stage, amplitude: float = 3.0, seconds: float = 1.0) -> Mea
     return Measured(rows, 0.0, SETUP.dt)
 
 
-def _tied(p: stage.Stage) -> tied.Tied:
-    return tied.Tied(p, tying.tracker(SETUP.stage, SETUP.dt))
+def _tied(p: stage.Stage) -> tracked_model.Tied:
+    return tracked_model.Tied(p, model_tracking.tracker(SETUP.stage, SETUP.dt))
 
 
 def test_a_true_model_lacks_nothing() -> None:
-    lacks = tying.lacking(_tied(SETUP.stage), _driven(SETUP.stage), 10)
+    lacks = model_tracking.lacking(_tied(SETUP.stage), _driven(SETUP.stage), 10)
     assert np.abs(lacks.effort).max() < 1e-9
     assert np.abs(lacks.current).max() < 1e-12
 
@@ -44,13 +47,13 @@ def test_a_true_model_lacks_nothing_behind_an_encoder_that_is_out() -> None:
     """From the first row on: it stands where the encoder reads it, not where it would be without errors."""
     encoder = SETUP.stage.encoder._replace(step=0.0, eccentricity=effects.Harmonic(3e-4, 1.0, 0.3))
     p = SETUP.stage._replace(encoder=encoder)
-    assert np.abs(tying.lacking(_tied(p), _driven(p), 10).effort).max() < 1e-9
+    assert np.abs(model_tracking.lacking(_tied(p), _driven(p), 10).effort).max() < 1e-9
 
 
 def test_a_constant_effort_is_told_as_it_is() -> None:
     p = SETUP.stage
     machine = p._replace(mechanics=p.mechanics._replace(bias=0.2))
-    lacks = tying.lacking(_tied(p), _driven(machine), 10)
+    lacks = model_tracking.lacking(_tied(p), _driven(machine), 10)
     assert np.median(lacks.effort[len(lacks.effort) // 2 :]) == pytest.approx(0.2, rel=0.02)
 
 
@@ -60,21 +63,21 @@ def test_what_two_changes_lack_adds_up() -> None:
     damped = p._replace(mechanics=p.mechanics._replace(viscous=1.2 * p.mechanics.viscous))
     heavy = p._replace(mechanics=p.mechanics._replace(inertia=1.1 * p.mechanics.inertia))
     both = damped._replace(mechanics=damped.mechanics._replace(inertia=heavy.mechanics.inertia))
-    one, two, three = (tying.lacking(_tied(x), path, 10).effort for x in (damped, heavy, both))
+    one, two, three = (model_tracking.lacking(_tied(x), path, 10).effort for x in (damped, heavy, both))
     assert np.linalg.norm(three - one - two) < 0.02 * np.linalg.norm(three)
 
 
 def test_the_tracker_does_not_change_with_the_candidate() -> None:
-    gains = feedback.place_poles(SETUP.stage.mechanics, SETUP.stage.motor.force_constant, tying.BANDWIDTH / SETUP.dt)
-    assert tying.tracker(SETUP.stage, SETUP.dt) == feedback.discretised(gains, SETUP.dt)
+    gains = feedback.place_poles(SETUP.stage.mechanics, SETUP.stage.motor.force_constant, model_tracking.BANDWIDTH / SETUP.dt)
+    assert model_tracking.tracker(SETUP.stage, SETUP.dt) == feedback.discretised(gains, SETUP.dt)
 
 
 def test_whitened_noise_is_flat() -> None:
     source = np.random.default_rng(7)
     noise = [Lacking(0.03 * source.standard_normal(20000), 0.01 * source.standard_normal(20000)) for _ in range(3)]
-    found = cuts.whitener(noise, (0.0, 0.0), SETUP.dt)
-    flat = dataclasses.replace(found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / cuts.ROLL_OFF))
-    white = cuts.whitened(flat, noise[0], SETUP.dt)[:, 0]
+    found = whitening.whitener(noise, (0.0, 0.0), SETUP.dt)
+    flat = dataclasses.replace(found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / whitening.ROLL_OFF))
+    white = whitening.whitened(flat, noise[0], SETUP.dt)[:, 0]
     assert 0.85 < white.var() < 1.15
 
 
@@ -134,20 +137,20 @@ def test_an_order_of_the_pitch_is_found() -> None:
     angle = np.linspace(0.0, 40.0, 4000)
     whole = np.arange(1, 20)
     signal = np.sin(7.0 * angle + 0.3) + 0.2 * np.random.default_rng(1).standard_normal(4000)
-    assert orders.peaks(whole, orders.power(signal[None], angle, whole)[0])[0] == 7
+    assert pitch_orders.peaks(whole, pitch_orders.power(signal[None], angle, whole)[0])[0] == 7
 
 
 def test_shapley_shares_the_whole() -> None:
     worth = {"": 10.0, "a": 4.0, "b": 7.0, "ab": 2.0}
-    found = shrink.shapley(["a", "b"], lambda members: worth["".join(sorted(members))])
+    found = held_out_gap.shapley(["a", "b"], lambda members: worth["".join(sorted(members))])
     assert found["a"] + found["b"] == pytest.approx(8.0)
     assert found == pytest.approx({"a": 5.5, "b": 2.5})
 
 
 def test_closure_counts_above_the_floor() -> None:
     ones = np.ones(20)
-    one = [shrink.Squares(value * ones, 10.0 * ones) for value in (101.0, 2.0, 1.0)]
-    gap = shrink.gap(one[0], one[1], one[2], "rad")
+    one = [held_out_gap.Squares(value * ones, 10.0 * ones) for value in (101.0, 2.0, 1.0)]
+    gap = held_out_gap.gap(one[0], one[1], one[2], "rad")
     assert gap.closure == pytest.approx(0.99) and gap.low == pytest.approx(0.99) and gap.high == pytest.approx(0.99)
     assert gap.before == pytest.approx(math.sqrt(10.1))
 

@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.found import Found
+from stagectl.identification.result import Found
 from stagectl.identification.response.fits import Lines, gain_curve, linear, stop_operator, with_delay
 from stagectl.identification.response.lines import Curve, curves, threshold
 from stagectl.identification.response.method import identify

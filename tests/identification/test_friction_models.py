@@ -13,7 +13,7 @@ from scipy.io import loadmat
 from stagectl.config.patch import write
 from stagectl.config.stage_file import StageFile, load_stage
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.found import Found
+from stagectl.identification.result import Found
 from stagectl.identification.friction import closed_loop
 from stagectl.identification.friction import delay as delays
 from stagectl.identification.friction import fit as friction_fit

@@ -12,7 +12,7 @@ from scipy.io import loadmat
 from scipy.signal import lfilter
 
 from stagectl.config.stage_file import load_stage
-from stagectl.identification import several
+from stagectl.identification import pooled_estimate
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.least_squares import Model, Result, least_squares
 from stagectl.kernels import friction, friction_path
@@ -262,7 +262,7 @@ def test_a_capture_with_gravity_is_found_with_units() -> None:
     force = np.asarray(2.0 * a + 5.0 * v + 3.0 * np.sign(v) + 7.0 * np.sin(q) - 2.0 * np.cos(q), dtype=np.float64)
     file = load_stage(Path(__file__).parents[2] / "config" / "emps.yaml").file
     capture = Capture("joint", time, np.asarray(q, dtype=np.float64), force / file.motor.force_constant, 1e-3)
-    found = several.identify([capture], file, gravity=True).parameters
+    found = pooled_estimate.identify([capture], file, gravity=True).parameters
     assert {name: one.unit for name, one in found.items()} == {
         **{"inertia": "kg", "viscous": "N s/m", "coulomb": "N", "offset": "N"},
         **{"gravity_sine": "N", "gravity_cosine": "N"},

@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.found import Found
+from stagectl.identification.result import Found
 from stagectl.identification.low_speed import Fit, Stroke, _quick, fitted, full_strokes, identify, table_force
 from stagectl.kernels import friction
 from tests.identification.virtual import MICRON, STAGE_A, Array, Machine, held

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.found import Found
+from stagectl.identification.result import Found
 from stagectl.identification.simultaneous import errors_in_columns
 from stagectl.identification.simultaneous.method import identify
 from stagectl.kernels import friction, stage

@@ -14,7 +14,7 @@ from stagectl.compensation.legs import Array
 from stagectl.compensation.zero_crossing import FORMS, Displacement, Exponential, Form, Gaussian, Symmetric
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.found import Found
+from stagectl.identification.result import Found
 from stagectl.identification.reversal.fit import fitted, gathered
 from stagectl.identification.reversal.method import identify
 from stagectl.identification.reversal.reversals import reversals

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import affected as kernels
+from stagectl.kernels import plant_with_effects as kernels
 from stagectl.kernels import effects, friction, friction_bristle, friction_effects, jit, stage
 from stagectl.kernels.drive_effects import Reported
 from stagectl.kernels.effects import Harmonic, Step, Table, Warming

@@ -25,7 +25,7 @@ from stagectl.kernels.law import Setpoint
 from stagectl.recording.exports import FORMATS, export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, save
 from stagectl.recording.imports import read
-from stagectl.session import prepare, pretend
+from stagectl.workflows.motion import prepare, pretend
 from stagectl.trajectories import Recorded, phases
 
 Array = NDArray[Any]

@@ -11,7 +11,7 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.recording.exports import export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording
-from stagectl.session import prepare, pretend
+from stagectl.workflows.motion import prepare, pretend
 from tests.conftest import CONFIG
 
 pytest.importorskip("rosbags", reason="rosbags is not installed: pip install rosbags")

@@ -12,11 +12,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from stagectl.gap.found import Coordinate, Spans, Trace
-from stagectl.report import gap
-from stagectl.report import gap_figures as figures
-from stagectl.report.gap import page, typeset
-from stagectl.report.gap_chain import chain, drawing
+from stagectl.gap.result.diagnosis import Coordinate, Spans, Trace
+from stagectl.report.gap import page as gap
+from stagectl.report.gap import figures
+from stagectl.report.gap.page import page, typeset
+from stagectl.report.gap.chain import chain, drawing
 from stagectl.report.page import write
 from tests.gap.examples import ASYMMETRY, BLOCKS, COGGING, MICRON, PER_UNIT, every, found
 

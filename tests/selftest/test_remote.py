@@ -7,11 +7,11 @@ import math
 import pytest
 
 from stagectl.config.stage_file import Setup
-from stagectl.daemon.virtual import virtual_node
+from stagectl.service.virtual_drive import virtual_node
 from stagectl.drives import faults
 from stagectl.drives.drive import Canopen
-from stagectl.drives.node import VirtualNode
-from stagectl.drives.timeline import End, Timeline, Wire
+from stagectl.drives.virtual.node import VirtualNode
+from stagectl.drives.bus.virtual_time import End, Timeline, Wire
 from stagectl.selftest import remote
 from stagectl.selftest.matrix import Outcome, matrix
 from stagectl.selftest.remote import Gentle

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.drives.drive import Canopen
-from stagectl.drives.inject import ask as inject
-from stagectl.drives.inject import doorway
+from stagectl.drives.virtual.inject import ask as inject
+from stagectl.drives.virtual.inject import doorway
 from tests.vm.traced import FIELDS
 
 ROOT = Path(__file__).parents[2]  # the guest does without tests/conftest.py, which takes long to import there

@@ -13,12 +13,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from stagectl.daemon.client import SYSTEM, ask
+from stagectl.web.client import SYSTEM, ask
 from tests.vm.bench import ROOT
 
 UNIT = "stagectl.service"
 STATE = Path("/var/lib/stagectl")
-LOOP, BOX = "stagectl.daemon.axes", "stagectl.daemon.blackbox"
+LOOP, BOX = "stagectl.realtime.axes", "stagectl.service.black_box"
 
 
 def said(*command: str) -> str:

@@ -1,4 +1,4 @@
-"""The build backend (PEP 517): setuptools, and before it the live page's plots (see daemon/page/assets.py)."""
+"""The build backend (PEP 517): setuptools, and before it the live page's plots (see web/assets.py)."""
 
 import importlib.util
 import sys

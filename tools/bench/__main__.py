@@ -30,7 +30,7 @@ from rich.console import Console
 from rich.table import Table
 from scene import STAGE
 
-from stagectl.daemon import virtual
+from stagectl.service import virtual_drive
 
 console = Console(width=None if sys.stdout.isatty() else 132, highlight=False)
 
@@ -81,7 +81,7 @@ def _promises(chosen: argparse.Namespace) -> None:
 def _on_the_bus(rounds: int) -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
         channel = str(Path(folder) / "bus")
-        node = virtual.start(STAGE, channel, 1)
+        node = virtual_drive.start(STAGE, channel, 1)
         try:
             place = Path(folder)
             return [

@@ -17,7 +17,7 @@ from measure import Row, Wanted, spread
 from scene import Scene, job, scene
 from simulator import run
 
-from stagectl.daemon.loop import Job
+from stagectl.realtime.loop import Job
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import rollout
 from stagectl.recording.ring import Ring

@@ -13,11 +13,11 @@ import time
 from array import array
 from typing import Any, NamedTuple
 
-from stagectl.daemon import realtime
-from stagectl.daemon.loop import Cycle, Job, connect, setpoint
-from stagectl.drives.canopen_pdo import CommandPdo, FeedbackPdo
+from stagectl.realtime import scheduling
+from stagectl.realtime.loop import Cycle, Job, connect, setpoint
+from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.drive import Canopen, Fault
-from stagectl.drives.wire import load_eds
+from stagectl.drives.canopen.network import load_eds
 from stagectl.kernels import law
 from stagectl.recording.ring import Ring
 
@@ -42,7 +42,7 @@ def compute(order: Order, paced: bool) -> dict[str, Any]:
     state, step, nan = law.AT_REST, job.stage.encoder.step, math.nan
     marks = [array("q") for _ in PARTS]
     currents = array("d")
-    metronome = realtime.Metronome(job.dt)
+    metronome = scheduling.Metronome(job.dt)
     late = 0
     for k, raw in enumerate(order.frames):
         asked = setpoint(job.setpoints, k, 0.0)  # as the loop does, before the wait
@@ -74,7 +74,7 @@ def bus(order: Order) -> dict[str, Any]:
     spent = array("q")
     fault = Fault.NONE
     try:
-        refused = realtime.prepare(job.priority, job.cpu)
+        refused = scheduling.prepare(job.priority, job.cpu)
         origin = drive.enable().position
         cycle = Cycle(job, drive, ring, origin)
         while cycle.row < cycle.rows:
@@ -95,7 +95,7 @@ def main() -> None:
     if not order.frames:
         print(json.dumps(bus(order)))
         return
-    refused = realtime.prepare(order.job.priority, order.job.cpu)
+    refused = scheduling.prepare(order.job.priority, order.job.cpu)
     warm = compute(order, paced=False)["spent"]["whole"]
     print(json.dumps({**compute(order, paced=True), "refused": refused, "warm": warm}))
 

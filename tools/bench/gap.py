@@ -15,11 +15,13 @@ from measure import Row, Wanted, spread
 from scene import STAGE
 
 from stagectl.config.stage_file import load_stage
-from stagectl.exam.trials import Options as Drawn
-from stagectl.exam.trials import draw, stage_trial
-from stagectl.gap import diagnose, folder, tying
-from stagectl.gap.library import put
-from stagectl.kernels import tied
+from stagectl_studies.machine.trials import Options as Drawn
+from stagectl_studies.machine.trials import draw, stage_trial
+from stagectl.gap import diagnose
+from stagectl.gap.logs import load_session
+from stagectl.gap.residuals import model_tracking
+from stagectl.gap.effects.library import put
+from stagectl.kernels import tracked_model
 
 PERIODS = 40_000  # 20 s at 2 kHz
 
@@ -28,9 +30,9 @@ def rows(place: Path, rounds: int) -> list[Row]:
     """Sub-steps a second, seconds of a diagnosis, and the memory that the process came to."""
     plain = [1.0 / _seconds(False) for _ in range(rounds)]
     bent = [1.0 / _seconds(True) for _ in range(rounds)]
-    steps = PERIODS * tying.SUBSTEPS
+    steps = PERIODS * model_tracking.SUBSTEPS
     stage_trial(draw(1, "single", Drawn(effects=("viscous_asymmetry",), scale=1.0)), place)
-    session = folder.load([place / "captures"])
+    session = load_session.load([place / "captures"])
     begin = time.perf_counter()
     found = diagnose.diagnose(session, diagnose.Options(), lambda _: None).found
     taken = time.perf_counter() - begin
@@ -53,7 +55,7 @@ def _seconds(effects: bool) -> float:
         p = put(put(p, "motor.cogging.amplitude", 0.02), "mechanics.base.ratio", 0.05)
     t = setup.dt * np.arange(PERIODS)
     rows_ = np.column_stack([3.0 * np.sin(10.0 * t), np.sin(10.0 * t), np.full(PERIODS, np.nan)])
-    path, model = tying.Path(rows_, 0.0, setup.dt), tied.Tied(p, tying.tracker(setup.stage, setup.dt))
+    path, model = model_tracking.Path(rows_, 0.0, setup.dt), tracked_model.Tied(p, model_tracking.tracker(setup.stage, setup.dt))
     begin = time.perf_counter()
-    tying.lacking(model, path)
+    model_tracking.lacking(model, path)
     return time.perf_counter() - begin

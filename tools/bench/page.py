@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import sync_playwright
 
-from stagectl.daemon.client import ask
+from stagectl.web.client import ask
 from stagectl.units import StageError
 
 ROOT = Path(__file__).parents[2]

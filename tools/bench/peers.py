@@ -1,4 +1,4 @@
-"""Ours beside its peers, one page: ``python tools/bench --page bench.html [--manual .docs/peers.md] [--json FILE]``.
+"""Ours beside its peers, one page: ``python tools/bench --page bench.html [--manual docs/peers.md] [--json FILE]``.
 
 Ours and theirs take turns in each comparison; what cannot be measured here is named with the reason.  ``--only PART``
 measures one part anew and keeps the others of ``--json FILE``.  The exam's figures are read, not measured: the last
@@ -28,10 +28,10 @@ import wakeup
 from measure import Against, versus
 from scene import STAGE
 
-from stagectl.daemon import virtual
-from stagectl.exam.blind import ledger
+from stagectl.service import virtual_drive
+from stagectl_studies.exam import ledger
 
-LEDGER = STAGE.parents[1] / ".docs" / "exam-ledger.jsonl"
+LEDGER = STAGE.parents[1] / "docs" / "exam-ledger.jsonl"
 LARGE = 100  # trials, from which an exam's rates say something
 _NAMES = ("stagectl", "canopen", "moteus", "mujoco", "scipy", "cma", "numpy", "numba")
 Found = tuple[list[Against], dict[str, str]]
@@ -115,7 +115,7 @@ def wake_up(seconds: float, rounds: int) -> Found:
 def _on_the_bus(rounds: int) -> Found:
     with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
         channel = str(Path(folder) / "bus")
-        node = virtual.start(STAGE, channel, 1)
+        node = virtual_drive.start(STAGE, channel, 1)
         try:
             return codec.rows(channel, rounds)
         finally:

@@ -16,7 +16,7 @@ from measure import Row, scaled
 from scene import STAGE, job, scene, trajectory
 
 from stagectl.kernels import rollout
-from stagectl.recording.meta import describe
+from stagectl.recording.metadata import describe
 from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
 
@@ -52,7 +52,7 @@ def _run(channel: str, path: Path) -> Facts:
     ring = Ring.create(rollout.WIDTH)
     alive, held = os.pipe()
     begin = time.perf_counter()
-    loop = _spawn("stagectl.daemon.loop", (ring.descriptor, held))
+    loop = _spawn("stagectl.realtime.loop", (ring.descriptor, held))
     os.close(held)
     one = scene(_MOTION)
     _send(loop, job(one, channel, ring))

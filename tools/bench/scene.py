@@ -8,13 +8,13 @@ from typing import NamedTuple
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.daemon.loop import Job
-from stagectl.daemon.safety import Envelope
+from stagectl.realtime.loop import Job
+from stagectl.realtime.safety import Envelope
 from stagectl.kernels import rollout
 from stagectl.plan import Plan, plan
-from stagectl.recording.meta import portable
+from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
-from stagectl.session import canopen
+from stagectl.workflows.motion import canopen
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 STAGE = CONFIG / "ball-screw.yaml"

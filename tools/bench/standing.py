@@ -26,7 +26,7 @@ _MEASURED = (
     "print(json.dumps([spent.ru_utime + spent.ru_stime, spent.ru_maxrss / 1024]))"
 )
 _EDS = str(STAGE.parent / "drives" / "stagectl-virtual.eds")
-_SPEAKS = f"import stagectl.drives.canopen, stagectl.drives.wire as wire; wire.load_eds({_EDS!r}, 1)"
+_SPEAKS = f"import stagectl.drives.canopen.drive, stagectl.drives.canopen.network as wire; wire.load_eds({_EDS!r}, 1)"
 # What the two of a pair are there for: (what, peer, the module it needs, ours, theirs)
 _PAIRS = (
     ("a command's help", "moteus", "moteus", ["-m", "stagectl", "--help"], ["-m", "moteus.moteus_tool", "--help"]),

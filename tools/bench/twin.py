@@ -18,10 +18,10 @@ from cycle_child import Order
 from measure import Row, Wanted, scaled, spread, times_faster
 from scene import Scene, job, scene
 
-from stagectl.daemon.child import Child, start
-from stagectl.gap.twin import step, twin
-from stagectl.gap.twin_process import BLOCK
-from stagectl.gap.twin_start import companion, live_file
+from stagectl.service.child_process import Child, start
+from stagectl.twin.live_model import step, twin
+from stagectl.twin.process import BLOCK
+from stagectl.twin.start import companion, live_file
 from stagectl.kernels import rollout
 from stagectl.recording.ring import Ring
 from stagectl.simulation import simulate
@@ -129,7 +129,7 @@ def _run(one: Scene, channel: str, recording: Path | None) -> Beside:
 
 def _started(one: Scene, ring: Ring, alive: int, recording: Path) -> Child:
     order = companion(one.setup, one.controller.law, recording).order(ring, alive)
-    child = start("stagectl.gap.twin_process", (ring.descriptor, alive), "compiled")
+    child = start("stagectl.twin.process", (ring.descriptor, alive), "compiled")
     child.send(order)
     child.line()
     return child

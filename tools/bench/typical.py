@@ -18,9 +18,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from stagectl.exam.blind import intervals, rules, scoring
-from stagectl.exam.effects import EFFECTS
-from stagectl.exam.trials import Options, draw, stage_trial
+from stagectl_studies.exam import intervals, rules, scoring
+from stagectl_studies.machine.effects import EFFECTS
+from stagectl_studies.machine.trials import Options, draw, stage_trial
 
 
 def answered(place: Path, full: bool) -> tuple[dict[str, Any], float]:

@@ -22,7 +22,7 @@ if __name__ == "__main__":  # the page's process needs compiled ones
     os.environ["STAGECTL_KERNELS"] = "interpreted"
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from stagectl.daemon import realtime
+from stagectl.realtime import scheduling
 
 PERIOD, PRIORITY, SPIN = 1e-3, 80, 50e-6  # s, -, s
 SHARES = (0.5, 0.99, 0.999)
@@ -56,10 +56,10 @@ def metronome(seconds: float, spin: float) -> list[float]:
 
 def child(seconds: float, spin: float) -> None:
     """As the loop's process does it."""
-    refused = realtime.prepare(PRIORITY, CPU)
+    refused = scheduling.prepare(PRIORITY, CPU)
     if any("scheduling" in one for one in refused):
         raise SystemExit("; ".join(refused))
-    one, late = realtime.Metronome(PERIOD, spin=spin), []
+    one, late = scheduling.Metronome(PERIOD, spin=spin), []
     for _ in range(round(seconds / PERIOD)):
         late.append(1e6 * one.wait())
         one.missed()

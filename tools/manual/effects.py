@@ -11,12 +11,12 @@ from stagectl.config.loader import Lengths
 from stagectl.config.patch import patched
 from stagectl.config.source import read_text
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.gap import effect_words
-from stagectl.gap.fields import fields_of
-from stagectl.gap.patch import arranged
+from stagectl.gap.effects import effect_names
+from stagectl.gap.inference.patch_fields import fields_of
+from stagectl.gap.result.patch import arranged
 from stagectl.report.effects import texts
 from stagectl.report.effects.scenes import scenes
-from stagectl.report.effects.seen import Scene, motion_named
+from stagectl.report.effects.measured_effect import Scene, motion_named
 
 PLAIN = "STAGECTL_MANUAL_PLAIN"  # set: pictures are left blank, for a quick look at text and links
 BLANK = bytes.fromhex(
@@ -60,13 +60,13 @@ def _index() -> str:
     ]
     for file, group in zip(FILES, texts.GROUPS, strict=True):
         for told in group.effects:
-            name = effect_words.effect(told.name)
+            name = effect_names.effect(told.name)
             lines.append(f"| [{name}]({file}.md#{told.name}) | `{told.name}` | {told.size} | {told.rivals} |")
     return "\n".join(lines) + "\n"
 
 
 def _effect(setup: Setup, told: texts.Told, scene: Scene) -> str:
-    words, motion = effect_words.effect(told.name), motion_named(setup, scene.motion)
+    words, motion = effect_names.effect(told.name), motion_named(setup, scene.motion)
     pictures = "\n".join(f"![{words}](pictures/{told.name}-{ground}.png#only-{ground})" for ground in ("light", "dark"))
     return "\n\n".join(
         (

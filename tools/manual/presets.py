@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stagectl.drives.presets import PRESETS, Preset
+from stagectl.drives.canopen.presets import PRESETS, Preset
 
 HEAD = """# Drives
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stagectl.config.reference import Block, stage_blocks, trajectory_blocks
+from stagectl.config.manual_reference import Block, stage_blocks, trajectory_blocks
 
 UNITS = (
     "Values carry their unit: `12 mm`, `40 Hz`, `0.72 N m/A`; any unit of the same kind will do. Where two stand, "

@@ -19,7 +19,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.recipe import Motion, Recipe, moved
+from stagectl.identification.filtering import Motion, Recipe, moved
 from stagectl.kernels import friction, stage
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity

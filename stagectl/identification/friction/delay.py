@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from stagectl.config.stage_file import StageFile
 from stagectl.identification import standard_errors
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.found import Parameter
+from stagectl.identification.result import Parameter
 from stagectl.identification.simultaneous import method as simultaneous
 
 STEP = 1e-4  # s, of what a note tells

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from stagectl.identification.capture import Array
-from stagectl.identification.found import Parameter
+from stagectl.identification.result import Parameter
 from stagectl.identification.response.lines import Curve
 from stagectl.identification.response.sampling import Complex
 

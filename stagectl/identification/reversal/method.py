@@ -11,7 +11,7 @@ import numpy as np
 from stagectl.compensation.zero_crossing import FORMS, Form
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.found import Found, Parameter, Progress
+from stagectl.identification.result import Found, Parameter, Progress
 from stagectl.identification.reversal.fit import GENERATIONS, Data, Fit, fitted, gathered
 from stagectl.identification.reversal.reversals import Reversals, reversals
 from stagectl.units import quantity_of

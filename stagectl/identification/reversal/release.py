@@ -17,7 +17,7 @@ from scipy import stats
 
 from stagectl.compensation.legs import Array
 from stagectl.identification.capture import IdentificationError
-from stagectl.identification.found import Parameter
+from stagectl.identification.result import Parameter
 
 FEWEST = 4  # crossings: three half swings
 LEAST_SWING = 0.05  # of the first swing: smaller ones are not counted

@@ -14,9 +14,9 @@ import numpy as np
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.simultaneous.regressors import acceleration, knots, position_noise, shortest_knots
-from stagectl.identification.simultaneous.slips import Range
+from stagectl.identification.simultaneous.slip_range import Range
 from stagectl.identification.simultaneous.smoothing import HALF, KNOTS, window
-from stagectl.words import duration, length
+from stagectl.number_format import duration, length
 
 SHORTEST = 0.2  # s of record
 STEPS = 100.0  # standard deviations of the position's noise that a motion must exceed

@@ -22,11 +22,11 @@ import numpy as np
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.found import Characteristic, Found, Parameter, Progress
-from stagectl.identification.simultaneous import conditions, errors_in_columns, even_weights, intervals, notes
+from stagectl.identification.result import Characteristic, Found, Parameter, Progress
+from stagectl.identification.simultaneous import conditions, errors_in_columns, tikhonov_weights, intervals, notes
 from stagectl.identification.simultaneous.delay_search import Fit, Problem, fitted, kept, widest
 from stagectl.identification.simultaneous.instruments import follow, instruments, projected
-from stagectl.identification.simultaneous.preference import preferred
+from stagectl.identification.simultaneous.hausman_test import preferred
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,
@@ -39,7 +39,7 @@ from stagectl.identification.simultaneous.regressors import (
     thinned,
 )
 from stagectl.identification.simultaneous.resolution import unresolved, withheld
-from stagectl.identification.simultaneous.slips import RATIO, Range, grid, located
+from stagectl.identification.simultaneous.slip_range import RATIO, Range, grid, located
 from stagectl.identification.standard_errors import SURE
 from stagectl.units import LINEAR, ROTARY
 
@@ -185,7 +185,7 @@ def _found(solved: Solved, file: StageFile, free_delay: bool, left_out: list[str
     short = unresolved(solved.problem, fit)
     wider = solved.known.covariance + np.outer(short.error, short.error)
     solved = solved._replace(known=solved.known._replace(covariance=wider))
-    weight = even_weights.evened(solved.problem, fit)
+    weight = tikhonov_weights.evened(solved.problem, fit)
     carrying = weight > 1e-6 * weight.sum()
     values = [*fit.theta[:2], weight.sum(), fit.theta[ONE], fit.delay]
     parameters = {

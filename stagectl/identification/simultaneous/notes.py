@@ -10,14 +10,14 @@ import numpy as np
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array
-from stagectl.identification.found import Parameter
+from stagectl.identification.result import Parameter
 from stagectl.identification.simultaneous import errors_in_columns as errors
 from stagectl.identification.simultaneous.delay_search import Fit, Problem
 from stagectl.identification.simultaneous.intervals import NAMES, Known
 from stagectl.identification.simultaneous.regressors import FREE, ONE
 from stagectl.identification.simultaneous.resolution import unresolved
 from stagectl.units import LINEAR
-from stagectl.words import duration, length
+from stagectl.number_format import duration, length
 
 TIED = 0.95  # correlation from which two parameters are said to be tied to each other
 UNSURE = 0.05  # half of an interval over its value

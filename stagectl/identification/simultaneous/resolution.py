@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.identification.capture import Array
-from stagectl.identification.found import Parameter
+from stagectl.identification.result import Parameter
 from stagectl.identification.simultaneous.delay_search import Fit, Problem
 from stagectl.identification.simultaneous.regressors import ACCELERATION, FREE, VELOCITY
 

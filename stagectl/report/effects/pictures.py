@@ -15,9 +15,9 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
-from stagectl.gap.session import Array
-from stagectl.report.effects import seen
-from stagectl.report.effects.seen import Scene, Seen
+from stagectl.gap.logs.session import Array
+from stagectl.report.effects import measured_effect
+from stagectl.report.effects.measured_effect import Scene, Seen
 from stagectl.report.figures import STYLE
 
 MOST, FEW = 6000, 500  # points of a picture, and how many of them are drawn larger
@@ -72,16 +72,16 @@ AXES: dict[str, Across] = {
 }
 FREQUENCY = "frequency"
 LACKING = {
-    seen.EFFORT: ("lacking effort", "N m"),
-    seen.CURRENT: ("missing current", "A"),
-    seen.COMMAND: ("command less\nthe recomputed one", "A"),
+    measured_effect.EFFORT: ("lacking effort", "N m"),
+    measured_effect.CURRENT: ("missing current", "A"),
+    measured_effect.COMMAND: ("command less\nthe recomputed one", "A"),
 }
 
 
 def pictures(setup: Setup, scene: Scene, folder: Path) -> list[Path]:
     """The effect's picture on a light and on a dark ground; returns the files."""
     folder.mkdir(parents=True, exist_ok=True)
-    both = seen.seen(setup, scene)
+    both = measured_effect.seen(setup, scene)
     made = []
     for paper in PAPERS:
         path = folder / f"{scene.name}-{paper.name}.png"
@@ -157,9 +157,9 @@ def groups(one: Seen, scene: Scene, paper: Paper) -> list[tuple[str, str, Flags]
 def _spectra(axes: Axes, scene: Scene, both: tuple[Seen, Seen], dt: float, paper: Paper) -> None:
     largest = 0.0
     for one, colour, label in zip(both[::-1], (paper.without, paper.forth), ("without it", "with it"), strict=True):
-        frequency, amplitude = seen.spectrum(one.lacking, dt)
-        if scene.channel == seen.CURRENT:
-            amplitude = amplitude / seen.spectrum(one.current, dt)[1]
+        frequency, amplitude = measured_effect.spectrum(one.lacking, dt)
+        if scene.channel == measured_effect.CURRENT:
+            amplitude = amplitude / measured_effect.spectrum(one.current, dt)[1]
         rows = (frequency >= 5.0) & (frequency <= 500.0)
         largest = max(largest, float(amplitude[rows].max()))
         label = label if amplitude[rows].max() > 1e-9 else f"{label}: none"

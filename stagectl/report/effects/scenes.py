@@ -9,11 +9,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from stagectl.gap import library_drive, library_friction, library_mechanics, library_sensor
-from stagectl.gap.library import Definition, Scales, put
+from stagectl.gap.effects import library_drive, library_friction, library_mechanics, library_sensor
+from stagectl.gap.effects.library import Definition, Scales, put
 from stagectl.kernels import stage
 from stagectl.kernels.friction import Stribeck
-from stagectl.report.effects.seen import COMMAND, CURRENT, Scene
+from stagectl.report.effects.measured_effect import COMMAND, CURRENT, Scene
 
 TURN = 2.0 * math.pi
 UM = TURN / 12e-3 * 1e-6  # rad of the motor for a micrometre of table travel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stagectl.report.effects.told import Group, Told
+from stagectl.report.effects.effect_text import Group, Told
 
 PARAMETERS = Group(
     "Parameters that are off",

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.found import Found
+from stagectl.identification.result import Found
 from stagectl.identification.friction.members import FAMILY, Path
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Picture

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Capture
-from stagectl.identification.found import Characteristic, Found
+from stagectl.identification.result import Characteristic, Found
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Picture
 from stagectl.units import LINEAR

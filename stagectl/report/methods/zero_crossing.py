@@ -17,7 +17,7 @@ from stagectl.compensation.reversal_error import ReversalError
 from stagectl.config.stage_file import Axis as StageAxis
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Capture
-from stagectl.identification.found import Found
+from stagectl.identification.result import Found
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Picture
 from stagectl.units import LINEAR

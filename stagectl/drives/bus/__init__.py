@@ -1,0 +1,1 @@
+"""CAN frames: real interfaces, the embedded bus, and a bus with faults."""

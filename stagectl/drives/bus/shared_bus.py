@@ -1,0 +1,107 @@
+"""One bus for several drives: each has a port, which sees its own node's frames, and one of them sends SYNC for all.
+
+::
+
+    bus --+-- port of node 5   sends SYNC; takes 0x185, 0x085, 0x585, 0x705
+          +-- port of node 6   its SYNC is left out: it was sent already; takes 0x186, ...
+
+A frame for another port waits in that port's queue, so that nobody waits for a neighbour's answer twice.
+"""
+
+from __future__ import annotations
+
+import collections
+import struct
+import time
+from collections.abc import Callable
+
+from stagectl.drives.bus.frames import Bus
+
+_SYNC = 0x080
+_HEAD = struct.Struct("<I")
+_LONGEST = 256  # frames that wait for a port nobody reads
+_OWN_ONCE = (_SYNC, 0x700 + 127)  # SYNC and our heartbeat: one for all drives
+
+
+class Ports:
+    """The bus behind all ports; open as long as one of them is."""
+
+    def __init__(self, opened: Callable[[], Bus]) -> None:
+        self._opened = opened
+        self._bus: Bus | None = None
+        self._ports: dict[int, Port] = {}
+
+    def port(self, node: int) -> Port:
+        """A way onto the bus for the master of `node`."""
+        if self._bus is None:
+            self._bus = self._opened()
+        self._ports[node] = Port(self, node)
+        return self._ports[node]
+
+    def send(self, node: int, frame: bytes) -> None:
+        """One frame of the port of `node`; what concerns all drives goes out once."""
+        assert self._bus is not None
+        identifier = _HEAD.unpack_from(frame)[0]
+        if identifier == _SYNC and self.leads(node):
+            for port in self._ports.values():
+                port.renew()
+        if identifier not in _OWN_ONCE or self.leads(node):
+            self._bus.send(frame)
+
+    def leads(self, node: int) -> bool:
+        """Whether SYNC and heartbeat go out by the port of `node`."""
+        return node == next(iter(self._ports))
+
+    def receive(self, node: int, timeout: float) -> bytes | None:
+        """Next frame for the port of `node`, or of no port's node."""
+        assert self._bus is not None
+        deadline = time.monotonic() + timeout
+        while True:
+            raw = self._bus.receive(max(deadline - time.monotonic(), 0.0))
+            if raw is None:
+                return None
+            whose = _HEAD.unpack_from(raw)[0] & 0x7F
+            if whose == node or whose not in self._ports:
+                return raw
+            self._ports[whose].waiting.append(raw)
+
+    def leave(self, port: Port) -> None:
+        """A port closes; the last one closes the bus."""
+        if self._ports.get(port.node) is port:
+            del self._ports[port.node]
+        if not self._ports and self._bus is not None:
+            self._bus.close()
+            self._bus = None
+
+
+class Port:
+    """The protocol `Bus` for one drive among several."""
+
+    def __init__(self, ports: Ports, node: int) -> None:
+        self._ports, self.node = ports, node
+        self.waiting: collections.deque[bytes] = collections.deque(maxlen=_LONGEST)
+
+    def send(self, frame: bytes) -> None:
+        """Queue one frame."""
+        self._ports.send(self.node, frame)
+
+    def receive(self, timeout: float) -> bytes | None:
+        """Next frame of this drive.
+
+        Who only clears away what is left over (no `timeout`) gets nothing here but at the port that sends SYNC: the
+        answers of the others have come with it, and are not left over.
+        """
+        if timeout <= 0.0 and not self._ports.leads(self.node):
+            return None
+        if self.waiting:
+            return self.waiting.popleft()
+        return self._ports.receive(self.node, timeout)
+
+    def renew(self) -> None:
+        """A SYNC goes out: an answer that still waits is that to an earlier one."""
+        stale = 0x180 + self.node
+        self.waiting = collections.deque((raw for raw in self.waiting if _HEAD.unpack_from(raw)[0] != stale), _LONGEST)
+
+    def close(self) -> None:
+        """Leave the bus to the others."""
+        self._ports.leave(self)

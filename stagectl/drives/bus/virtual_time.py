@@ -1,0 +1,108 @@
+"""Virtual time: a clock that jumps to the next event, and a bus of two ends with true transmission times on it.
+
+A controller that waits lets the other end run; nothing sleeps, so a second takes what its events cost.
+"""
+
+from __future__ import annotations
+
+import collections
+import heapq
+import itertools
+from collections.abc import Callable
+
+from stagectl.drives.bus.frames import frame_bits
+
+
+class Timeline:
+    """A clock whose time goes on only while somebody waits on it."""
+
+    def __init__(self) -> None:
+        self._now = 0.0
+        self._events: list[tuple[float, int, Callable[[], None]]] = []
+        self._serial = itertools.count()
+
+    def now(self) -> float:
+        """Virtual time (s)."""
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        """Let so much time go by, with all that happens in it."""
+        self.run(self._now + seconds, lambda: False)
+
+    def at(self, time: float, event: Callable[[], None]) -> None:
+        """Have something happen at `time` (s)."""
+        heapq.heappush(self._events, (time, next(self._serial), event))
+
+    def every(self, period: float, event: Callable[[], None]) -> None:
+        """Have something happen each `period` (s), from now on."""
+        due = self._now + period
+
+        def again() -> None:
+            nonlocal due
+            due += period
+            self.at(due, again)
+            event()
+
+        self.at(due, again)
+
+    def run(self, until: float, done: Callable[[], bool]) -> None:
+        """Let time go on to `until` (s), or to the event after which it is `done`."""
+        events = self._events
+        while not done():
+            if not events or events[0][0] > until:
+                self._now = max(self._now, until)
+                return
+            time, _, event = heapq.heappop(events)
+            self._now = max(self._now, time)
+            event()
+
+
+class End:
+    """One end of a bus with two."""
+
+    def __init__(self, timeline: Timeline, wire: Wire, wakes: Callable[[], None] | None = None) -> None:
+        """With `wakes`, it is called for each frame and the end never waits."""
+        self._timeline, self._wire, self._wakes = timeline, wire, wakes
+        self.inbox: collections.deque[bytes] = collections.deque()
+        self.down = False
+
+    def send(self, frame: bytes) -> None:
+        """Put a frame on the wire.  Raises OSError where the interface is down."""
+        if self.down:
+            raise OSError("network is down")
+        self._wire.carry(self, frame)
+
+    def receive(self, timeout: float) -> bytes | None:
+        """Next frame, or None after `timeout` (s)."""
+        if self.down:
+            raise OSError("network is down")
+        if not self.inbox and timeout > 0.0 and self._wakes is None:
+            self._timeline.run(self._timeline.now() + timeout, lambda: bool(self.inbox))
+        return self.inbox.popleft() if self.inbox else None
+
+    def take(self, frame: bytes) -> None:
+        """A frame has arrived."""
+        self.inbox.append(frame)
+        if self._wakes is not None:
+            self._wakes()
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def woken_by(self, wakes: Callable[[], None]) -> None:
+        """Call this for each frame that arrives, and wait no more."""
+        self._wakes = wakes
+
+
+class Wire:
+    """The wire between two ends: one frame at a time, each as long as its bits take at worst."""
+
+    def __init__(self, timeline: Timeline, bitrate: float) -> None:
+        self._timeline, self._bitrate, self._free = timeline, bitrate, 0.0
+        self.ends = (End(timeline, self), End(timeline, self))
+
+    def carry(self, sender: End, frame: bytes) -> None:
+        """Send a frame to the other end as soon as the wire is free."""
+        other = self.ends[0] if sender is self.ends[1] else self.ends[1]
+        self._free = max(self._free, self._timeline.now()) + frame_bits(min(frame[4], 8)) / self._bitrate
+        self._timeline.at(self._free, lambda: other.take(frame))

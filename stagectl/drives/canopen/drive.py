@@ -1,0 +1,300 @@
+"""A CiA 402 drive in cyclic synchronous torque mode over CAN: our side of the wire.
+
+The `canopen` library knows EDS and SDO; the cyclic path is three frames and two precompiled structs::
+
+    sample()  SYNC ------------------>   latch; the last command acts
+              <------------------ TPDO   statusword, position, current
+    apply()   RPDO ------------------>   controlword, current command
+
+There is no thread: whatever else arrives is taken up while `sample` waits for its TPDO.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import struct
+
+from stagectl.drives.canopen import cia402
+from stagectl.drives.bus.frames import Bus, frame
+from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
+from stagectl.drives.canopen.power_states import Standstill, Walk
+from stagectl.drives.canopen.setup import MASTER, NOT_OFFERED, Setup
+from stagectl.drives.canopen.stop_watch import FAILED, Braking, Failure, Pace, Repeated
+from stagectl.drives.canopen.fault_texts import CAUSES, WHAT, emergency_words, hint, state_words
+from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
+from stagectl.drives.canopen.network import Network, Partner, load_eds
+
+_SYNC = frame(0x080)
+_HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
+_EMERGENCY = struct.Struct("<8xHB5s")
+_WRITE_WORD = struct.Struct("<BHBI")  # SDO: expedited download
+_MUTE = "its heartbeat was not heard"
+_UNHEARD = 8  # cycles in which a drive leaves operation that has heard so
+_ENABLED_MASK, _ENABLED = State.OPERATION_ENABLED.value
+_ENABLE_TIME = 5.0  # s in which Operation enabled must be reached
+_STOP_TIME = 10.0  # s after which a quick stop is given up
+_LOST_TIME = 1.0  # s of the same, once the drive answers no more
+_BACKLOG = 64  # frames that are cleared away before a SYNC
+_STOPPED = (State.SWITCH_ON_DISABLED, State.READY, State.SWITCHED_ON, State.FAULT, State.NOT_READY)
+
+
+class CanopenDrive:
+    """The drive protocol over a bus; see `stagectl.drives.drive.Drive`."""
+
+    def __init__(self, settings: Canopen, bus: Bus, encoder_step: float, dt: float, *, clock: Clock = WALL) -> None:
+        """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
+
+        Raises DriveError with what the drive refused and the next step.
+        """
+        self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
+        self._clock, self._now, self._pace = clock, clock.now, Pace(dt)
+        od = load_eds(settings.eds, settings.node)
+        self._command, self._answer = CommandPdo(settings, od), FeedbackPdo(settings, od)
+        self._network = Network(bus, clock)
+        self._node = Partner(settings.node, od)
+        self._network[settings.node] = self._node
+        self._walk = Walk(Power.OFF, self._standstill())
+        self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
+        self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
+        self._reason: Feedback | None = None  # the first fault since Operation was enabled
+        self._serving = False  # enabled, and not asked to stop
+        self._walking = False  # on the way to it
+        self._emergency: tuple[int, int, bytes] | None = None  # code, error register, vendor's bytes
+        self._heard = math.nan  # s, monotonic, when the drive's heartbeat was last heard
+        self._problem = ""  # ours, in words
+        self._closed = False
+        self._rebooted = False  # since it was configured
+        self._silent = False  # no answer to the last SYNC
+        self._braking, self._unheard = Braking(self._pace, settings.quick_stop_deceleration), Repeated(_UNHEARD)
+        setup = Setup(settings, self._node, encoder_step, clock)
+        try:
+            setup.run()
+        except OSError as error:
+            raise DriveError(
+                f"the bus {settings.interface} {settings.channel} failed while node {settings.node} was being"
+                f" configured: {error}; see 'ip -details link', bring it up, then start again"
+            ) from error
+        self._told = setup.told
+        name = cia402.OPTIONS[cia402.ABORT_CONNECTION][0]
+        ignored = (NOT_OFFERED, cia402.option(cia402.ABORT_CONNECTION, 0))
+        self._stops_alone = setup.told[name] not in ignored  # when it is taken out of operation
+
+    def enable(self) -> Feedback:
+        """Walk the state machine to Operation enabled at zero current, from whatever state.
+
+        The cycle must go on at once afterwards: the drive's time-outs run.  Raises DriveError.
+        """
+        self.ask(Power.ON)
+        due = self._now()
+        deadline = due + _ENABLE_TIME
+        while self._now() < deadline:
+            now = self.sample()
+            if now.fault is Fault.NONE:
+                return now
+            self.apply(0.0)
+            due = self._rest(due)
+        raise DriveError(self._hangs())
+
+    def ask(self, power: Power) -> None:
+        """Bring the drive to `power` with the periods that follow."""
+        self._walk = Walk(power, self._standstill())
+        self._braking = Braking(self._pace, self._settings.quick_stop_deceleration)
+        self._serving, self._walking = False, power is Power.ON
+        if power is Power.ON:
+            self._problem, self._emergency, self._reason = "", None, None
+
+    def sample(self) -> Feedback:
+        """SYNC, and the drive's answer to it; never raises."""
+        try:
+            self._drain()
+            self._bus.send(_SYNC)
+            raw = self._await_answer(self._settings.feedback_timeout)
+        except OSError as error:
+            return self._failed(Fault.BUS, f"the bus failed: {error}")
+        self._silent = raw is None
+        self._supervise()
+        if raw is None:
+            return self._failed(Fault.REBOOTED if self._rebooted else Fault.FEEDBACK_LOST, "")
+        statusword, counts, current = self._answer.decode(raw)
+        self._pace.add(counts * self._step)
+        self._insist(cia402.state(statusword))
+        fault, silence = Fault.NONE, self._now() - self._heard  # NaN: never heard
+        if self._rebooted:
+            fault = Fault.REBOOTED
+        elif self._emergency is not None:
+            fault = Fault.EMERGENCY
+        elif self._serving and silence > self._settings.heartbeat_timeout:
+            fault, self._problem = Fault.FEEDBACK_LOST, f"{_MUTE} for {silence:.2f} s while its answers went on"
+        elif statusword & _ENABLED_MASK != _ENABLED or self._problem:
+            fault = Fault.DRIVE_FAULT
+        now = Feedback(counts * self._step, current, statusword, fault)
+        return self._noted(self._walked(now) if self._walking else now)
+
+    def _supervise(self) -> None:
+        """A stop that does not stop: an axis that gets faster loses its power, a silent drive is left to itself."""
+        if self._walk.power is not Power.QUICK_STOP:
+            return
+        failure = self._braking.step(self._silent)
+        if failure is Failure.DEAF and self._stops_alone:
+            self._manage(cia402.NMT_PRE_OPERATIONAL)
+        if failure in FAILED:
+            self._problem = FAILED[failure]
+            self._walk = Walk(Power.OFF, self._standstill())
+
+    def _insist(self, state: State) -> None:
+        """A drive that must stop and stays in operation has not heard it: the same word again, by SDO."""
+        if self._unheard.certain(self._walk.power is not Power.ON and state is State.OPERATION_ENABLED):
+            self._unheard = Repeated(_UNHEARD)
+            word = _WRITE_WORD.pack(0x2B, cia402.CONTROLWORD, 0, self._walk.controlword)
+            with contextlib.suppress(OSError):
+                self._bus.send(frame(0x600 + self._settings.node, word))
+
+    def apply(self, current: float) -> None:
+        """Send the command (A); never raises: what went wrong is in the next `sample`."""
+        try:
+            self._bus.send(self._command.encode(self._walk.controlword, current))
+            now = self._now()
+            if now >= self._beat:
+                self._beat = now + self._settings.heartbeat
+                self._bus.send(_HEARTBEAT)
+        except ValueError as error:
+            self._problem = f"{error}; zero was sent instead"
+            self.apply(0.0)
+        except OSError as error:
+            self._problem = f"the bus failed: {error}"
+
+    def quick_stop(self) -> Feedback:
+        """Quick stop by the drive's own ramp, until it stands, its power is off, or ten seconds are over."""
+        self.ask(Power.QUICK_STOP)
+        due = self._now()
+        deadline, still, off = due + _STOP_TIME, self._standstill(), Repeated()
+        while self._now() < deadline:
+            self.apply(0.0)
+            now = self.sample()
+            state = cia402.state(now.statusword)
+            if now.fault is Fault.BUS:
+                break  # nothing can be sent: the drive's own time-outs stop it
+            over = off.certain(state in _STOPPED and not self._silent) or state is State.QUICK_STOP_ACTIVE
+            if self._silent:
+                deadline = min(deadline, self._now() + _LOST_TIME)
+            elif still.stands(now.position) and over:  # a statusword alone is not believed: to leave cuts the power
+                break
+            due = self._rest(due)
+        return self._last
+
+    def describe(self) -> dict[str, str]:
+        """Identity, time-outs, option codes in words and scales, as read back from the drive."""
+        s = self._settings
+        return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._told}
+
+    def explain(self) -> str:
+        """The last fault in words, with the probable causes and the next command."""
+        last = self._reason or self._last._replace(fault=Fault.NONE)
+        mute = self._problem.startswith(_MUTE)
+        said = [f"node {self._settings.node}: {self._problem if mute else WHAT[last.fault]}"]
+        if self._problem and not mute:
+            said.append(self._problem)
+        said.append(f"state {state_words(last.statusword)}")
+        if self._emergency is not None:
+            said.append(emergency_words(self._emergency))
+        if not math.isnan(self._heard):
+            said.append(f"last heartbeat of the drive {self._now() - self._heard:.2f} s ago")
+        return "; ".join(said) + f". {CAUSES[last.fault]}"
+
+    def close(self) -> None:
+        """Disable the voltage, take the node out of operation, leave the bus; safe twice, never raises."""
+        if self._closed:
+            return
+        self._closed = True
+        self.ask(Power.OFF)
+        with contextlib.suppress(OSError):  # on a dead bus nothing is left to be said
+            self.apply(0.0)
+            self._bus.send(_SYNC)  # the RPDO acts with it
+            self._manage(cia402.NMT_PRE_OPERATIONAL)
+        with contextlib.suppress(OSError):
+            self._bus.close()
+
+    def _manage(self, command: int) -> None:
+        """Send a command of the network management to the drive."""
+        with contextlib.suppress(OSError):
+            self._bus.send(frame(0, bytes([command, self._settings.node])))
+
+    def _await_answer(self, timeout: float) -> bytes | None:
+        """The TPDO, taking up whatever comes before it; None after `timeout` seconds."""
+        receive, head = self._bus.receive, self._answer.head
+        deadline = self._now() + timeout  # before the first frame: what comes in between must not prolong the wait
+        raw = receive(timeout)
+        if raw is None or raw[:5] == head:
+            return raw
+        while raw is None or raw[:5] != head:
+            if raw is not None:
+                self._take(raw)
+            left = deadline - self._now()
+            if left <= 0.0:
+                return None
+            raw = receive(left)
+        return raw
+
+    def _take(self, raw: bytes) -> None:
+        """A frame that is not our TPDO."""
+        identifier = int.from_bytes(raw[:4], "little")
+        if identifier == 0x080 + self._settings.node:
+            code, register, vendor = _EMERGENCY.unpack(raw)
+            self._emergency = (code, register, vendor) if code & 0xFF00 else None
+        elif identifier == 0x700 + self._settings.node:
+            self._heard = self._now()
+            self._rebooted = self._rebooted or raw[8] == cia402.INITIALISING
+            if self._serving and raw[8] & 0x7F == cia402.PRE_OPERATIONAL:
+                self._problem = "it has left the operational state"
+        elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
+            wanted = self._answer.head[4]
+            self._problem = f"its TPDO has {raw[4]} bytes, must have {wanted}; did another master map it?"
+
+    def _drain(self) -> None:
+        """A late or doubled answer must not be taken for the next one; a babbling node must not hold us up."""
+        for _ in range(_BACKLOG):
+            raw = self._bus.receive(0.0)
+            if raw is None:
+                break
+            self._take(raw)
+
+    def _failed(self, fault: Fault, problem: str) -> Feedback:
+        self._problem = problem or self._problem
+        return self._noted(self._last._replace(current=math.nan, fault=fault))
+
+    def _noted(self, now: Feedback) -> Feedback:
+        self._last = now
+        if now.fault and self._serving:  # what comes after it, and after a stop, is only its consequence
+            self._reason, self._serving = now, False
+        return now
+
+    def _walked(self, now: Feedback) -> Feedback:
+        """A step towards Operation enabled; once there, no fault later leads there again by itself."""
+        state = self._walk.step(now)
+        self._serving = now.fault is Fault.NONE
+        self._walking = not self._serving
+        if state is State.OPERATION_ENABLED:
+            self._emergency = None  # an old one: the drive runs, and would not with an error present
+        return now
+
+    def _standstill(self) -> Standstill:
+        return Standstill.of_ramp(self._settings.quick_stop_deceleration, self._step, self._dt)
+
+    def _rest(self, due: float) -> float:
+        """Sleep to the end of the period that began at `due`; start of the next one."""
+        due = max(due + self._dt, self._now() - self._dt)
+        self._clock.sleep(max(due - self._now(), 0.0))
+        return due
+
+    def _hangs(self) -> str:
+        last, seen = self._last, self._emergency
+        told = emergency_words(seen) if seen else "no emergency was sent"
+        problem = f"{self._problem}; " if self._problem else ""
+        return (
+            f"node {self._settings.node} does not reach Operation enabled within {_ENABLE_TIME:.0f}"
+            " s: it hangs in"
+            f" {state_words(last.statusword)}; {problem}{told}. {hint(last)}"
+        )

@@ -1,0 +1,75 @@
+"""What a drive's faults mean, in plain words, with the probable causes and the next step."""
+
+from __future__ import annotations
+
+from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.drive import Fault, Feedback
+
+WHAT = {
+    Fault.NONE: "no fault",
+    Fault.FEEDBACK_LOST: "no answer to SYNC within the time-out",
+    Fault.DRIVE_FAULT: "the drive is not in Operation enabled any more",
+    Fault.EMERGENCY: "the drive sent an emergency",
+    Fault.BUS: "the bus failed",
+    Fault.REBOOTED: "the drive booted in mid operation",
+}
+CAUSES = {
+    Fault.NONE: "Nothing to be done",
+    Fault.FEEDBACK_LOST: (
+        "Probable causes: drive without power, cable or termination, another node with the same"
+        " id, or a bus that is"
+        " too busy. Check the wiring, then start the run again"
+    ),
+    Fault.DRIVE_FAULT: (
+        "Probable causes: the drive's own limits, its enable or STO input, or its time-outs"
+        " (heartbeat, RPDO). Look at"
+        " its display, remove the cause, then start the run again: it resets the fault"
+    ),
+    Fault.EMERGENCY: (
+        "Probable causes are in the drive's manual under this code. Remove the cause, then start"
+        " the run again: it"
+        " resets the fault"
+    ),
+    Fault.REBOOTED: (
+        "Probable causes: a dip of its supply, its watchdog, or an NMT reset. Its configuration is gone with it."
+        " Check the supply, then start the run again: it configures the drive anew"
+    ),
+    Fault.BUS: (
+        "Probable causes: interface down or bus off. See 'ip -details link', bring it up again,"
+        " then start the run again"
+    ),
+}
+_HINTS = {
+    State.NOT_READY: (
+        "Probable cause: the drive still initialises or lacks its logic supply. Wait, or look at its display"
+    ),
+    State.SWITCH_ON_DISABLED: (
+        "Probable causes: no DC link voltage, STO open, or the enable input missing. Close STO,"
+        " then start the run again"
+    ),
+    State.READY: "Probable cause: no DC link voltage. Switch the power supply on, then start the run again",
+    State.SWITCHED_ON: (
+        "Probable causes: the enable input is missing or the brake or encoder is not ready. See the drive's display"
+    ),
+    State.FAULT: "Probable cause: what caused the fault is still there. Remove it, then start the run again",
+}
+
+
+def state_words(statusword: int) -> str:
+    """State of the drive with its statusword."""
+    return f"{cia402.state(statusword).words} (statusword 0x{statusword:04X})"
+
+
+def emergency_words(seen: tuple[int, int, bytes]) -> str:
+    """Emergency of error code, error register and the vendor's bytes."""
+    code, register, vendor = seen
+    said = f"emergency 0x{code:04X} ({cia402.emergency(code)})"
+    return f"{said}, error register 0x{register:02X}, vendor's bytes {vendor.hex(' ')}"
+
+
+def hint(last: Feedback) -> str:
+    """Probable causes and next step where the drive does not become enabled."""
+    if last.fault is Fault.FEEDBACK_LOST:
+        return CAUSES[Fault.FEEDBACK_LOST]
+    return _HINTS.get(cia402.state(last.statusword), CAUSES[Fault.DRIVE_FAULT])

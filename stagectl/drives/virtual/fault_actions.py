@@ -1,0 +1,255 @@
+"""How each fault of the virtual drive is done, and undone."""
+
+from __future__ import annotations
+
+import collections
+import random
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from stagectl.drives.canopen import cia402
+from stagectl.drives.bus import faulty_bus
+from stagectl.drives.virtual import sensor
+from stagectl.drives.clock import Skewed
+from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Undo, Way
+from stagectl.drives.virtual.axis import Axis
+from stagectl.drives.virtual.object_dictionary import Objects
+from stagectl.drives.virtual.sensor import Distortion
+
+_ENCODER, _RECOVERED = 0x7305, 0x8140  # emergency error codes
+
+
+class Repeats:
+    """What a fault does again and again."""
+
+    def __init__(self) -> None:
+        self._entries: list[tuple[float, float, Callable[[], None]]] = []  # next time, period, what
+
+    def every(self, period: float, now: float, what: Callable[[], None]) -> Undo:
+        """Do it now, and again each `period` (s) unless that is 0."""
+        what()
+        if period > 0.0:
+            self._entries.append((now + period, period, what))
+
+        def undo() -> None:
+            self._entries = [each for each in self._entries if each[2] is not what]
+
+        return undo
+
+    def look(self, now: float) -> None:
+        """Do what is due at `now` (s)."""
+        for n, (at, period, what) in enumerate(self._entries):
+            if at <= now:
+                self._entries[n] = (now + period, period, what)
+                what()
+
+
+class Machine(NamedTuple):
+    """The parts of a virtual drive that can fail."""
+
+    bus: FaultyBus
+    axis: Axis
+    objects: Objects
+    clock: Skewed
+    dt: float  # s
+    trip: Callable[[int], None]  # an error inside the drive, by its code
+    boot: Callable[[], None]  # as after power-on, the machine staying where it is
+    repeats: Repeats
+
+
+_Done = Callable[[Machine, Any, float], Undo]
+
+
+def _nothing() -> None:
+    """What cannot be undone is over by itself."""
+
+
+def _rule(m: Machine, way: Way, kinds: str, act: Act) -> Undo:
+    """Bend the frames of these `kinds`, separated by commas; none: all."""
+    return m.bus.add(Rule(way, frozenset(kinds.split(",")) if kinds else frozenset(), act))
+
+
+def _frames(way: Way, kinds: str, make: Callable[[float, random.Random], Act]) -> _Done:
+    return lambda m, p, now: _rule(m, way, kinds, make(p.share, m.bus.random))
+
+
+def _late_frames(m: Machine, p: Any, now: float) -> Undo:
+    return _rule(m, "both", "", faulty_bus.delay(p.delay))
+
+
+def _bus_off(m: Machine, p: Any, now: float) -> Undo:
+    undo = _rule(m, "both", "", faulty_bus.lose(1.0, m.bus.random))
+
+    def recover() -> None:
+        undo()
+        m.objects.error(_RECOVERED, cia402.COMMUNICATION_ERROR)
+
+    return recover
+
+
+def _power_off(m: Machine, p: Any, now: float) -> Undo:
+    undo = _rule(m, "both", "", faulty_bus.lose(1.0, m.bus.random))
+    m.axis.power_cycled()
+
+    def back() -> None:
+        undo()
+        m.boot()
+
+    return back
+
+
+def _reboot(m: Machine, p: Any, now: float) -> Undo:
+    m.axis.power_cycled()
+    m.boot()
+    return _nothing
+
+
+def _encoder(make: Callable[[Machine, Any], Distortion]) -> _Done:
+    return lambda m, p, now: m.axis.sensor.distort(make(m, p))
+
+
+def _encoder_off(m: Machine, p: Any, now: float) -> Undo:
+    undo = m.axis.sensor.distort(_stuck(m, p))
+    m.trip(_ENCODER)
+    return undo
+
+
+def _stuck(m: Machine, p: Any) -> Distortion:
+    counts = m.axis.sensor.counts
+    return Distortion(lambda _: counts, lambda _: 0.0)
+
+
+def _jump(m: Machine, p: Any) -> Distortion:
+    return Distortion(lambda counts: counts + p.counts, lambda velocity: velocity)
+
+
+def _jumping(m: Machine, p: Any, now: float) -> Undo:
+    sign = [0]
+
+    def flip() -> None:
+        sign[0] = 1 - sign[0]
+
+    stop = m.repeats.every(p.every or 0.01, now, flip)
+    undo = m.axis.sensor.distort(Distortion(lambda counts: counts + sign[0] * p.counts, lambda v: v))
+
+    def both() -> None:
+        stop()
+        undo()
+
+    return both
+
+
+def _noise(m: Machine, p: Any) -> Distortion:
+    chance, step, dt = m.bus.random, m.axis.plant.p.encoder.step, m.dt
+    return Distortion(
+        lambda _: chance.randrange(-(2**31), 2**31), lambda _: chance.uniform(-1.0, 1.0) * 2**31 * step / dt
+    )
+
+
+def _scaled(m: Machine, p: Any) -> Distortion:
+    origin = m.axis.sensor.counts
+    return Distortion(lambda counts: origin + round(p.factor * (counts - origin)), lambda v: p.factor * v)
+
+
+def _late_encoder(m: Machine, p: Any) -> Distortion:
+    clock, line = m.clock, collections.deque[tuple[float, int]]()
+
+    def counts(now: int) -> int:
+        line.append((clock.now(), now))
+        while len(line) > 1 and line[1][0] <= clock.now() - p.delay:
+            line.popleft()
+        return line[0][1]
+
+    return Distortion(counts, lambda velocity: velocity)
+
+
+def _current(make: Callable[[Machine, Any], Callable[[float], float]]) -> _Done:
+    return lambda m, p, now: m.axis.distort(make(m, p))
+
+
+def _tripped(m: Machine, p: Any, now: float) -> Undo:
+    m.trip(p.code)
+    return _nothing
+
+
+def _disabled(m: Machine, p: Any, now: float) -> Undo:
+    return m.axis.open_sto()
+
+
+def _emergency(least: float) -> _Done:
+    def done(m: Machine, p: Any, now: float) -> Undo:
+        error = m.objects.error
+        return m.repeats.every(p.every or least, now, lambda: error(p.code, cia402.GENERIC_ERROR))
+
+    return done
+
+
+def _frozen(m: Machine, p: Any, now: float) -> Undo:
+    return _rule(m, "out", "tpdo", faulty_bus.freeze())
+
+
+def _statusword(m: Machine, p: Any, now: float) -> Undo:
+    getters, key = m.objects.getters, cia402.STATUSWORD << 8
+    true, getters[key] = getters[key], lambda: m.bus.random.getrandbits(16)
+    m.objects.changed = True  # the cyclic path is compiled from them
+
+    def undo() -> None:
+        getters[key] = true
+        m.objects.changed = True
+
+    return undo
+
+
+def _sdo_abort(m: Machine, p: Any, now: float) -> Undo:
+    return _rule(m, "in", "sdo request", faulty_bus.refuse(m.bus))
+
+
+def _sdo_silent(m: Machine, p: Any, now: float) -> Undo:
+    return _rule(m, "in", "sdo request", faulty_bus.lose(1.0, m.bus.random))
+
+
+def _skewed(m: Machine, p: Any, now: float) -> Undo:
+    m.clock.run_at(p.rate)
+    return lambda: m.clock.run_at(1.0)
+
+
+DEEDS: dict[str, _Done] = {
+    "cable-out": _frames("both", "", faulty_bus.lose),
+    "frames-lost": _frames("both", "", faulty_bus.lose),
+    "sync-lost": _frames("in", "sync", faulty_bus.lose),
+    "command-lost": _frames("in", "rpdo", faulty_bus.lose),
+    "feedback-lost": _frames("out", "tpdo", faulty_bus.lose),
+    "controller-heartbeat-lost": _frames("in", "heartbeat", faulty_bus.lose),
+    "drive-heartbeat-lost": _frames("out", "heartbeat", faulty_bus.lose),
+    "frames-duplicated": _frames("both", "", faulty_bus.double),
+    "frames-reordered": _frames("both", "", faulty_bus.swap),
+    "command-corrupted": _frames("in", "rpdo", faulty_bus.flip),
+    "feedback-corrupted": _frames("out", "tpdo", faulty_bus.flip),
+    "frames-delayed": _late_frames,
+    "bus-flooded": _frames("out", "", faulty_bus.babble),
+    "bus-off": _bus_off,
+    "encoder-off": _encoder_off,
+    "encoder-stuck": _encoder(_stuck),
+    "encoder-jump": _encoder(_jump),
+    "encoder-jumping": _jumping,
+    "encoder-garbage": _encoder(_noise),
+    "encoder-reversed": _encoder(_scaled),
+    "encoder-late": _encoder(_late_encoder),
+    "drive-fault": _tripped,
+    "emergency": _emergency(0.0),
+    "emergency-storm": _emergency(1e-3),
+    "drive-disabled": _disabled,
+    "power-off": _power_off,
+    "current-off": _current(lambda m, p: lambda _: 0.0),
+    "current-stuck": _current(lambda m, p: sensor.held()),
+    "current-reversed": _current(lambda m, p: lambda current: p.factor * current),
+    "current-weak": _current(lambda m, p: lambda current: p.factor * current),
+    "current-late": _current(lambda m, p: sensor.late(max(1, round(p.delay / m.dt)))),
+    "node-stuck": _frozen,
+    "node-reboot": _reboot,
+    "statusword-garbage": _statusword,
+    "feedback-short": _frames("out", "tpdo", faulty_bus.shorten),
+    "sdo-abort": _sdo_abort,
+    "sdo-silent": _sdo_silent,
+    "clock-skewed": _skewed,
+}

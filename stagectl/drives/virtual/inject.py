@@ -1,0 +1,121 @@
+"""How a fault gets into a running virtual drive: one JSON datagram to a socket of its user, one back.
+
+The way does not lead over the bus, so that a bus which is out can be put in again::
+
+    stagectl inject  -- {"do": "add", "fault": {...}} -->  node-5.inject in the run-time folder
+                     <-- {"words": "...", "active": [...]} --
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import select
+import socket
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from stagectl.drives.bus.frames import folder_of
+from stagectl.drives.drive import DriveError
+from stagectl.drives.faults import BLOCKS
+from stagectl.units import quantity_of
+
+_LONGEST = 65536  # bytes of a datagram
+_PATIENCE = 2.0  # s for the drive to answer
+
+
+class InjectError(DriveError):
+    """A fault that cannot be injected; the message says what can."""
+
+
+class Doorway:
+    """The drive's end; `look` answers what has come, and never waits."""
+
+    def __init__(self, path: Path) -> None:
+        """Listen at `path`, in a folder of this user only."""
+        self._path = path
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        path.unlink(missing_ok=True)
+        try:
+            self._socket.bind(os.fspath(path))
+        except OSError as error:
+            self._socket.close()
+            raise InjectError(f"{path}: {error.strerror or error}: no faults can be injected there") from error
+
+    def look(self, obey: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+        """Hand a request to `obey` and its answer back."""
+        try:
+            raw, sender = self._socket.recvfrom(_LONGEST)
+        except BlockingIOError:
+            return
+        try:
+            answer = obey(json.loads(raw))
+        except (ValueError, KeyError, TypeError) as error:
+            answer = {"error": f"not a request of stagectl inject: {error}"}
+        with contextlib.suppress(OSError):  # who asked has gone
+            self._socket.sendto(json.dumps(answer).encode(), sender)
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        self._socket.close()
+        self._path.unlink(missing_ok=True)
+
+
+def doorway(interface: str, channel: str, node: int) -> Path:
+    """Where the virtual drive of this node listens; on the embedded bus beside the bus itself."""
+    if interface in ("embedded", "stagectl"):
+        return folder_of(channel) / f"node-{node}.inject"
+    folder = folder_of("inject-" + re.sub(r"[^A-Za-z0-9]+", "-", f"{interface}-{channel}")[-40:])
+    folder.mkdir(mode=0o700, exist_ok=True)  # on the embedded bus its participants make it
+    return folder / f"node-{node}.inject"
+
+
+def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
+    """What the drive behind `path` answers.
+
+    Raises InjectError where none listens there, or it refuses.
+    """
+    with (
+        tempfile.TemporaryDirectory(prefix="stagectl-") as folder,
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ours,
+    ):
+        ours.bind(f"{folder}/answer")
+        try:
+            ours.connect(os.fspath(path))
+            ours.send(json.dumps(request).encode())
+        except OSError as error:
+            raise InjectError(
+                f"no virtual drive listens at {path} ({error.strerror}); start one with 'stagectl virtual-drive"
+                " STAGE.yaml'; a real drive takes no faults: see `stagectl selftest`"
+            ) from error
+        if not select.select([ours], [], [], _PATIENCE)[0]:
+            raise InjectError(f"the virtual drive at {path} does not answer within {_PATIENCE:g} s; is it stopped?")
+        answer: dict[str, Any] = json.loads(ours.recv(_LONGEST))
+    if "error" in answer:
+        raise InjectError(answer["error"])
+    return answer
+
+
+def obey(faults: Any, now: float, request: dict[str, Any]) -> dict[str, Any]:
+    """Do what was asked of these `faults`, at `now` (s)."""
+    if request["do"] == "clear":
+        faults.clear()
+    elif request["do"] == "add":
+        faults.add(_block(request["fault"]), now)
+    return {"active": faults.active}
+
+
+def _block(parameters: dict[str, Any]) -> Any:
+    """The fault with these parameters; raises ValueError, KeyError or TypeError where it cannot be."""
+    kind = BLOCKS[parameters["fault"]]
+    hints = get_type_hints(kind, include_extras=True)
+    for name, value in parameters.items():
+        quantity = quantity_of(hints[name])
+        if quantity is not None and not (isinstance(value, int | float) and quantity.admits(value)):
+            raise ValueError(f"{name} = {value}; must lie in {quantity.interval} {quantity.unit}".rstrip())
+    return kind(**parameters)

@@ -1,0 +1,1 @@
+"""The logged command recomputed with the deployed law."""

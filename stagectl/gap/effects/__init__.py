@@ -1,0 +1,1 @@
+"""The library of effects: where each sits, how large it is, what it is mistaken for."""

@@ -1,0 +1,1 @@
+"""Which experiment to run: the battery, the catalogue, and the next one."""

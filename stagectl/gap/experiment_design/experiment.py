@@ -1,0 +1,48 @@
+"""One experiment: a motion made for a stage, and what it separates."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl import design, trajectories
+from stagectl.config.stage_file import Setup
+from stagectl.gap.experiment_design.trajectory_text import text_of
+from stagectl.plan import SETTLE, plan
+from stagectl.trajectories import phases
+
+DIAGNOSE, HELD_OUT = "diagnose", "held-out"
+
+
+class Experiment(NamedTuple):
+    """A motion that tells effects apart."""
+
+    name: str  # also of its file
+    separates: str  # in words, for its user
+    effects: tuple[str, ...]  # names of the library that it bears on
+    trajectory: trajectories.Experiment
+    unit: str = "m"  # of travel
+    use: str = DIAGNOSE
+
+    @property
+    def duration(self) -> float:
+        """Machine time (s), the standstill at its end included."""
+        return phases(self.trajectory).duration + SETTLE
+
+    def setpoints(self, setup: Setup) -> NDArray[np.float64]:
+        """Rows (n, 8) of `kernels.law.Setpoint` on this stage, under the layers of its file.
+
+        Raises TrajectoryError where the stage's limits do not allow it.
+        """
+        feedforward = design.design(setup.stage, setup.file.control).feedforward
+        return plan(setup, self.trajectory, feedforward).setpoints
+
+
+def yaml_of(experiment: Experiment) -> str:
+    """The trajectory file of `experiment`, as `run` takes it."""
+    use = "; kept back for checking what was found" if experiment.use == HELD_OUT else ""
+    bears = f"Bears on {', '.join(experiment.effects)}." if experiment.effects else ""
+    comments = (f"{experiment.name}, {experiment.duration:.3g} s{use}.", experiment.separates, bears)
+    return text_of(experiment.trajectory, tuple(filter(None, comments)), experiment.unit)

@@ -1,0 +1,1 @@
+"""From fits to an answer: names, intervals, localisation, what stays unexplained."""

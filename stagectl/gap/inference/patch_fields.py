@@ -1,0 +1,123 @@
+"""What differs between two stage models, as places and values of a stage file: the way of an effect into the YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from stagectl.gap.result.diagnosis import Fields, Setting
+from stagectl.gap.logs.session import GapError
+from stagectl.kernels import effects
+from stagectl.kernels.friction import Stribeck
+from stagectl.kernels.friction_bristle import Bristle
+from stagectl.kernels.stage import Friction, Stage
+
+_OWN = ("operators", "bristle", "stribeck")  # of the friction: they are its law, and stand in the file in another way
+_PLACELESS = ("drive.current_quantum",)  # in the file it is the scale of the wire, which no diagnosis may touch
+
+
+def fields_of(before: Stage, after: Stage) -> Fields:
+    """Every place at which `after` differs from `before`, with the value that it has there.
+
+    Of a friction that differs in its elements or in its bristle come the law and all that belongs to it.  The step of
+    the command has no place: nothing comes of it.  Raises GapError where no law of a stage file is like the friction.
+    """
+    found: list[tuple[str, Setting]] = []
+    for block in ("drive", "motor", "mechanics", "encoder"):
+        found += _differences(block, getattr(before, block), getattr(after, block))
+    rest = {name: getattr(before.friction, name) for name in _OWN}
+    found += [*_law(before.friction, after.friction), *_stribeck(before.friction, after.friction)]
+    found += _differences("friction", before.friction, after.friction._replace(**rest))
+    if not _same(before.residual, after.residual):
+        found += _table(after.residual)
+    return tuple((name, value) for name, value in found if name not in _PLACELESS)
+
+
+def _differences(place: str, old: Any, new: Any) -> Iterator[tuple[str, Setting]]:
+    """The leaves below `place` that differ; of a shape that is new all of them, so that the block says what it is."""
+    for name in new._fields:
+        before, after = getattr(old, name), getattr(new, name)
+        if _same(before, after):
+            continue
+        inner = f"{place}.{name}"
+        if not hasattr(after, "_fields"):
+            yield inner, after
+        elif _neutral(before):
+            yield from _leaves(inner, after)
+        else:
+            yield from _differences(inner, before, after)
+
+
+def _neutral(block: Any) -> bool:
+    return _same(block, type(block)())
+
+
+def _leaves(place: str, block: Any) -> Iterator[tuple[str, Setting]]:
+    """All leaves, but those of blocks within that are neutral."""
+    for name in block._fields:
+        value = getattr(block, name)
+        if not hasattr(value, "_fields"):
+            yield f"{place}.{name}", value
+        elif not _neutral(value):
+            yield from _leaves(f"{place}.{name}", value)
+
+
+def _law(old: Friction, new: Friction) -> Iterator[tuple[str, Setting]]:
+    """The friction's law with its elements or its bristle, where they are not those of before."""
+    if _same(old.operators, new.operators) and _same(old.bristle, new.bristle):
+        return
+    if any(weight > 0.0 for weight in new.operators.weight) and _bends(new):
+        raise GapError("the friction has stop operators and a bristle: no law of a stage file has both")
+    yield from _bristle(new.bristle) if _bends(new) else _operators(new)
+
+
+def _bends(p: Friction) -> bool:
+    return p.bristle.coulomb > 0.0
+
+
+def _stribeck(old: Friction, new: Friction) -> Iterator[tuple[str, Setting]]:
+    """The Stribeck curve of whichever law it is; Dahl's has none."""
+    if _bends(new) and not _damped(new.bristle):
+        return
+    before, after = (p.bristle.stribeck if _bends(p) else p.stribeck for p in (old, new))
+    yield from _differences("friction", _Curve(before), _Curve(after))
+
+
+class _Curve(NamedTuple):
+    """The part of a friction block that holds Stribeck's curve."""
+
+    stribeck: Stribeck
+
+
+def _damped(p: Bristle) -> bool:
+    return p.damping != 0.0 or p.stribeck.rise != 0.0
+
+
+def _operators(p: Friction) -> Iterator[tuple[str, Setting]]:
+    yield "friction.law", "stop-operators"
+    yield "friction.weight", tuple(float(one) for one in p.operators.weight)
+    yield "friction.slip", tuple(float(one) for one in p.operators.slip)
+
+
+def _bristle(p: Bristle) -> Iterator[tuple[str, Setting]]:
+    """Dahl's law, or LuGre's where the bristle is damped or follows Stribeck's curve."""
+    yield "friction.law", "lugre" if _damped(p) else "dahl"
+    yield "friction.coulomb", p.coulomb
+    yield "friction.range", p.coulomb / p.stiffness
+    yield ("friction.damping", p.damping) if _damped(p) else ("friction.exponent", p.exponent)
+
+
+def _table(p: effects.Table) -> Iterator[tuple[str, Setting]]:
+    yield "residual.coordinate", effects.COORDINATES[p.coordinate]
+    yield "residual.start", p.start
+    yield "residual.step", p.step
+    yield "residual.values", tuple(float(one) for one in p.values)
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two numbers, arrays or blocks hold the same."""
+    if hasattr(a, "_fields") and hasattr(b, "_fields"):
+        return all(_same(x, y) for x, y in zip(a, b, strict=True))
+    if hasattr(a, "__len__") and hasattr(b, "__len__"):
+        return len(a) == len(b) and all(float(x) == float(y) for x, y in zip(a, b, strict=True))
+    return bool(a == b)

@@ -1,0 +1,1 @@
+"""From recordings and folders to a session: logs on their control periods, nominal model, deployed controller."""

@@ -1,0 +1,172 @@
+"""The deployed controller, from the words of a nominal.yaml to the law that runs and what it knows beforehand.
+
+Source of the words: the description of capture folders; a cascade and an observer as our own export describes them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from stagectl.compensation.forms import FORMS
+from stagectl.gap.logs import nominal_model
+from stagectl.gap.logs.session import GapError
+from stagectl.gap.logs.nominal_values import Block, block, quantity
+from stagectl.kernels import cascade, feedback, feedforward, friction_bristle, law, observer, stage
+from stagectl.units import Quantity
+
+_GAIN = Quantity("", "[-1e15, 1e15]", "gain of the feedback, in A and the position's unit")
+_POSITIVE = Quantity("", "[0, 1e15]", "gain of the feedback, in A and the position's unit")
+_SHARE = Quantity("", "[0, 1)", "share of the last value that the force filter keeps")
+_POLE = Quantity("rad/s", "(0, 1e9]", "pole of the derivative's filter")
+_PERIOD = Quantity("s", "[1e-6, 1]", "control period")
+_ADVANCE = Quantity("s", "[-1, 1]", "time by which it looks ahead")
+_LIMIT = Quantity("A", "(0, inf]", "largest command")
+_SPAN = Quantity("", "[1, 2]", "periods over which the velocity is differenced")
+_KEYS = (
+    "Ts bandwidth_Hz Kp Ki Kd derivative_pole discretisation law position_gain velocity_gain integral_gain retained "
+    "velocity_feedforward span kp kv observer observer_model observer_gains model_inertia model_viscous "
+    "model_force_constant feedforward friction_compensation friction_bristle friction_weight friction_slip "
+    "feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples reference_interpolation "
+    "states_at_first_row anti_windup command_limit_A"
+)
+
+
+class Deployed(NamedTuple):
+    """All that decides the commands, besides reference and position."""
+
+    law: law.Law
+    dt: float  # s
+    feedforward: feedforward.Feedforward
+    advance: float = 0.0  # s, by which the feedforward looks ahead
+    friction_advance: float = 0.0  # s, the friction compensation
+    late: int = 0  # periods by which the position is late
+    bristle: friction_bristle.Bristle = friction_bristle.NEUTRAL  # of the compensation
+    form: Any = None  # of the compensation, where it is not the model's
+
+
+def read(file: Block) -> Deployed | None:
+    """The controller in a nominal.yaml; None where there is none, or it is described in free words only.
+
+    Raises GapError with file, key, value and range where a value is missing or cannot be.
+    """
+    c = block(file.values, "controller", file, "controller")
+    if not c.values:
+        return None
+    c.ignore_others(_KEYS.split())
+    if not any(c.has(key) for key in ("Kp", "position_gain", "kv")):
+        c.notes.append(
+            "nominal.yaml describes its controller by none of Kp, position_gain and kv, so it cannot be recomputed"
+        )
+        return None
+    dt = c.number("Ts", _PERIOD)
+    if c.has("frame_samples") and c.number("frame_samples", Quantity("", "[1, 100]", "periods a frame")) != 2.0:
+        raise c.refused("frame_samples", "must be 2: perfect tracking of a plant of second order")
+    ahead, advance = _feedforward(c, dt)
+    rubbing = ahead.with_friction or c.has("friction_compensation") or c.has("friction_bristle")
+    late = c.number("friction_advance_s", _ADVANCE, advance + 0.5 * dt) if rubbing else 0.0
+    return Deployed(
+        _law(c, dt),
+        dt,
+        ahead,
+        advance,
+        late,
+        c.whole("measurement_delay_samples", quantity(stage.Encoder, "delay_samples"), 0),
+        _bristle(c),
+        _form(c),
+    )
+
+
+def _law(c: Block, dt: float) -> law.Law:
+    limit = _limit(c)
+    watching = _observer(c)
+    if c.has("Kp"):
+        return law.Law(_pid(c, dt), limit, observer=watching)
+    found = _cascade(c, dt) if c.has("position_gain") else _emps(c, dt)
+    return law.Law(feedback.ABSENT, limit, found, True, watching)
+
+
+def _limit(c: Block) -> float:
+    """The law's own limit (A): without conditional integration there is none, and only the drive limits."""
+    way = c.word("anti_windup", ("none", "conditional"), "none")
+    if way == "none":
+        if c.has("command_limit_A"):
+            c.notes.append("controller.command_limit_A without anti-windup: the drive's limit is taken instead")
+        return math.inf
+    return c.number("command_limit_A", _LIMIT)
+
+
+def _pid(c: Block, dt: float) -> feedback.Pid:
+    c.word("discretisation", ("tustin",), "tustin")
+    derivative = c.number("Kd", _GAIN, 0.0)
+    pole = c.number("derivative_pole", _POLE) if derivative else 1.0
+    return feedback.discretised(feedback.Gains(c.number("Kp", _GAIN), c.number("Ki", _GAIN, 0.0), derivative, pole), dt)
+
+
+def _cascade(c: Block, dt: float) -> cascade.Cascade:
+    return cascade.Cascade(
+        c.number("position_gain", _POSITIVE),
+        c.number("velocity_gain", _POSITIVE),
+        0.5 * dt * c.number("integral_gain", _POSITIVE, 0.0),
+        c.number("retained", _SHARE, 0.0),
+        c.number("velocity_feedforward", _POSITIVE, 0.0),
+        c.whole("span", _SPAN, 1),
+        dt,
+    )
+
+
+def _emps(c: Block, dt: float) -> cascade.Cascade:
+    """The benchmark's words: a velocity by differences of averaged positions, two proportional gains."""
+    return cascade.Cascade(c.number("kp", _POSITIVE), c.number("kv", _POSITIVE), span=2, dt=dt)
+
+
+def _observer(c: Block) -> observer.Observer:
+    model, gains = c.block("observer_model"), c.numbers("observer_gains", _GAIN)
+    if not model.values and not gains:
+        return observer.ABSENT
+    if len(gains) != 3:
+        raise c.refused("observer_gains", "must be the three gains [k1, k2, k3]")
+    a12, a22, b1, b2 = (model.number(name, _GAIN) for name in ("a12", "a22", "b1", "b2"))
+    delay = model.whole("delay", Quantity("", f"[0, {observer.LONGEST}]", "whole periods of delay"))
+    share = model.number("share", Quantity("", "[0, 1]", "of the newer of two commands"))
+    pole = 1.0 - (gains[0] + 1.0 - a22) / 3.0  # k1 = 3 (1 - q) - (1 - a22)
+    return observer.Observer(a12, a22, b1, b2, gains[0], gains[1], gains[2], delay, share, pole, True)
+
+
+def _feedforward(c: Block, dt: float) -> tuple[feedforward.Feedforward, float]:
+    """What the command holds beside the feedback, and how far it looks ahead (s)."""
+    modelled = [name for name in ("model_inertia", "model_viscous", "model_force_constant") if c.has(name)]
+    default = "perfect tracking" if len(modelled) == 3 else "none"
+    way = c.word("feedforward", ("perfect tracking", "none"), default)
+    elements = nominal_model.operators(c, "friction_weight", "friction_slip")
+    rubbing = c.has("friction_weight") and bool(c.values["friction_weight"])
+    with_ptc = way != "none"
+    inertia = c.number("model_inertia", quantity(stage.Mechanics, "inertia")) if with_ptc else 1.0
+    viscous = c.number("model_viscous", quantity(stage.Mechanics, "viscous")) if with_ptc else 0.0
+    effort = with_ptc or rubbing or c.has("friction_compensation") or c.has("friction_bristle")
+    constant = c.number("model_force_constant", quantity(stage.Motor, "force_constant")) if effort else 1.0
+    plant = feedforward.held(stage.Mechanics(inertia, viscous), constant, dt)
+    advance = c.number("feedforward_advance_s", _ADVANCE, 0.0) if effort else 0.0
+    return feedforward.Feedforward(plant, elements, constant, with_ptc, rubbing), advance
+
+
+def _bristle(c: Block) -> friction_bristle.Bristle:
+    """Of a compensation by Dahl's or LuGre's law."""
+    found = c.block("friction_bristle")
+    if not found.values:
+        return friction_bristle.NEUTRAL
+    return nominal_model.bristle(found, nominal_model.stribeck(found.block("stribeck")))
+
+
+def _form(c: Block) -> Any:
+    """A compensation by another form than the model's, as our own export writes it."""
+    found = c.block("friction_compensation")
+    if not found.values:
+        return None
+    name, numbers = found.values.get("form"), {key: value for key, value in found.values.items() if key != "form"}
+    if name not in FORMS or name == "model":
+        raise found.refused("form", f"must be one of {', '.join(one for one in FORMS if one != 'model')}")
+    try:
+        return FORMS[name](**{key: float(value) for key, value in numbers.items()})
+    except (TypeError, ValueError) as error:
+        raise GapError(f"{c.place}: controller.friction_compensation is no {name}: {error}") from error

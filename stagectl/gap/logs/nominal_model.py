@@ -1,0 +1,181 @@
+"""The user's model of the machine, from the words of a nominal.yaml to the plant's parameters."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+from stagectl.gap.logs.session import GapError
+from stagectl.gap.logs.nominal_values import Block, block, quantity
+from stagectl.kernels import friction, friction_bristle, stage
+from stagectl.kernels.effects import Harmonic
+from stagectl.units import LINEAR, Quantity
+
+_STOPS = ("stop-operator", "maxwell-slip", "gms")
+_LAWS = (*_STOPS, "dahl", "lugre", "none")
+_KEYS = {
+    "stage": "name kind position_unit torque_unit force_constant inertia viscous bias travel_per_unit_mm pitch "
+    "encoder_step encoder_periods_per_pitch accuracy",
+    "friction": "law weight slip coulomb stribeck stiffness exponent damping viscous",
+    "drive": "current_loop_s delay_samples resistance_ohm back_emf_V_per_unit_s current_limit_A voltage_limit_V "
+    "amplifier_A_per_V current_quantum_A",
+}
+_TRUSTED = {"force_constant": r"force[ _]constant|torque[ _]constant", "inertia": r"inertia|mass", "viscous": "viscous"}
+_RIGHT = re.compile(r"\b(right|exact|correct|true|trusted|calibrated|accurate|certain|known)\b")
+_NOT = re.compile(r"\b(not|un\w+|may|might|off|roughly|about|except)\b")
+_SUM = 0.02  # share by which `coulomb` may miss the sum of the weights before it is said
+_WRONG = 0.5  # ... and before one of them must be wrong
+
+
+class Model(NamedTuple):
+    """The machine as its owner believes it to be."""
+
+    stage: stage.Stage
+    trusted: frozenset[str]  # fields that are said to be right
+
+
+def read(file: Block) -> Model:
+    """The model in a nominal.yaml; what was left open is added to the blocks' `said` and `notes`.
+
+    Raises GapError with file, key, value and range where a value is missing, not physical or contradicts another.
+    """
+    body, rubbing, drive = (block(file.values, name, file, name) for name in ("stage", "friction", "drive"))
+    for one in (body, rubbing, drive):
+        one.ignore_others(_KEYS[one.name].split())
+    _check_units(body)
+    model = stage.Stage(
+        _drive(drive),
+        stage.Motor(body.number("force_constant", quantity(stage.Motor, "force_constant"))),
+        _mechanics(body),
+        _friction(rubbing),
+        _encoder(body, _late(file)),
+    )
+    return Model(model, trusted(str(body.values.get("accuracy") or "")))
+
+
+def trusted(words: str) -> frozenset[str]:
+    """Parameters that the owner's words call right: "..., the force constant is meant to be right"."""
+    clauses = [clause.lower() for clause in re.split(r"[.;,]|\bbut\b", words)]
+    sure = [clause for clause in clauses if _RIGHT.search(clause) and not _NOT.search(clause)]
+    return frozenset(name for name, pattern in _TRUSTED.items() if any(re.search(pattern, one) for one in sure))
+
+
+def _check_units(body: Block) -> None:
+    expected = ("N",) if body.kind == LINEAR else ("Nm", "N m", "N*m")
+    unit = body.values.get("torque_unit")
+    if unit is not None and unit not in expected:
+        raise body.refused("torque_unit", f"must be {expected[0]}: convert the values of {body.place.name}")
+
+
+def _mechanics(body: Block) -> stage.Mechanics:
+    inertia, viscous, bias = (quantity(stage.Mechanics, name) for name in ("inertia", "viscous", "bias"))
+    return stage.Mechanics(
+        body.number("inertia", inertia),
+        body.number("viscous", viscous, 0.0),
+        body.number("bias", bias, 0.0),
+        body.number("pitch", quantity(stage.Mechanics, "pitch")) if body.has("pitch") else 2.0 * math.pi,
+    )
+
+
+def _drive(drive: Block) -> stage.Drive:
+    def read_or(key: str, field: str, default: float) -> float:
+        return drive.number(key, quantity(stage.Drive, field), default)
+
+    found = stage.Drive(
+        drive.number("current_quantum_A", quantity(stage.Drive, "current_quantum"))
+        if drive.has("current_quantum_A")
+        else 0.0,
+        drive.whole("delay_samples", quantity(stage.Drive, "delay_samples"), 1),
+        read_or("current_limit_A", "current_limit", math.inf),
+        read_or("current_loop_s", "current_lag", 0.0),
+    )
+    if not (drive.has("voltage_limit_V") or drive.has("resistance_ohm")):
+        return found
+    return found._replace(
+        voltage_limit=drive.number("voltage_limit_V", quantity(stage.Drive, "voltage_limit"))
+        if drive.has("voltage_limit_V")
+        else math.inf,
+        resistance=drive.number("resistance_ohm", quantity(stage.Drive, "resistance")),
+        back_emf=read_or("back_emf_V_per_unit_s", "back_emf", 0.0),
+    )
+
+
+def _encoder(body: Block, late: int) -> stage.Encoder:
+    """Its lines wait for an interpolation error: the order is known, the amplitude zero."""
+    key = "encoder_periods_per_pitch"
+    lines = Harmonic(order=body.number(key, quantity(Harmonic, "order"))) if body.has(key) else Harmonic()
+    return stage.Encoder(body.number("encoder_step", quantity(stage.Encoder, "step"), 0.0), late, interpolation=lines)
+
+
+def _late(file: Block) -> int:
+    """Periods by which the controller sees the position late; it is told with the controller."""
+    controller = block(file.values, "controller", file, "controller")
+    late = quantity(stage.Encoder, "delay_samples")
+    return controller.whole("measurement_delay_samples", late) if controller.has("measurement_delay_samples") else 0
+
+
+def _friction(rubbing: Block) -> stage.Friction:
+    if not rubbing.values:
+        rubbing.notes.append("nominal.yaml has no friction: the model's axis slides freely")
+        return stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck())
+    law = rubbing.word("law", _LAWS, _STOPS[0])
+    if law == "none":
+        return stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck())
+    curve = stribeck(rubbing.block("stribeck"))
+    if law in _STOPS:
+        return stage.Friction(operators(rubbing, "weight", "slip"), curve)
+    return stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), bristle(rubbing, curve))
+
+
+def operators(rubbing: Block, weights: str, slips: str) -> friction.StopOperators:
+    """The elements in two lists of a block, beside their sum in `coulomb` where it has one.
+
+    Raises GapError where the lists do not fit each other, or the sum.
+    """
+    weight = rubbing.numbers(weights, quantity(friction.StopOperators, "weight"))
+    slip = rubbing.numbers(slips, quantity(friction.StopOperators, "slip"))
+    if len(weight) != len(slip):
+        raise GapError(
+            f"{rubbing.place}: {rubbing.name}.{weights} has {len(weight)} entries, {rubbing.name}.{slips} has "
+            f"{len(slip)}; each element needs one of both"
+        )
+    if not weight:
+        if weights == "weight":
+            raise rubbing.refused(weights, "stop operators need their forces here and their slips in `slip`")
+        return friction.bundle([0.0], [1.0])
+    if weights == "weight" and rubbing.has("coulomb"):
+        _check_sum(rubbing, math.fsum(weight))
+    return friction.bundle(weight, slip)
+
+
+def _check_sum(rubbing: Block, total: float) -> None:
+    coulomb = rubbing.number("coulomb", Quantity("N m | N", "[0, 1e6]", "friction at speed"))
+    if abs(coulomb - total) > _WRONG * max(coulomb, total):
+        raise rubbing.refused("coulomb", f"its weights sum up to {total:.6g}: one of the two must be wrong")
+    if abs(coulomb - total) > _SUM * max(coulomb, total):
+        rubbing.notes.append(
+            f"friction.coulomb = {coulomb:g} of {rubbing.place.name}, but its weights sum up to {total:.6g}: the "
+            "weights are taken"
+        )
+
+
+def stribeck(curve: Block) -> friction.Stribeck:
+    """Stribeck's curve, neutral where there is none."""
+    if not curve.values:
+        return friction.Stribeck()
+    return friction.Stribeck(
+        *(curve.number(name, quantity(friction.Stribeck, name)) for name in ("rise", "velocity"))
+    )._replace(shape=curve.number("shape", quantity(friction.Stribeck, "shape"), 1.0))
+
+
+def bristle(rubbing: Block, curve: friction.Stribeck) -> friction_bristle.Bristle:
+    """Dahl's or LuGre's bristle."""
+    kind = friction_bristle.Bristle
+    return kind(
+        rubbing.number("coulomb", quantity(kind, "coulomb")),
+        rubbing.number("stiffness", quantity(kind, "stiffness")),
+        rubbing.number("exponent", quantity(kind, "exponent"), 1.0),
+        rubbing.number("damping", quantity(kind, "damping"), 0.0),
+        curve,
+    )

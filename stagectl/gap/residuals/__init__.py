@@ -1,0 +1,1 @@
+"""What the nominal model leaves unexplained: residuals, sensitivities, and their Gram matrices."""

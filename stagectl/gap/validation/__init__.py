@@ -1,0 +1,1 @@
+"""The answer checked on runs that chose nothing."""

@@ -1,0 +1,76 @@
+"""The plant at rest: who carries what."""
+
+from __future__ import annotations
+
+import math
+
+from stagectl.kernels import (plant_with_effects, effects, friction, friction_bristle, friction_effects, transmission)
+from stagectl.kernels.plant import NO_COMMANDS, Line, Memory, Stage, State
+from stagectl.kernels.transmission import Bodies
+
+_NEVER: Line = (-math.inf,) * 8  # no command has begun
+_READ = 20  # steps towards a reading, each as much nearer as the error is flat
+
+
+def at_rest(p: Stage, position: float, time: float) -> State:
+    """The plant standing at `position` (rad | m) without command, at the session clock `time` (s)."""
+    driving, pulling = efforts(p, position, time)
+    load = driving + pulling
+    stops = friction.relaxed(p.friction.operators)
+    share, factor = _limits(p, position, time, driving, load)
+    bristle = friction_bristle.settled(p.friction.bristle, load, share)
+    carried = p.friction.bristle.stiffness * bristle
+    force = friction.settled(p.friction.operators, stops, load - carried, factor) + carried
+    behind = _load_at(p, position, driving, force)
+    memory = Memory(
+        time, _NEVER, -math.inf, 0.0, 0.0, behind, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, position, position, 0.0
+    )  # fmt: skip
+    seen = plant_with_effects.seen(p.encoder, p.mechanics.pitch, position)
+    here: Line = (seen, seen, seen, seen, seen, seen, seen, seen)
+    return State(NO_COMMANDS, here, p.drive.offset, position, 0.0, force, stops, bristle, memory)
+
+
+def read(p: Stage, measured: float) -> float:
+    """Position (rad | m) that the encoder shows as `measured`; its errors are small beside their periods."""
+    position = measured
+    for _ in range(_READ):
+        off = measured - plant_with_effects.seen(p.encoder, p.mechanics.pitch, position)
+        if off == 0.0:
+            break
+        position += off
+    return position
+
+
+def efforts(p: Stage, position: float, time: float) -> tuple[float, float]:
+    """Efforts on motor and load (N m | N) of an axis that stands, before any friction."""
+    bodies = Bodies(position, 0.0, position, 0.0, 0.0, 0.0)
+    motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * position)
+    path = plant_with_effects.Path(0.0, position, position, 0.0)
+    against = transmission.pulled(p.mechanics.cable, position, 0.0)
+    if p.residual.coordinate != effects.NONE:
+        now = (p.drive.offset, time)
+        place = plant_with_effects.coordinate(p.residual.coordinate, p.mechanics.pitch, bodies, path, now)
+        against += effects.looked_up(p.residual, place)
+    return motor.constant * p.drive.offset + motor.cogging, p.mechanics.bias - against
+
+
+def _limits(p: Stage, position: float, time: float, driving: float, load: float) -> tuple[float, float]:
+    """What slips at rest, as factors on bristle (without its own Stribeck) and operators."""
+    held = friction_effects.held(p.friction, time, 1.0)
+    angle = effects.TURN / p.mechanics.pitch * position
+    place = held.drift * friction_effects.place_factor(
+        p.friction.along, p.friction.lead, p.friction.ball_pass, (position, angle)
+    )
+    pressed = p.friction.load * abs(driving) / held.coulomb if held.coulomb > 0.0 else 0.0
+    side = 1.0 + math.copysign(p.friction.asymmetry, p.friction.asymmetry * load)
+    rise = friction.stribeck(p.friction.stribeck, 0.0)
+    return max(place + pressed, 0.0) * side, max(place * rise + pressed, 0.0) * side
+
+
+def _load_at(p: Stage, position: float, driving: float, force: float) -> float:
+    """Where the load stands behind spring and gap: the motor's effort, less its friction, goes through them."""
+    c = transmission.coefficients(p.mechanics, 0.0, 1.0)
+    through = driving - (1.0 - c.share) * force
+    if c.load == 0.0 or through == 0.0:
+        return position
+    return position - through / c.spring - math.copysign(c.gap, through)

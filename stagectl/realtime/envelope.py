@@ -1,0 +1,73 @@
+"""What the loop accepts, from the stage file: the limits that stand in it, and those that follow from the model."""
+
+from __future__ import annotations
+
+import math
+
+from stagectl.config.stage_file import Setup
+from stagectl.realtime.safety import Envelope
+from stagectl.drives.drive import Canopen
+from stagectl.kernels import stage
+
+_SPEED = 1.1  # of limits.speed: what a reference at the limit overshoots
+_CURRENT, _CURRENT_TIME = 1.5, 0.01  # of drive.current_limit, and s that it may be beyond
+_FORCE = 2.0  # times the model's largest acceleration; load and base are not modelled to the last
+_BREAKAWAY, _BREAKAWAY_TIME = 2.0, 0.02  # times the model's friction, and s under it without a count
+_JUMP, _FREEZE = 0.25, 0.5  # of limits.following_error
+_COUNTS = 4.0  # encoder steps that are nothing yet
+
+
+def envelope(setup: Setup) -> Envelope:
+    """The stage's envelope in axis units."""
+    limits, p, realtime = setup.file.limits, setup.stage, setup.file.realtime
+    moving = limits.following_error
+    rest = moving if limits.following_error_at_rest is None else limits.following_error_at_rest
+    speed = limits.speed * _SPEED
+    return Envelope(
+        low=limits.travel[0],
+        high=limits.travel[1],
+        speed=speed,
+        following_error=rest,
+        late_limit=realtime.late_limit,
+        error_ramp=(moving - rest) / limits.speed,
+        error_time=limits.following_error_time,
+        deceleration=braking(setup),
+        age=realtime.feedback_age * setup.dt,
+        jump=_counted(p, limits.encoder_jump, _JUMP * moving),
+        acceleration=_FORCE * acceleration(p),
+        freeze=_counted(p, limits.encoder_freeze, _FREEZE * moving),
+        breakaway=_breakaway(p),
+        freeze_time=_BREAKAWAY_TIME,
+        current=_CURRENT * setup.file.drive.current_limit if limits.current is None else limits.current,
+        current_time=_CURRENT_TIME,
+        continuous_current=math.inf if limits.continuous_current is None else limits.continuous_current,
+        thermal_time=limits.thermal_time,
+    )
+
+
+def acceleration(p: stage.Stage) -> float:
+    """Largest acceleration (rad/s^2 | m/s^2) by the model: all current, and friction with it."""
+    effort = p.drive.current_limit * p.motor.force_constant + stage.sliding(p.friction) + abs(p.mechanics.bias)
+    return effort / p.mechanics.inertia
+
+
+def braking(setup: Setup) -> float:
+    """With how much the axis can be braked (rad/s^2 | m/s^2): the drive's ramp, as far as the current carries it."""
+    limits, p, wire = setup.file.limits, setup.stage, setup.file.drive.wire
+    if limits.deceleration is not None:
+        return limits.deceleration
+    ramp = wire.quick_stop_deceleration if isinstance(wire, Canopen) else limits.acceleration
+    effort = p.drive.current_limit * p.motor.force_constant + stage.sliding(p.friction) - abs(p.mechanics.bias)
+    return min(ramp, max(effort, 0.0) / p.mechanics.inertia)
+
+
+def _breakaway(p: stage.Stage) -> float:
+    """Current (A) under which the axis must move; inf where the drive cannot give it."""
+    rise = 1.0 + p.friction.stribeck.rise
+    effort = stage.sliding(p.friction) * rise + abs(p.mechanics.bias)
+    current = _BREAKAWAY * effort / p.motor.force_constant
+    return current if current < p.drive.current_limit else math.inf
+
+
+def _counted(p: stage.Stage, given: float | None, otherwise: float) -> float:
+    return otherwise + _COUNTS * p.encoder.step if given is None else given

@@ -1,0 +1,162 @@
+"""When the loop stops by itself.  Nothing raises inside the cycle: a cycle returns a status, and this decides.
+
+::
+
+    what the drive says ----> its own fault first
+    position ---------------> encoder: older than it may be, jumped, frozen
+    error over the speed ---> following error, ramping with the reference's speed, for a time
+    position and speed -----> travel, speed, room to brake before the end of the travel
+    current ----------------> peak, and I2t:  tau dT/dt = i^2 - T  <=  continuous_current^2
+
+This is not a safety function: the emergency stop is wired to the drive's STO.  What follows from each fault stands in
+`stops`; the limits come from the stage file by `envelope.envelope`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from stagectl.realtime.stops import STOPS
+from stagectl.drives.drive import Fault, Feedback
+
+INF = math.inf
+
+
+class Envelope(NamedTuple):
+    """What the loop accepts, in axis units; what stands behind the first five is off by default."""
+
+    low: float  # rad | m
+    high: float
+    speed: float  # rad/s | m/s
+    following_error: float  # rad | m, at standstill
+    late_limit: int  # late cycles in a row
+    error_ramp: float = 0.0  # s, following error that is added for each unit of speed
+    error_time: float = 0.0  # s that it may be beyond; twice the limit is never waited for
+    deceleration: float = INF  # rad/s^2 | m/s^2, with which the axis can be braked
+    age: float = INF  # s, of a position
+    jump: float = INF  # rad | m beyond what the speed explains
+    acceleration: float = INF  # rad/s^2 | m/s^2, the most that any force can give
+    freeze: float = INF  # rad | m, way of the reference in which the position must change
+    breakaway: float = INF  # A, under which the axis must move
+    freeze_time: float = INF  # s that it may stand under it
+    current: float = INF  # A, peak
+    current_time: float = 0.0  # s that it may be beyond
+    continuous_current: float = INF  # A
+    thermal_time: float = 1.0  # s
+
+
+class Watch(NamedTuple):
+    """Memory of the judge; NaN is what has not been seen yet."""
+
+    position: float = math.nan  # rad | m
+    speed: float = 0.0  # rad/s | m/s
+    reference: float = math.nan  # rad | m
+    beyond: float = 0.0  # s that the following error has been too large
+    idle: float = 0.0  # rad | m, way of the reference since the position last changed
+    stuck: float = 0.0  # s under breakaway current without a change of position
+    excess: float = 0.0  # s that the current has been too large
+    heat: float = 0.0  # A^2, of the thermal model
+
+
+class Seen(NamedTuple):
+    """One period, as the judge needs it."""
+
+    feedback: Feedback
+    reference: float  # rad | m
+    error: float  # rad | m
+    command: float  # A, that acts
+    time: float  # s since the last one
+
+
+FRESH = Watch()
+
+
+def words(fault: Fault) -> str:
+    """The reason as a person says it."""
+    return STOPS[fault].words if fault in STOPS else ""
+
+
+def judge(p: Envelope, x: Watch, now: Seen) -> tuple[Fault, Watch]:
+    """The drive's own fault first, then encoder, tracking, place and load."""
+    limit = error_limit(p, x, now)
+    new = watched(p, x, now, limit)
+    if now.feedback.fault is not Fault.NONE:
+        return now.feedback.fault, new
+    if jumped(p, x, now):
+        return Fault.JUMP, new
+    return _encoder(p, new, now) or _tracking(p, new, now, limit) or _place(p, new) or _load(p, new), new
+
+
+def watched(p: Envelope, x: Watch, now: Seen, limit: float) -> Watch:
+    """The memory after this period, whose following error may be `limit` (rad | m)."""
+    position, dt = now.feedback.position, now.time
+    same = position == x.position
+    current = now.feedback.current
+    if current != current:  # the drive reports none: what it was told stands in
+        current = now.command
+    return Watch(
+        position,
+        0.0 if x.position != x.position else (position - x.position) / dt,
+        now.reference,
+        0.0 if abs(now.error) <= limit else x.beyond + dt,  # NaN is beyond
+        x.idle + abs(now.reference - x.reference) if same else 0.0,
+        x.stuck + dt if same and abs(now.command) > p.breakaway else 0.0,
+        x.excess + dt if abs(current) > p.current else 0.0,
+        x.heat + (current * current - x.heat) * min(dt / p.thermal_time, 1.0),
+    )
+
+
+def error_limit(p: Envelope, x: Watch, now: Seen) -> float:
+    """Largest following error (rad | m) at the reference's speed; the one at standstill where that is not known yet."""
+    speed = abs(now.reference - x.reference) / now.time
+    return p.following_error + p.error_ramp * speed if speed == speed else p.following_error
+
+
+def jumped(p: Envelope, x: Watch, now: Seen) -> bool:
+    """Whether the position is farther away than speed, force and a cycle's uncertainty of time explain."""
+    if x.position != x.position:
+        return False
+    dt = now.time
+    explained = p.jump + abs(x.speed) * dt + p.acceleration * dt * dt
+    return not abs(now.feedback.position - x.position - x.speed * dt) <= explained
+
+
+def _encoder(p: Envelope, x: Watch, now: Seen) -> Fault:
+    if now.feedback.age > p.age:
+        return Fault.STALE
+    return Fault.FREEZE if x.idle > p.freeze or x.stuck > p.freeze_time else Fault.NONE
+
+
+def _tracking(p: Envelope, x: Watch, now: Seen, limit: float) -> Fault:
+    if x.beyond == 0.0:
+        return Fault.NONE
+    waited = x.beyond > p.error_time
+    return Fault.FOLLOWING_ERROR if waited or not abs(now.error) <= 2.0 * limit else Fault.NONE
+
+
+def _place(p: Envelope, x: Watch) -> Fault:
+    position, speed = x.position, x.speed
+    if not p.low <= position <= p.high:
+        return Fault.TRAVEL
+    if not -p.speed <= speed <= p.speed:
+        return Fault.SPEED
+    room = (p.high - position if speed > 0.0 else position - p.low) + p.following_error
+    return Fault.BRAKING if speed * speed > 2.0 * p.deceleration * room else Fault.NONE
+
+
+def _load(p: Envelope, x: Watch) -> Fault:
+    if x.excess > p.current_time:
+        return Fault.CURRENT
+    return Fault.OVERLOAD if x.heat > p.continuous_current * p.continuous_current else Fault.NONE
+
+
+def searching(p: Envelope) -> Envelope:
+    """A search does not know where the travel ends, and an end stop may hold it."""
+    inf = math.inf
+    return p._replace(low=-inf, high=inf, deceleration=inf, freeze=inf, breakaway=inf)
+
+
+def leap(p: Envelope, moved: float, time: float) -> Fault:
+    """Whether an axis that no law holds yet was `moved` (rad | m) further in `time` (s) than any motion goes."""
+    return Fault.JUMP if abs(moved) > p.jump + p.speed * time else Fault.NONE

@@ -1,0 +1,139 @@
+"""The axis' state machine, as one table: what each event leads to in each state.
+
+::
+
+    OFFLINE --connect--> CONNECTING --done--> DISABLED --enable--> ENABLING --done--> STANDING <--> MOVING, HOMING
+                             ^                    ^                                      ^ done       | stop
+                             | reset              | done (it was an order)               `- STOPPING -'
+                           FAULT <--failed-- QUICK_STOPPING, COASTING <--- a fault, by its stop category
+
+An event that is not in a state's row is an order that cannot be given there; faults stand in every row.
+"""
+
+from __future__ import annotations
+
+import enum
+
+from stagectl.realtime.stops import STOPS, Category
+from stagectl.drives.drive import Fault
+
+
+class State(enum.IntEnum):
+    """What the axis is about."""
+
+    OFFLINE = 0
+    CONNECTING = 1
+    DISABLED = 2
+    ENABLING = 3
+    STANDING = 4
+    MOVING = 5
+    HOMING = 6
+    STOPPING = 7
+    QUICK_STOPPING = 8
+    COASTING = 9
+    FAULT = 10
+
+    @property
+    def words(self) -> str:
+        """As a person says it."""
+        return _WORDS[self]
+
+
+class Event(enum.IntEnum):
+    """Orders first; then what happens by itself."""
+
+    CONNECT = 1
+    ENABLE = 2
+    DISABLE = 3
+    MOVE = 4
+    HOME = 5
+    STOP = 6
+    QUICK_STOP = 7
+    RESET = 8
+    DONE = 20  # what was going on has succeeded
+    FAILED = 21  # it has not, or a stop that a fault asked for is over
+    COAST = 30  # a fault of stop category 0
+    RAMP = 31  # of category 1
+    HOLD = 32  # of category 2
+
+
+_WORDS = {
+    State.OFFLINE: "no drive on the bus",
+    State.CONNECTING: "the drive is being configured",
+    State.DISABLED: "without power",
+    State.ENABLING: "power is being switched on",
+    State.STANDING: "holds its position under power",
+    State.MOVING: "moves",
+    State.HOMING: "looks for its home",
+    State.STOPPING: "brakes under control",
+    State.QUICK_STOPPING: "the drive brakes by its own ramp",
+    State.COASTING: "power is cut, the axis runs out",
+    State.FAULT: "stopped by a fault, without power",
+}
+
+POWERED = (State.STANDING, State.MOVING, State.HOMING, State.STOPPING)  # our law acts
+STOPS_GOING_ON = (State.QUICK_STOPPING, State.COASTING)
+_CONNECTED = (State.DISABLED, State.ENABLING, *POWERED, *STOPS_GOING_ON, State.FAULT)
+
+
+def _table() -> dict[tuple[State, Event], State]:
+    s, e = State, Event
+    table = {
+        (s.OFFLINE, e.CONNECT): s.CONNECTING,
+        (s.OFFLINE, e.RESET): s.CONNECTING,
+        (s.CONNECTING, e.DONE): s.DISABLED,
+        (s.CONNECTING, e.FAILED): s.OFFLINE,
+        (s.DISABLED, e.ENABLE): s.ENABLING,
+        (s.DISABLED, e.RESET): s.DISABLED,
+        (s.ENABLING, e.DONE): s.STANDING,
+        (s.ENABLING, e.FAILED): s.FAULT,
+        (s.STANDING, e.ENABLE): s.STANDING,
+        (s.STANDING, e.MOVE): s.MOVING,
+        (s.STANDING, e.HOME): s.HOMING,
+        (s.STANDING, e.STOP): s.STANDING,
+        (s.STANDING, e.HOLD): s.STANDING,
+        (s.MOVING, e.DONE): s.STANDING,
+        (s.HOMING, e.DONE): s.STANDING,
+        (s.HOMING, e.FAILED): s.QUICK_STOPPING,
+        (s.STOPPING, e.DONE): s.STANDING,
+        (s.FAULT, e.RESET): s.CONNECTING,
+    }
+    for state in (s.MOVING, s.HOMING, s.STOPPING):
+        table |= {(state, e.STOP): s.STOPPING, (state, e.HOLD): s.STOPPING, (state, e.DISABLE): s.QUICK_STOPPING}
+    table |= {(state, order): s.QUICK_STOPPING for state in POWERED for order in (e.QUICK_STOP, e.RAMP)}
+    table |= {(state, e.COAST): s.COASTING for state in POWERED}
+    table |= {(s.STANDING, e.DISABLE): s.DISABLED}
+    for stop in STOPS_GOING_ON:
+        table |= {(stop, e.DONE): s.DISABLED, (stop, e.FAILED): s.FAULT, (stop, e.HOLD): stop, (stop, e.RAMP): stop}
+        table |= {(stop, order): stop for order in (e.STOP, e.QUICK_STOP, e.DISABLE)}
+        table[stop, e.COAST] = s.COASTING
+    for still in (s.OFFLINE, s.CONNECTING, s.DISABLED, s.FAULT, s.ENABLING):  # no power, or none yet: nothing to stop
+        gone = s.OFFLINE if still in (s.OFFLINE, s.CONNECTING) else s.FAULT
+        table |= {(still, fault): gone for fault in (e.COAST, e.RAMP, e.HOLD)}
+        table |= {(still, order): still for order in (e.STOP, e.QUICK_STOP, e.DISABLE) if still is not s.ENABLING}
+    table |= {(s.ENABLING, order): s.DISABLED for order in (e.STOP, e.QUICK_STOP, e.DISABLE)}
+    return table
+
+
+TABLE = _table()
+_EVENTS = {Category.COAST: Event.COAST, Category.RAMP: Event.RAMP, Category.HOLD: Event.HOLD}
+
+
+def event_of(fault: Fault) -> Event:
+    """The event that a fault is, by its stop category."""
+    return _EVENTS[STOPS[fault].category]
+
+
+def following(state: State, event: Event) -> State | None:
+    """The next state; None where the order cannot be given in this one."""
+    return TABLE.get((state, event))
+
+
+def why_not(event: Event, state: State) -> str:
+    """Why an order cannot be given in this state, and what can."""
+    wanted = {Event.ENABLE: "`stagectl fault reset` comes first", Event.MOVE: "`stagectl enable` comes first"}
+    wanted[Event.HOME] = wanted[Event.MOVE]
+    advice = wanted.get(event, "see `stagectl status`")
+    if state in (State.MOVING, State.HOMING, State.STOPPING):
+        advice = "wait for its end, or `stagectl stop`"
+    return f"{event.name.lower()} is not possible now: the axis {state.words}; {advice}"

@@ -1,0 +1,173 @@
+"""The learned current as a file: HDF5, with what it was learned on, so that it is used nowhere else.
+
+::
+
+    /               format, meta: JSON - stage, trajectory, layers, dt, model (stage and law), trials, created, versions
+    /learned   (n,) A, added to the command period by period
+    /reference (n,) rad | m, the motion it belongs to, from where the axis stands
+    /known     (n,) A, feedforward and friction compensation beside it
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.config.stage_file import Setup
+from stagectl.kernels import law
+from stagectl.recording.metadata import versions, written
+from stagectl.units import StageError
+
+FORMAT = "stagectl-learned/1"
+NEAR = 0.01  # encoder counts by which a reference may differ: another computer's rounding
+ALIKE = 1e-6  # share of the largest current by which what is known beforehand may differ
+_ARRAYS = ("learned", "reference", "known")
+
+
+class LearnedError(StageError):
+    """A learned current that cannot be read, or that belongs to something else."""
+
+
+class Learned(NamedTuple):
+    """A current, and what it belongs to."""
+
+    current: NDArray[np.float64]  # (n,) A
+    reference: NDArray[np.float64]  # (n,) rad | m
+    known: NDArray[np.float64]  # (n,) A, feedforward and friction compensation
+    meta: dict[str, Any]
+
+
+def nothing(setup: Setup, running: law.Law, setpoints: NDArray[np.float64], what: tuple[str, list[str]]) -> Learned:
+    """No current yet, and what one would belong to: `setpoints` (n, fields), `what` = (trajectory, layers)."""
+    column = dict(zip(law.Setpoint._fields, setpoints.T, strict=True))
+    trajectory, layers = what
+    meta = {
+        "stage": setup.file.name,
+        "trajectory": trajectory,
+        "layers": sorted(layers),
+        "dt": setup.dt,
+        "model": {"stage": written(setup.stage), "law": written(running)},
+    }
+    known = column["feedforward"] + column["friction"]
+    return Learned(np.zeros(len(setpoints)), column["reference"].copy(), known, meta)
+
+
+def claim(path: Path) -> None:
+    """Make sure, before there is anything to lose, that a learned current can be kept in `path`.
+
+    Raises LearnedError where it cannot, or another kind of file is there.
+    """
+    if path.exists() and not _ours(path):
+        raise LearnedError(f"{path} is no learned current and is left as it is: choose another file with -o")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.open("ab").close()
+    except OSError as error:
+        raise LearnedError(f"{path} cannot be written: {error.strerror}; choose another file with -o") from error
+    if not path.stat().st_size:
+        path.unlink()
+
+
+def save(path: Path, learned: Learned) -> None:
+    """Write `learned`; a file that is no learned current is left as it is.
+
+    Raises LearnedError where it cannot be written.
+    """
+    claim(path)
+    meta = {**learned.meta, "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "versions": versions()}
+    try:
+        with h5py.File(path, "w") as file:
+            file.attrs.update({"format": FORMAT, "meta": json.dumps(meta)})
+            for name, values in zip(_ARRAYS, learned[:3], strict=True):
+                file[name] = values
+    except OSError as error:
+        raise LearnedError(f"{path} cannot be written: {error}; choose another file with -o") from error
+
+
+def load(path: Path) -> Learned:
+    """Read a learned current.
+
+    Raises LearnedError where the file is none.
+    """
+    if not path.is_file():
+        raise LearnedError(f"{path}: no such file; `stagectl learn` writes one")
+    if not _ours(path):
+        raise LearnedError(f"{path} is no learned current; `stagectl learn` writes one")
+    with h5py.File(path, "r") as file:
+        current, reference, known = (file[name][:] for name in _ARRAYS)
+        return Learned(current, reference, known, json.loads(file.attrs["meta"]))
+
+
+def _ours(path: Path) -> bool:
+    try:
+        with h5py.File(path, "r") as file:
+            return str(file.attrs.get("format")) == FORMAT and set(_ARRAYS) <= set(file)
+    except OSError:
+        return False
+
+
+def check(path: Path, learned: Learned, here: Learned) -> None:
+    """Whether `learned` belongs to the run `here`, of which the current is not looked at.
+
+    Raises LearnedError naming the first thing that differs.
+    """
+    wrong = _motion(learned, here) or _circumstances(learned.meta, here.meta) or _beforehand(learned, here)
+    if wrong:
+        raise LearnedError(
+            f"{path} was learned {wrong}; nothing has moved: a learned current fits only what it was learned on.  "
+            "Learn again with `stagectl learn`, or run without --learned"
+        )
+
+
+def _motion(learned: Learned, here: Learned) -> str:
+    name, this, dt = learned.meta["trajectory"], here.meta["trajectory"], here.meta["dt"]
+    if learned.meta["dt"] != dt:
+        return f"at a period of {learned.meta['dt'] * 1e3:g} ms, this stage runs at {dt * 1e3:g} ms"
+    if len(learned.reference) != len(here.reference):
+        times = [len(rows) * dt for rows in (learned.reference, here.reference)]
+        return f"on the trajectory {name} of {times[0]:.6g} s, this one ({this}) takes {times[1]:.6g} s"
+    near = NEAR * here.meta["model"]["stage"]["encoder"]["step"]
+    apart = np.abs(learned.reference - here.reference) > near
+    if np.any(apart):
+        at = int(np.argmax(apart)) * dt
+        return f"on the trajectory {name}, whose reference differs from this one ({this}) from {at:.6g} s on"
+    return ""
+
+
+def _beforehand(learned: Learned, here: Learned) -> str:
+    """Feedforward and friction compensation may come from another friction than the stage's own."""
+    apart = float(np.max(np.abs(learned.known - here.known), initial=0.0))
+    if apart > ALIKE * float(np.max(np.abs(here.known), initial=0.0)):
+        return f"beside another feedforward or friction compensation, by up to {apart:.3g} A"
+    return ""
+
+
+def _circumstances(there: dict[str, Any], here: dict[str, Any]) -> str:
+    if there["layers"] != here["layers"]:
+        return f"with the layers {_listed(there['layers'])}, this run has {_listed(here['layers'])}"
+    before, now = dict(_flat(there["model"])), dict(_flat(here["model"]))
+    for name in sorted(before.keys() | now.keys()):
+        if before.get(name) != now.get(name):
+            return f"with {name} = {before.get(name)}, this stage has {now.get(name)} (SI)"
+    return ""
+
+
+def _listed(layers: list[str]) -> str:
+    return "+".join(layers) or "none"
+
+
+def _flat(values: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """``{"a": {"b": 1}}`` as ("a.b", 1); numbers that are none compare equal."""
+    if isinstance(values, dict):
+        for key, value in values.items():
+            yield from _flat(value, f"{name}.{key}" if name else key)
+    else:
+        yield name, str(values) if isinstance(values, float) and not math.isfinite(values) else values

@@ -1,0 +1,1 @@
+"""The service around the real-time process: orders, processes, recordings, installation."""

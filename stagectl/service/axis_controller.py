@@ -1,0 +1,300 @@
+"""One axis as the service sees it: its orders, its motions, its parameters.  No drive is touched here: see `board`."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple, get_type_hints
+
+import numpy as np
+
+from stagectl import design
+from stagectl.config.stage_file import InProcess, Setup
+from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.realtime.axis import LAW, Orders
+from stagectl.realtime.shared_memory import AHEAD, Board, Order, Status
+from stagectl.realtime.envelope import braking, envelope
+from stagectl.service.virtual_timeouts import patient, waits_for_sync
+from stagectl.realtime.setpoint_sources import Model
+from stagectl.realtime.states import Event, State
+from stagectl.realtime.bumpless_transfer import flattened
+from stagectl.drives.drive import Canopen, Fault
+from stagectl.evaluation import WINDOW_COUNTS
+from stagectl.kernels import rollout, stage
+from stagectl.kernels.friction import relaxed
+from stagectl.plan import plan
+from stagectl.recording.metadata import portable
+from stagectl.recording.ring import Ring
+from stagectl.trajectories import Experiment, SCurve
+from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
+
+_CALM = 0.7  # of what the axis can be braked with: the controller needs the rest
+_JERK_TIME = 0.02  # s in which a move's acceleration rises, unless a jerk is asked for
+STARTING = "starting: its real-time process is coming up; nothing moves, no order is taken"
+RESTARTING = "restarting: its real-time process died, a new one is coming up; nothing moves, no order is taken"
+BLACKBOX = 14.0  # s that the ring holds at least
+COLUMNS = (*rollout.COLUMNS, "state")
+
+
+class ServiceError(StageError):
+    """An order that the service cannot carry out: why, and what to do instead."""
+
+
+class Motion(NamedTuple):
+    """A motion that is laid out and goes, or has gone."""
+
+    name: str
+    rows: bytes
+    length: int  # rows
+    span: tuple[float, float]  # rad | m, lowest and highest position, from where it begins
+
+
+class Gains(NamedTuple):
+    """A design, and the section of the stage file that it comes from."""
+
+    control: design.Settings
+    controller: design.Controller
+
+    @property
+    def order(self) -> Order:
+        """What brings them in, without a jump of the current."""
+        return Order(LAW, tuple(flattened(portable(self.controller.law))))
+
+
+class Manned:
+    """The service's side of one axis."""
+
+    def __init__(self, name: str, setup: Setup) -> None:
+        self.name, self.setup = name, setup
+        self.control = setup.file.control
+        self.controller = design.design(setup.stage, self.control)
+        self._silence = STARTING  # what its state is called as long as the real-time process has not told one
+        self.begin()
+
+    def begin(self) -> None:
+        """New shared memory, for a new real-time process."""
+        capacity = 1 << max(15, int(BLACKBOX / self.setup.dt).bit_length())
+        self.ring, self.board = Ring.create(len(COLUMNS), capacity), Board.create()
+        self.motion: Motion | None = None
+        self._put = 0  # rows of the motion that are on the board
+        self._stops: Any = None  # friction operators as the last motion left them
+        self._next_stops: Any = None
+
+    def renew(self) -> None:
+        """The same after one that died; what it wrote stays in memory as long as somebody reads it."""
+        for shared in (self.ring, self.board):
+            os.close(shared.descriptor)
+        self._silence = RESTARTING
+        self.begin()
+
+    def orders(self) -> Orders:
+        """What the real-time process must know."""
+        setup, p = patient(self.setup), self.setup.stage
+        wire = setup.file.drive.wire
+        ramp = wire.quick_stop_deceleration if isinstance(wire, Canopen) else setup.file.limits.acceleration
+        return Orders(
+            name=self.name,
+            law=portable(self.controller.law),
+            ramp=self._ramp(),
+            envelope=envelope(setup),
+            homing=setup.file.homing,
+            window=WINDOW_COUNTS * (p.encoder.step or 1e-9),
+            standing=(ramp, p.encoder.step),
+            by_clock=not waits_for_sync(setup),
+            wire=None if isinstance(wire, InProcess) else wire,
+            stage=portable(p),
+            simulation=setup.file.simulation,
+            ring=self.ring.descriptor,
+            board=self.board.descriptor,
+        )
+
+    def _ramp(self) -> Model:
+        p, gain = self.setup.stage, 1.0 / self.setup.stage.motor.force_constant
+        friction = stage.sliding(p.friction) * gain if self.controller.feedforward.with_friction else 0.0
+        late = p.encoder.delay_samples * self.setup.dt
+        return Model(
+            self.setup.dt, self.calm, p.mechanics.inertia * gain, p.mechanics.viscous * gain, float(friction), late
+        )
+
+    @property
+    def calm(self) -> float:
+        """Deceleration (rad/s^2 | m/s^2) of stops under control; friction helps them."""
+        return min(self.setup.file.limits.acceleration, _CALM * braking(self.setup))
+
+    @property
+    def effort(self) -> float:
+        """What the largest current leaves beside sliding friction and bias (N m | N)."""
+        p = self.setup.stage
+        return p.drive.current_limit * p.motor.force_constant - stage.sliding(p.friction) - abs(p.mechanics.bias)
+
+    def pace(self, speed: float | None, acceleration: float | None) -> tuple[float, float]:
+        """Speed and acceleration of a move (axis units): as asked for, else what the current gives with ease.
+
+        Raises ServiceError where the current does not carry the speed.
+        """
+        limits, p = self.setup.file.limits, self.setup.stage.mechanics
+        if speed is None:
+            speed = min(0.5 * limits.speed, 0.5 * self.effort / p.viscous if p.viscous else math.inf)
+        left = self.effort - p.viscous * speed
+        if left <= 0.0 and acceleration is None:
+            scale, unit = self.setup.file.axis.travel_per_unit, self.setup.file.axis.travel_unit
+            raise ServiceError(
+                f"{self.name}: drive.current_limit carries the axis at no more than "
+                f"{self.effort / p.viscous * scale:.3g} {unit}/s: take a lower speed"
+            )
+        slope = min(limits.acceleration, _CALM * left / p.inertia) if acceleration is None else acceleration
+        if not speed > 0.0 or not slope > 0.0:
+            raise ServiceError(f"{self.name}: speed and acceleration of a move must be above 0")
+        return speed, slope
+
+    @property
+    def status(self) -> Status:
+        """The axis now."""
+        return self.board.status()
+
+    @property
+    def state(self) -> State:
+        """Its state now."""
+        return State(int(self.status.state))
+
+    def told(self) -> dict[str, Any]:
+        """The axis now, as JSON values; lengths in the unit of travel."""
+        now = self.status
+        scale, unit = self.setup.file.axis.travel_per_unit, self.setup.file.axis.travel_unit
+        state, fault = State(int(now.state)), Fault(int(now.fault))
+        lengths = {
+            name: _finite(getattr(now, name) * scale)
+            for name in ("position", "speed", "reference", "error", "stop_distance")
+        }
+        return {
+            "axis": self.name,
+            "state": state.name.lower(),
+            "state_words": state.words if now.tick else self._silence,
+            "fault": fault.name.lower() if fault else "",
+            "words": self.board.words if fault or state is State.OFFLINE else "",
+            "unit": unit,
+            **lengths,
+            "current": _finite(now.current),
+            "statusword": int(now.statusword),
+            "homed": bool(now.homed),
+            "in_position": now.settled > 0.0,
+            "progress": now.row / now.rows if now.rows else None,
+            "cycles": int(now.cycles),
+            "late_cycles": int(now.late),
+            "faults": int(now.faults),
+            "stop_time": now.stop_time,
+        }
+
+    # motions
+
+    def move(self, distance: float, speed: float | None, acceleration: float | None) -> Motion:
+        """Lay out a move by `distance` (m | rad of travel).
+
+        Raises TrajectoryError where a limit forbids it.
+        """
+        scale = self.setup.file.axis.travel_per_unit
+        if distance == 0.0:
+            raise ServiceError(f"{self.name}: a move of 0 is none")
+        pace = self.pace(
+            None if speed is None else speed / scale, None if acceleration is None else acceleration / scale
+        )
+        velocity, slope = (value * scale for value in pace)
+        return self._laid_out("move", SCurve(distance, velocity, slope, slope / _JERK_TIME, 0.0, 1, True))
+
+    def trajectory(self, name: str, text: str) -> Motion:
+        """Lay out an uploaded trajectory file.
+
+        Raises ConfigError or TrajectoryError with all that is wrong with it.
+        """
+        with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
+            path = Path(folder) / "trajectory.yaml"
+            path.write_text(text, encoding="utf-8")
+            try:
+                read = load_trajectory(path, axis_of(self.setup))
+            except StageError as error:
+                raise ServiceError(str(error).replace(folder + "/", "")) from error
+        return self._laid_out(name, read)
+
+    def _laid_out(self, name: str, trajectory: Experiment) -> Motion:
+        stops = relaxed(self.controller.feedforward.friction) if self._stops is None else self._stops.copy()
+        planned = plan(self._from_here(), trajectory, self.controller.feedforward, stops)
+        self._next_stops = stops
+        rows = planned.setpoints
+        span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
+        return Motion(name, np.ascontiguousarray(rows).tobytes(), len(rows), span)
+
+    def _from_here(self) -> Setup:
+        """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands."""
+        here, limits = self.status.reference, self.setup.file.limits
+        if not math.isfinite(here):
+            return self.setup
+        left = limits._replace(travel=(limits.travel[0] - here, limits.travel[1] - here))
+        return self.setup._replace(file=self.setup.file._replace(limits=left))
+
+    def start(self, motion: Motion, together: int) -> Order:
+        """Put the first rows on the board; the order that begins it, at once with those of `together` axes in all."""
+        self.motion, self._put = motion, 0
+        self._stops = None  # until the motion has come to its end
+        first = self.board.filled
+        self.fill()
+        return Order(Event.MOVE, (float(first), float(motion.length), *motion.span, float(together)))
+
+    def fill(self) -> None:
+        """Put further rows of the motion on the board, as far as there is room."""
+        motion = self.motion
+        if motion is None or self._put >= motion.length:
+            return
+        done = min(int(self.status.row), self._put) if self.state is State.MOVING else 0
+        room = max(AHEAD - 2 - (self._put - done), 0)  # a motion that was stopped has left its rows
+        size = len(motion.rows) // motion.length
+        end = min(self._put + room, motion.length)
+        self.board.fill(motion.rows[self._put * size : end * size])
+        self._put = end
+
+    def finished(self, whole: bool) -> None:
+        """The motion is over; where it came to its end the friction is as its plan left it."""
+        self._stops = self._next_stops if whole else None
+        self.motion = None
+
+    # parameters
+
+    def parameters(self) -> dict[str, float]:
+        """The numbers of `control` that can be changed while it runs (SI)."""
+        return {name: getattr(self.control, name) for name in self._changeable()}
+
+    def _changeable(self) -> dict[str, Quantity]:
+        hints = get_type_hints(type(self.control), include_extras=True)
+        found = {name: quantity_of(hint) for name, hint in hints.items() if name != "period"}
+        now = self.control
+        return {name: q for name, q in found.items() if q is not None and isinstance(getattr(now, name), float)}
+
+    def changed(self, values: dict[str, str]) -> Gains:
+        """Other gains, designed and not in force.
+
+        Raises ServiceError for a value that cannot be, DesignError where the loop would not have its margin.
+        """
+        control: Any = self.control
+        known = self._changeable()
+        for name, text in values.items():
+            if name not in known:
+                raise ServiceError(f"control.{name} cannot be changed while it runs; these can: {', '.join(known)}")
+            quantity = known[name]
+            unit = quantity.unit_for(self.setup.file.axis.kind)
+            try:
+                value = parse(text, unit)
+            except UnitError as error:
+                raise ServiceError(f"control.{name} = {text}: {error}; must be in {unit or 'no unit'}") from error
+            if not quantity.admits(value):
+                raise ServiceError(f"control.{name} = {text}; must lie in {quantity.interval} {unit}")
+            control = control._replace(**{name: value})
+        return Gains(control, design.design(self.setup.stage, control))
+
+    def adopt(self, gains: Gains) -> None:
+        """The real-time process has taken them."""
+        self.control, self.controller = gains
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

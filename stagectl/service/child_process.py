@@ -1,0 +1,113 @@
+"""A process of our own that takes one pickled order and answers in lines."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import select
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from stagectl.realtime.scheduling import PARENT
+from stagectl.recording.ring import Ring
+
+_PATIENCE = 180.0  # s for a companion to be ready: it may have to compile
+_LEAVE = 15.0  # s for it to end after the loop: it may be behind
+
+
+class Child:
+    """One started process."""
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdin is not None and process.stdout is not None
+        self._process, self._in, self._out = process, process.stdin, process.stdout
+
+    def send(self, order: object) -> None:
+        """Hand over the order."""
+        with contextlib.suppress(BrokenPipeError):  # it has died: the next line() tells
+            pickle.dump(order, self._in)
+            self._in.flush()
+
+    def say(self, word: str) -> None:
+        """Send a word on a line of its own."""
+        with contextlib.suppress(BrokenPipeError):
+            self._in.write(f"{word}\n".encode())
+            self._in.flush()
+
+    def line(self) -> str:
+        """The next line it says; empty where it has ended."""
+        return self._out.readline().decode().strip()
+
+    def readable(self, timeout: float) -> bool:
+        """Whether it has said something, or ended, within `timeout` (s)."""
+        return bool(select.select([self._out], [], [], timeout)[0])
+
+    def signal(self, number: int) -> None:
+        """Send it a signal."""
+        self._process.send_signal(number)
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Its exit code; past `timeout` (s) it is killed."""
+        with contextlib.suppress(BrokenPipeError):
+            self._in.close()
+        try:
+            code = self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            code = self._process.wait()
+        self._out.close()
+        return code
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def ended(self) -> int | None:
+        """Its exit code; None while it lives."""
+        return self._process.poll()
+
+    def terminate(self) -> None:
+        """Ask it to leave, if it has not left."""
+        if self._process.poll() is None:
+            self._process.terminate()
+
+
+class Companion(NamedTuple):
+    """A process that reads the ring beside the recorder, compiled; the motion neither waits for it nor needs it."""
+
+    module: str
+    order: Callable[[Ring, int], object]  # for the ring, and the pipe that ends when the loop does
+
+
+def start(module: str, descriptors: tuple[int, ...], kernels: str) -> Child:
+    """Start ``python -m module`` with these open descriptors and this kind of kernels (see `kernels.jit`)."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", module],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        pass_fds=descriptors,
+        env={**os.environ, "STAGECTL_KERNELS": kernels, PARENT: str(os.getpid())},
+    )
+    return Child(process)
+
+
+@contextlib.contextmanager
+def beside(companion: Companion | None, ring: Ring, alive: int) -> Iterator[list[int]]:
+    """Run the companion, ready before anything moves; yields where its exit code will stand."""
+    codes: list[int] = []
+    if companion is None:
+        yield codes
+        return
+    child = start(companion.module, (ring.descriptor, alive), "compiled")
+    try:
+        child.send(companion.order(ring, alive))
+        if child.readable(_PATIENCE):
+            child.line()
+        yield codes
+    finally:
+        codes.append(child.wait(_LEAVE))

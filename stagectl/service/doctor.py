@@ -1,0 +1,226 @@
+"""Is this machine fit to run the stage?  One line a check, green or red; for what is red, the command that mends."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import resource
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from stagectl.config.stage_file import Setup
+from stagectl.service import virtual_drive
+from stagectl.drives.bus import frames
+from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.setup import NOT_OFFERED
+from stagectl.drives.canopen.setup import Setup as Configuration
+from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.canopen.network import Network, Partner, load_eds
+
+_WAKES = 200  # of the wake-up check
+_PERIOD = 1e-3  # s
+_DISK = 1 << 30  # bytes that a month of black boxes and recordings may need
+_SYS = Path("/sys/devices/system/cpu")
+
+
+class Check(NamedTuple):
+    """One finding."""
+
+    name: str
+    good: bool
+    words: str
+    mend: str = ""  # the command, where it is not good
+
+
+def examine(setup: Setup, folder: Path, served: bool) -> Iterator[Check]:
+    """All checks, one after the other; `served`: a service runs, and the bus is its own."""
+    yield _scheduling(setup.file.realtime.priority)
+    yield _memory()
+    yield _throttling()
+    yield _kernel()
+    yield _governor()
+    yield _isolation(setup.file.realtime.cpu)
+    yield _sleep()
+    yield _disk(folder)
+    wire = setup.file.drive.wire
+    if isinstance(wire, Canopen):
+        yield _interface(wire)
+        yield _load(setup, wire)
+        yield from _drive(setup, wire, served)
+
+
+def _scheduling(priority: int) -> Check:
+    """Try it, in a process of its own: a cgroup without real-time time, or a seccomp filter, shows only then."""
+    if priority == 0:
+        return Check(
+            "real-time class", False, "realtime.priority = 0: ordinary scheduling", "set realtime.priority: 80"
+        )
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:  # nothing but the measurement, and no way back into the parent's code
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+            os.write(writing, json.dumps(_wakes()).encode())
+        os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as pipe:
+        said = pipe.read()
+    os.waitpid(child, 0)
+    if not said:
+        mend = "LimitRTPRIO=90 in the unit (`stagectl service install` does it), or `ulimit -r 90`"
+        return Check("real-time class", False, f"SCHED_FIFO {priority} is not permitted", mend)
+    p50, p99, worst = (1e6 * value for value in json.loads(said))
+    return Check(
+        "real-time class", True, f"SCHED_FIFO {priority}; wakes p50 {p50:.0f}, p99 {p99:.0f}, max {worst:.0f} µs late"
+    )
+
+
+def _wakes() -> tuple[float, float, float]:
+    late, due = [], time.monotonic()
+    for _ in range(_WAKES):
+        due += _PERIOD
+        time.sleep(max(due - time.monotonic(), 0.0))
+        late.append(time.monotonic() - due)
+    late.sort()
+    return late[_WAKES // 2], late[_WAKES * 99 // 100], late[-1]
+
+
+def _memory() -> Check:
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    good = limit == resource.RLIM_INFINITY or limit >= 128 << 20 or os.geteuid() == 0
+    amount = "unlimited" if limit == resource.RLIM_INFINITY else f"{limit >> 10} KiB"
+    return Check("locked memory", good, f"{amount} may be locked", "LimitMEMLOCK=infinity, or `ulimit -l unlimited`")
+
+
+def _throttling() -> Check:
+    share = _text(Path("/proc/sys/kernel/sched_rt_runtime_us"))
+    good = share == "-1" or int(share or 950000) >= 900000
+    words = f"sched_rt_runtime_us = {share or 'unknown'} of 1000000"
+    return Check("real-time share", good, words, "sysctl kernel.sched_rt_runtime_us=950000")
+
+
+def _kernel() -> Check:
+    good = _text(Path("/sys/kernel/realtime")) == "1"
+    words = f"{os.uname().release}, {'PREEMPT_RT' if good else 'no PREEMPT_RT: late cycles by the kernel itself'}"
+    return Check("kernel", good, words, "apt install linux-image-rt-amd64, then boot it")
+
+
+def _governor() -> Check:
+    found = {_text(path) for path in _SYS.glob("cpu[0-9]*/cpufreq/scaling_governor")}
+    words = ", ".join(sorted(found)) or "no frequency scaling"
+    return Check("governor", found <= {"performance"}, words, "cpupower frequency-set -g performance")
+
+
+def _isolation(cpu: int | None) -> Check:
+    isolated = _text(_SYS / "isolated")
+    if cpu is None:
+        return Check(
+            "CPU",
+            False,
+            "realtime.cpu is not set: the loop may run anywhere",
+            "set realtime.cpu: 1, boot with isolcpus=1",
+        )
+    good = str(cpu) in _listed(isolated)
+    return Check("CPU", good, f"CPU {cpu}; isolated: {isolated or 'none'}", f"boot with isolcpus={cpu} nohz_full={cpu}")
+
+
+def _listed(text: str) -> set[str]:
+    """The numbers of a list such as ``1-3,7``."""
+    found: set[str] = set()
+    for part in filter(None, text.split(",")):
+        first, _, last = part.partition("-")
+        found |= {str(number) for number in range(int(first), int(last or first) + 1)}
+    return found
+
+
+def _sleep() -> Check:
+    path = "/dev/cpu_dma_latency"
+    good = os.access(path, os.W_OK)
+    words = "can be kept awake" if good else f"{path} is not writable: the CPU may sleep deeply"
+    return Check("CPU sleep", good, words, "`stagectl service install` (a udev rule), or chgrp the device")
+
+
+def _disk(folder: Path) -> Check:
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    free = shutil.disk_usage(there).free
+    good = free >= _DISK and os.access(there, os.W_OK)
+    return Check(
+        "disk", good, f"{free / 2**30:.1f} GiB free for {folder}", f"make room, or take another --state than {folder}"
+    )
+
+
+def _interface(wire: Canopen) -> Check:
+    if wire.interface != "socketcan":
+        return Check("bus", True, f"{wire.interface} {wire.channel}: no kernel interface to look at")
+    up = f"ip link set {wire.channel} up type can bitrate {wire.bitrate:.0f} restart-ms 100"
+    ended = subprocess.run(
+        ["ip", "-details", "-json", "link", "show", wire.channel], capture_output=True, text=True, check=False
+    )
+    if ended.returncode != 0:
+        return Check("bus", False, f"there is no interface {wire.channel}", f"modprobe can_raw; {up}")
+    about = json.loads(ended.stdout)[0]
+    data = about.get("linkinfo", {}).get("info_data", {})
+    state, rate = data.get("state", "vcan"), data.get("bittiming", {}).get("bitrate", wire.bitrate)
+    good = "UP" in about.get("flags", []) and state in ("ERROR-ACTIVE", "vcan") and rate == wire.bitrate
+    return Check("bus", good, f"{wire.channel}: {state}, {rate:.0f} bit/s", f"ip link set {wire.channel} down; {up}")
+
+
+def _load(setup: Setup, wire: Canopen) -> Check:
+    share = frames.load(1.0 / setup.dt, wire.bitrate, (0, 8, 8))
+    good = share <= wire.bus_load_limit
+    return Check(
+        "bus load",
+        good,
+        f"{100 * share:.0f} % by the cycle, {100 * wire.bus_load_limit:.0f} % allowed",
+        "a longer control.period",
+    )
+
+
+def _drive(setup: Setup, wire: Canopen, served: bool) -> Iterator[Check]:
+    """What the drive says of its stops; read only, and not at all while a service has the bus."""
+    if served:
+        yield Check("drive", True, "a service runs and has the bus: `stagectl status`")
+        return
+    try:
+        if not virtual_drive.answers(wire):
+            yield Check(
+                "drive",
+                False,
+                f"node {wire.node} does not answer",
+                "switch the drive on; check id, bit rate, termination",
+            )
+            return
+        joined = frames.open_bus(wire.interface, wire.channel, wire.bitrate)
+    except DriveError as error:
+        yield Check("drive", False, str(error), "see the line above")
+        return
+    try:
+        node = Partner(wire.node, load_eds(wire.eds, wire.node))
+        Network(joined)[wire.node] = node
+        yield from _options(Configuration(wire, node, setup.stage.encoder.step))
+    finally:
+        joined.close()
+
+
+def _options(drive: Configuration) -> Iterator[Check]:
+    for index, (name, _) in cia402.OPTIONS.items():
+        try:
+            code = drive.offered(index)
+        except DriveError as error:
+            yield Check(name, False, str(error), "compare EDS and drive")
+            continue
+        words = NOT_OFFERED if code is None else cia402.option(index, code)
+        lost = index == cia402.ABORT_CONNECTION and code in (0, None)
+        yield Check(name, not lost, words, f"write 3 (quick stop) to 0x{index:04X}, and store it in the drive")
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8").strip()
+    except OSError:
+        return ""

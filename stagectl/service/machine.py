@@ -1,0 +1,86 @@
+"""The axes of a machine, as `serve` is told them: one stage file, one with `axes`, or several that share one bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from stagectl.config.machine_file import axes_of, coupled, split
+from stagectl.config.stage_file import InProcess, Setup, load_stage
+from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.drives.bus import frames
+from stagectl.drives.drive import Canopen
+
+
+def named(stages: list[str]) -> dict[str, Path]:
+    """The stage file of each axis by its name, from a file, a file with `axes`, or ``x=STAGE.yaml y=STAGE.yaml``.
+
+    Raises ConfigError, and ServiceError for names that cannot be.
+    """
+    found: dict[str, Path] = {}
+    for text in stages:
+        name, equals, path = text.rpartition("=")
+        references = [Path(path)] if equals else axes_of(Path(path))
+        for reference in references:
+            own = name.strip() if equals else split(reference)[1] or "axis"
+            if not own.isidentifier() or own in found:
+                raise ServiceError(f"{text}: several stages need names of their own: x={path} y=...")
+            found[own] = reference
+    return found
+
+
+def together(stages: list[str]) -> bool:
+    """Whether a fault of one axis stops all: what a file with `axes` says, otherwise yes."""
+    return all(coupled(path) for path in named(stages).values())
+
+
+def machine(stages: list[str], channel: str | None) -> dict[str, Manned]:
+    """The axes by name; see `named`.
+
+    Raises ConfigError for what is wrong with a file, ServiceError where the axes cannot share a bus.
+    """
+    axes = {name: Manned(name, _on_channel(load_stage(path), channel)) for name, path in named(stages).items()}
+    _check(axes)
+    return axes
+
+
+def virtual(axes: dict[str, Manned]) -> bool:
+    """Whether nothing real can be moved: all plants are in this machine's memory."""
+    wires = [axis.setup.file.drive.wire for axis in axes.values()]
+    return all(
+        isinstance(wire, InProcess) or (isinstance(wire, Canopen) and wire.interface == "embedded") for wire in wires
+    )
+
+
+def _on_channel(setup: Setup, channel: str | None) -> Setup:
+    wire = setup.file.drive.wire
+    if channel is None or not isinstance(wire, Canopen):
+        return setup
+    drive = setup.file.drive._replace(wire=wire._replace(channel=channel))
+    return setup._replace(file=setup.file._replace(drive=drive))
+
+
+def _check(axes: dict[str, Manned]) -> None:
+    """What axes in one process and on one bus must have in common, and what they must not."""
+    if len(axes) == 1:
+        return
+    period, *others = (axis.setup.dt for axis in axes.values())
+    if any(other != period for other in others):
+        raise ServiceError(f"control.period is {sorted({period, *others})} s: axes of one SYNC need the same")
+    wires = [axis.setup.file.drive.wire for axis in axes.values()]
+    found = [wire for wire in wires if isinstance(wire, Canopen)]
+    places = {(wire.interface, wire.channel, wire.node) for wire in found}
+    if len(places) < len(found):
+        raise ServiceError("two axes have the same drive.wire.node on one channel: give each its own")
+    for where in {(wire.interface, wire.channel) for wire in found}:
+        _check_load([wire for wire in found if (wire.interface, wire.channel) == where], period)
+
+
+def _check_load(wires: list[Canopen], period: float) -> None:
+    lengths = (0, *(8 for _ in wires for _ in range(2)))
+    share, limit = frames.load(1.0 / period, wires[0].bitrate, lengths), min(wire.bus_load_limit for wire in wires)
+    if share > limit:
+        raise ServiceError(
+            f"{len(wires)} axes on {wires[0].channel}: SYNC and two PDOs each every {period * 1e3:g} ms take "
+            f"{100 * share:.0f} % of the bus, the limit is {100 * limit:.0f} %: take control.period of at least "
+            f"{period * share / limit * 1e3:.3g} ms"
+        )

@@ -1,0 +1,159 @@
+"""What each order means for the machine: one axis after the other, or several at once; it ends when it has happened."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
+
+from stagectl.realtime.shared_memory import Order
+from stagectl.service.axis_controller import Manned, Motion, ServiceError
+from stagectl.service.service import Service
+from stagectl.realtime.states import Event, State, why_not
+from stagectl.units import UnitError, parse
+
+_ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, a stop and a connection may take
+Layout = Callable[[], Awaitable[Motion | None]]  # None: the axis is there already
+_UNPOWERED = (State.DISABLED, State.FAULT, State.OFFLINE)
+
+
+class Orderly:
+    """Gives orders to a service's axes."""
+
+    def __init__(self, service: Service) -> None:
+        self.service = service
+        self._begin = asyncio.Lock()  # one at a time lays its motion out from where the axes stand, and begins it
+        self._stops = 0
+
+    async def enable(self, axes: list[Manned]) -> None:
+        """Switch power on; the axes then hold where they stand."""
+        for axis in axes:
+            if axis.state is State.OFFLINE:
+                await self._connect(axis, Event.CONNECT)
+        for axis in axes:
+            await self.service.order(axis, Order(Event.ENABLE))
+        for axis in axes:
+            await self.service.until(axis, lambda state: state is not State.ENABLING, _ENABLED)
+            if axis.state is not State.STANDING:
+                raise ServiceError(f"{axis.name}: {axis.board.words or 'it did not get power'}")
+
+    async def disable(self, axes: list[Manned]) -> None:
+        """Stop what moves, and switch power off."""
+        await self._stop(axes, Event.DISABLE, _UNPOWERED)
+
+    async def stop(self, axes: list[Manned]) -> None:
+        """Stop category 2: brake under control, then hold."""
+        await self._stop(axes, Event.STOP, (State.STANDING, *_UNPOWERED))
+
+    async def quick_stop(self, axes: list[Manned]) -> None:
+        """Stop category 1: the drives brake on their own ramps, then power is cut."""
+        await self._stop(axes, Event.QUICK_STOP, _UNPOWERED)
+
+    async def reset(self, axes: list[Manned]) -> None:
+        """Leave the fault: the drives are configured anew, and have no power yet."""
+        for axis in axes:
+            if axis.state is not State.DISABLED:
+                await self._connect(axis, Event.RESET)
+
+    async def home(self, axes: list[Manned]) -> None:
+        """Find the home, one axis after the other."""
+        for axis in axes:
+            await self.service.order(axis, Order(Event.HOME))
+            if not await self.service.settle(axis) or not axis.status.homed:
+                raise ServiceError(f"{axis.name}: not homed: {axis.board.words or 'it was stopped'}")
+
+    async def move(
+        self, to: dict[str, str], by: dict[str, str], pace: tuple[str | None, str | None], wait: bool
+    ) -> None:
+        """Begin moves in one period; with `wait`, until all stand in position.
+
+        Raises ServiceError where one cannot begin: then none does.
+        """
+        if (not to and not by) or to.keys() & by.keys():
+            raise ServiceError("a move needs a position or a distance for at least one axis, and one of them each")
+        asked = []
+        for name, text in (*to.items(), *by.items()):
+            (axis,) = self.service.chosen(name) if name or len(self.service.axes) == 1 else (None,)
+            if axis is None:
+                raise ServiceError(f"the move must name its axis; there are {', '.join(self.service.axes)}")
+            asked.append((axis, partial(self._planned, axis, (text, name in to), pace)))
+        await self._run(asked, wait)
+
+    async def trajectory(self, name: str, text: tuple[str, str], wait: bool) -> None:
+        """Run a trajectory of this (name, YAML)."""
+        axes = self.service.chosen(name)
+        if len(axes) != 1:
+            raise ServiceError(f"the trajectory must name its axis; there are {', '.join(self.service.axes)}")
+        await self._run([(axes[0], partial(asyncio.to_thread, axes[0].trajectory, *text))], wait)
+
+    async def change(self, name: str, values: dict[str, str]) -> None:
+        """Other gains for an axis, or for all."""
+        for axis in self.service.chosen(name):
+            gains = await asyncio.to_thread(axis.changed, values)
+            await self.service.order(axis, gains.order)
+            axis.adopt(gains)
+
+    async def _connect(self, axis: Manned, event: Event) -> None:
+        await self.service.order(axis, Order(event))
+        await self.service.until(axis, lambda state: state is not State.CONNECTING, _CONNECTED)
+        if axis.state is not State.DISABLED:
+            raise ServiceError(f"{axis.name}: {axis.board.words}")
+
+    async def _stop(self, axes: list[Manned], event: Event, ends: tuple[State, ...]) -> None:
+        """All at once; then wait for each."""
+        self._stops += 1
+        for axis in axes:
+            axis.board.order(Order(event))
+        for axis in axes:
+            if not await self.service.until(axis, lambda state: state in ends, _STANDS):
+                raise ServiceError(f"{axis.name}: it {axis.state.words} still")
+
+    def _ready(self, axis: Manned) -> None:
+        if axis.state is not State.STANDING:
+            raise ServiceError(f"{axis.name}: {why_not(Event.MOVE, axis.state)}")
+
+    async def _planned(
+        self, axis: Manned, where: tuple[str, bool], pace: tuple[str | None, str | None]
+    ) -> Motion | None:
+        """The move to a position, or by a distance; None where the axis is there already."""
+        unit, scale = axis.setup.file.axis.travel_unit, axis.setup.file.axis.travel_per_unit
+        text, absolute = where
+        distance = _value(text, unit)
+        if absolute:
+            distance -= axis.status.reference * scale
+        if abs(distance) < 1e-12:
+            return None
+        speed = _value(pace[0], f"{unit}/s") if pace[0] else None
+        acceleration = _value(pace[1], f"{unit}/s^2") if pace[1] else None
+        return await asyncio.to_thread(axis.move, distance, speed, acceleration)
+
+    async def _run(self, asked: Sequence[tuple[Manned, Layout]], wait: bool) -> None:
+        stops = self._stops  # as it was asked for: a stop ends one that waits for its turn, too
+        async with self._begin:
+            motions = await self._begun(asked, stops)
+        if wait:
+            good = await asyncio.gather(*(self.service.settle(axis) for axis, _ in motions))
+            for (axis, _), well in zip(motions, good, strict=True):
+                if not well:
+                    why = axis.board.words if axis.status.fault else "it was stopped, or does not stand in position"
+                    raise ServiceError(f"{axis.name}: not in position: {why}")
+
+    async def _begun(self, asked: Sequence[tuple[Manned, Layout]], stops: int) -> list[tuple[Manned, Motion]]:
+        """Lay all of them out, then begin them; none where a stop has been ordered since there were `stops`."""
+        for axis, _ in asked:
+            self._ready(axis)
+        laid_out = [(axis, await layout()) for axis, layout in asked]
+        if self._stops != stops:
+            raise ServiceError("stopped before it began: the motion was still being laid out")
+        motions = [(axis, motion) for axis, motion in laid_out if motion is not None]
+        orders = [(axis, axis.start(motion, len(motions))) for axis, motion in motions]
+        await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
+        return motions
+
+
+def _value(text: str, unit: str) -> float:
+    """A number with its unit (SI).  Raises ServiceError."""
+    try:
+        return parse(text, unit)
+    except UnitError as error:
+        raise ServiceError(f"{text}: {error}; it must be a number with a unit such as {unit}") from error

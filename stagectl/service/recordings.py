@@ -1,0 +1,180 @@
+"""Recordings of a running service: a recorder process for as long as it is wanted, and the files there are."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import re
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from stagectl.config.machine_file import text_of
+from stagectl.service.black_box import UNFINISHED
+from stagectl.service.child_process import Child, start
+from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
+from stagectl.recording.file_lock import being_written, discard, sweep
+from stagectl.recording.hdf5 import RecordingError, repair
+from stagectl.recording.metadata import of_axis
+from stagectl.recording.recorder import ENOUGH, Order
+
+LONGEST = 86400.0  # s
+KINDS = ("recordings", "blackbox")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.+-]{0,79}")
+_END = 60.0  # s that a recorder may take to finish its file: one that is killed leaves it cut off
+
+
+def about(axis: Manned, what: str) -> dict[str, Any]:
+    """What a recording of an axis says about itself; `what` stands for the trajectory."""
+    return {**of_axis(axis.setup, axis.controller, _loaded(axis.setup.path)), "trajectory": what}
+
+
+@functools.cache
+def _loaded(path: Path) -> str:
+    """The stage file's text when the service came up: it may be edited while that runs."""
+    return text_of(path)
+
+
+class _Running(NamedTuple):
+    axis: str
+    path: Path
+    child: Child
+    pipe: int  # writing end: a byte says enough, its closing that the loop is gone
+    first: int  # row
+    until: float  # s, monotonic clock
+    told: bool = False  # that it is enough
+
+
+class Recordings:
+    """Begins and ends them; at most one an axis at a time."""
+
+    def __init__(self, state: Path) -> None:
+        self._state = state
+        self._running: dict[str, _Running] = {}
+
+    def begin(self, axis: Manned, name: str, before: float, seconds: float) -> Path:
+        """Record an axis from `before` (s) ago, as far as the ring goes back, until `end` or `seconds` from now.
+
+        Raises ServiceError where it is being recorded, or the name will not do.
+        """
+        self.look()
+        if axis.name in self._running:
+            raise ServiceError(f"{axis.name} is being recorded: {self._running[axis.name].path.name}; stop that first")
+        name = name.strip() or time.strftime("%Y%m%d-%H%M%S")
+        if not _NAME.fullmatch(name):
+            raise ServiceError(f"name {name!r}; must be letters, digits, '_', '-', '.', '+', 80 at most")
+        path = self._state / "recordings" / axis.name / f"{name}.h5"
+        if path.exists():
+            raise ServiceError(f"{path.name} exists already: take another name")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        ring, dt = axis.ring, axis.setup.dt
+        first = max(ring.written - round(before / dt), ring.written - ring.capacity + round(1.0 / dt), 0)
+        reading, writing = os.pipe()
+        child = start("stagectl.recording.recorder", (ring.descriptor, reading), "interpreted")
+        os.close(reading)
+        meta = about(axis, "recorded")
+        child.send(Order(ring.descriptor, ring.width, ring.capacity, reading, str(path), meta, COLUMNS, first))
+        until = time.monotonic() + seconds
+        self._running[axis.name] = _Running(axis.name, path, child, writing, first, until)
+        return path
+
+    def tidy(self) -> Iterator[str]:
+        """Take away what killed processes have begun; black boxes that one was writing keep their rows: their names.
+
+        What is still being written is left alone, as by the black box of a service that has just died.
+        """
+        for folder in [folder for kind in KINDS for folder in (self._state / kind).glob("*/")]:
+            sweep(folder)
+            for left in folder.glob(f"*{UNFINISHED}"):
+                with contextlib.suppress(OSError, RecordingError):
+                    if not being_written(left):
+                        repair(left)
+                        yield left.rename(left.with_suffix(".h5")).name
+
+    def end(self, name: str) -> Path:
+        """End the recording of an axis; returns when its file is whole.  Raises ServiceError where there is none."""
+        running = self._running.pop(name, None)
+        if running is None:
+            raise ServiceError(f"{name} is not being recorded")
+        _tell(running)
+        os.close(running.pipe)
+        code = running.child.wait(_END)
+        discard(running.path)
+        if code:
+            raise ServiceError(f"{running.path}: the recorder failed ({code}); see the service's messages")
+        if not running.path.exists():
+            raise ServiceError(
+                f"nothing was recorded: {name} gave no rows; see `stagectl status` and `stagectl fault list`"
+            )
+        return running.path
+
+    def look(self) -> list[str]:
+        """Tell those whose time is over, take leave of those that have ended; axes whose recording failed."""
+        failed = []
+        for name, running in list(self._running.items()):
+            if running.child.ended is not None:
+                del self._running[name]
+                os.close(running.pipe)
+                if running.child.wait(_END):
+                    discard(running.path)
+                    failed.append(name)
+            elif time.monotonic() > running.until and not running.told:
+                _tell(running)
+                self._running[name] = running._replace(told=True)
+        return failed
+
+    def cut(self) -> list[tuple[Child, float]]:
+        """The real-time process is gone: what was being recorded ends here; recorders, and what (s) each may take."""
+        gone = list(self._running.values())
+        self._running.clear()
+        for running in gone:
+            os.close(running.pipe)
+        return [(running.child, _END) for running in gone]
+
+    def told(self, axis: Manned) -> dict[str, Any] | None:
+        """The recording of an axis that goes on."""
+        running = self._running.get(axis.name)
+        if running is None:
+            return None
+        rows = axis.ring.written - running.first
+        return {
+            "file": running.path.name,
+            "seconds": rows * axis.setup.dt,
+            "left": max(running.until - time.monotonic(), 0.0),
+        }
+
+    def files(self) -> list[dict[str, Any]]:
+        """All files there are, the newest first; one that is about to be written has no bytes."""
+        going = {running.path for running in list(self._running.values())}
+        there = {path for kind in KINDS for path in (self._state / kind).glob("*/*.h5")}
+        found = [_listed(path, path in going) for path in there | going]
+        return sorted((one for one in found if one), key=lambda one: -float(one["time"]))
+
+    def path(self, kind: str, axis: str, file: str) -> Path:
+        """A file of the list.  Raises ServiceError where it is none."""
+        there = [one for one in self.files() if one["bytes"]]
+        if not any((one["kind"], one["axis"], one["file"]) == (kind, axis, file) for one in there):
+            raise ServiceError(f"no recording {kind}/{axis}/{file}")
+        return self._state / kind / axis / file
+
+
+def _listed(path: Path, going: bool) -> dict[str, Any]:
+    """A line of the list; empty where the file has just gone."""
+    try:
+        about = path.stat()
+        size, when = about.st_size, about.st_mtime
+    except FileNotFoundError:
+        if not going:
+            return {}
+        size, when = 0, time.time()
+    place = {"kind": path.parent.parent.name, "axis": path.parent.name, "file": path.name}
+    return {**place, "bytes": size, "time": when, "going_on": going}
+
+
+def _tell(running: _Running) -> None:
+    """Enough; one that has ended by itself does not hear it."""
+    if not running.told:
+        with contextlib.suppress(BrokenPipeError):
+            os.write(running.pipe, ENOUGH)

@@ -1,0 +1,133 @@
+"""The virtual drive as a process of its own: started where the embedded bus has no drive yet."""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from stagectl.config.stage_file import Setup
+from stagectl.realtime.scheduling import PARENT, settle
+from stagectl.drives.bus.frames import Bus, open_bus
+from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.drive import Canopen, DriveError, Odrive
+from stagectl.drives.virtual.inject import Doorway, doorway, obey
+from stagectl.drives.virtual.node import VirtualNode
+from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
+from stagectl.drives.simulated import Plant
+from stagectl.number_format import length
+
+VELOCITY_LOOP = 20.0  # Hz, of the virtual drive's own stops
+_READY = "virtual drive"
+_FRAME = struct.Struct("<IB3x8s")
+_UPLOAD_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"  # SDO: upload 0x1000
+
+
+def answers(wire: Canopen, patience: float = 0.2) -> bool:
+    """Whether a node with the wire's id answers on its bus."""
+    bus = open_bus(wire.interface, wire.channel, wire.bitrate)
+    try:
+        bus.send(_FRAME.pack(0x600 + wire.node, 8, _UPLOAD_DEVICE_TYPE))
+        end = time.monotonic() + patience
+        while (left := end - time.monotonic()) > 0.0:
+            frame = bus.receive(left)
+            if frame is not None and _FRAME.unpack(frame)[0] == 0x580 + wire.node:
+                return True
+        return False
+    finally:
+        bus.close()
+
+
+def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
+    """Start ``stagectl virtual-drive`` with noise of this `seed` and wait until it is on the bus.
+
+    Nobody reads what it says after that, so the pipe is closed: a full one would hold the drive up in mid motion.
+    Raises DriveError with what it printed where it is not.
+    """
+    options = ["--channel", channel, "--seed", str(seed), "--follow"]
+    command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage_file), *options]
+    process = subprocess.Popen(  # a session of its own: a Ctrl-C is for the controller, which stops the axis
+        command,
+        stdout=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, PARENT: str(os.getpid())},
+    )
+    assert process.stdout is not None
+    with process.stdout:
+        line = process.stdout.readline()
+    if not line.startswith(_READY):
+        process.kill()
+        process.wait()
+        raise DriveError(f"the virtual drive did not start: {line.strip() or 'see the messages above'}")
+    return process
+
+
+def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Callable[[], bool]) -> None:
+    """Be the virtual drive of this stage until told otherwise, and without power.
+
+    Raises DriveError where there is one already, or the bus goes away.
+    """
+    if answers(wire):
+        raise DriveError(f"node {wire.node} is on {wire.interface} {wire.channel} already: one drive is enough")
+    bus = open_bus(wire.interface, wire.channel, wire.bitrate)
+    door = Doorway(doorway(wire.interface, wire.channel, wire.node))
+    node = virtual_node(setup, wire, bus, report)
+    settle()  # a collection of all that was imported takes longer than a period
+    report(f"{_READY} of {setup.file.name}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}")
+
+    def over() -> bool:
+        door.look(lambda request: obey(node.faults, node.now(), request))
+        return until() and not node.axis.enabled  # an axis in motion is brought to a stand first
+
+    try:
+        node.run(over)
+    except OSError as error:  # its folder was removed, or the interface went down
+        raise DriveError(f"the bus {wire.channel} is gone: {error}; start the virtual drive again") from error
+    finally:
+        door.close()
+        bus.close()
+
+
+def virtual_node(
+    setup: Setup, wire: Canopen, bus: Bus, report: Callable[[str], None], time: Clock | None = None
+) -> VirtualNode:
+    """The virtual drive of a stage on `bus`, faults and all; with a `time` of its own its plant follows that."""
+    p = setup.stage
+    # The bus itself delays the command by one period; the plant's own delay line adds the rest of nd.
+    inside = p._replace(drive=p.drive._replace(delay_samples=p.drive.delay_samples - 1))
+    plant = Plant(inside, setup.file.simulation, setup.dt)
+    damping = p.mechanics.inertia * 2.0 * math.pi * VELOCITY_LOOP / p.motor.force_constant
+    axis = setup.file.axis
+    return VirtualNode(
+        wire,
+        plant,
+        bus,
+        "wall" if time else setup.file.simulation.clock,
+        setup.dt,
+        damping,
+        report,
+        distance=lambda way: length(way * axis.travel_per_unit, axis.travel_unit),
+        time=time or WALL,
+        faults=setup.file.virtual_drive.faults,
+    )
+
+
+def serve_odrive(setup: Setup, wire: Odrive, report: Callable[[str], None], until: Callable[[], bool]) -> None:
+    """Be a virtual ODrive on a pty until told otherwise.  Raises DriveError where its port's name is taken."""
+    p = setup.stage
+    inside = p._replace(drive=p.drive._replace(delay_samples=0))  # the line itself is the delay
+    drive = VirtualOdrive(wire, Plant(inside, setup.file.simulation, setup.dt))
+    pty = Pty(drive, wire.port, wire.baud)
+    settle()
+    report(f"{_READY} of {setup.file.name}: ODrive axis {wire.axis} on {wire.port}, process {os.getpid()}")
+    try:
+        pty.run(until)
+    finally:
+        pty.close()

@@ -1,0 +1,1 @@
+"""The live twin: the stage model next to a running axis."""

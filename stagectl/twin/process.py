@@ -1,0 +1,183 @@
+"""The twin's process: reads the loop's ring beside the recorder, compiled, and costs the loop nothing.
+
+Run as ``python -m stagectl.twin.process``; its orders come as one pickled `Order` on standard input.  Every second
+it replaces a small file with what it sees now, every minute it adds a line to the slow record; both are JSON.  It only
+reads the ring: no lock, no pipe, no call of the loop's depends on it, and it may be killed at any time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import select
+import signal
+import sys
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stagectl.gap.logs.session import Array
+from stagectl.twin.live_model import Block, State, Twin, pieces, step, twin
+from stagectl.twin.estimate import update
+from stagectl.twin.record import add, line_of, snapshot
+from stagectl.kernels import jit, law, rollout, stage
+from stagectl.recording.ring import Ring
+
+BLOCK = 0.25  # s of data in a block
+WINDOW = 60.0  # s of data that the live figures are of; and between two lines of the slow record
+_SHOWN = 1.0  # s of wall clock between two snapshots
+_POLL = 0.1  # s
+_BEHIND = 0.5  # of the ring's capacity: further behind, rows are skipped and that is said
+_NICE = 5
+
+
+class Order(NamedTuple):
+    """The axis that the twin runs beside, and where it writes."""
+
+    ring: int  # descriptor
+    width: int
+    capacity: int
+    alive: int  # descriptor of the pipe's reading end
+    law: law.Law
+    stage: stage.Stage
+    dt: float
+    about: dict[str, Any]  # name, kind, travel_per_unit, travel_unit, recording
+    live: str  # file of the snapshot
+    record: str  # slow record
+    avoid: int | None  # CPU of the loop
+
+
+class Reader:
+    """The mutable shell around `twin.step`: where in the ring it is, and what it has seen."""
+
+    def __init__(self, order: Order, ring: Ring) -> None:
+        self.order, self.ring = order, ring
+        self.twin: Twin = twin(restored(order.law), restored(order.stage), order.dt)
+        self.state: State | None = None
+        self.size = max(1, round(BLOCK / order.dt))
+        self.live: deque[Block] = deque(maxlen=round(WINDOW / BLOCK))
+        self.minute: list[Block] = []
+        self.done, self.skipped, self.lag = 0, 0, 0
+
+    def catch_up(self, over: bool) -> None:
+        """Take all whole blocks in the ring; at the end what is left, too."""
+        self.lag = self.ring.written - self.done
+        if self.lag > _BEHIND * self.ring.capacity:
+            self._skip(self.ring.written - self.size)
+        while (left := self.ring.written - self.done) >= (1 if over else self.size):
+            first, rows = self.ring.read(self.done, min(self.size, left))
+            if first != self.done:
+                self._skip(first)
+            self.done += len(rows) // (8 * self.order.width)
+            self._take(np.frombuffer(rows).reshape(-1, self.order.width))
+
+    def _skip(self, to: int) -> None:
+        """Go on at row `to`: a gap in time, which `twin.step` sees by itself."""
+        self.skipped += to - self.done
+        self.done = to
+
+    def _take(self, rows: Array) -> None:
+        for piece in pieces(rows, self.order.dt):
+            block, self.state = step(self.twin, self.state, piece)
+            self.live.append(block)
+            self.minute.append(block)
+        if sum(block.rows for block in self.minute) * self.order.dt >= WINDOW:
+            self.note()
+
+    def note(self) -> None:
+        """Add a line to the slow record, of all since the last one, where the motion told something."""
+        line = line_of(self.order.about, update(self.twin, self.minute), time.time()) if self.minute else None
+        if line is not None:
+            add(Path(self.order.record), line)
+        self.minute = []
+
+    def show(self, ended: str, spent: float) -> None:
+        """Replace the live file: a reader sees the old one or the new one, never a part."""
+        if not self.live:
+            return
+        about = {
+            **self.order.about,
+            "process": os.getpid(),
+            "written": time.time(),
+            "ended": ended,
+            "rows": self.done - self.skipped,
+            "skipped_rows": self.skipped,
+            "behind": self.lag * self.order.dt,
+            "cpu_share": spent / max((self.done - self.skipped) * self.order.dt, 1e-9),
+        }
+        text = json.dumps(snapshot(update(self.twin, list(self.live)), about))
+        path = Path(self.order.live)
+        beside = path.with_name(f".{path.name}.new")
+        beside.write_text(text + "\n", encoding="utf-8")
+        beside.replace(path)
+
+
+def restored(p: Any) -> Any:
+    """A block of parameters whose tables are what compiled kernels take; the inverse of `meta.portable`."""
+    if hasattr(p, "_fields"):
+        return type(p)(*map(restored, p))
+    return jit.table(p) if isinstance(p, tuple) else p
+
+
+def watch(order: Order) -> None:
+    """Follow the ring until it closes or its writer is gone."""
+    ring = Ring(order.ring, order.width, order.capacity)
+    _warmed(order, ring)
+    reader = Reader(order, ring)
+    print("ready", flush=True)
+    start, shown = time.thread_time(), time.monotonic()
+    while True:
+        over = ring.closed or _writer_gone(order.alive)
+        reader.catch_up(over)
+        if over:
+            break
+        if time.monotonic() - shown >= _SHOWN:
+            shown = time.monotonic()
+            reader.show("", time.thread_time() - start)
+    reader.note()
+    reader.show("complete" if ring.closed else "the loop process died", time.thread_time() - start)
+
+
+def _warmed(order: Order, ring: Ring) -> None:
+    """Compile, before anything moves: two rows at rest."""
+    rows = np.zeros((2, rollout.WIDTH))
+    rows[:, 0] = (0.0, order.dt)
+    step(Reader(order, ring).twin, None, rows)
+
+
+def _writer_gone(alive: int) -> bool:
+    readable, _, _ = select.select([alive], [], [], _POLL)
+    return bool(readable) and os.read(alive, 1) == b""
+
+
+def _stand_back(avoid: int | None) -> None:
+    """The loop comes first: lower priority, and not on its CPU where there is another one."""
+    with contextlib.suppress(OSError):
+        os.nice(_NICE)
+    others = os.sched_getaffinity(0) - {avoid}
+    if avoid is not None and others:
+        os.sched_setaffinity(0, others)
+
+
+def main() -> None:
+    """Entry of the process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop stops the axis; the twin sees it to the end
+    try:
+        order: Order = pickle.load(sys.stdin.buffer)
+    except EOFError:  # the run failed before there was anything to watch
+        return
+    _stand_back(order.avoid)
+    try:
+        watch(order)
+    except OSError as error:
+        print(f"twin: {error}", file=sys.stderr, flush=True)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The live page: what a browser sees of a running service."""

@@ -1,0 +1,80 @@
+"""The other end of the live connection, for programs: captures of a running loop over the control socket."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.web.client import ControlError, RefusedError
+from stagectl.web.live import CAPTURE, FREE, HEAD
+
+_PATIENCE = 10.0  # s for the connection
+_TRIGGER = re.compile(r"\s*([\w.]+)\s*(>|<|=)\s*(.+?)\s*")
+_EDGES = {">": "rising", "<": "falling", "=": "both"}
+
+
+class Seen(NamedTuple):
+    """One capture."""
+
+    time: NDArray[np.float64]  # (n,) s, from the trigger; of the first row of each bucket
+    low: NDArray[np.float64]  # (channels, n), in the channels' units
+    high: NDArray[np.float64]
+    step: float  # s between two buckets
+    triggered: bool
+
+
+def trigger(text: str) -> dict[str, str]:
+    """``error > 1 um``: rises above; ``<`` falls below, ``=`` crosses either way.
+
+    Raises ControlError where it cannot be understood.
+    """
+    match = _TRIGGER.fullmatch(text)
+    if match is None:
+        raise ControlError(f"--trigger {text!r}; must be CHANNEL > LEVEL, CHANNEL < LEVEL or =, such as 'error > 1 um'")
+    return {"channel": match[1], "edge": _EDGES[match[2]], "level": match[3]}
+
+
+def captures(path: Path, asked: dict[str, Any]) -> Iterator[tuple[dict[str, Any], Seen]]:
+    """The machine's description and each capture, without an end; `asked` as in `asked.Asked`.
+
+    Raises RefusedError with the service's reason, ControlError where there is none to ask.
+    """
+    from websockets.exceptions import ConnectionClosed, InvalidHandshake
+    from websockets.sync.client import unix_connect
+
+    try:
+        with unix_connect(
+            os.fspath(path), uri="ws://localhost/v1/live", open_timeout=_PATIENCE, compression=None, max_size=None
+        ) as link:
+            link.send("{}")
+            machine = json.loads(link.recv())["machine"]
+            link.send(json.dumps({"scope": asked}))
+            for message in link:
+                if isinstance(message, bytes):
+                    yield machine, unpacked(message)
+                elif "error" in (said := json.loads(message)):
+                    raise RefusedError(said["error"])
+        raise ControlError("the service has ended")
+    except ConnectionClosed as error:
+        raise ControlError(f"the service has closed the connection: {error.reason or 'it has ended'}") from error
+    except (OSError, InvalidHandshake, ValueError) as error:
+        raise ControlError(
+            f"no service answers on {path} ({error}); start one with `stagectl serve STAGE.yaml`"
+        ) from error
+
+
+def unpacked(message: bytes) -> Seen:
+    """A message of numbers, see `live`."""
+    numbers = np.frombuffer(message, dtype="<f8")
+    kind, channels, buckets, size, start, period, at, _ = numbers[:HEAD]
+    values = numbers[HEAD:].reshape(-1, int(channels), int(buckets))
+    time = start - at + np.arange(int(buckets)) * size * period
+    assert kind in (CAPTURE, FREE)
+    return Seen(time, values[0], values[-1], float(size * period), bool(kind == CAPTURE))

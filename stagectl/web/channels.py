@@ -1,0 +1,86 @@
+"""What a scope can show of an axis: the columns of its ring, in travel, A and s."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, get_type_hints
+
+from stagectl.config.stage_file import Setup
+from stagectl.service.axis_controller import COLUMNS, ServiceError
+from stagectl.kernels import law, rollout
+from stagectl.units import Quantity, StageError, factor, quantity_of
+
+MOST = 16
+_HIDDEN = ("time", "true_position")  # the first is the axis of time, the second is not known on a machine
+_STATE = Quantity("", "[0, 10]", "state of the axis, see daemon.states.State")
+
+
+class Channel(NamedTuple):
+    """One column."""
+
+    name: str
+    column: int
+    unit: str  # m | rad of travel, A, s, or none
+    scale: float  # from the ring's number to the unit
+    meaning: str
+
+
+def channels(setup: Setup) -> dict[str, Channel]:
+    """All channels of an axis by name."""
+    axis = setup.file.axis
+    found = {}
+    for name, quantity in _quantities().items():
+        unit, scale = quantity.unit_for(axis.kind), 1.0
+        for angle in ("rad", "m"):
+            if unit in (angle, f"{angle}/s"):
+                unit, scale = unit.replace(angle, axis.travel_unit, 1), axis.travel_per_unit
+        found[name] = Channel(name, COLUMNS.index(name), unit, scale, quantity.meaning)
+    return found
+
+
+def side_by_side(setups: Mapping[str, Setup]) -> dict[str, Channel]:
+    """Channels of several axes by dotted names (``x.error``), of rows that hold one axis after the other."""
+    return {
+        f"{name}.{one.name}": one._replace(name=f"{name}.{one.name}", column=place * len(COLUMNS) + one.column)
+        for place, (name, setup) in enumerate(setups.items())
+        for one in channels(setup).values()
+    }
+
+
+def chosen(known: dict[str, Channel], names: list[str]) -> list[Channel]:
+    """The channels of these names.
+
+    Raises ServiceError where there is no such channel, or too many are asked for.
+    """
+    for name in names:
+        if name not in known:
+            raise ServiceError(f"no channel {name}; there are {', '.join(known)}")
+    if not 0 < len(names) <= MOST:
+        raise ServiceError(f"{len(names)} channels; a scope shows 1 to {MOST}")
+    return [known[name] for name in names]
+
+
+def level(channel: Channel, text: str) -> float:
+    """A trigger's level in the ring's own unit, from a text with the channel's unit (or none where it has none).
+
+    Raises ServiceError.
+    """
+    number, _, unit = text.strip().partition(" ")
+    try:
+        return float(number) * (factor(unit, channel.unit) if unit else 1.0) / channel.scale
+    except (StageError, ValueError) as error:
+        raise ServiceError(
+            f"trigger level {text}; must be a number in {channel.unit or 'no unit'}, such as '1 {channel.unit}'"
+            if channel.unit
+            else f"trigger level {text}; must be a number without a unit"
+        ) from error
+
+
+def _quantities() -> dict[str, Quantity]:
+    hints = {
+        name: quantity_of(hint)
+        for block in (law.Setpoint, law.Output, rollout.Observed)
+        for name, hint in get_type_hints(block, include_extras=True).items()
+    }
+    hints["state"] = _STATE
+    return {name: found for name, found in hints.items() if found is not None and name not in _HIDDEN}

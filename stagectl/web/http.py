@@ -1,0 +1,218 @@
+"""The control interface: HTTP, described by its OpenAPI document at ``/openapi.json``.
+
+On the Unix socket the permissions of the socket decide who may move the axis.  On TCP a token is asked for, see `door`.
+A request ends at the board; the loop never sees it.  The live page's part of it is in ``page/``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Awaitable, Callable
+from typing import Annotated, Any
+
+from fastapi import FastAPI, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.routing import Match, Route
+
+from stagectl.realtime.shared_memory import BoardFullError
+from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.orders import Orderly
+from stagectl.web import routes
+from stagectl.service.service import Service
+from stagectl.units import StageError
+
+AxisName = Annotated[str, Query(max_length=64, description="Name of the axis; empty: all of them.")]
+Length = Annotated[str, Field(max_length=80, examples=["10 mm"], description="With its unit.")]
+
+
+class Strict(BaseModel):
+    """A body whose unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class Refusal(BaseModel):
+    """Why it was not done, and what to do instead."""
+
+    error: str
+
+
+class Axis(BaseModel):
+    """One axis now."""
+
+    axis: str
+    state: str
+    state_words: str
+    fault: str
+    words: str
+    unit: str
+    position: float | None
+    speed: float | None
+    reference: float | None
+    error: float | None
+    current: float | None
+    statusword: int
+    homed: bool
+    in_position: bool
+    progress: float | None
+    cycles: int
+    late_cycles: int
+    faults: int
+    stop_time: float
+    stop_distance: float | None
+
+
+class Machine(BaseModel):
+    """All axes now."""
+
+    axes: list[Axis]
+    alive: bool
+    refused: list[str]
+
+
+class Entry(BaseModel):
+    """One entry of the fault list."""
+
+    time: str
+    axis: str
+    fault: str
+    words: str
+
+
+class Move(Strict):
+    """A move of one or several axes, which begin in one period; positions or distances."""
+
+    to: dict[str, Length] = Field(default_factory=dict, description="Position by axis.", max_length=16)
+    by: dict[str, Length] = Field(default_factory=dict, description="Distance by axis.", max_length=16)
+    speed: Length | None = None
+    acceleration: Length | None = None
+    wait: bool = True
+
+
+class Upload(Strict):
+    """A trajectory file for one axis."""
+
+    name: Annotated[str, Field(max_length=80)] = "trajectory"
+    yaml: Annotated[
+        str, Field(max_length=1_000_000, examples=["{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 2}"])
+    ]
+    axis: Annotated[str, Field(max_length=64)] = ""
+    wait: bool = True
+
+
+class Parameters(Strict):
+    """Changes of `control`, values with units."""
+
+    control: dict[str, Length] = Field(max_length=32)
+    axis: Annotated[str, Field(max_length=64)] = ""
+
+
+_REFUSALS: dict[int | str, dict[str, Any]] = {
+    400: {"model": Refusal, "description": "The body is no JSON."},
+    409: {"model": Refusal, "description": "It cannot be done now."},
+    422: {"model": Refusal, "description": "It cannot be done at all: a value, a limit."},
+}
+_GUARDED: dict[int | str, dict[str, Any]] = {
+    401: {"model": Refusal, "description": "TCP: the token is missing or wrong."},
+    403: {"model": Refusal, "description": "TCP: reading only."},
+}
+
+
+def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:  # noqa: B008  # a constant
+    """The whole interface; `port` is what the page tells of the TCP port."""
+    app = FastAPI(title="stagectl", version="1", docs_url=None, redoc_url=None, responses=_GUARDED)
+    app.add_exception_handler(ServiceError, _refusal(409))
+    app.add_exception_handler(BoardFullError, _refusal(409))
+    app.add_exception_handler(StageError, _refusal(422))
+    app.add_exception_handler(422, _refusal(422))
+    app.add_exception_handler(400, _refusal(400))
+    app.add_exception_handler(405, _not_allowed)
+    app.add_exception_handler(RequestValidationError, _malformed)
+    _reading(app, service)
+    _moving(app, Orderly(service))
+    routes.add(app, service, port, _REFUSALS)
+    return app
+
+
+def _refusal(status: int) -> Callable[[Request, Exception], Awaitable[Response]]:
+    async def answer(_: Request, error: Exception) -> Response:
+        return JSONResponse({"error": str(error)}, status)
+
+    return answer
+
+
+async def _not_allowed(request: Request, _: Exception) -> Response:
+    """405 with every method of the path, though each stands in a route of its own."""
+    fitting = [
+        one for one in request.app.routes if isinstance(one, Route) and one.matches(request.scope)[0] != Match.NONE
+    ]
+    methods = ", ".join(sorted({name for one in fitting for name in one.methods or ()}))
+    return JSONResponse({"error": f"{request.method} {request.url.path}: only {methods}"}, 405, {"Allow": methods})
+
+
+async def _malformed(_: Request, error: Exception) -> Response:
+    said = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in getattr(error, "errors", list)())
+    return JSONResponse({"error": said or str(error)}, 422)
+
+
+def _reading(app: FastAPI, service: Service) -> None:
+    @app.get("/v1/status", response_model=Machine)
+    async def status() -> Response:
+        """All axes, now."""
+        return Response(json.dumps(told(service)), media_type="application/json")  # unchecked: it is asked often
+
+    @app.get("/v1/faults", response_model=list[Entry])
+    async def faults() -> list[dict[str, Any]]:
+        """What stopped axes or processes, oldest first."""
+        return list(service.faults)
+
+    @app.get("/v1/parameters", response_model=dict[str, dict[str, float]])
+    async def parameters() -> dict[str, dict[str, float]]:
+        """The numbers of `control` by axis, SI."""
+        return {name: axis.parameters() for name, axis in service.axes.items()}
+
+
+def _moving(app: FastAPI, orders: Orderly) -> None:
+    def verb(path: str, order: Callable[[list[Manned]], Awaitable[None]]) -> None:
+        async def do(axis: AxisName = "") -> dict[str, Any]:
+            await order(orders.service.chosen(axis))
+            return told(orders.service)
+
+        do.__name__ = path.replace("-", "_").replace("/", "_")
+        app.post(f"/v1/{path}", response_model=Machine, responses=_REFUSALS, description=order.__doc__)(do)
+
+    verb("enable", orders.enable)
+    verb("disable", orders.disable)
+    verb("home", orders.home)
+    verb("stop", orders.stop)
+    verb("quick-stop", orders.quick_stop)
+    verb("faults/reset", orders.reset)
+
+    @app.post("/v1/move", response_model=Machine, responses=_REFUSALS)
+    async def move(body: Move) -> dict[str, Any]:
+        """Move axes to positions or by distances; with `wait` it answers when they stand in position."""
+        await orders.move(body.to, body.by, (body.speed, body.acceleration), body.wait)
+        return told(orders.service)
+
+    @app.post("/v1/trajectory", response_model=Machine, responses=_REFUSALS)
+    async def trajectory(body: Upload) -> dict[str, Any]:
+        """Run a trajectory file from where the axis stands."""
+        await orders.trajectory(body.axis, (body.name, body.yaml), body.wait)
+        return told(orders.service)
+
+    @app.patch("/v1/parameters", response_model=Machine, responses=_REFUSALS)
+    async def change(body: Parameters) -> dict[str, Any]:
+        """Change gains while it runs, without a jump of the current."""
+        await orders.change(body.axis, body.control)
+        return told(orders.service)
+
+
+def told(service: Service) -> dict[str, Any]:
+    """The machine as JSON values."""
+    return {
+        "axes": [axis.told() for axis in service.axes.values()],
+        "alive": service.alive(),
+        "refused": service.refused,
+    }

@@ -1,0 +1,209 @@
+"""The page's part of the interface: its files, who may do what, recordings, and the live connection."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from fastapi import FastAPI, Query, Request, Response, WebSocket, WebSocketDisconnect
+from fastapi import Path as InPath
+from fastapi.responses import FileResponse
+from pydantic import BaseModel, ConfigDict, Field
+
+from stagectl.web.access_control import May
+from stagectl.service.axis_controller import ServiceError
+from stagectl.web import assets
+from stagectl.web.channels import channels
+from stagectl.web.export import exported
+from stagectl.web.status_feed import News
+from stagectl.web.viewer import Viewer
+from stagectl.service.recordings import LONGEST
+from stagectl.service.service import Service
+
+STATIC = Path(__file__).parent / "static"
+MOST = 8  # viewers at a time
+_PATIENCE = 10.0  # s for a key
+_UNASKED = 1008, 1013  # close codes: who may not, too many
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-cache",
+}
+Part = Annotated[str, InPath(max_length=100)]
+
+
+class Record(BaseModel):
+    """A recording to be begun."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    axis: Annotated[str, Field(max_length=64)] = ""
+    name: Annotated[str, Field(max_length=80, description="Of the file; empty: the time.")] = ""
+    before: float = Field(0.0, ge=0.0, le=3600.0, description="s before now, as far as they are still there.")
+    seconds: float = Field(3600.0, gt=0.0, le=LONGEST, description="s after which it ends by itself.")
+
+
+class Granted(BaseModel):
+    """What you may do here."""
+
+    read: bool
+    move: bool
+
+
+class File(BaseModel):
+    """One file that can be had."""
+
+    kind: str
+    axis: str
+    file: str
+    bytes: int
+    time: float
+    going_on: bool
+
+
+Refusals = dict[int | str, dict[str, Any]]
+
+
+class Port(NamedTuple):
+    """The TCP port, if there is one."""
+
+    address: str | None = None
+    key: str = ""  # what moves there
+
+
+def add(app: FastAPI, service: Service, port: Port, refusals: Refusals) -> None:
+    """Add it to the interface; `refusals` are what the OpenAPI document says of orders that cannot be carried out."""
+    _files(app)
+    _reading(app, service)
+    _recording(app, service, refusals)
+    _live(app, service)
+
+    @app.post("/v1/page", response_model=dict[str, str], responses=refusals)
+    async def page() -> dict[str, str]:
+        """The page's address, with the key that may move the axis."""
+        if port.address is None:
+            raise ServiceError("the service has no TCP port: start it with `--tcp 127.0.0.1:8402`")
+        return {"address": f"{port.address}#{port.key}"}
+
+
+def _files(app: FastAPI) -> None:
+    def sent(folder: Path, name: str) -> Response:
+        path = folder / name
+        if not path.is_file() or path.parent != folder:
+            return Response(status_code=404)
+        return FileResponse(path, headers=_HEADERS)
+
+    @app.get("/", include_in_schema=False)
+    async def index() -> Response:
+        return sent(STATIC, "index.html")
+
+    @app.get("/page/{name}", include_in_schema=False)
+    async def static(name: Part) -> Response:
+        return sent(STATIC, name)
+
+    @app.get("/page/plots/{name}", include_in_schema=False)
+    async def plots(name: Part) -> Response:
+        folder = assets.found()
+        return sent(folder, name) if folder is not None and name in assets.FILES else Response(status_code=404)
+
+
+def _reading(app: FastAPI, service: Service) -> None:
+    @app.get("/v1/me", response_model=Granted)
+    async def me(request: Request) -> dict[str, bool]:
+        """What who asks may do."""
+        may = request.scope.get("may", May.MOVE)
+        return {"read": may >= May.READ, "move": may >= May.MOVE}
+
+    @app.get("/v1/channels", response_model=dict[str, dict[str, dict[str, str]]])
+    async def known() -> dict[str, dict[str, dict[str, str]]]:
+        """What a scope can show, by axis: unit and meaning."""
+        return {
+            axis.name: {one.name: {"unit": one.unit, "meaning": one.meaning} for one in channels(axis.setup).values()}
+            for axis in service.axes.values()
+        }
+
+
+def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:
+    @app.get("/v1/recordings", response_model=list[File])
+    async def files() -> list[dict[str, Any]]:
+        """Recordings and black boxes, the newest first."""
+        return await asyncio.to_thread(service.recordings.files)
+
+    @app.post("/v1/recordings", response_model=dict[str, str], responses=refusals)
+    async def begin(body: Record) -> dict[str, str]:
+        """Begin to record an axis."""
+        (axis,) = service.chosen(body.axis or next(iter(service.axes)))
+        path = service.recordings.begin(axis, body.name, body.before, body.seconds)
+        return {"axis": axis.name, "file": path.name, "path": str(path)}
+
+    @app.post("/v1/recordings/end", response_model=dict[str, str], responses=refusals)
+    async def end(axis: Annotated[str, Query(max_length=64)] = "") -> dict[str, str]:
+        """End the recording of an axis."""
+        (found,) = service.chosen(axis or next(iter(service.axes)))
+        path = await asyncio.to_thread(service.recordings.end, found.name)
+        return {"axis": found.name, "file": path.name, "path": str(path)}
+
+    @app.get("/v1/recordings/{kind}/{axis}/{file}", response_class=FileResponse, responses=refusals)
+    async def one(
+        kind: Part, axis: Part, file: Part, to: Literal["h5", "csv", "parquet", "mat", "mcap"] = "h5"
+    ) -> Response:
+        """A file, as it is or for other programs."""
+        path = await asyncio.to_thread(service.recordings.path, kind, axis, file)
+        return await exported(path, to)
+
+
+def _live(app: FastAPI, service: Service) -> None:
+    viewers: set[Viewer] = set()
+    news = News(service)
+
+    @app.websocket("/v1/live")
+    async def live(link: WebSocket) -> None:
+        await link.accept()
+        may = await _may(link)
+        if may is May.NOTHING or len(viewers) >= MOST:
+            words = "the key is missing or wrong" if may is May.NOTHING else f"{MOST} viewers are here already"
+            await link.close(_UNASKED[may is not May.NOTHING], words)
+            return
+
+        async def say(what: str | bytes) -> None:
+            await (link.send_bytes(what) if isinstance(what, bytes) else link.send_text(what))
+
+        viewer = Viewer(service, news.told, say)
+        viewers.add(viewer)
+        try:
+            await say(json.dumps({"may": {"move": may is May.MOVE}, "machine": news.machine()}))
+            await _served(link, viewer)
+        finally:
+            viewers.discard(viewer)
+
+
+async def _may(link: WebSocket) -> May:
+    """What its first message grants; on the Unix socket, everything."""
+    keys = link.scope.get("keys")
+    with contextlib.suppress(WebSocketDisconnect, asyncio.TimeoutError, ValueError, AttributeError, KeyError):
+        said = json.loads(await asyncio.wait_for(link.receive_text(), _PATIENCE))
+        return May.MOVE if keys is None else May(keys.grant(str(said.get("key", ""))))
+    return May.NOTHING
+
+
+async def _served(link: WebSocket, viewer: Viewer) -> None:
+    """Hear and show until either ends."""
+    showing = asyncio.create_task(viewer.show())
+    hearing = asyncio.create_task(_heard(link, viewer))
+    try:
+        done, _ = await asyncio.wait([showing, hearing], return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):  # it has gone
+                task.result()
+    finally:
+        for task in (showing, hearing):
+            task.cancel()
+        await asyncio.gather(showing, hearing, return_exceptions=True)
+
+
+async def _heard(link: WebSocket, viewer: Viewer) -> None:
+    while True:
+        await viewer.hear(await link.receive_text())

@@ -1,0 +1,103 @@
+// The way to the service: one live connection that comes back by itself, and requests beside it.
+
+const place = sessionStorage;
+let key = "";
+
+export function takeKey() {
+  const said = decodeURIComponent(location.hash.slice(1));
+  if (said) {
+    place.setItem("stagectl-key", said);
+    history.replaceState(null, "", location.pathname);  // not to be seen, copied or kept
+  }
+  key = place.getItem("stagectl-key") || "";
+  return key;
+}
+
+export function setKey(said) {
+  key = said;
+  place.setItem("stagectl-key", said);
+}
+
+function headers() {
+  return key ? { Authorization: `Bearer ${key}` } : {};
+}
+
+// An answer as JSON; what the service refuses is an Error with its words.
+export async function ask(method, what, body) {
+  const about = { method, headers: headers() };
+  if (body !== undefined) {
+    about.headers["Content-Type"] = "application/json";
+    about.body = JSON.stringify(body);
+  }
+  const answer = await fetch(what, about);
+  const found = await answer.json();
+  if (!answer.ok) throw new Error(found.error || `${answer.status}`);
+  return found;
+}
+
+export async function download(what, name) {
+  const answer = await fetch(what, { headers: headers() });
+  if (!answer.ok) throw new Error((await answer.json()).error);
+  save(await answer.blob(), name);
+}
+
+export function save(blob, name) {
+  const anchor = document.createElement("a");
+  anchor.href = URL.createObjectURL(blob);
+  anchor.download = name;
+  anchor.click();
+  setTimeout(() => URL.revokeObjectURL(anchor.href), 60000);
+}
+
+// The live connection.  `on`: open(), closed(code), news(object), numbers(Float64Array).
+export class Link {
+  constructor(on) {
+    this.on = on;
+    this.wait = 250;
+    this.open();
+  }
+
+  open() {
+    const link = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/v1/live`);
+    link.binaryType = "arraybuffer";
+    this.link = link;
+    link.onopen = () => link.send(JSON.stringify({ key }));
+    link.onmessage = (event) => {
+      if (typeof event.data !== "string") return this.on.numbers(new Float64Array(event.data));
+      const said = JSON.parse(event.data);
+      if (said.machine) {
+        this.wait = 250;
+        this.on.open(said);
+      } else this.on.news(said);
+    };
+    link.onclose = (event) => {
+      this.on.closed(event.code);
+      if (event.code === 1008) return;  // the key: trying again does not help
+      setTimeout(() => this.open(), this.wait);
+      this.wait = Math.min(this.wait * 1.5, 3000);
+    };
+  }
+
+  again() {
+    this.wait = 250;
+    this.open();
+  }
+
+  ask(kind, body) {
+    if (this.link.readyState === WebSocket.OPEN) this.link.send(JSON.stringify({ [kind]: body }));
+  }
+}
+
+export const KIND = { strip: 0, capture: 1, detail: 2, free: 3 };
+
+// A message of numbers, see web/live.py.
+export function unpack(data) {
+  const [kind, channels, buckets, size, start, period, at, number] = data;
+  const row = (index) => data.subarray(8 + index * buckets, 8 + (index + 1) * buckets);
+  const low = [], high = [];
+  for (let k = 0; k < channels; k++) {
+    low.push(row(k));
+    high.push(row(size === 1 ? k : channels + k));
+  }
+  return { kind, channels, buckets, size, start, period, at, number, low, high };
+}

@@ -1,0 +1,99 @@
+"""The status as the page shows it; put together once for all viewers that ask within a tenth of a second."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from stagectl.service.axis_controller import Manned
+from stagectl.web.channels import Channel, channels, side_by_side
+from stagectl.web.lateness import Lateness
+from stagectl.service.service import Service
+from stagectl.drives.bus import frames
+from stagectl.drives.drive import Canopen
+
+_AGE = 0.09  # s
+_FAULTS = 20  # of the list, the newest
+
+
+class News:
+    """Of one service."""
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._late: dict[str, Lateness] = {}
+        self._rates: dict[str, tuple[float, float, float]] = {}  # time, cycles, cycles a second
+        self._last: tuple[float, dict[str, Any]] = (0.0, {})
+
+    def machine(self) -> dict[str, Any]:
+        """What does not change while the service runs."""
+        return {
+            axis.name: {
+                "name": axis.setup.file.name,
+                "period": axis.setup.dt,
+                "unit": axis.setup.file.axis.travel_unit,
+                "ring": axis.ring.capacity * axis.setup.dt,
+                "homing": axis.setup.file.homing.method,
+                "bus": _wire(axis),
+                "channels": {
+                    name: {"unit": one.unit, "meaning": one.meaning} for name, one in self._seen_from(axis).items()
+                },
+            }
+            for axis in self._service.axes.values()
+        }
+
+    def _seen_from(self, axis: Manned) -> dict[str, Channel]:
+        """The axis' own channels, then those of the others."""
+        others = {name: one.setup for name, one in self._service.axes.items() if one is not axis}
+        return {**channels(axis.setup), **side_by_side(others)}
+
+    def told(self) -> dict[str, Any]:
+        """The machine now."""
+        now = time.monotonic()
+        if now - self._last[0] > _AGE:
+            self._last = now, self._told(now)
+        return self._last[1]
+
+    def _told(self, now: float) -> dict[str, Any]:
+        service = self._service
+        return {
+            "alive": service.alive(),
+            "refused": service.refused,
+            "axes": [{**axis.told(), **self._beside(axis, now)} for axis in service.axes.values()],
+            "faults": list(service.faults)[-_FAULTS:],
+        }
+
+    def _beside(self, axis: Manned, now: float) -> dict[str, Any]:
+        """What the page shows beside the status: lateness, bus load, recording."""
+        late = self._late.get(axis.name)
+        if late is None or late.ring is not axis.ring:
+            late = self._late[axis.name] = Lateness(axis.ring, axis.setup.dt)
+        rate = self._rate(axis, now)
+        return {
+            "lateness": late.told(),
+            "rate": rate,
+            "bus_load": _load(axis, rate),
+            "recording": self._service.recordings.told(axis),
+        }
+
+    def _rate(self, axis: Manned, now: float) -> float:
+        """Cycles a second, over a second or more."""
+        cycles = axis.status.cycles
+        when, before, rate = self._rates.get(axis.name, (now, cycles, 0.0))
+        if now - when >= 1.0:
+            rate = max(cycles - before, 0.0) / (now - when)
+            self._rates[axis.name] = now, cycles, rate
+        else:
+            self._rates.setdefault(axis.name, (when, before, rate))
+        return rate
+
+
+def _wire(axis: Manned) -> str:
+    wire = axis.setup.file.drive.wire
+    return f"{wire.channel}, {wire.bitrate / 1e3:.0f} kbit/s" if isinstance(wire, Canopen) else ""
+
+
+def _load(axis: Manned, rate: float) -> float | None:
+    """Share of the bus that the cycles really take that this axis makes, stuffed as badly as can be."""
+    wire = axis.setup.file.drive.wire
+    return frames.load(rate, wire.bitrate, (0, 8, 8)) if isinstance(wire, Canopen) else None

@@ -1,0 +1,143 @@
+"""One viewer's live connection: what it asked for, and what goes out to it, frame by frame.
+
+::
+
+    viewer --  {"key": ...}                                    first, over TCP
+           --  {"strip": {"axis", "channels", "span", "points", "number"}}
+           --  {"scope": {... "before", "trigger", "mode"}}     see `Asked`
+           --  {"closer": {"start", "end", "points", "number"}}, {"hold": {"held"}}
+           <-  {"status": ...}  ten times a second; {"error": ...}
+           <-  numbers, see `live`
+
+It reads the ring, which costs the loop nothing; whoever reads slowly gets coarser news, and delays nobody.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.web.viewer_request import Asked, Closer, Hold, Stripes, read
+from stagectl.web.channels import Channel, channels, chosen, level, side_by_side
+from stagectl.web.live import Sight, Strip, Window
+from stagectl.service.service import Service
+from stagectl.recording.joined_rings import Joined, Source
+from stagectl.recording.ring import Ring
+from stagectl.recording.triggering import Settings, Trigger
+
+RATE = 30.0  # frames a second; the page draws what they hold with every picture of its screen
+_NEWS = 0.1  # s between two statuses
+_LONGEST_SHARE = 0.6  # of the ring that a capture may take
+Say = Callable[[str | bytes], Awaitable[None]]
+
+
+class Viewer:
+    """The state of one connection."""
+
+    def __init__(self, service: Service, status: Callable[[], dict[str, Any]], say: Say) -> None:
+        self._service, self._status, self._say = service, status, say
+        self._strip: tuple[Strip, Ring, Stripes] | None = None
+        self._sight: tuple[Sight, Source, Asked] | None = None
+        self._held, self._said = False, 0.0
+
+    async def hear(self, text: str) -> None:
+        """Something was asked for; what cannot be is answered in words."""
+        try:
+            wanted = read(text)
+            if isinstance(wanted, Closer):
+                await self._closer(wanted)
+            elif isinstance(wanted, Hold):
+                self._held = wanted.held
+            elif isinstance(wanted, Asked):
+                self._held, self._sight = False, None if wanted.mode == "off" else self._scope(wanted)
+            else:
+                self._strip = self._stripes(wanted)
+        except ServiceError as error:
+            await self._say(json.dumps({"error": str(error)}))
+
+    async def show(self) -> None:
+        """Frames, until cancelled."""
+        while True:
+            began = time.monotonic()
+            await self.frame(began)
+            await asyncio.sleep(max(1.0 / RATE - (time.monotonic() - began), 0.002))
+
+    async def frame(self, now: float) -> None:
+        """What there is to say now."""
+        self._follow()
+        if self._strip is not None:
+            strip, _, asked = self._strip
+            if (message := strip.look(asked.number)) is not None:
+                await self._say(message)
+        if self._sight is not None and not self._held:
+            sight, _, wanted = self._sight
+            if (message := sight.look(wanted.number)) is not None:
+                await self._say(message)
+        if now - self._said >= _NEWS:
+            self._said = now
+            await self._say(json.dumps({"status": self._status()}))
+
+    def _follow(self) -> None:
+        """A new real-time process has a new ring."""
+        if self._strip is not None and self._strip[1] is not self._axis(self._strip[2].axis).ring:
+            self._strip = self._stripes(self._strip[2])
+        if self._sight is not None and not self._held and self._gone(self._sight[1]):
+            self._sight = self._scope(self._sight[2])
+
+    def _gone(self, source: Source) -> bool:
+        """Whether nobody writes there any more, or the axes began anew."""
+        rings = [axis.ring for axis in self._service.axes.values()]
+        looked_at = source.rings if isinstance(source, Joined) else (source,)
+        return any(ring not in rings for ring in looked_at) or (isinstance(source, Joined) and source.apart)
+
+    def _axis(self, name: str) -> Manned:
+        if name and name not in self._service.axes:
+            raise ServiceError(f"no axis {name}; there are {', '.join(self._service.axes)}")
+        return self._service.axes[name] if name else next(iter(self._service.axes.values()))
+
+    def _stripes(self, p: Stripes) -> tuple[Strip, Ring, Stripes]:
+        axis = self._axis(p.axis)
+        window = Window(tuple(chosen(channels(axis.setup), p.channels)), p.span, p.points)
+        return Strip(axis.ring, axis.setup.dt, window), axis.ring, p
+
+    def _field(self, axis: Manned, names: list[str]) -> tuple[Source, dict[str, Channel]]:
+        """Where a scope of `axis` reads, and what it finds there; another axis' channels have dotted names."""
+        own = channels(axis.setup)
+        others = {name.partition(".")[0] for name in names if "." in name and name not in own}
+        if not others:
+            return axis.ring, own
+        wanted = {self._axis(name).name for name in others}
+        wanted |= {axis.name} if any(name in own for name in names) else set()
+        axes = {name: one for name, one in self._service.axes.items() if name in wanted}  # as they are served
+        found = side_by_side({name: one.setup for name, one in axes.items()})
+        plain = {name: found[f"{axis.name}.{name}"] for name in own if axis.name in axes}
+        return Joined([one.ring for one in axes.values()]), {**plain, **found}
+
+    def _scope(self, p: Asked) -> tuple[Sight, Source, Asked]:
+        axis = self._axis(p.axis)
+        source, known = self._field(axis, [*p.channels, *([p.trigger.channel] if p.trigger else [])])
+        dt = axis.setup.dt
+        longest = _LONGEST_SHARE * source.capacity * dt
+        if p.span > longest:
+            raise ServiceError(f"span {p.span:g} s; a capture of {axis.name} has {longest:.3g} s at most")
+        trigger = None
+        if p.trigger is not None:
+            (cause,) = chosen(known, [p.trigger.channel])
+            trigger = Trigger(cause.column, level(cause, p.trigger.level), p.trigger.edge)
+        rows = max(round(p.span / dt), 2)
+        pause = round(min(max(p.span, 0.05), 0.5) / dt)
+        mode = "single" if p.mode == "off" else p.mode
+        settings = Settings(rows, min(round(p.before * rows), rows - 1), trigger, mode, pause, round(0.05 / dt))
+        window = Window(tuple(chosen(known, p.channels)), p.span, p.points)
+        return Sight(source, dt, window, settings), source, p
+
+    async def _closer(self, p: Closer) -> None:
+        if self._sight is None:
+            return
+        message = self._sight[0].closer(p.start, p.end, p.points, p.number)
+        if message is not None:
+            await self._say(message)

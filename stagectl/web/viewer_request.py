@@ -1,0 +1,86 @@
+"""What a viewer may ask for, strictly read."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from stagectl.service.axis_controller import ServiceError
+
+_Name = Annotated[str, Field(max_length=64)]
+_Points = Annotated[int, Field(ge=10, le=100_000)]
+_Number = Annotated[int, Field(ge=0, le=2**50)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class Stripes(_Strict):
+    """Channels that go on."""
+
+    axis: _Name = ""
+    channels: list[_Name] = Field(max_length=64)
+    span: float = Field(10.0, gt=0.0, le=3600.0, description="s that the viewer shows.")
+    points: _Points = 600
+    number: _Number = 0  # comes back with each message
+
+
+class Event(_Strict):
+    """What a scope waits for."""
+
+    channel: _Name
+    level: str = Field(max_length=40, description="With its unit: '1 um'.")
+    edge: Literal["rising", "falling", "both"] = "rising"
+
+
+class Asked(_Strict):
+    """A scope; `off`: none."""
+
+    axis: _Name = ""
+    channels: list[_Name] = Field(max_length=64)
+    span: float = Field(1.0, ge=1e-3, le=60.0, description="s of a capture.")
+    before: float = Field(0.2, ge=0.0, le=1.0, description="Share of it before the trigger.")
+    points: _Points = 1000
+    trigger: Event | None = None
+    mode: Literal["auto", "normal", "single", "off"] = "auto"
+    number: _Number = 0
+
+
+class Closer(_Strict):
+    """A part of what the scope holds, finer."""
+
+    start: float  # s, from the trigger
+    end: float
+    points: _Points = 1000
+    number: _Number = 0
+
+
+class Hold(_Strict):
+    """Whether the scope stays with what it has; the next scope goes on."""
+
+    held: bool = True
+
+
+_KINDS: dict[str, type[_Strict]] = {"strip": Stripes, "scope": Asked, "closer": Closer, "hold": Hold}
+
+
+def read(text: str) -> Stripes | Asked | Closer | Hold:
+    """One message.
+
+    Raises ServiceError where it is none.
+    """
+    try:
+        (kind, body), *more = json.loads(text).items()
+        if more or kind not in _KINDS:
+            raise ServiceError(f"a message has one key of {', '.join(_KINDS)}")
+        found = _KINDS[kind].model_validate(body)
+    except ValidationError as error:
+        said = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
+        raise ServiceError(said) from error
+    except (ValueError, AttributeError) as error:
+        raise ServiceError("a message is JSON with one key") from error
+    assert isinstance(found, Stripes | Asked | Closer | Hold)
+    return found

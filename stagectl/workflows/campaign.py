@@ -1,0 +1,293 @@
+"""A campaign: the experiments of a battery on one machine, repeats interleaved, each a recording of its own.
+
+::
+
+    repeat 1: sine-slow, stairs, ... check-scan    repeat 2: sine-slow, stairs, ...    repeat 3: ...
+                  |
+                  v
+    FOLDER/trajectories/sine-slow.yaml --> session.perform | pretend --> FOLDER/sine-slow-1.h5
+
+A run is recorded in ``FOLDER/unfinished`` and moved when it is whole: what lies in the folder is done, and the same
+command goes on with what does not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import hashlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from itertools import accumulate
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stagectl.config.stage_file import Setup
+from stagectl.service.single_motion import Motion, Progress
+from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, yaml_of
+from stagectl.gap.logs.session import GapError
+from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.workflows.motion import Say, perform, prepare, pretend
+from stagectl.workflows.trials import Machine, Shown, after
+from stagectl.units import StageError
+
+HELD_OUT_REPEATS = 2  # enough for a floor
+PAUSE = 1.0  # s between runs, on the clock of a simulated session
+_APART = 1000  # seeds from the noise of one experiment to that of the next
+_STAMP = "%Y-%m-%dT%H:%M:%S%z"
+
+
+class Run(NamedTuple):
+    """One repeat of one experiment."""
+
+    experiment: Experiment
+    number: int  # of the experiment in its battery
+    repeat: int
+    start: float  # s, session clock, where the runs follow each other with a pause
+
+    @property
+    def name(self) -> str:
+        """Of its recording."""
+        return f"{self.experiment.name}-{self.repeat}"
+
+
+class Campaign(NamedTuple):
+    """What is to be recorded, and where."""
+
+    machine: Machine
+    runs: tuple[Run, ...]
+    motions: dict[str, Motion]  # of each experiment by its name
+    folder: Path
+    seed: int  # of the noise of a simulated machine, and of a virtual drive that is started here
+    clock: Callable[[], float]  # s since the epoch
+
+
+def chosen(experiments: tuple[Experiment, ...], only: list[str], skip: list[str]) -> tuple[tuple[int, Experiment], ...]:
+    """Those named in `only`, all where it names none, but for those in `skip`; with their numbers in the battery.
+
+    Raises GapError for a name that is none of theirs, or where nothing is left.
+    """
+    known = [one.name for one in experiments]
+    for option, name in [("only", name) for name in only] + [("skip", name) for name in skip]:
+        if name not in known:
+            raise GapError(f"--{option} {name}: no such experiment; there are {', '.join(known)}")
+    wanted = set(only or known) - set(skip)
+    if not wanted:
+        raise GapError("--skip leaves no experiment to record: skip fewer of them")
+    return tuple((number, one) for number, one in enumerate(experiments) if one.name in wanted)
+
+
+def schedule(experiments: tuple[tuple[int, Experiment], ...], repeats: int) -> tuple[Run, ...]:
+    """All runs in order: a whole round of every experiment, then the next, so that drift meets all alike."""
+    order = [
+        (number, one, repeat)
+        for repeat in range(1, repeats + 1)
+        for number, one in experiments
+        if repeat <= (HELD_OUT_REPEATS if one.use == HELD_OUT else repeats)
+    ]
+    starts = accumulate((one.duration + PAUSE for _, one, _ in order), initial=0.0)
+    return tuple(Run(one, number, repeat, start) for (number, one, repeat), start in zip(order, starts, strict=False))
+
+
+def laid_out(machine: Machine, runs: tuple[Run, ...], folder: Path) -> dict[str, Motion]:
+    """Each experiment's trajectory written into `folder`, read again and laid out; nothing moves yet.
+
+    Raises GapError where the folder has another trajectory of that name, TrajectoryError where a limit forbids one.
+    """
+    texts = {run.experiment.name: yaml_of(run.experiment) for run in runs}
+    place = folder / "trajectories"
+    place.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        path = place / f"{name}.yaml"
+        if path.is_file() and path.read_text(encoding="utf-8") != text:
+            raise GapError(
+                f"{path} is another motion than the one for {machine.setup.path}: the folder belongs to another stage "
+                "or version; choose another with -o"
+            )
+        path.write_text(text, encoding="utf-8")
+    return {name: prepare(machine.setup, place / f"{name}.yaml", frozenset(), folder / f"{name}.h5") for name in texts}
+
+
+def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
+    """Record what the folder does not hold yet; the result as JSON values.
+
+    A fault or an interrupt ends it, with what is done kept.  Raises StageError where not even the first run was made.
+    """
+    done = {run.name: found for run in campaign.runs if (found := _recorded(campaign, run))}
+    left = [run for run in campaign.runs if run.name not in done]
+    if done:
+        rest = f"going on with {left[0].name}" if left else "nothing is left to be made"
+        shown.say(f"{len(done)} of {len(campaign.runs)} runs are in {campaign.folder} already: {rest}")
+    begun = min((_stamp(one) - one.meta["capture"]["start_s"] for one in done.values()), default=campaign.clock())
+    stopped = _made(campaign, left, begun, shown) if left else ""
+    made = len(left) if not stopped else next(k for k, run in enumerate(left) if not _place(campaign, run).is_file())
+    if stopped:
+        shown.say(
+            f"{left[made].name}: {stopped}.  {len(done) + made} of {len(campaign.runs)} runs are kept in "
+            f"{campaign.folder}; the same command with -o {campaign.folder} goes on with {left[made].name}, and --skip "
+            f"{left[made].experiment.name} leaves that experiment out"
+        )
+    kept = [run for run in campaign.runs if _place(campaign, run).is_file()]
+    notes = [] if stopped else _identical(campaign, kept)
+    for note in notes:
+        shown.say(note)
+    return {
+        "folder": str(campaign.folder),
+        "stage": campaign.machine.setup.file.name,
+        "runs": [_told(campaign, run) for run in kept],
+        "left": [run.name for run in campaign.runs if run not in kept],
+        "stopped": stopped,
+        "notes": notes,
+        "simulated": campaign.machine.simulated,
+        "seed": campaign.seed,
+    }
+
+
+def _made(campaign: Campaign, left: list[Run], begun: float, shown: Shown) -> str:
+    """Make the runs that are `left`; why it ended before the last one, an empty string where it did not."""
+    counts = [len(campaign.motions[run.experiment.name].plan.setpoints) for run in left]
+    unfinished = campaign.folder / "unfinished"
+    say = _once(shown.say)
+    with shown.bar(f"record {len(left)} runs", sum(counts)) as update, _emptied(unfinished):
+        for run, before in zip(left, accumulate(counts, initial=0), strict=False):
+            motion = _motion(campaign, run, begun)._replace(recording=unfinished / f"{run.name}.h5")
+            try:
+                fault = _once_made(campaign, run, motion, (say, after(before, update)))
+            except (StageError, KeyboardInterrupt) as error:
+                if run is left[0] and isinstance(error, StageError):
+                    raise
+                fault = str(error) or "interrupted"
+            if fault:
+                return fault
+            os.replace(motion.recording, _place(campaign, run))
+    return ""
+
+
+def _once_made(campaign: Campaign, run: Run, motion: Motion, shown: tuple[Say, Progress]) -> str:
+    """Make one run; the words of its fault, an empty string where there was none."""
+    say, update = shown
+    number = run.repeat + _APART * run.number
+    machine = campaign.machine
+    if machine.simulated:
+        result = pretend(motion, reseeded(machine.plant or machine.setup, campaign.seed + number), run.start)
+        update(len(motion.plan.setpoints), len(motion.plan.setpoints))
+    else:
+        result = perform(motion._replace(setup=reseeded(motion.setup, campaign.seed + number)), say, update)
+    return f"{result['fault']}; {motion.recording} shows it" if result["fault"] else ""
+
+
+def reseeded(setup: Setup, seed: int) -> Setup:
+    """The same stage with other noise, where it is simulated."""
+    simulation = setup.file.simulation._replace(seed=seed % 2**31)
+    return setup._replace(file=setup.file._replace(simulation=simulation))
+
+
+def _motion(campaign: Campaign, run: Run, begun: float) -> Motion:
+    """The run's motion, whose recording says what it is a capture of, and when in the session."""
+    motion, now = campaign.motions[run.experiment.name], campaign.clock()
+    start = run.start if campaign.machine.simulated else now - begun
+    meta = {
+        **motion.meta,
+        "created": time.strftime(_STAMP, time.localtime(now)),
+        "capture": {
+            "experiment": run.experiment.name,
+            "repeat": run.repeat,
+            "use": run.experiment.use,
+            "start_s": round(start, 3),
+        },
+        "campaign": _campaign(campaign),
+    }
+    return motion._replace(meta=meta)
+
+
+def _campaign(campaign: Campaign) -> dict[str, Any]:
+    """What runs of one session share; of a plant that is not the model the file's name and a mark of its content."""
+    machine = campaign.machine
+    plant = machine.plant.path if machine.plant else None
+    mark = hashlib.sha256(plant.read_bytes()).hexdigest()[:16] if plant else ""
+    name = plant.name if plant else ""
+    return {"simulated": machine.simulated, "plant": name, "plant_mark": mark, "seed": campaign.seed}
+
+
+def _recorded(campaign: Campaign, run: Run) -> Recording | None:
+    """The run's recording, where it was made before; None where it is still to be made.
+
+    Raises GapError where it was made of something else.
+    """
+    path = _place(campaign, run)
+    if not path.is_file():
+        return None
+    found, motion = open_recording(path, only=("time",)), campaign.motions[run.experiment.name]
+    here = {**motion.meta, "campaign": _campaign(campaign)}
+    for what in ("files", "layers", "campaign"):
+        if found.meta.get(what) != here[what]:
+            raise GapError(
+                f"{path} was recorded with {_WHICH[what]} than this campaign has: runs of one folder belong together; "
+                "choose another folder with -o"
+            )
+    return found if found.complete else None
+
+
+_WHICH = {
+    "files": "another stage file or trajectory",
+    "layers": "other layers",
+    "campaign": "another machine, simulation or seed",
+}
+
+
+def _place(campaign: Campaign, run: Run) -> Path:
+    return campaign.folder / f"{run.name}.h5"
+
+
+def _told(campaign: Campaign, run: Run) -> dict[str, Any]:
+    path = _place(campaign, run)
+    return {**open_recording(path, only=("time",)).meta["capture"], "recording": str(path)}
+
+
+def _stamp(recording: Recording) -> float:
+    """When it was made (s since the epoch)."""
+    return datetime.datetime.strptime(recording.meta["created"], _STAMP).timestamp()
+
+
+def _identical(campaign: Campaign, kept: list[Run]) -> list[str]:
+    """Repeats that are the same to the last bit: they know no chance, and no floor."""
+    first: dict[str, Any] = {}
+    same: dict[str, None] = {}
+    for run in kept:
+        measured = open_recording(_place(campaign, run), only=("measured",)).column("measured")
+        if run.experiment.name in first and np.array_equal(first[run.experiment.name], measured):
+            same[run.experiment.name] = None
+        first.setdefault(run.experiment.name, measured)
+    if not same:
+        return []
+    return [
+        f"the repeats of {', '.join(same)} are identical to the last bit: nothing varied from run to run, so the floor "
+        "of the gap is 0; a simulated machine takes simulation.current_noise and simulation.encoder_noise, and a "
+        "virtual drive that was started by hand begins its noise anew at each run: let this command start it"
+    ]
+
+
+def _once(say: Say) -> Say:
+    """Say each thing once: what holds for all runs need not be read with each."""
+    said: set[str] = set()
+
+    def told(words: str) -> None:
+        if words not in said:
+            said.add(words)
+            say(words)
+
+    return told
+
+
+@contextlib.contextmanager
+def _emptied(folder: Path) -> Iterator[None]:
+    """The folder of the run that is being made, gone when nothing was left in it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):  # a run that was stopped stays to be looked at
+            folder.rmdir()

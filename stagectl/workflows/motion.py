@@ -1,0 +1,224 @@
+"""From two YAML files to a result: what `run`, `simulate` and `demo` share."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl import design
+from stagectl.config.stage_file import Setup
+from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.service import virtual_drive
+from stagectl.service.virtual_timeouts import HELD_UP, waits_for_sync
+from stagectl.service.single_motion import Ended, Motion, Progress, move
+from stagectl.realtime.safety import words
+from stagectl.drives.bus.frames import Bus, open_bus
+from stagectl.drives.drive import Canopen, DriveError, Fault
+from stagectl.evaluation import evaluate
+from stagectl.kernels.law import Setpoint
+from stagectl.plan import plan
+from stagectl.recording.file_lock import sweep
+from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair, save
+from stagectl.recording.learned_current import Learned, check, load, nothing
+from stagectl.recording.metadata import describe
+from stagectl.units import StageError
+
+Say = Callable[[str], None]
+
+
+def canopen(setup: Setup) -> Canopen:
+    """The CANopen wire of the stage.
+
+    Raises DriveError where the stage has none.
+    """
+    wire = setup.file.drive.wire
+    if not isinstance(wire, Canopen):
+        raise DriveError(f"drive.wire.kind of {setup.path} is not canopen: there is no bus to be on")
+    if setup.stage.drive.delay_samples < 1:
+        raise DriveError(
+            f"drive.delay_samples = 0; over CAN the command acts from the next SYNC on, so it is at least 1: "
+            f"`simulate` can do without the delay, a bus cannot ({setup.path})"
+        )
+    return wire
+
+
+def on_channel(setup: Setup, channel: str | None) -> Setup:
+    """The same stage on another channel of its bus."""
+    if channel is None:
+        return setup
+    drive = setup.file.drive._replace(wire=canopen(setup)._replace(channel=channel))
+    return setup._replace(file=setup.file._replace(drive=drive))
+
+
+def prepare(
+    setup: Setup, trajectory: Path, without: frozenset[str], recording: Path | None, learned: Path | None = None
+) -> Motion:
+    """Read, check and lay out a motion, with the current that was `learned` for it; nothing moves yet."""
+    controller = design.design(setup.stage, setup.file.control, without)
+    laid_out = plan(setup, load_trajectory(trajectory, axis_of(setup)), controller.feedforward)
+    layers = sorted(frozenset(setup.file.control.layers) - without)
+    meta = {**describe(setup, laid_out, controller, trajectory), "without": sorted(without), "layers": layers}
+    motion = Motion(setup, laid_out, controller.law, meta, recording or _fresh(trajectory.stem))
+    return motion if learned is None else _with_learned(motion, learned)
+
+
+def _with_learned(motion: Motion, path: Path) -> Motion:
+    """The layer ``ilc``: the current in `path` added to the command.
+
+    Raises LearnedError where it was learned on something else.
+    """
+    found, here = load(path), blank(motion)
+    check(path, found, here)
+    about = {name: found.meta[name] for name in ("kept", "created")}
+    meta = {**motion.meta, "layers": [*motion.meta["layers"], "ilc"], "learned": {"name": path.name, **about}}
+    return with_current(motion, found.current)._replace(meta=meta)
+
+
+def blank(motion: Motion) -> Learned:
+    """What a current that is learned on `motion` belongs to; the current is 0 still."""
+    what = (motion.meta["trajectory"], motion.meta["layers"])
+    return nothing(motion.setup, motion.law, motion.plan.setpoints, what)
+
+
+def with_current(motion: Motion, current: NDArray[np.float64]) -> Motion:
+    """`motion` with this learned `current` (n,) A."""
+    rows = motion.plan.setpoints.copy()
+    rows[:, Setpoint._fields.index("learned")] = current
+    return motion._replace(plan=motion.plan._replace(setpoints=rows))
+
+
+def _fresh(what: str) -> Path:
+    """A recording's name that is not taken: two runs may begin in one second."""
+    stem = Path("recordings") / f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
+    suffixes = itertools.chain([".h5"], (f"-{n}.h5" for n in itertools.count(2)))
+    return next(path for suffix in suffixes if not (path := stem.with_name(stem.name + suffix)).exists())
+
+
+def pretend(motion: Motion, plant: Setup | None = None, start: float = 0.0) -> dict[str, Any]:
+    """Simulate the motion, on the stage's model or on another `plant`; the result as JSON values.
+
+    It starts at `start` (s) on the session's clock.
+
+    Raises StageError where the plant is an axis of another kind.
+    """
+    from stagectl.simulation import simulate  # compiles
+
+    if plant is not None:
+        _check_plant(motion.setup, plant)
+    samples = simulate(motion.setup, motion.plan, motion.law, plant, start)
+    meta = {**motion.meta, "drive": {"drive": "simulated, compiled", "plant": str((plant or motion.setup).path)}}
+    motion.recording.parent.mkdir(parents=True, exist_ok=True)
+    save(motion.recording, meta, samples, "complete")
+    found = evaluate(samples, meta)
+    return {**found, **envelope(motion.setup, samples), "recording": str(motion.recording), "simulated": True}
+
+
+def _check_plant(setup: Setup, plant: Setup) -> None:
+    """The law and its plant must share what the rows of a run are in."""
+    for name, ours, its in (
+        ("axis.kind", setup.file.axis.kind, plant.file.axis.kind),
+        ("axis.lead", setup.file.axis.lead, plant.file.axis.lead),
+        ("encoder.step", setup.stage.encoder.step, plant.stage.encoder.step),
+    ):
+        if ours != its:
+            raise StageError(
+                f"{name} = {its} in {plant.path}; must be {ours}, as in {setup.path}: one axis, two models"
+            )
+
+
+def envelope(setup: Setup, samples: NDArray[Any]) -> dict[str, Any]:
+    """Where `run` would stop this simulated motion: nothing stops a model."""
+    limits = setup.file.limits
+    error = np.abs(samples["error"]) > limits.following_error
+    outside = (samples["measured"] < limits.travel[0]) | (samples["measured"] > limits.travel[1])
+    reasons = ((error, Fault.FOLLOWING_ERROR), (outside, Fault.TRAVEL))
+    first = min(((int(np.argmax(rows)), fault) for rows, fault in reasons if rows.any()), default=None)
+    if first is None:
+        return {"fault": ""}
+    at = float(samples["time"][first[0]])
+    return {"fault": f"{words(first[1])} at {at:.6g} s: `run` would stop there", "in_position": False}
+
+
+def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
+    """Run the motion on its drive; the result as JSON values.
+
+    Raises DriveError where the drive cannot be reached or enabled.
+    """
+    if isinstance(motion.setup.file.drive.wire, Canopen):
+        canopen(motion.setup)
+    sweep(motion.recording.parent)
+    for path in sorted(motion.recording.parent.glob("*.h5")):
+        with contextlib.suppress(RecordingError, OSError):  # no recording of ours: none of our business
+            if path.is_file() and repair(path):
+                say(f"the recorder of {path} had been cut off: the file is repaired, its rows are all there")
+    with drive_present(motion.setup, say):
+        ended = move(motion, progress)
+    for line in _conditions(ended):
+        say(line)
+    if waits_for_sync(motion.setup):
+        say(f"the virtual plant's clock is SYNC: late cycles do not disturb it; only {HELD_UP:g} s of silence count")
+    if ended.fault:
+        say(f"stopped after {ended.cycles} cycles: {ended.words}. {ended.reason}".rstrip())
+    fault = ended.words or ("" if ended.recorded else "the recorder stopped before the motion did")
+    recording = open_recording(motion.recording)
+    if lacks := _lacks(ended, recording):
+        say(lacks)
+    result = evaluate(recording.samples, recording.meta)
+    told = {"cycles": ended.cycles, "late_cycles": ended.late, "lost_rows": recording.lost_rows, "fault": fault}
+    return {**result, **told, "recording": str(motion.recording), "simulated": False}
+
+
+def _lacks(ended: Ended, recording: Recording) -> str:
+    """What the disk did not take, in words."""
+    if not ended.recorded:
+        return f"the recorder stopped before the motion did: {recording.path} lacks rows; is the disk full?"
+    if recording.lost_rows:
+        lost = f"the disk took {recording.lost_rows} rows fewer than there were"
+        return f"{lost}: {recording.path} marks where they lack"
+    return ""
+
+
+def _conditions(ended: Ended) -> list[str]:
+    """What was not as it was asked for, in words."""
+    words = [f"not real time: {refusal}" for refusal in ended.refused]
+    if ended.companion:
+        words.append(f"the process beside the loop ended early (exit {ended.companion}): the motion did not need it")
+    return words
+
+
+@contextlib.contextmanager
+def drive_present(setup: Setup, say: Say) -> Iterator[None]:
+    """Make sure that the embedded bus has a drive: a virtual one where none answers."""
+    wire = setup.file.drive.wire
+    if not isinstance(wire, Canopen) or wire.interface != "embedded" or virtual_drive.answers(wire):
+        yield
+        return
+    say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
+    process = virtual_drive.start(setup.path, wire.channel, setup.file.simulation.seed)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait()
+
+
+@contextlib.contextmanager
+def line_of(setup: Setup, say: Say) -> Iterator[tuple[Canopen, Bus]]:
+    """The wire of the stage's drive and a bus that is open to it.
+
+    Raises DriveError where the stage has no CANopen drive, or the bus is not there.
+    """
+    wire = canopen(setup)
+    with drive_present(setup, say):
+        line = open_bus(wire.interface, wire.channel, wire.bitrate)
+        try:
+            yield wire, line
+        finally:
+            line.close()

@@ -1,0 +1,228 @@
+"""Many runs of one motion that learn from each other.
+
+::
+
+    trial 1 --> error --> learning.judged --> learned current --> trial 2 --> error --> ...     --> FILE.h5
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl import learning
+from stagectl.config.stage_file import Setup
+from stagectl.service.single_motion import Motion, Progress
+from stagectl.kernels.law import Setpoint
+from stagectl.recording.hdf5 import open_recording
+from stagectl.workflows.motion import Say, blank, drive_present, perform, pretend, with_current
+from stagectl.units import StageError
+from stagectl.number_format import length
+
+Bar = Callable[[str, int], AbstractContextManager[Any]]
+Result = dict[str, Any]
+_COLUMN = {name: number for number, name in enumerate(Setpoint._fields)}
+_APART = 1000  # seeds between the noise of the repeats and that of the trials
+
+
+class TrialError(StageError):
+    """Trials that cannot be made, or one that was stopped."""
+
+
+class Machine(NamedTuple):
+    """Where the runs take place."""
+
+    setup: Setup
+    simulated: bool  # compiled, faster than real time; False: on the drive
+    plant: Setup | None  # the simulated machine, where it is not the stage's model
+
+    def noisy(self, number: int) -> Machine:
+        """The same with other noise, where it is simulated; each number has its own."""
+        if not self.simulated:
+            return self
+        plant = self.plant or self.setup
+        simulation = plant.file.simulation
+        seed = (simulation.seed + number) % 2**31
+        return self._replace(plant=plant._replace(file=plant.file._replace(simulation=simulation._replace(seed=seed))))
+
+
+class Shown(NamedTuple):
+    """How the user sees it."""
+
+    say: Say
+    bar: Bar
+
+
+@contextlib.contextmanager
+def ready(machine: Machine, shown: Shown) -> Iterator[None]:
+    """A drive for all the runs, where they are not simulated."""
+    if machine.simulated:
+        yield
+        return
+    with drive_present(machine.setup, shown.say):
+        yield
+
+
+def run_once(machine: Machine, motion: Motion, update: Progress) -> Result:
+    """One run; a fault ends all of them.
+
+    Raises TrialError with the fault and the recording that shows it.
+    """
+    result = pretend(motion, machine.plant) if machine.simulated else perform(motion, _unsaid, update)
+    update(len(motion.plan.setpoints), len(motion.plan.setpoints))
+    if result["fault"]:
+        raise TrialError(f"the run was stopped: {result['fault']}; {result['recording']} shows it")
+    return result
+
+
+def after(done: int, update: Progress) -> Progress:
+    """Progress of a run as part of all runs, after `done` periods of them."""
+    return lambda now, total: update(done + now, total)
+
+
+def _unsaid(_: str) -> None:
+    """What a drive says at its first run holds for all; faults come with the result."""
+
+
+class Learning(NamedTuple):
+    """A motion that learns, as far as it has come."""
+
+    motion: Motion
+    filters: learning.Filters
+    settings: learning.Settings
+    course: learning.Course
+
+
+def learn(machine: Machine, base: Motion, trials: int, shown: Shown, folder: Path) -> Result:
+    """Make `trials` trials of `base`, recorded in `folder`; the learned current is in ``result["current"]``.
+
+    Raises TrialError where the motion cannot be learned, or its first trial is stopped.
+    """
+    state = _begin(machine.setup, base)
+    total = trials * len(base.plan.setpoints)
+    results: list[Result] = []
+    stopped = ""
+    with ready(machine, shown), shown.bar(f"learn {base.meta['trajectory']}", total) as update:
+        for number in range(1, trials + 1):
+            try:
+                result, error = _trial(machine.noisy(_APART + number), state, number, folder, update)
+            except (StageError, KeyboardInterrupt) as fault:
+                if number == 1:
+                    raise
+                stopped = (
+                    f"trial {number}: {str(fault) or 'interrupted'}; it is undone, and what was learned before is kept"
+                )
+                shown.say(stopped)
+                break
+            state = state._replace(course=learning.judged(state.filters, state.settings, state.course, error))
+            results.append(_said(result, state, number, shown))
+    return _learned(state, results, stopped)
+
+
+def _begin(setup: Setup, base: Motion) -> Learning:
+    rows, settings = base.plan.setpoints, setup.file.learning
+    if not np.all(rows[:, _COLUMN["closed"]] == 1.0) or np.any(rows[:, _COLUMN["injection"]]):
+        raise TrialError(
+            f"{base.meta['trajectory']} opens the loop or injects a current: there is no tracking error to learn from; "
+            "take a trajectory that is a motion alone"
+        )
+    filters = learning.filters(setup.stage, base.law, settings, setup.dt, len(rows))
+    return Learning(base, filters, settings, learning.begun(len(rows)))
+
+
+def _trial(
+    machine: Machine, state: Learning, number: int, folder: Path, update: Progress
+) -> tuple[Result, NDArray[np.float64]]:
+    base = state.motion
+    motion = with_current(base, state.course.learned)._replace(recording=folder / f"trial-{number}.h5")
+    done = (number - 1) * len(base.plan.setpoints)
+    result = run_once(machine, motion, after(done, update))
+    samples = open_recording(motion.recording).samples
+    return result, every_period(samples, len(base.plan.setpoints), machine.setup.dt)
+
+
+def every_period(samples: NDArray[Any], count: int, dt: float) -> NDArray[np.float64]:
+    """The error (n,) of all `count` periods; those that were late and left out lie between their neighbours."""
+    rows = np.rint(samples["time"] / dt)
+    found: NDArray[np.float64] = np.interp(np.arange(count), rows, samples["error"])
+    return found
+
+
+def _said(result: Result, state: Learning, number: int, shown: Shown) -> Result:
+    """The trial's figures as JSON values, and to the user."""
+    trial = state.course.trials[-1]
+    scale = state.motion.meta["axis"]["travel_per_unit"]
+    error, unit = result["tracking_error"], result["unit"]
+    words = f"trial {number}: tracking error peak {length(error['peak'], unit)}, rms {length(error['rms'], unit)}"
+    if result["saturated_cycles"]:
+        words += f"; the current limit was reached in {result['saturated_cycles']} cycles"
+    shown.say(f"{words}{'; ' if trial.words else ''}{trial.words}")
+    found = {name: result[name] for name in ("tracking_error", "saturated_cycles", "recording")}
+    return {
+        "trial": number,
+        **found,
+        "whole": {"peak": trial.peak * scale, "rms": trial.rms * scale},
+        "words": trial.words,
+    }
+
+
+def _learned(state: Learning, results: list[Result], stopped: str) -> Result:
+    base, course = state.motion, state.course
+    setup = base.setup
+    kept = min(range(len(results)), key=lambda k: course.trials[k].rms)
+    seen = learning.shares(setup.stage, base.law, setup.dt)
+    found = blank(base)
+    meta = {**found.meta, "kept": kept + 1, "settings": state.settings._asdict()}
+    return {
+        "stage": setup.file.name,
+        "trajectory": base.meta["trajectory"],
+        "layers": base.meta["layers"],
+        "unit": base.meta["axis"]["travel_unit"],
+        "trials": results,
+        "kept": kept + 1,
+        "stopped": stopped,
+        "settings": state.settings._asdict(),
+        "convergence": [one._asdict() for one in learning.convergence(seen, state.settings)],
+        "calmest_cutoff": learning.calmest(seen, state.settings),
+        "current": found._replace(current=course.best, meta=meta),
+    }
+
+
+def convergence_words(result: Result) -> list[str]:
+    """What a trial leaves of the error, in words; and where it would grow, what to do."""
+    check, cutoff = result["convergence"], result["settings"]["cutoff"]
+    shown = ", ".join(f"{100.0 * one['most']:.0f} % ({one['plant']}, at {one['frequency']:.3g} Hz)" for one in check)
+    found = [f"by the model a trial leaves at most {shown} of the error"]
+    growing = [one for one in check if one["most"] >= 1.0]
+    if growing:
+        calm = result["calmest_cutoff"]
+        advice = f"with learning.cutoff at {calm:.3g} Hz it shrinks everywhere" if calm else "no cutoff prevents it"
+        found.append(
+            f"near {growing[0]['frequency']:.3g} Hz the error of an axis "
+            f"{' or '.join(one['plant'] for one in growing)} would grow; {advice}, at {cutoff:g} Hz trials that grow "
+            "are undone"
+        )
+    return found
+
+
+def fresh_folder(what: str) -> Path:
+    """A folder for the recordings of one comparison or one learning that is not there yet."""
+    stem = Path("recordings") / f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
+    names = (stem.with_name(f"{stem.name}{suffix}") for suffix in ["", *(f"-{n}" for n in range(2, 100))])
+    return next(path for path in names if not path.exists())
+
+
+def learned_words(result: Result) -> str:
+    """What came of it."""
+    unit, kept = result["unit"], result["trials"][result["kept"] - 1]
+    peaks = [length(trial["tracking_error"]["peak"], unit) for trial in (result["trials"][0], kept)]
+    if result["kept"] == 1:
+        return f"no trial was better than the first one ({peaks[0]}): the current that is kept is 0"
+    return f"the current of trial {result['kept']} is kept: it cuts the peak error from {peaks[0]} to {peaks[1]}"

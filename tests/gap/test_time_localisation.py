@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stagectl.config.stage_file import load_stage
+from stagectl.gap.residuals import model_tracking
+from stagectl.gap.inference import time_localisation
+from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.logs.session import Array
+
+BALL_SCREW = Path(__file__).parents[2] / "config" / "ball-screw.yaml"
+DT, ROWS = 5e-4, 4000
+TIME = np.arange(ROWS) * DT
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    stage = load_stage(BALL_SCREW).stage
+    stage = stage._replace(encoder=stage.encoder._replace(delay_samples=0))
+    return Model(stage, model_tracking.tracker(stage, DT))
+
+
+def _closed_form(model: Model, frequency: float) -> complex:
+    """All four poles at -p: T = ((6 p^2 - a D/J) s^2 + 4 p^3 s + p^4) / (s + p)^4, a = 4 p - D/J."""
+    p, s, rate = 2.0 * math.pi * 40.0, 2j * math.pi * frequency, model.stage.mechanics
+    damped = rate.viscous / rate.inertia
+    return complex(((6.0 * p * p - (4.0 * p - damped) * damped) * s * s + 4.0 * p**3 * s + p**4) / (s + p) ** 4)
+
+
+@pytest.mark.parametrize("frequency", [2.0, 10.0, 40.0])
+def test_the_tracker_answers_as_its_poles_say(model: Model, frequency: float) -> None:
+    x = np.exp(2j * math.pi * frequency * TIME)
+    answered = _answered(model, x.real) + 1j * _answered(model, x.imag)
+    middle = slice(ROWS // 4, 3 * ROWS // 4)
+    found = np.vdot(x[middle], answered[middle]) / np.vdot(x[middle], x[middle])
+    # Half a period of hold beside the continuous loop.
+    expected = _closed_form(model, frequency)
+    assert abs(found) == pytest.approx(abs(expected), rel=0.08)
+    assert np.angle(found / expected) == pytest.approx(0.0, abs=2.0 * math.pi * frequency * 1.0 * DT + 0.01)
+
+
+def test_what_the_tracker_answered_is_brought_back(model: Model) -> None:
+    effort = np.exp(-(((TIME - 1.0) / 0.01) ** 2))
+    answered = _answered(model, effort)
+    back = time_localisation.untracked(answered, model, DT)
+    assert np.abs(answered - effort).max() > 0.25
+    assert np.abs(back - effort).max() < 0.01
+
+
+def test_a_constant_effort_is_followed_to_the_end(model: Model) -> None:
+    np.testing.assert_allclose(_answered(model, np.full(ROWS, 0.3)), 0.3, rtol=1e-6)
+
+
+def _answered(model: Model, effort: Array) -> Array:
+    return time_localisation.passed(effort, time_localisation.tracking(model, time_localisation.lines_of(ROWS, DT), DT))
+
+
+def _flags(*spans: tuple[int, int]) -> time_localisation.Flags:
+    flags = np.zeros(100, dtype=bool)
+    for begin, end in spans:
+        flags[begin:end] = True
+    return flags
+
+
+def test_spans_bridge_what_is_too_short_to_be_closed() -> None:
+    assert time_localisation.stretches(_flags((10, 20), (22, 30), (50, 60)), DT) == ((0.005, 0.015), (0.025, 0.03))
+
+
+def test_a_single_row_is_no_span() -> None:
+    assert time_localisation.stretches(_flags((10, 11)), DT) == ()
+    assert time_localisation.stretches(_flags((0, 100)), DT) == ((0.0, 0.05),)

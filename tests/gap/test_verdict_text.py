@@ -1,0 +1,196 @@
+"""The sentence, and the JSON that section 5 of the design asks for."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from stagectl.gap.result import verdict_text
+from stagectl.gap.validation.warnings import doubts
+from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, Effect, Gap, Value
+from stagectl.gap.logs.session import GapError
+from stagectl.gap.result.gap_numbers import parameter, percent, together
+from stagectl.gap.result.result_json import NAME, as_json, load, restored, save
+from tests.gap.examples import ASYMMETRY, COGGING, MICRON, SHAPE, every, found, gap
+
+FOUND = every()
+
+
+def test_there_is_an_example_of_every_verdict() -> None:
+    assert {one.verdict for one in FOUND.values()} == set(VERDICTS)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "expected"),
+    [
+        ("effects", "82 % of the closable gap is viscous asymmetry (share 0.182), 9 % cogging or encoder eccentricity. "
+                    "Tracking gap 2.9 -> 0.34 µm on held-out runs, floor 0.21 µm."),
+        ("parameters", "No effect is missing, but values of the model are off: 91 % of the closable gap is viscous "
+                       "friction (0.168 N m s/rad). Tracking gap 2.9 -> 0.34 µm on held-out runs, floor 0.21 µm."),
+        ("effects+unknown", "55 % of the closable gap is presliding friction (length 14 µm); 37 % of the gap repeats "
+                            "and has no name; it follows the position, which predicts 71 % of it on runs that were "
+                            "not used. Tracking gap 2.9 -> 0.34 µm on held-out runs, floor 0.21 µm."),
+        ("none", "The model agrees with the machine: no effect is missing and no value is off by more than these logs "
+                 "show. Tracking gap 230 nm on held-out runs, floor 210 nm."),
+        ("controller", "The controller that ran is not the one described, so nothing behind it is judged. The integral "
+                       "gain looks like 0.5 of the nominal one. Mend its description first, then diagnose again."),
+        ("not-identifiable", "These logs cannot tell what causes the gap: cogging or encoder eccentricity. The "
+                             "experiment 'stairs both ways, 8 speeds' would tell. Tracking gap 2.9 µm on held-out "
+                             "runs, floor 0.21 µm."),
+        ("foreign", "82 % of the closable gap is viscous asymmetry (share 0.182). Effort gap 12 -> 3.1 N on held-out "
+                    "runs, floor not known: no run was repeated."),
+    ],
+)  # fmt: skip
+def test_the_sentence(verdict: str, expected: str) -> None:
+    assert FOUND[verdict].sentence == expected
+
+
+def test_a_value_that_is_off_hides_no_effect() -> None:
+    """However much more it takes of the gap: what is missing in the model is the news."""
+    values = [
+        ASYMMETRY._replace(name=name, share=0.3, parameter=True) for name in ("inertia", "viscous", "coulomb", "bias")
+    ]
+    told = found("effects", effects=(*values, ASYMMETRY._replace(share=0.05))).sentence
+    assert told.startswith(
+        "5 % of the closable gap is viscous asymmetry (share 0.182); values of the model are off, too: 30 % "
+    )
+    assert "and 1 smaller one." in told
+
+
+def test_what_undoes_each_other_is_told_as_one() -> None:
+    values = [
+        ASYMMETRY._replace(name=name, share=share, parameter=True)
+        for name, share in (("viscous", -1.7), ("bias", -0.9))
+    ]
+    told = found("effects", effects=(ASYMMETRY._replace(share=3.3), *values)).sentence
+    assert told.startswith(
+        "70 % of the closable gap is viscous asymmetry (share 0.182) together with viscous friction (0.182) "
+        "and constant force on the axis (0.182), which partly undo each other. "
+    )
+
+
+def test_what_may_be_missing_is_said_where_nothing_is_sure() -> None:
+    likely = ASYMMETRY._replace(probability=0.48, alternatives=("bias",))
+    words = found("none", effects=(likely,)).sentence
+    assert words.startswith(
+        "Nothing is surely missing; viscous asymmetry or constant force on the axis may be, with probability 0.48. "
+    )
+    assert found("none", effects=(likely._replace(probability=0.1),)).sentence.startswith("The model agrees")
+
+
+def test_effects_without_a_name_are_not_in_the_sentence() -> None:
+    assert "Stribeck" not in FOUND["effects"].sentence and len(FOUND["effects"].effects) == 3
+    many = tuple(ASYMMETRY._replace(name=f"effect_{n}") for n in range(5))
+    assert "and 2 smaller ones" in found("effects", effects=many).sentence
+
+
+def test_numbers_share_the_prefix_of_the_largest() -> None:
+    plain = FOUND["effects"]
+    assert together((2.94 * MICRON, 0.336 * MICRON, 0.0), "rad", plain) == (["2.9", "0.34", "0"], "µm")
+    assert together((0.0124, 3.1e-4), "A", plain) == (["12", "0.31"], "mA")
+    assert together((math.nan, 1.5), "N", plain) == (["not known", "1.5"], "N")
+    assert [percent(x) for x in (0.824, 0.0041, -0.0001, 1.0)] == ["82 %", "0.4 %", "0 %", "100 %"]
+
+
+def test_parameters_have_the_digits_of_their_interval() -> None:
+    plain = FOUND["effects"]
+    assert parameter("time", Value(0.00123, 0.00113, 0.00133, "s"), plain) == "1.23 ms (1.13 to 1.33)"
+    assert parameter("phase", Value(1.2, 1.05, 1.35, "rad"), plain) == "1.20 rad (1.05 to 1.35)"
+    assert parameter("slip", Value(2.0 * MICRON, 1.9 * MICRON, 2.1 * MICRON, "rad"), plain) == "2.00 µm (1.90 to 2.10)"
+    assert parameter("order", Value(4.0, 4.0, 4.0, ""), plain) == "4 (4 to 4)"
+    assert parameter("rise", Value(0.3, -math.inf, math.inf, ""), plain) == "0.3"
+
+
+@pytest.mark.parametrize("verdict", sorted(FOUND))
+def test_json_has_the_keys_of_the_design_and_comes_back(verdict: str, tmp_path: Path) -> None:
+    one = FOUND[verdict]
+    result = json.loads(json.dumps(as_json(one), allow_nan=False))
+    assert {"verdict", "effects", "gap", "where", "next_experiment"} <= set(result)
+    assert set(result["where"]["blocks"]) == set(BLOCKS)
+    assert {"before", "after", "floor", "unit", "closure"} <= set(result["gap"])
+    for effect in result["effects"]:
+        assert {"name", "alternatives", "probability", "share", "parameters"} <= set(effect)
+        assert all(set(value) == {"value", "low", "high", "unit"} for value in effect["parameters"].values())
+    back = load(save(one, tmp_path).parent)
+    assert as_json(back) == result
+    assert [effect.fields for effect in back.effects] == [effect.fields for effect in one.effects]
+    assert back.next_experiment == one.next_experiment and back.captures == one.captures and back.traces == ()
+
+
+def test_curves_and_shapes_come_back(tmp_path: Path) -> None:
+    one = found("effects+unknown", effects=(COGGING,), unknown=SHAPE._replace(fields=(("mechanics.bias", 1.0),)))
+    back = load(save(one, tmp_path))
+    assert back.unknown is not None and back.unknown.fields == (("mechanics.bias", 1.0),)
+    np.testing.assert_array_equal(back.unknown.force, SHAPE.force)
+    assert back.effects[0].curve is not None and COGGING.curve is not None
+    np.testing.assert_array_equal(back.effects[0].curve[1], COGGING.curve[1])
+
+
+def test_what_is_no_number_is_null() -> None:
+    one = found("effects", gap=gap(2.9, 0.34)._replace(floor=math.nan), effects=(COGGING._replace(share=math.inf),))
+    result = as_json(one)
+    assert result["gap"]["floor"] is None and result["effects"][0]["share"] is None
+    assert math.isnan(restored(result).gap.floor)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, r"does not exist: run `stagectl gap diagnose .*` first"),
+        ("{", "cannot be read as JSON"),
+        ("[]", "is no diagnosis"),
+        ('{"verdict": "perhaps"}', "must be one of none, parameters"),
+        ('{"verdict": "none"}', "KeyError at 'where'"),
+    ],
+)
+def test_what_is_no_diagnosis_is_refused(text: str | None, words: str, tmp_path: Path) -> None:
+    if text is not None:
+        (tmp_path / NAME).write_text(text)
+    with pytest.raises(GapError, match=words):
+        load(tmp_path)
+
+
+def test_ambiguity_and_advice_in_words() -> None:
+    (line,) = verdict_text.ambiguous(FOUND["effects"])
+    assert line == "Cogging or encoder eccentricity: these data fit all of them alike; cogging has probability 0.61."
+    assert verdict_text.advice(FOUND["effects"])[0] == (
+        "Next experiment: stairs both ways, 8 speeds. It tells cogging from encoder eccentricity by 11.3 sigma in "
+        "14 s of machine time."
+    )
+    assert verdict_text.spans(FOUND["effects"])[2] == "micro-sine-8um-1.csv: nowhere"
+    assert verdict_text.closure(Gap(2.0, 1.0, 0.1, "m", 0.752, 0.71, 0.79)) == "75 % (71 to 79 %)"
+
+
+def test_an_effect_nobody_has_described_is_shown_by_its_name() -> None:
+    odd = Effect("brand_new_effect", (), 0.9, 0.5, {})
+    assert "50 % of the closable gap is brand new effect." in found("effects", effects=(odd,)).sentence
+
+
+def test_a_gap_that_stays_is_not_told_in_shares() -> None:
+    """Near its floor the held-out position says nothing: what is named stands on the forces, and that is said."""
+    before = found("effects")
+    stays = before._replace(gaps={}, gap=Gap(9.2e-6, 1.06e-5, 5e-6, "rad", -0.46, -1.6, -0.2, 0.45))
+    said = verdict_text.sentence(stays)
+    assert said.startswith("The model lacks ")
+    assert "%" not in said and "closable" not in said
+    assert said.endswith("not surely smaller, so only the forces speak for it.")
+    assert "closable gap" in verdict_text.sentence(before) and "forces" not in verdict_text.sentence(before)
+
+
+def test_doubts_are_told() -> None:
+    """Copies, runs that served twice, and a model that the loop does not confirm; of none of them nothing is said."""
+    stage, log = object(), SimpleNamespace
+    run = SimpleNamespace(logs=("a",))
+    good = SimpleNamespace(stage=stage, logs=[log(held_out=False), log(held_out=True)])
+    e: Any = SimpleNamespace(runs=[run])
+    assert doubts(cast(Any, good), e, cast(Any, object())) == []
+    assert ["nominal model" in one for one in doubts(cast(Any, good), e, cast(Any, stage))] == [True]
+    same = SimpleNamespace(stage=stage, logs=[log(held_out=False), log(held_out=False)])
+    copied, served = doubts(cast(Any, same), e, cast(Any, object()))
+    assert copied.startswith("1 repeats are copies") and "no log is held out" in served

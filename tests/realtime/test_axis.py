@@ -1,0 +1,355 @@
+"""One axis of the service against the stage model, without processes: every state reached, every fault in each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stagectl.config.homing import Homing
+from stagectl.config.stage_file import Setup
+from stagectl.realtime.axis import Axis
+from stagectl.realtime.shared_memory import REFUSED, TAKEN, Order, Status
+from stagectl.service.axis_controller import COLUMNS, Manned
+from stagectl.realtime.states import Event, State
+from stagectl.realtime.stops import STOPS, Category
+from stagectl.drives.drive import DriveError, Fault, Feedback, Power
+from stagectl.drives.simulated import Plant, Simulated
+from stagectl.trajectories.motion import TrajectoryError
+from tests.conftest import varied
+
+ABSOLUTE = Homing()
+GONE = (Fault.FEEDBACK_LOST, Fault.BUS, Fault.REBOOTED)
+
+
+class Drive(Simulated):
+    """The stage model with a ramp of its own, which reports what a test says."""
+
+    def __init__(self, plant: Plant) -> None:
+        super().__init__(plant)
+        self.fault, self.frozen, self.statusword, self.power = Fault.NONE, math.nan, 0x27, Power.OFF
+        self.jump = 0.0
+
+    def ask(self, power: Power) -> None:
+        self.power = power
+        super().ask(power)
+
+    def sample(self) -> Feedback:
+        position, current, _, fault, _ = super().sample()
+        position = self.frozen if not math.isnan(self.frozen) else position + self.jump
+        return Feedback(position, current, self.statusword, self.fault or fault)
+
+    def explain(self) -> str:
+        return "the drive says why"
+
+
+class Bench:
+    """An axis, its service's side, and its drive."""
+
+    def __init__(self, setup: Setup, homing: Homing = ABSOLUTE) -> None:
+        setup = varied(setup, substeps=1)
+        self.manned = Manned("axis", setup)
+        self.drive = Drive(Plant(setup.stage, setup.file.simulation, setup.dt))
+        self.refuses = False
+        orders = self.manned.orders()._replace(homing=homing)
+        self.axis = Axis(orders, self.manned.board, self.manned.ring, self._connect)
+
+    def _connect(self, _: Any) -> Drive:
+        if self.refuses:
+            raise DriveError("no drive; is it powered?")
+        return self.drive
+
+    def run(self, periods: int, late: bool = False) -> None:
+        for _ in range(periods):
+            if self.axis.drive is None:
+                return
+            self.axis.sense()
+            self.axis.act(0.0, late, 1)
+
+    def until(self, state: State, most: int = 20000) -> int:
+        for k in range(most):
+            if self.axis.state is state:
+                return k
+            self.run(1)
+        raise AssertionError(f"{self.axis.state.name} instead of {state.name} after {most} periods")
+
+    def until_still(self) -> int:
+        for k in range(30000):
+            if self.axis.state in (State.FAULT, State.DISABLED, State.OFFLINE) or self.axis.drive is None:
+                return k
+            if self.axis.state in (State.QUICK_STOPPING, State.COASTING) and self.drive.fault in GONE:
+                self.axis.lost = -1e9
+            self.run(1)
+        raise AssertionError(self.axis.state.name)
+
+    def order(self, order: Order) -> bool:
+        board = self.manned.board
+        number = board.order(order)
+        found = self.axis.board.next_order()
+        assert found == order
+        self.axis.board.answer(self.axis.take(found))
+        self.axis.show()
+        assert board.verdict(number) in (TAKEN, REFUSED)
+        return board.verdict(number) == TAKEN
+
+    def to(self, state: State) -> None:
+        """Bring the axis there by orders."""
+        self.axis.happen(Event.CONNECT)
+        if state is State.DISABLED:
+            return
+        assert self.order(Order(Event.ENABLE))
+        if state is State.ENABLING:
+            return
+        self.until(State.STANDING)
+        self.run(50)
+        if state in (State.MOVING, State.STOPPING, State.QUICK_STOPPING, State.COASTING):
+            assert self.order(self.manned.start(self.manned.move(0.02, 0.05, None), 1))
+            self.run(250)  # at speed
+        if state is State.HOMING:
+            assert self.order(Order(Event.HOME))
+            self.run(100)
+        if state is State.STOPPING:
+            assert self.order(Order(Event.STOP))
+        if state is State.QUICK_STOPPING:
+            assert self.order(Order(Event.QUICK_STOP))
+        if state is State.COASTING:
+            self.axis.happen(Event.COAST, Fault.JUMP)
+        self.run(3)
+
+    def rows(self) -> dict[str, Any]:
+        ring = self.manned.ring
+        table = np.frombuffer(ring.read(0, ring.capacity)[1]).reshape(-1, len(COLUMNS))
+        return {name: table[:, k] for k, name in enumerate(COLUMNS)}
+
+
+SEARCH = Homing("index", 6.0, 100.0, 0.0, 11, 0.0)
+OTHERS = [(State.MOVING, Fault.FEEDBACK_LOST), (State.MOVING, Fault.REBOOTED), (State.DISABLED, Fault.DRIVE_FAULT)]
+REACHED = [state for state in State if state not in (State.OFFLINE, State.CONNECTING, State.FAULT)]
+
+
+@pytest.mark.parametrize(
+    ("state", "fault"),
+    [*((state, fault) for state in REACHED for fault in (Fault.BUS, Fault.EMERGENCY)), *OTHERS],
+)
+def test_a_fault_of_the_drive_ends_without_power_in_every_state(ball_screw: Setup, state: State, fault: Fault) -> None:
+    bench = Bench(ball_screw, SEARCH if state is State.HOMING else Homing())
+    bench.to(state)
+    assert bench.axis.state is state
+    before = bench.axis.faults
+    bench.run(2001 if state is State.DISABLED else 0)  # an emergency sooner is of the time before
+    bench.drive.fault = fault
+    if state is State.DISABLED and fault is Fault.DRIVE_FAULT:
+        bench.run(100)
+        assert bench.axis.state is State.DISABLED  # without power that is how it should be
+        return
+    if fault in GONE:
+        bench.axis.lost = -1e9  # the second that a lost drive is waited for has passed
+    took = bench.until_still()
+    assert bench.axis.state in (State.FAULT, State.DISABLED)
+    assert not bench.drive.plant.powered
+    assert took * ball_screw.dt < (5.1 if state is State.ENABLING else 1.0)
+    if state in (State.STANDING, State.MOVING, State.HOMING, State.STOPPING):
+        assert (bench.axis.fault, bench.axis.faults) == (fault, before + 1)
+        assert STOPS[fault].words in bench.manned.board.words
+        assert "the drive says why" in bench.manned.board.words
+        assert bench.rows()["current"][-1] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "provoke"),
+    [
+        (Fault.JUMP, lambda drive: setattr(drive, "jump", 0.2)),
+        (Fault.FREEZE, lambda drive: setattr(drive, "frozen", drive.plant.position)),
+    ],
+)
+def test_an_encoder_that_lies_ends_in_coasting(
+    ball_screw: Setup, fault: Fault, provoke: Callable[[Drive], None]
+) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.MOVING)
+    provoke(bench.drive)
+    assert bench.until(State.COASTING) < 40
+    assert bench.drive.power is Power.OFF
+    bench.until(State.FAULT)
+    assert bench.axis.fault is fault
+    assert STOPS[fault].category is Category.COAST
+    assert not bench.order(Order(Event.ENABLE))
+    assert not bench.order(Order(Event.MOVE, (0.0, 10.0, 0.0, 0.0, 1.0)))
+    bench.drive.jump, bench.drive.frozen = 0.0, math.nan
+    assert bench.order(Order(Event.RESET))
+    assert bench.axis.state is State.DISABLED
+    assert bench.order(Order(Event.ENABLE))
+    bench.until(State.STANDING)
+
+
+def test_a_move_arrives_and_the_next_one_goes_on_without_a_bump(ball_screw: Setup) -> None:
+    """The friction state survives between motions: no error of a reversal at the beginning of the second move."""
+    bench = Bench(ball_screw)
+    bench.to(State.STANDING)
+    scale = ball_screw.file.axis.travel_per_unit
+    for distance in (0.002, 0.003):
+        motion = bench.manned.move(distance, None, None)
+        assert bench.order(bench.manned.start(motion, 1))
+        bench.until(State.STANDING)
+        bench.manned.finished(True)
+        bench.run(200)
+        assert bench.manned.status.settled > 0.09
+    rows = bench.rows()
+    assert rows["measured"][-1] * scale == pytest.approx(0.005, abs=2e-7)
+    second = (rows["state"] == State.MOVING) & (rows["reference"] * scale > 0.0020001)
+    assert np.sum(second) > 100
+    assert np.max(np.abs(rows["error"][second])) * scale < 3e-7
+    assert np.max(np.abs(rows["error"])) * scale > 1e-8
+
+
+def test_a_stop_in_mid_motion_holds_where_it_ends(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.MOVING)
+    speed = bench.axis.watch.speed
+    assert speed > 10.0
+    assert bench.order(Order(Event.STOP))
+    took = bench.until(State.STANDING) * ball_screw.dt
+    assert took == pytest.approx(speed / bench.manned.calm, rel=0.1)
+    bench.run(400)
+    assert bench.manned.status.settled > 0.05
+    rows = bench.rows()
+    assert np.max(np.abs(rows["error"])) < ball_screw.file.limits.following_error / 4.0
+    assert bench.axis.fault is Fault.NONE
+
+
+def test_an_ordered_quick_stop_ends_disabled_and_is_measured(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.MOVING)
+    assert bench.order(Order(Event.QUICK_STOP))
+    bench.until(State.DISABLED)
+    time, distance = bench.axis.stopped
+    assert bench.axis.fault is Fault.NONE
+    assert 0.0 < time < 1.0
+    assert 0.0 < distance * ball_screw.file.axis.travel_per_unit < 0.02
+
+
+def test_setpoints_that_run_out_are_a_stop_under_control(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.STANDING)
+    motion = bench.manned.move(0.02, 0.05, None)
+    half = motion._replace(rows=motion.rows[: len(motion.rows) // 2], length=motion.length // 2)
+    order = bench.manned.start(half, 1)
+    first, count, low, high, together = order.numbers
+    assert bench.order(Order(order.kind, (first, 2.0 * count, low, high, together)))
+    bench.until(State.STOPPING)
+    assert bench.axis.fault is Fault.STARVED
+    bench.until(State.STANDING)
+    assert np.max(np.abs(bench.rows()["error"])) < ball_screw.file.limits.following_error / 4.0
+
+
+def test_a_motion_that_would_leave_the_travel_is_refused_with_figures(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.STANDING)
+    high = ball_screw.file.limits.travel[1]
+    assert not bench.order(Order(Event.MOVE, (0.0, 10.0, 0.0, 1.01 * high, 1.0)))
+    assert "limits.travel is" in bench.manned.board.words
+    assert bench.axis.state is State.STANDING
+
+
+def test_late_cycles_in_a_row_stop_the_axis(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.MOVING)
+    limit = bench.axis.p.envelope.late_limit
+    bench.axis.late_in_a_row = limit - 3
+    bench.run(2, late=True)
+    assert bench.axis.state is State.MOVING
+    bench.run(1, late=True)
+    assert (bench.axis.state, bench.axis.fault) == (State.QUICK_STOPPING, Fault.LATE)
+
+
+def test_other_gains_while_it_moves_leave_the_current_alone(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.MOVING)
+    bench.run(20)
+    gains = bench.manned.changed({"bandwidth": "25 Hz"})
+    assert bench.order(gains.order)
+    bench.manned.adopt(gains)
+    bench.run(20)
+    current = bench.rows()["current"][-40:]
+    assert np.max(np.abs(np.diff(current))) < 0.1
+    assert bench.axis.law.feedback.proportional < bench.manned.orders().law.feedback.proportional * 1.0001
+
+
+def test_no_drive_is_offline_and_told(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.refuses = True
+    bench.axis.happen(Event.CONNECT)
+    assert bench.axis.state is State.OFFLINE
+    assert bench.manned.board.words == "no drive; is it powered?"
+    assert not bench.order(Order(Event.ENABLE))
+
+
+@pytest.mark.parametrize("method", ["index", "limit"])
+def test_homing_on_a_signal_counts_from_there(ball_screw: Setup, method: Any) -> None:
+    """The signal comes at 1 rad; the place is the period's, at 6 rad/s within 3 mrad."""
+    bench = Bench(ball_screw, Homing(method, 6.0, 100.0, 0.0, 11, 1.0))
+    bench.to(State.STANDING)
+    assert not bench.axis.homed
+    assert not bench.order(Order(Event.MOVE, (0.0, 10.0, 0.0, 0.0, 1.0)))
+    assert "no home yet" in bench.manned.board.words
+    assert bench.order(Order(Event.HOME))
+    for _ in range(4000):
+        bench.drive.statusword = 0x27 | (bench.drive.plant.position > 1.0) << 11
+        bench.run(1)
+        if bench.axis.state is State.STANDING:
+            break
+    assert bench.axis.homed
+    bench.run(400)
+    assert bench.axis.seen.position == pytest.approx(bench.drive.plant.position - 1.0 + 1.0, abs=0.0035)
+    assert bench.manned.status.settled > 0.05
+    assert np.max(np.abs(np.diff(bench.rows()["current"][200:]))) < 3.0  # the friction's reversal at the start, no jump
+    assert bench.axis.fault is Fault.NONE
+
+
+def test_a_home_that_does_not_come_is_a_fault_at_its_distance(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw, Homing("limit", -6.0, 2.0, 0.0, 11, 0.0))
+    bench.to(State.STANDING)
+    assert bench.order(Order(Event.HOME))
+    bench.until(State.QUICK_STOPPING)
+    assert bench.axis.fault is Fault.HOMING
+    assert -2.1 < bench.drive.plant.position < -2.0
+    bench.until(State.FAULT)
+    assert not bench.axis.homed
+
+
+def test_homing_on_an_end_stop_feels_the_current(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw, Homing("current", -6.0, 100.0, 4.0, 11, 0.0))
+    bench.to(State.STANDING)
+    assert bench.order(Order(Event.HOME))
+    for _ in range(8000):
+        plant = bench.drive.plant
+        if plant.state.position < -1.5:  # a stop: it goes no further
+            plant.state = plant.state._replace(position=-1.5, velocity=0.0)
+        bench.run(1)
+        if bench.axis.state is not State.HOMING:
+            break
+    assert bench.axis.state is State.STANDING
+    assert bench.axis.homed
+    assert bench.axis.offset == pytest.approx(-1.5, abs=0.01)
+
+
+def test_home_here_needs_no_motion(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw, Homing("here", position=2.0))
+    bench.to(State.STANDING)
+    assert bench.order(Order(Event.HOME))
+    assert bench.axis.state is State.STANDING
+    bench.run(10)
+    assert bench.axis.seen.position == pytest.approx(2.0, abs=1e-3)
+
+
+def test_a_move_may_use_the_travel_that_is_left_from_where_the_axis_stands(ball_screw: Setup) -> None:
+    manned, scale = Manned("axis", ball_screw), ball_screw.file.axis.travel_per_unit
+    manned.board.show(Status(reference=-0.04 / scale))  # of +-50 mm
+    assert manned.move(0.08, 0.1, None).span[1] * scale == pytest.approx(0.08)
+    assert manned.move(-0.009, 0.1, None).span[0] * scale == pytest.approx(-0.009)
+    for distance in (0.0901, -0.0101):
+        with pytest.raises(TrajectoryError, match=r"limits\.travel"):
+            manned.move(distance, 0.1, None)

@@ -1,0 +1,64 @@
+"""The state machine's table, walked whole: every fault in every state, every order, and the way out of each state."""
+
+from __future__ import annotations
+
+import pytest
+
+from stagectl.realtime.states import POWERED, STOPS_GOING_ON, TABLE, Event, State, event_of, following
+from stagectl.realtime.stops import STOPS, Category
+from stagectl.drives.drive import Fault
+
+FAULTS = [fault for fault in Fault if fault is not Fault.NONE]
+ENDS = {Category.COAST: State.COASTING, Category.RAMP: State.QUICK_STOPPING}
+
+
+@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_in_every_state_ends_where_its_category_says(state: State, fault: Fault) -> None:
+    found, category = following(state, event_of(fault)), STOPS[fault].category
+    if state in (State.OFFLINE, State.CONNECTING):
+        assert found is State.OFFLINE
+    elif state in (State.DISABLED, State.ENABLING, State.FAULT):
+        assert found is State.FAULT  # nothing moves: nothing to stop
+    elif state in STOPS_GOING_ON:
+        assert found is (State.COASTING if category is Category.COAST else state)  # a stop is never made weaker
+    elif category is Category.HOLD:
+        assert found is (State.STANDING if state is State.STANDING else State.STOPPING)
+    else:
+        assert found is ENDS[category]
+
+
+@pytest.mark.parametrize("state", [*POWERED, *STOPS_GOING_ON, State.ENABLING])
+@pytest.mark.parametrize("order", [Event.STOP, Event.QUICK_STOP, Event.DISABLE])
+def test_a_stop_is_never_refused(state: State, order: Event) -> None:
+    found = following(state, order)
+    assert found is not None
+    assert found not in (State.MOVING, State.HOMING, State.ENABLING)
+
+
+def test_only_enabling_brings_power_and_only_standing_begins_a_motion() -> None:
+    powered = {*POWERED, *STOPS_GOING_ON}
+    gained = {(a, event, b) for (a, event), b in TABLE.items() if a not in powered and b in powered}
+    assert gained == {(State.ENABLING, Event.DONE, State.STANDING)}
+    begun = {(a, event) for (a, event), b in TABLE.items() if b in (State.MOVING, State.HOMING) and a is not b}
+    assert begun == {(State.STANDING, Event.MOVE), (State.STANDING, Event.HOME)}
+
+
+def test_a_fault_is_left_by_reset_alone() -> None:
+    assert {event for (a, event), b in TABLE.items() if a is State.FAULT and b is not a} == {Event.RESET}
+    assert following(State.FAULT, Event.RESET) is State.CONNECTING
+    for order in (Event.ENABLE, Event.MOVE, Event.HOME, Event.CONNECT):
+        assert following(State.FAULT, order) is None
+
+
+def test_from_every_state_there_is_a_way_to_stand_without_power_and_to_stand_under_it() -> None:
+    for start in State:
+        reached, fresh = {start}, {start}
+        while fresh:
+            fresh = {b for (a, _), b in TABLE.items() if a in fresh} - reached
+            reached |= fresh
+        assert reached >= {State.DISABLED, State.STANDING}, start
+
+
+def test_every_state_has_words() -> None:
+    assert len({state.words for state in State}) == len(State)

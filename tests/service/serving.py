@@ -1,0 +1,181 @@
+"""A virtual drive and a service as processes, and what a test asks of them."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from stagectl.web.client import ask
+from tests.conftest import CONFIG, ROOT, child_of, movable
+
+STAGE = CONFIG / "ball-screw.yaml"
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return int(probe.getsockname()[1])
+
+
+def within(seconds: float, true: Callable[[], bool]) -> bool:
+    """Whether something comes true in that time."""
+    end = time.monotonic() + seconds
+    while not (now := true()) and time.monotonic() < end:
+        time.sleep(0.05)
+    return now
+
+
+def lasting(folder: Path, name: str = "stage", source: Path = STAGE, **changes: str) -> Path:
+    """A stage file whose machine outlasts its service, with other `changes` of its text."""
+    text = movable(source.read_text())
+    text = text.replace("reset: node", "reset: none")  # a machine is not as new after each restart of its service
+    for old, new in changes.items():
+        text = re.sub(rf"(?m)^(  +{old}:) [^#\n]*", rf"\1 {new} ", text)
+    path = folder / f"{name}.yaml"
+    path.write_text(text)
+    return path
+
+
+class Served:
+    """A service in `folder`, with its virtual drive."""
+
+    def __init__(self, folder: Path, *arguments: str, stages: tuple[str, ...] = ()) -> None:
+        self.folder, self.arguments = folder, arguments
+        self.stage = lasting(folder)
+        self.stages = stages or (str(self.stage),)
+        self.socket = folder / "control.sock"
+        self.process: subprocess.Popen[str] | None = None
+        self.drive: subprocess.Popen[str] | None = None
+
+    def start_drive(self) -> None:
+        words = ["virtual-drive", str(self.stage), "--channel", str(self.folder / "bus")]
+        self._said = self.folder / f"drive-{time.monotonic_ns()}.log"
+        with self._said.open("w") as log:
+            self.drive = subprocess.Popen(
+                [sys.executable, "-u", "-m", "stagectl", *words], cwd=ROOT, stdout=log, text=True
+            )
+        self._heard = 0
+        assert self.drive_says().startswith("virtual drive")
+
+    def kill_drive(self) -> None:
+        assert self.drive is not None
+        self.drive.kill()
+        self.drive.wait(timeout=60)
+
+    @property
+    def command(self) -> list[str]:
+        """What starts the service."""
+        words = [sys.executable, "-m", "stagectl", "serve", *self.stages, "--socket", str(self.socket)]
+        return [*words, "--state", str(self.folder / "state"), "--channel", str(self.folder / "bus"), *self.arguments]
+
+    def start(self) -> None:
+        with (self.folder / "log").open("a") as log:
+            self.process = subprocess.Popen(self.command, cwd=ROOT, stderr=log, text=True, start_new_session=True)
+        end = time.monotonic() + 300.0  # the machine is shared
+        while time.monotonic() < end:
+            with contextlib.suppress(Exception):
+                self.axis()
+                return
+            assert self.process.poll() is None, self.log
+            time.sleep(0.05)
+        raise AssertionError(self.log)
+
+    @property
+    def log(self) -> str:
+        return (self.folder / "log").read_text()
+
+    def ask(self, method: str, what: str, **body: Any) -> Any:
+        return ask(self.socket, method, f"/v1/{what}", body or None)
+
+    def axis(self, name: str = "") -> dict[str, Any]:
+        axes = self.ask("GET", "status")["axes"]
+        found: dict[str, Any] = next(axis for axis in axes if name in ("", axis["axis"]))
+        return found
+
+    def faults(self) -> list[str]:
+        return [entry["fault"] for entry in self.ask("GET", "faults")]
+
+    def until(self, wanted: Callable[[dict[str, Any]], bool], seconds: float = 120.0, name: str = "") -> dict[str, Any]:
+        end, found = time.monotonic() + seconds, dict[str, Any]()
+        while time.monotonic() < end:
+            with contextlib.suppress(Exception):  # it may be starting again
+                found = self.axis(name)
+                if wanted(found):
+                    return found
+            time.sleep(0.02)
+        raise AssertionError((found, self.log))
+
+    def child(self, module: str) -> int:
+        """Process id of the service's child that runs this module."""
+        assert self.process is not None
+        found = child_of(self.process.pid, module)
+        assert found is not None, (module, self.log)
+        return found
+
+    def kill(self, module: str = "") -> None:
+        """Signal 9 to a child, or to the service itself."""
+        assert self.process is not None
+        os.kill(self.child(module) if module else self.process.pid, signal.SIGKILL)
+        if not module:
+            self.process.wait(timeout=60)
+
+    def descriptors(self) -> list[str]:
+        """What the service holds open, but for those who ask and for files."""
+        assert self.process is not None
+        found = []
+        for one in Path(f"/proc/{self.process.pid}/fd").iterdir():
+            with contextlib.suppress(FileNotFoundError):
+                found.append(os.readlink(one).partition(":")[0])
+        return sorted(one for one in found if one in ("pipe", "/memfd"))
+
+    def holds_no_more_than(self, held: list[str]) -> bool:
+        """Whether it comes back to that, within 10 s."""
+        return within(10.0, lambda: self.descriptors() == held)
+
+    def boxes(self) -> list[Path]:
+        return sorted((self.folder / "state" / "blackbox").rglob("*.h5"))
+
+    def begin_moving(self) -> None:
+        self.ask("POST", "enable")
+        self.ask("POST", "move", by={"axis": "20 mm"}, speed="5 mm/s", wait=False)
+        self.until(lambda axis: axis["state"] == "moving" and axis["progress"] > 0.1)
+
+    def drive_says(self, seconds: float = 300.0) -> str:
+        """The virtual drive's next line; it must come within so long."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            *whole, _ = self._said.read_text().split("\n")
+            if len(whole) > self._heard:
+                self._heard += 1
+                return whole[self._heard - 1]
+            time.sleep(0.02)
+        raise AssertionError((self._said.read_text(), self.log))
+
+    def end(self) -> None:
+        for process in (self.process, self.drive):
+            if process is not None:
+                process.terminate()
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(timeout=60)
+                process.kill()
+                process.wait()
+
+
+@contextlib.contextmanager
+def served(folder: Path, *arguments: str) -> Iterator[Served]:
+    """A drive and a service that has found it."""
+    machine = Served(folder, *arguments)
+    try:
+        machine.start_drive()
+        machine.start()
+        yield machine
+    finally:
+        machine.end()

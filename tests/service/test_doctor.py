@@ -1,0 +1,87 @@
+"""The doctor: what it finds on a machine that a test makes up, and that every finding in red says how to mend it."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from stagectl.config.stage_file import Setup
+from stagectl.service import doctor
+from stagectl.service.doctor import Check, examine
+from stagectl.drives.drive import Canopen
+from tests.conftest import CONFIG, Command
+from tests.drives.workbench import Workbench
+
+
+def found(setup: Setup, folder: Path, served: bool = True) -> dict[str, Check]:
+    return {check.name: check for check in examine(setup, folder, served)}
+
+
+def test_the_machine_by_its_files(ball_screw: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for cpu, governor in ((0, "performance"), (1, "powersave")):
+        place = tmp_path / f"cpu{cpu}" / "cpufreq"
+        place.mkdir(parents=True)
+        (place / "scaling_governor").write_text(governor + "\n")
+    (tmp_path / "isolated").write_text("2-3,7\n")
+    monkeypatch.setattr(doctor, "_SYS", tmp_path)
+    cases: list[tuple[int | None, bool]] = [(3, True), (7, True), (1, False), (None, False)]
+    for pinned, good in cases:
+        realtime = ball_screw.file.realtime._replace(cpu=pinned)
+        checks = found(ball_screw._replace(file=ball_screw.file._replace(realtime=realtime)), tmp_path)
+        assert checks["CPU"].good is good
+    assert not checks["governor"].good
+    assert checks["governor"].words == "performance, powersave"
+    assert checks["governor"].mend == "cpupower frequency-set -g performance"
+    (tmp_path / "cpu1" / "cpufreq" / "scaling_governor").write_text("performance\n")
+    assert found(ball_screw, tmp_path)["governor"].good
+
+
+def test_the_real_time_class_is_tried_and_not_believed(
+    ball_screw: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refused)
+    check = found(ball_screw, tmp_path)["real-time class"]
+    assert not check.good
+    assert "SCHED_FIFO 80 is not permitted" in check.words
+    assert "LimitRTPRIO" in check.mend
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *_: None)
+    assert "µs late" in found(ball_screw, tmp_path)["real-time class"].words
+
+
+def test_an_interface_that_is_not_there_is_red_with_its_command(ball_screw: Setup, tmp_path: Path) -> None:
+    wire = ball_screw.file.drive.wire
+    assert isinstance(wire, Canopen)
+    drive = ball_screw.file.drive._replace(wire=wire._replace(interface="socketcan", channel="nocan7"))
+    check = found(ball_screw._replace(file=ball_screw.file._replace(drive=drive)), tmp_path)["bus"]
+    assert not check.good
+    assert "ip link set nocan7 up type can bitrate 1000000" in check.mend
+
+
+def test_the_drives_stops_in_words(ball_screw: Setup, bench: Workbench, tmp_path: Path) -> None:
+    node = bench.running("sync")
+    wire = ball_screw.file.drive.wire
+    assert isinstance(wire, Canopen)
+    drive = ball_screw.file.drive._replace(wire=wire._replace(channel=bench.channel))
+    setup = ball_screw._replace(file=ball_screw.file._replace(drive=drive))
+    checks = found(setup, tmp_path, served=False)
+    assert checks["quick stop option (0x605A)"].words == "slow down on the quick stop ramp, then Switch on disabled"
+    assert checks["abort connection option (0x6007)"].good
+    node.objects.node.set_data(0x6007, 0, b"\0\0")
+    worst = found(setup, tmp_path, served=False)["abort connection option (0x6007)"]
+    assert not worst.good
+    assert "NO ACTION" in worst.words
+    assert "0x6007" in worst.mend
+
+
+def test_everything_red_says_what_mends_it(command: Command, tmp_path: Path) -> None:
+    code, out, _ = command("doctor", CONFIG / "ball-screw.yaml", "--state", tmp_path, "--json", "-")
+    result = json.loads(out)
+    assert code == (0 if result["fit"] else 1)
+    assert len(result["checks"]) >= 10
+    assert all(check["mend"] for check in result["checks"] if not check["good"])

@@ -1,0 +1,97 @@
+"""Foxglove's live view, seen through its own protocol by another reader of its messages."""
+
+from __future__ import annotations
+
+import json
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from tests.conftest import ROOT
+from tests.service.serving import Served, free_port, served, within
+
+pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: pip install 'stagectl[foxglove]'")
+pytest.importorskip("rosbags", reason="rosbags is not installed: pip install rosbags")
+PORT = free_port()
+ADDRESS = f"ws://127.0.0.1:{PORT}"
+ROWS, MESSAGE_DATA = 3000, 1
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with served(tmp_path_factory.mktemp("foxglove"), "--foxglove", f"127.0.0.1:{PORT}") as found:
+        yield found
+
+
+def told(link: ClientConnection, op: str) -> dict[str, object]:
+    """The next message of this kind."""
+    while True:
+        text = link.recv(timeout=60.0)
+        if isinstance(text, str) and json.loads(text)["op"] == op:
+            found: dict[str, object] = json.loads(text)
+            return found
+
+
+def subscribed(link: ClientConnection) -> dict[str, str]:
+    """The axis' channel, asked for."""
+    channels: object = told(link, "advertise")["channels"]
+    assert isinstance(channels, list)
+    (channel,) = channels
+    link.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}))
+    assert isinstance(channel, dict)
+    return channel
+
+
+def messages(link: ClientConnection, count: int) -> list[tuple[int, bytes]]:
+    """Log time (ns) and body of so many."""
+    found: list[tuple[int, bytes]] = []
+    while len(found) < count:
+        raw = link.recv(timeout=60.0)
+        if isinstance(raw, bytes) and raw[0] == MESSAGE_DATA:
+            subscription, stamp = struct.unpack_from("<IQ", raw, 1)
+            assert subscription == 7
+            found.append((stamp, raw[13:]))
+    return found
+
+
+def test_every_row_comes_as_another_reader_understands_it(machine: Served) -> None:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    machine.until(lambda axis: axis["state"] == "disabled")
+    machine.begin_moving()
+    with connect(ADDRESS, subprotocols=[Subprotocol("foxglove.sdk.v1")]) as link:
+        channel = subscribed(link)
+        found = messages(link, ROWS)
+    assert (channel["topic"], channel["encoding"]) == ("/axis", "cdr")
+    store.register(get_types_from_msg(channel["schema"], channel["schemaName"]))
+    rows: list[Any] = [store.deserialize_cdr(raw, channel["schemaName"]) for _, raw in found]
+    time = np.array([row.time_s for row in rows])
+    assert np.diff(time) == pytest.approx(5e-4)  # none is missing
+    assert np.ptp([row.reference_rad for row in rows]) > 0.0
+    assert np.max(np.abs([row.error_rad for row in rows])) < 1e-2
+    assert np.all(np.diff([stamp for stamp, _ in found]) > 0)
+    machine.ask("POST", "disable")
+
+
+def test_its_end_is_told_and_disturbs_nothing(machine: Served) -> None:
+    machine.until(lambda axis: axis["state"] == "disabled")
+    machine.kill("stagectl.service.foxglove_live")
+    assert within(30.0, lambda: "foxglove_ended" in machine.faults())
+    assert machine.axis()["state"] == "disabled"
+
+
+@pytest.mark.parametrize("text", ["8765", "localhost:none", "127.0.0.1:99999"])
+def test_where_it_cannot_listen(tmp_path: Path, text: str) -> None:
+    words = ["serve", "config/ball-screw.yaml", "--foxglove", text, "--socket", str(tmp_path / "s")]
+    done = subprocess.run([sys.executable, "-m", "stagectl", *words], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "must be HOST:PORT, such as 127.0.0.1:8765" in " ".join(done.stderr.split())

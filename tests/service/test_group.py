@@ -1,0 +1,41 @@
+"""X and Y on one bus as processes: one SYNC, a move of both, and a fault of one that stops both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stagectl.web.client import RefusedError
+from stagectl.drives.bus.frames import Embedded, frame
+from tests.conftest import CONFIG
+from tests.service.serving import Served, lasting
+
+
+@pytest.fixture
+def stages(tmp_path: Path) -> tuple[str, ...]:
+    """The shipped X-Y stage, one file, with time-outs that a busy machine keeps."""
+    return (str(lasting(tmp_path, "xy", source=CONFIG / "xy.yaml")),)
+
+
+def test_both_move_and_both_stop(tmp_path: Path, stages: tuple[str, ...]) -> None:
+    group = Served(tmp_path, stages=stages)
+    try:
+        group.start()  # it starts its virtual drives itself
+        group.ask("POST", "enable")
+        group.ask("POST", "move", to={"x": "1 mm", "y": "-2 mm"})
+        assert group.axis("x")["position"] == pytest.approx(1e-3, abs=3e-7)
+        assert group.axis("y")["position"] == pytest.approx(-2e-3, abs=3e-7)
+        with pytest.raises(RefusedError, match=r"limits\.travel of Y of the X-Y stage allows 0\.042 m upwards"):
+            group.ask("POST", "move", to={"x": "41 mm", "y": "41 mm"})  # its own limit, and x does not go alone
+        assert group.axis("x")["position"] == pytest.approx(1e-3, abs=3e-7)
+        group.ask("POST", "move", to={"x": "30 mm", "y": "30 mm"}, speed="5 mm/s", wait=False)
+        bus = Embedded(str(tmp_path / "bus"))
+        bus.send(frame(0, bytes([0x81, 6])))  # the drive of y boots again
+        bus.close()
+        assert group.until(lambda axis: axis["state"] == "fault", name="y")["fault"] == "rebooted"
+        assert group.until(lambda axis: axis["state"] == "fault", name="x")["fault"] == "partner"
+        group.ask("POST", "faults/reset")
+        assert [axis["state"] for axis in group.ask("GET", "status")["axes"]] == ["disabled", "disabled"]
+    finally:
+        group.end()

@@ -1,0 +1,94 @@
+"""Units: what is written, that systemd takes it, how it rates it, and that nothing is left when it is removed."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stagectl.config.stage_file import Setup
+from stagectl.service.notify import notify
+from stagectl.drives.drive import Canopen
+from stagectl.service.install import PLACES, Wanted, contents, install, remove
+from tests.conftest import CONFIG, Command
+
+STAGE = CONFIG / "ball-screw.yaml"
+MOST_EXPOSED = 3.0  # what `systemd-analyze security` may say
+
+
+@pytest.fixture
+def on_can(ball_screw: Setup) -> Setup:
+    wire = ball_screw.file.drive.wire
+    assert isinstance(wire, Canopen)
+    drive = ball_screw.file.drive._replace(wire=wire._replace(interface="socketcan", channel="can0", bitrate=500e3))
+    return ball_screw._replace(file=ball_screw.file._replace(drive=drive))
+
+
+def wanted(*setups: Setup, tcp: str = "") -> Wanted:
+    named = tuple((name, STAGE, setup) for name, setup in zip("xyz", setups, strict=False))
+    return Wanted(named, Path("/opt/stagectl/bin/python"), tcp)
+
+
+def test_the_unit_says_what_the_stage_file_says(on_can: Setup, ball_screw: Setup) -> None:
+    files = contents(wanted(on_can))
+    assert set(files) == set(PLACES.values())
+    assert not [text for text in files.values() if re.search(r"@[A-Z]+@", text)]
+    unit = files["etc/systemd/system/stagectl.service"]
+    assert f'ExecStart=/opt/stagectl/bin/python -m stagectl serve "{STAGE}"\n' in unit
+    assert "RestrictAddressFamilies=AF_UNIX AF_NETLINK AF_CAN\n" in unit
+    assert "BindsTo=sys-subsystem-net-devices-can0.device" in unit
+    network = files["etc/systemd/network/80-stagectl-can.network"]
+    assert "Name=can0" in network
+    assert "BitRate=500000" in network
+    embedded = contents(wanted(ball_screw, ball_screw, tcp="127.0.0.1:8402"))
+    assert set(embedded) == {place for place in PLACES.values() if "network" not in place}
+    unit = embedded["etc/systemd/system/stagectl.service"]
+    assert f'serve "x={STAGE}" "y={STAGE}" --tcp 127.0.0.1:8402\n' in unit
+    assert "AF_CAN" not in unit
+    assert "AF_INET6" in unit
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+def test_systemd_rates_the_unit_as_hardened(on_can: Setup, tmp_path: Path) -> None:
+    install(wanted(on_can), tmp_path, True)
+    command = ["systemd-analyze", "security", "--offline=true", f"--root={tmp_path}", "stagectl.service"]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    found = re.search(r"Overall exposure level for stagectl.service: ([\d.]+)", said)
+    assert found is not None, said
+    assert 0.5 < float(found[1]) <= MOST_EXPOSED
+
+
+def test_what_was_installed_is_removed_and_nothing_else(on_can: Setup, tmp_path: Path) -> None:
+    own = tmp_path / "etc/systemd/network/10-eth0.network"
+    own.parent.mkdir(parents=True)
+    own.write_text("[Match]\n")
+    told = install(wanted(on_can), tmp_path, True)
+    assert any("systemctl enable --now stagectl.service" in line for line in told)  # said, not run: another root
+    assert all((tmp_path / place).is_file() for place in PLACES.values())
+    remove(tmp_path)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [own]
+    assert remove(tmp_path)  # twice is no error
+
+
+def test_the_verbs(tmp_path: Path, command: Command) -> None:
+    assert command("service", "install", STAGE, "--root", tmp_path)[0] == 0
+    unit = (tmp_path / PLACES["stagectl.service"]).read_text()
+    assert f'ExecStart={sys.executable} -m stagectl serve "{STAGE}"' in unit
+    assert command("service", "remove", "--root", tmp_path)[0] == 0
+    assert not (tmp_path / PLACES["stagectl.service"]).exists()
+
+
+def test_systemd_is_told_on_its_socket(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    assert not notify("READY=1")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        assert notify("READY=1", "STATUS=axis without power")
+        assert listening.recv(100) == b"READY=1\nSTATUS=axis without power"
+    assert not notify("WATCHDOG=1")  # nobody listens any more

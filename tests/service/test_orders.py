@@ -1,0 +1,100 @@
+"""Orders of several clients at once: one motion at a time is laid out and begun, and a stop ends what is not begun."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stagectl.config.stage_file import InProcess, Setup
+from stagectl.service import processes
+from stagectl.realtime.axes import Loop
+from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.orders import Orderly
+from stagectl.service.service import Service, Where
+from stagectl.realtime.states import Event, State
+from stagectl.drives.bus.virtual_time import Timeline
+from tests.conftest import varied
+
+CALM = (None, None)
+LONG = ("long", "{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 40}")  # longer than the board
+
+
+class Bench:
+    """A service and its loop in one thread: a period whenever the service waits."""
+
+    def __init__(self, setup: Setup, folder: Path) -> None:
+        setup = varied(setup, substeps=1)
+        setup = setup._replace(file=setup.file._replace(drive=setup.file.drive._replace(wire=InProcess())))
+        self.axis = Manned("axis", setup)
+        self.orderly = Orderly(Service({"axis": self.axis}, Where(folder / "s", folder), False, lambda _: None))
+        self.loop = Loop(processes.post([self.axis], False), Timeline())
+        self.loop.axes[0].happen(Event.CONNECT)
+        self.travel = setup.file.axis.travel_per_unit
+
+    def serve(self, *asked: Coroutine[Any, Any, None]) -> list[BaseException | None]:
+        """What became of the orders, given at once, after the axis was enabled."""
+
+        async def go_on() -> None:
+            while True:
+                self.loop.period()
+                self.axis.fill()
+                await asyncio.sleep(0)
+
+        async def all_of_it() -> list[BaseException | None]:
+            going = asyncio.create_task(go_on())
+            await asyncio.sleep(0)
+            await self.orderly.enable([self.axis])
+            ends = await asyncio.gather(*asked, return_exceptions=True)
+            going.cancel()
+            return ends
+
+        return asyncio.run(all_of_it())
+
+    def move(self, to: str) -> Coroutine[Any, Any, None]:
+        return self.orderly.move({"": to}, {}, CALM, True)
+
+    @property
+    def position(self) -> float:
+        return self.loop.axes[0].seen.position * self.travel
+
+
+@pytest.fixture
+def bench(ball_screw: Setup, tmp_path: Path) -> Bench:
+    return Bench(ball_screw, tmp_path)
+
+
+def test_of_two_moves_at_once_the_first_is_made_and_the_other_refused(bench: Bench) -> None:
+    well, refused = bench.serve(bench.move("1 mm"), bench.move("2 mm"))
+    assert well is None
+    assert isinstance(refused, ServiceError)
+    assert "moves" in str(refused)
+    assert bench.position == pytest.approx(1e-3, abs=1e-6)
+
+
+def test_a_motion_longer_than_the_board_goes_on_when_another_is_refused(bench: Bench) -> None:
+    async def meanwhile() -> None:
+        while bench.axis.state is not State.MOVING:
+            await asyncio.sleep(0)
+        await bench.move("2 mm")
+
+    well, refused = bench.serve(bench.orderly.trajectory("", LONG, True), meanwhile())
+    assert well is None
+    assert isinstance(refused, ServiceError)
+    assert bench.axis.status.faults == 0
+
+
+def test_a_stop_ends_a_motion_that_is_still_being_laid_out(bench: Bench) -> None:
+    async def later() -> None:
+        await asyncio.sleep(0)
+        await bench.orderly.stop([bench.axis])
+
+    refused, waited, stopped = bench.serve(bench.move("1 mm"), bench.move("2 mm"), later())
+    assert stopped is None
+    for one in (refused, waited):  # the second one waits for the first
+        assert isinstance(one, ServiceError)
+        assert "stopped before it began" in str(one)
+    assert bench.axis.status.motions == 0

@@ -1,0 +1,53 @@
+"""Orders that no real-time process will ever take: they are refused, not waited for."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+
+from stagectl.realtime.shared_memory import Order, Status
+from stagectl.service.machine import machine
+from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.orders import Orderly
+from stagectl.service.service import Service, Where
+from stagectl.realtime.states import Event, State
+from tests.conftest import CONFIG
+
+
+@pytest.fixture
+def axis() -> Manned:
+    return machine([str(CONFIG / "ball-screw.yaml")], None)["axis"]
+
+
+@pytest.fixture
+def service(axis: Manned, tmp_path: Path) -> Service:
+    return Service({"axis": axis}, Where(tmp_path / "socket", tmp_path), False, lambda _: None)
+
+
+def test_before_the_process_is_there(service: Service, axis: Manned) -> None:
+    with pytest.raises(ServiceError, match="is being started"):
+        asyncio.run(service.order(axis, Order(Event.ENABLE)))
+    assert axis.board.ordered == 0  # nor does the new process find it when it comes up
+
+
+def test_the_process_dies_over_it(service: Service, axis: Manned) -> None:
+    axis.board.show(Status(state=State.DISABLED, tick=time.monotonic(), patience=1e6))
+
+    async def died() -> None:
+        order = asyncio.create_task(service.order(axis, Order(Event.ENABLE)))
+        await asyncio.sleep(0.05)
+        axis.begin()
+        await asyncio.wait_for(order, 10.0)
+
+    with pytest.raises(ServiceError, match="does not answer"):
+        asyncio.run(died())
+
+
+def test_gains_that_were_not_taken_are_not_kept(service: Service, axis: Manned) -> None:
+    before = axis.control, axis.controller
+    with pytest.raises(ServiceError, match="is being started"):
+        asyncio.run(Orderly(service).change("axis", {"bandwidth": "25 Hz"}))
+    assert (axis.control, axis.controller) == before

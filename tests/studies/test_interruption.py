@@ -1,0 +1,144 @@
+"""A diagnosis that is ended from outside leaves no record: the trial is run again, and none is lost."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from stagectl_studies.exam import exam, run_trial, workers
+from stagectl_studies.exam.question import ANSWER, CAPTURES, InterruptionError, Manner, Place, asked
+from stagectl_studies.exam.plan import ExamError, Planned
+from stagectl_studies.exam.run_trial import Job, finished_job, sit
+from stagectl_studies.exam.workers import local
+
+ANSWERING = Path(__file__).parent / "answering"
+PLANNED = Planned(1, "null-exact", 5)
+
+
+def says(folder: Path, line: str) -> Manner:
+    """A module that runs this line in place of the diagnosis."""
+    folder.mkdir()
+    (folder / "ends.py").write_text(f"import os, signal, sys, time\n{line}\n")
+    return Manner(short=True, module="ends", code=str(folder))
+
+
+def ended(tmp_path: Path, line: str, timeout: float = 60.0) -> str:
+    trial = tmp_path / "trials" / "0001"
+    (trial / CAPTURES).mkdir(parents=True)
+    return asked(Place(tmp_path, trial, ()), "ends", [], says(tmp_path / "code", line)._replace(timeout=timeout))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "os.kill(os.getpid(), signal.SIGKILL)",
+        "os.kill(os.getpid(), signal.SIGTERM)",
+        "try:\n    os.kill(os.getpid(), signal.SIGINT); time.sleep(9)\nexcept KeyboardInterrupt:\n    sys.exit(1)",
+        "raise MemoryError",
+        "import numpy; numpy.zeros(1 << 50)",
+    ],
+)
+def test_ended_from_outside(tmp_path: Path, line: str) -> None:
+    """Also where the program would make an exit code of Ctrl-C that says nothing of it."""
+    with pytest.raises(InterruptionError, match="ends was interrupted, with code"):
+        ended(tmp_path, line)
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("os.kill(os.getpid(), signal.SIGSEGV)", "code -11"),
+        ("sys.exit(2)", "code 2"),
+        ("raise ValueError('no')", "code 1: ValueError: no"),
+        ("time.sleep(60)", "more than 2 s"),
+    ],
+)
+def test_ended_by_itself(tmp_path: Path, line: str, why: str) -> None:
+    """A crash, an error and one that takes for ever are the diagnosis' own: they count."""
+    assert why in ended(tmp_path, line, 2.0)
+
+
+def staged(_: Planned, folder: Path, __: bool) -> bytes:
+    (folder / CAPTURES).mkdir()
+    return b"truth"
+
+
+def test_no_record_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_trial, "staged", staged)
+    job = Job(PLANNED, str(tmp_path), says(tmp_path / "code", "raise MemoryError"))
+    with pytest.raises(InterruptionError, match="out of memory"):
+        sit(job)
+    assert (tmp_path / "trials" / "0001" / ANSWER).is_dir() and finished_job(job) is None
+    with pytest.raises(ExamError, match="the trials 1 are not finished; go on with --resume"):
+        exam.records(tmp_path, [PLANNED])
+
+
+def test_one_that_always_dies_holds_up_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def apart(job: Job, _: object) -> dict[str, int]:
+        if job.planned.number == 1:
+            raise ExamError("trial 1 has no record")
+        return {"number": job.planned.number}
+
+    monkeypatch.setattr(workers, "apart", apart)
+    coming = local([Job(PLANNED._replace(number=one), str(tmp_path), Manner()) for one in (1, 2, 3)], 1)
+    assert sorted(next(coming)["number"] for _ in "23") == [2, 3]
+    with pytest.raises(ExamError, match="trial 1 has no record; go on with --resume"):
+        next(coming)
+
+
+BESIDE = """
+from stagectl_studies.exam.question import Manner
+from stagectl_studies.exam.plan import Planned
+from stagectl_studies.exam.run_trial import Job
+from stagectl_studies.exam.workers import local
+
+if __name__ == "__main__":
+    list(local([Job(Planned(1, "null-exact", 5), {root!r}, Manner(short=True, module="patient", code={code!r}))], 1))
+"""
+
+
+def until(true: Callable[[], bool], seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def lives(process: int) -> bool:
+    """Whether it runs; who has ended and is not yet waited for does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes end with the one that began them on Linux alone")
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_an_exam_that_is_ended_takes_its_diagnosis_along(tmp_path: Path, how: signal.Signals) -> None:
+    """By Ctrl-C in a terminal, which goes to all of its processes, or by SIGKILL to the first of them alone."""
+    code, root = tmp_path / "code", tmp_path / "exam"
+    code.mkdir()
+    root.mkdir()
+    (code / "patient.py").write_bytes((ANSWERING / "patient.py").read_bytes())
+    script = tmp_path / "beside.py"
+    script.write_text(BESIDE.format(root=str(root), code=str(code)))
+    surroundings = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    held = subprocess.Popen(
+        [sys.executable, str(script)], env=surroundings, start_new_session=True, stderr=subprocess.DEVNULL
+    )
+    told = code / "process"
+    try:
+        until(lambda: held.poll() is None and told.exists() and told.read_text() != "")
+        os.killpg(held.pid, how) if how == signal.SIGINT else held.send_signal(how)
+        assert held.wait(60.0) != 0
+        until(lambda: not lives(int(told.read_text())), 30.0)
+    finally:
+        held.kill()
+        held.wait()
+    assert finished_job(Job(PLANNED, str(root), Manner())) is None
+    assert (root / "trials" / "0001" / "journal.json").exists()

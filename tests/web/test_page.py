@@ -1,0 +1,281 @@
+"""The page in a browser: Debian's chromium, a service on a virtual drive, and whoever looks at it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stagectl.web import assets
+from stagectl.recording.hdf5 import open_recording
+from tests.service.serving import Served, free_port, served
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+]
+PORT = free_port()
+PATIENCE = 60_000.0  # ms: the machine is shared
+SHOTS = os.environ.get("STAGECTL_SCREENSHOTS")  # a folder, for who wants to look
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with served(tmp_path_factory.mktemp("page"), "--tcp", f"127.0.0.1:{PORT}") as found:
+        end = time.monotonic() + 30.0
+        while assets.found() is None and time.monotonic() < end:
+            time.sleep(0.2)
+        yield found
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        yield found
+        found.close()
+
+
+class Viewed:
+    """One page, with everything that went wrong in it."""
+
+    def __init__(self, browser: Any, machine: Served, key: str = "key", **context: Any) -> None:
+        self.context = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **context})
+        self.page = self.context.new_page()
+        self.page.set_default_timeout(PATIENCE)
+        self.wrong: list[str] = []
+        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        secret = (machine.folder / "state" / key).read_text().strip() if key else ""
+        self.page.goto(f"http://127.0.0.1:{PORT}/#{secret}" if secret else f"http://127.0.0.1:{PORT}/")
+
+    def live(self) -> Any:
+        self.until("#link", "live")
+        return self.page
+
+    def until(self, selector: str, words: str) -> None:
+        playwright.expect(self.page.locator(selector)).to_contain_text(words, timeout=PATIENCE)
+
+    def shot(self, name: str) -> None:
+        if SHOTS:
+            self.page.screenshot(path=str(Path(SHOTS) / f"{name}.png"), full_page=True)
+
+    def end(self) -> None:
+        self.context.close()
+        assert self.wrong == []
+
+
+@pytest.fixture
+def view(browser: Any, machine: Served) -> Iterator[Any]:
+    """``view(key=..., ...)``: a page; those of a test are closed after it, and must have had no error."""
+    opened: list[Viewed] = []
+
+    def show(key: str = "key", **context: Any) -> Viewed:
+        opened.append(Viewed(browser, machine, key, **context))
+        return opened[-1]
+
+    yield show
+    for one in opened:
+        one.end()
+
+
+@pytest.fixture(autouse=True)
+def ready(machine: Served) -> None:
+    """Each test begins with an axis that stands under power."""
+    machine.until(lambda axis: axis["state"] != "connecting")
+    if machine.axis()["state"] in ("fault", "offline"):
+        machine.ask("POST", "faults/reset")
+    machine.ask("POST", "stop")
+    if machine.axis()["state"] != "standing":
+        machine.ask("POST", "enable")
+
+
+def test_orders_by_keyboard(view: Any, machine: Served) -> None:
+    """A move that is typed, begun by Enter, stopped by Escape; what is refused is told in the service's words."""
+    shown = view()
+    page = shown.live()
+    page.focus("#move-how")
+    page.keyboard.press("b")  # by
+    page.keyboard.press("Tab")
+    page.keyboard.type("20 mm")
+    page.keyboard.press("Tab")
+    page.keyboard.type("2 mm/s")
+    page.keyboard.press("Enter")
+    shown.until("#state", "moves")
+    assert page.is_disabled("#enable") and page.is_enabled("#stop")
+    page.keyboard.press("Escape")
+    shown.until("#state", "holds its position")
+    assert machine.axis()["fault"] == ""
+    page.fill("#move-value", "900 mm")
+    page.click("#move button")
+    shown.until("#said", "limits.travel")
+    page.click("#disable")
+    shown.until("#state", "without power")
+    assert page.is_disabled("#move button") and page.is_enabled("#enable")
+
+
+def test_who_may_only_read_sees_no_buttons(view: Any) -> None:
+    shown = view("token")
+    page = shown.live()
+    assert page.is_hidden("#orders") and page.is_hidden("#record")
+    assert page.is_visible("#reading") and page.is_visible("#strip-error canvas")
+    answer = page.evaluate(
+        "fetch('/v1/enable', {method: 'POST', headers: {Authorization: 'Bearer ' + sessionStorage['stagectl-key']}})"
+        ".then(found => found.status)"
+    )
+    assert answer == 403
+    assert "#" not in page.url  # the key is not left in the address
+
+
+def test_without_a_key_it_asks_for_one(view: Any, machine: Served) -> None:
+    shown = view("")
+    page = shown.page
+    page.wait_for_selector("#door:not([hidden])")
+    assert page.is_hidden("#content")
+    page.fill("#door-key", "x" * 43)
+    page.keyboard.press("Enter")
+    shown.until("#door-words", "not the service's")
+    page.fill("#door-key", (machine.folder / "state" / "token").read_text().strip())
+    page.keyboard.press("Enter")
+    assert shown.live().is_visible("#strips")
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 1280), ("light", 390), ("dark", 390)])
+def test_it_is_whole_on_every_screen(view: Any, machine: Served, scheme: str, width: int) -> None:
+    """Painted within a second, nothing beyond the edge, curves in the colours of the theme."""
+    machine.ask("POST", "trajectory", yaml="{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 60}", wait=False)
+    shown = view(color_scheme=scheme, viewport={"width": width, "height": 850})
+    page = shown.live()
+    shown.until("#state", "moves")
+    page.wait_for_timeout(2500)
+    shown.shot(f"{scheme}-{width}")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator(".plot canvas").count() == 4
+    dark = page.evaluate(
+        "() => {const c = document.querySelector('#strip-error canvas'), d = c.getContext('2d')"
+        ".getImageData(0, 0, c.width, c.height).data; let n = 0;"
+        "for (let k = 0; k < d.length; k += 4) if (d[k + 3] > 200 && d[k] > 200 && d[k + 2] < 100) n++; return n}"
+    )
+    assert dark > 20  # the error's amber, in either theme
+    assert re.search(r"-?\d+\.\d{5} mm", page.inner_text("#position"))
+    assert re.search(r"\d+ of \d+ cycles late", page.inner_text("#late"))
+    assert re.search(r"Bus load \d+ %", page.inner_text("#bus"))
+    machine.ask("POST", "stop")
+
+
+def test_first_paint(view: Any) -> None:
+    """Without the browser's own start, which is not ours; the quickest of some: the machine is shared."""
+    shown = view()
+    shown.live()
+    paints = []
+    for _ in range(5):
+        shown.page.reload()
+        shown.live()
+        paints += shown.page.evaluate(
+            "performance.getEntriesByName('first-contentful-paint').map(one => one.startTime)"
+        )
+    assert len(paints) == 5 and 0.0 < min(paints) <= 1000.0
+
+
+def test_the_scope_triggers_zooms_and_saves(view: Any, machine: Served, tmp_path: Path) -> None:
+    machine.ask("POST", "trajectory", yaml="{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 60}", wait=False)
+    shown = view()
+    page = shown.live()
+    page.click("#scope-picks summary")
+    for channel in ("reference", "measured", "current", "state"):
+        page.check(f"#scope-channels label:text-is('{channel}') input")
+    page.select_option("#scope-source", "current")
+    page.fill("#scope-level", "0.5 A")
+    page.select_option("#scope-mode", "normal")
+    page.fill("#scope-span", "0.3")
+    page.keyboard.press("Tab")
+    page.click("#scope-single")
+    shown.until("#scope-state", "captured")
+    assert page.inner_text("#scope-count") == "6"
+    assert page.locator("#readout tbody tr").count() == 6
+    page.select_option("#scope-lanes", "lanes")
+    page.focus("#cursor-a")
+    before = page.inner_text("#readout thead")
+    page.keyboard.press("ArrowRight")
+    playwright.expect(page.locator("#readout thead")).not_to_have_text(before)
+    shown.shot("scope")
+    with page.expect_download() as caught:
+        page.click("#save-csv")
+    caught.value.save_as(tmp_path / "scope.csv")
+    head, *lines = (tmp_path / "scope.csv").read_text().splitlines()
+    assert head == "time_s,error_m,measured_current_A,reference_m,measured_m,current_A,state"
+    rows = np.array([[float(number) for number in line.split(",")] for line in lines])
+    assert np.allclose(np.diff(rows[:, 0]), 5e-4)
+    place = int(np.argmin(np.abs(rows[:, 0])))
+    assert rows[place - 1, 5] < 0.5 <= rows[place, 5]  # the trigger is at 0
+    page.click("#zoom")
+    page.click("#scope-channels label:text-is('late') input")
+    page.fill("#scope-level", "1 kg")
+    page.keyboard.press("Tab")
+    shown.until("#scope-state", "must be a number in A")
+    machine.ask("POST", "stop")
+
+
+def test_a_recording_is_made_and_fetched(view: Any, machine: Served, tmp_path: Path) -> None:
+    shown = view()
+    page = shown.live()
+    page.fill("#record-name", "first one")
+    page.fill("#record-before", "0.2")
+    page.keyboard.press("Enter")
+    shown.until("#recording", "recording first one.h5")
+    page.click("#sine button")
+    shown.until("#state", "moves")
+    page.wait_for_timeout(1000)
+    page.click("#record-button")
+    page.wait_for_selector("#files button[aria-label='Download first one.h5 as h5']")
+    with page.expect_download() as caught:
+        page.click("#files button[aria-label='Download first one.h5 as h5']")
+    caught.value.save_as(tmp_path / "one.h5")
+    found = open_recording(tmp_path / "one.h5")
+    assert found.complete and found.lost_rows == 0
+    time_ = found.column("time")
+    assert np.allclose(np.diff(time_), 5e-4)
+    assert found.meta["steady"] == pytest.approx([time_[0], time_[-1] + 5e-4])
+    with page.expect_download() as caught:
+        page.click("#files button[aria-label='Download first one.h5 as csv']")
+    caught.value.save_as(tmp_path / "one.csv")
+    assert len((tmp_path / "one.csv").read_text().splitlines()) == len(time_) + 1
+    page.fill("#record-name", "first one")
+    page.click("#record-button")
+    shown.until("#recording", "exists already")
+    machine.ask("POST", "stop")
+
+
+def test_it_comes_back_after_the_service(view: Any, machine: Served) -> None:
+    """The real-time process dies, then the service: the page says so, and goes on by itself with the same key."""
+    shown = view()
+    page = shown.live()
+    machine.kill("stagectl.realtime.axes")
+    shown.until("#faults", "process died")
+    shown.shot("died")
+    assert machine.process is not None
+    machine.process.send_signal(signal.SIGTERM)
+    machine.process.wait(60)
+    shown.until("#link", "does not answer")
+    shown.shot("gone")
+    machine.start()
+    shown.live()
+    machine.ask("POST", "enable")
+    shown.until("#state", "holds its position")
+    assert page.is_visible("#orders")
+
+
+def test_the_terminal_gives_the_address(machine: Served) -> None:
+    (key,) = ((machine.folder / "state" / name).read_text().strip() for name in ("key",))
+    assert machine.ask("POST", "page") == {"address": f"http://127.0.0.1:{PORT}/#{key}"}
+    assert json.loads(json.dumps(machine.ask("GET", "me"))) == {"read": True, "move": True}

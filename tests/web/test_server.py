@@ -1,0 +1,41 @@
+"""What the servers of a service owe to whoever waits for them."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stagectl.web import server
+from stagectl.service.machine import machine
+from stagectl.service.axis_controller import ServiceError
+from stagectl.service.service import Service, Where
+from tests.conftest import CONFIG
+
+
+class Ending:
+    """A server that ends by itself."""
+
+    def __init__(self, why: Exception | None) -> None:
+        self.why, self.should_exit, self.force_exit = why, False, False
+
+    async def serve(self, sockets: Any) -> None:
+        if self.why is not None:
+            raise self.why
+
+
+@pytest.mark.parametrize(("why", "told"), [(OSError("no more files"), "no more files"), (None, "ended by itself")])
+def test_a_server_that_ends_does_not_end_the_service_in_silence(
+    tmp_path: Path, why: Exception | None, told: str
+) -> None:
+    axes = machine([str(CONFIG / "ball-screw.yaml")], None)
+    service = Service(axes, Where(tmp_path / "control.sock", tmp_path / "state"), True, lambda _: None)
+
+    async def served() -> None:
+        service.watch = asyncio.Event().wait  # type: ignore[method-assign, assignment]
+        await server._until_stopped(service, [(Ending(why), [])], asyncio.Event())  # type: ignore[list-item]
+
+    with pytest.raises((OSError, ServiceError), match=told):
+        asyncio.run(served())

@@ -1,0 +1,69 @@
+"""What all baselines stand on: the session, its base refit, and the dictionary; and the form of their answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from stagectl.gap import diagnose
+from stagectl.gap.selection import search
+from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection.cross_validation import Score, best_of
+from stagectl.gap.selection.search import Library
+from stagectl.gap.logs.session import Array, Session
+from stagectl.kernels import stage
+from stagectl.kernels.stage import Stage
+
+SHIFT = 0.01  # share from which a refitted value is told
+
+
+class Ground(NamedTuple):
+    """A session with its base refit and its dictionary."""
+
+    session: Session
+    evidence: Evidence
+    library: Library
+
+
+class Answer(NamedTuple):
+    """What a baseline says: names, surest first, and the model or the predictions it leads to."""
+
+    names: tuple[str, ...]
+    improved: Stage | None
+    shifts: tuple[str, ...] = ()  # of values that the model has
+    predicted: tuple[Array, ...] = ()  # (n,) rad, of each held-out log, where no model was made
+
+
+def ground(session: Session, excluded: Sequence[str]) -> Ground:
+    """The same steps as those of the diagnosis, up to its search."""
+    e, _, library = diagnose.prepared(session, diagnose.Options(tuple(excluded)), lambda _: None)
+    return Ground(session, e, library)
+
+
+def shifts(g: Ground) -> tuple[str, ...]:
+    """Values of the model that the refit has moved by more than `SHIFT`."""
+    before, after = g.session.stage, g.evidence.base.model.stage
+    coulomb = stage.sliding(before.friction)
+    changes = {
+        "inertia": after.mechanics.inertia / before.mechanics.inertia - 1.0,
+        "viscous": (after.mechanics.viscous - before.mechanics.viscous) / max(before.mechanics.viscous, 1e-12),
+        "coulomb": stage.sliding(after.friction) / coulomb - 1.0,
+        "bias": (after.mechanics.bias - before.mechanics.bias) / coulomb,
+    }
+    return tuple(name for name, change in changes.items() if abs(change) > SHIFT)
+
+
+def scored(g: Ground, now: Fitted) -> dict[str, Score]:
+    """The best form of every effect that is not in the model yet, on what is left."""
+    return best_of(search.scored(g.evidence, g.library, now).scores)
+
+
+def as_json(answer: Answer) -> dict[str, Any]:
+    """The answer as that of a diagnosis: effects first, then shifts of values."""
+    effects = [_effect(name, False) for name in answer.names] + [_effect(name, True) for name in answer.shifts]
+    verdict = "effects" if answer.names else "parameters" if answer.shifts else "none"
+    return {"verdict": verdict, "effects": effects, "gap": {}, "where": {}, "next_experiment": None}
+
+
+def _effect(name: str, parameter: bool) -> dict[str, Any]:
+    return {"name": name, "alternatives": [], "probability": 1.0, "parameter": parameter, "parameters": {}}

@@ -1,0 +1,31 @@
+"""A ladder of friction models, each fitted, the one of the smallest error taken: the structure is chosen, not found.
+
+The rungs are the six models of BAM in the terms of our library (Duclusaud, Passault, Padois, Ly: Extended Friction
+Models for the Physics Simulation of Servo Actuators, arXiv 2410.08650).
+"""
+
+from __future__ import annotations
+
+from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
+from stagectl.gap.selection import refine
+from stagectl.gap.selection.search import named
+
+RUNGS: tuple[tuple[str, ...], ...] = (
+    (),
+    ("stribeck",),
+    ("load_friction",),
+    ("stribeck", "load_friction"),
+    ("stribeck", "load_friction", "coulomb_asymmetry"),
+    ("stribeck", "load_friction", "viscous_nonlinear"),
+)
+
+
+def ladder(g: Ground) -> Answer:
+    """The rung that leaves least."""
+    best = scored(g, refine.start(g.evidence))
+    fits = []
+    for rung in RUNGS:
+        effects = [named(best[name]) for name in rung if name in best and best[name].gain > 0.0]
+        fits.append(refine.refine(g.evidence, g.evidence.base.model, effects, 2))
+    chosen = min(fits, key=lambda one: one.misfit)
+    return Answer(tuple(one.effect.name for one in chosen.effects), chosen.equipped.stage, shifts(g))

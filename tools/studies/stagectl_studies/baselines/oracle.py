@@ -1,0 +1,25 @@
+"""Told which effects are there: the best that this library can do on these logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
+from stagectl.gap.selection import refine
+from stagectl.gap.selection.search import named
+
+
+def oracle(g: Ground, told: Sequence[str]) -> Answer:
+    """All effects that are told, the largest first, each refined beside the ones before it.
+
+    What the library does not hold (a value that the model has, an effect on no list) stays with the base refit.
+    """
+    now = refine.start(g.evidence)
+    waiting = [name for name in told if name in {form.effect.name for form in g.library.forms}]
+    while waiting:
+        best = scored(g, now)
+        name = max(waiting, key=lambda one: best[one].gain)
+        waiting.remove(name)
+        after = refine.refine(g.evidence, now.model, [*now.effects, named(best[name])])
+        now = after if after.misfit < now.misfit else now
+    return Answer(tuple(one.effect.name for one in now.effects), now.equipped.stage, shifts(g))

@@ -1,0 +1,45 @@
+"""The verb `reproduce`: all figures and tables of a source paper, ours beside the paper's numbers, on one page."""
+
+from __future__ import annotations
+
+import json as jsonlib
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stagectl.cli.motion import Json
+from stagectl.cli.show import console, emit
+from stagectl.cli.show import progress as bar
+
+Paper = Annotated[str, typer.Argument(metavar="PAPER", help="ball-screw or slider.")]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the page and its numbers go.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb to the command line."""
+    app.command("reproduce")(reproduce)
+
+
+def reproduce(paper: Paper, output: Output = Path("reproduced"), json: Json = None) -> None:
+    """Carry out a source paper's experiments on a virtual machine: every figure, beside the paper's numbers.
+
+    Takes about a minute; writes FOLDER/PAPER.html and FOLDER/PAPER.json.
+
+    Example: stagectl reproduce ball-screw -o reproduced
+    """
+    from stagectl.kernels.jit import cold
+    from stagectl_studies.reproduction import papers
+
+    papers.check(paper)
+    output.mkdir(parents=True, exist_ok=True)
+    if cold():
+        console.print("compiling the kernels, once for this version: up to a minute")
+    with bar(f"reproduce {paper}", 1) as update:
+        outcome = papers.reproduce(paper, update)
+        page = papers.page(paper, outcome, output / f"{paper}.html")
+    found = outcome.numbers()
+    (output / f"{paper}.json").write_text(jsonlib.dumps(found, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    console.print(f"simulated: {outcome.answer}")
+    console.print(f"report: {page}")
+    emit(found, json)

@@ -1,0 +1,144 @@
+"""Which trials an exam holds: strata with fixed quotas, effects dealt evenly, in an order that tells nothing."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stagectl_studies.machine.effects import ALIENS, EFFECTS
+from stagectl_studies.machine.trials import STRATA as _DRAWN  # noqa: F401  its import enters the effects into their tables
+from stagectl_studies.exam.rules import EXACT, WIDER
+
+QUOTAS = {  # of 300 trials; at least 30 in each group: null, single, pair, triple, left-out, alien, poor
+    "null-exact": 12,
+    "null-parameters": 12,
+    "null-law": 12,
+    "single-0.5": 24,
+    "single-1": 24,
+    "single-2": 24,
+    "single-4": 24,
+    "pair": 36,
+    "triple": 33,
+    "left-out": 33,
+    "alien": 33,
+    "poor": 33,
+}
+SIZES = {"pair": 2, "triple": 3}
+_STOPPING = frozenset({"controller"})  # with another controller than the one described, nothing else is judged
+_FITTED = frozenset({"inertia", "viscous", "coulomb", "bias", "time_shift", "presliding"})  # by the base refit anyway
+_NEVER_LEFT_OUT = frozenset({*_FITTED, "friction_lag", *(name for one in EXACT for name in one)})  # another holds them
+
+
+class ExamError(Exception):
+    """An exam that cannot be held as asked."""
+
+
+class Planned(NamedTuple):
+    """One trial; `number` is all that its folder tells."""
+
+    number: int
+    stratum: str
+    seed: int
+    effects: tuple[str, ...] = ()
+    scale: float | None = None  # None: drawn
+    exclude: tuple[str, ...] = ()  # for `--exclude`
+
+    @property
+    def drawn_as(self) -> str:
+        """The stratum's name where trials are drawn."""
+        return "single" if self.stratum.startswith(("single", "left-out")) else self.stratum
+
+
+def sources(root: Path) -> str:
+    """Hash of all sources below `root`: which version sat a trial."""
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def source_seed(root: Path) -> int:
+    """Seed from the hash of all sources below `root`: nobody can tune to the exam of his own version."""
+    return int(sources(root)[:8], 16) >> 1
+
+
+def quotas(trials: int, strata: Sequence[str] = ()) -> dict[str, int]:
+    """Trials of each stratum, in proportion to `QUOTAS`; what rounding leaves goes to the largest remainders.
+
+    Raises ExamError where a stratum is none of `QUOTAS`.
+    """
+    chosen = {name: QUOTAS[name] for name in expanded(strata)}
+    whole = sum(chosen.values())
+    exact = {name: trials * weight / whole for name, weight in chosen.items()}
+    found = {name: int(share) for name, share in exact.items()}
+    largest = sorted(exact, key=lambda name: found[name] - exact[name])
+    for name in largest[: trials - sum(found.values())]:
+        found[name] += 1
+    return found
+
+
+def expanded(strata: Sequence[str]) -> list[str]:
+    """Names of strata; ``null`` and ``single`` stand for all of theirs, none for all there are.
+
+    Raises ExamError where a name is none.
+    """
+    found = []
+    for asked in strata or QUOTAS:
+        mine = [name for name in QUOTAS if name == asked or (asked in ("null", "single") and name.startswith(asked))]
+        if not mine:
+            raise ExamError(f"--strata {asked}: no such stratum; must be one of null, single, {', '.join(QUOTAS)}")
+        found += [name for name in mine if name not in found]
+    return found
+
+
+def deck(names: Sequence[str], random: np.random.Generator) -> Iterator[str]:
+    """The names over and over, shuffled anew each time: every one comes up as often as the others, or once less."""
+    while True:
+        yield from (str(name) for name in random.permutation(sorted(names)))
+
+
+def together(effects: Iterator[str], count: int) -> tuple[str, ...]:
+    """The next effects of the deck that can be told apart from each other."""
+    found: list[str] = []
+    while len(found) < count:
+        name = next(effects)
+        related = {other for one in EXACT if name in one for other in one} | {name} | WIDER.get(name, frozenset())
+        held = {other for one in found for other in WIDER.get(one, frozenset())}
+        if name not in _STOPPING and not related & set(found) and name not in held:
+            found.append(name)
+    return tuple(found)
+
+
+def plan(trials: int, seed: int, strata: Sequence[str] = ()) -> list[Planned]:
+    """All trials of an exam: the same seed, number and strata give the same plan."""
+    random = np.random.default_rng([seed, 11])
+    cards = {
+        "all": deck(list(EFFECTS), random),
+        "several": deck(sorted(set(EFFECTS) - _STOPPING), random),
+        "left-out": deck(sorted(set(EFFECTS) - _STOPPING - _NEVER_LEFT_OUT), random),
+        "alien": deck(list(ALIENS), random),
+    }
+    asked = [name for name, count in quotas(trials, strata).items() for _ in range(count)]
+    made = [_trial(stratum, cards, random) for stratum in asked]
+    order = random.permutation(len(made))
+    seeds = np.random.SeedSequence([seed, 12]).generate_state(max(len(made), 1), np.uint32) >> 1
+    return [Planned(number + 1, seed=int(seeds[number]), **made[place]) for number, place in enumerate(order.tolist())]
+
+
+def _trial(stratum: str, cards: dict[str, Iterator[str]], random: np.random.Generator) -> dict[str, Any]:
+    kind, _, scale = stratum.partition("-")
+    if kind == "single":
+        return {"stratum": stratum, "effects": (next(cards["all"]),), "scale": float(scale)}
+    if stratum in SIZES:
+        return {"stratum": stratum, "effects": together(cards["several"], SIZES[stratum])}
+    if stratum == "left-out":
+        name = next(cards["left-out"])
+        exclude = (name, *sorted(WIDER.get(name, frozenset())))
+        return {"stratum": stratum, "effects": (name,), "scale": float(random.choice([2.0, 4.0])), "exclude": exclude}
+    if stratum == "alien":
+        return {"stratum": stratum, "effects": (next(cards["alien"]),), "scale": float(random.choice([1.0, 2.0]))}
+    return {"stratum": stratum, "effects": (next(cards["several"]),)} if stratum == "poor" else {"stratum": stratum}

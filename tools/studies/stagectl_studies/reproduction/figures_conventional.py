@@ -1,0 +1,138 @@
+"""Figures of the ball-screw paper, as panels: conventional identification (Figs. 2 to 6)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.identification.result import Characteristic
+from stagectl.report.figures import TARGET, WITH, WITHOUT
+from stagectl.report.page import Picture
+from stagectl.report.panels import CONVENTIONAL, SHADES, TRUTH, Frame, Line, picture
+
+Array = NDArray[np.float64]
+Model = tuple[float, float]  # inertia (kg m^2), viscous (N m s/rad)
+_HERTZ = "frequency [Hz]"
+
+
+def linear(frequency: Array, force_constant: float, model: Model) -> NDArray[np.complex128]:
+    """``Kt / (J s + D)``, rad/(s A)."""
+    return np.asarray(force_constant / (2j * np.pi * frequency * model[0] + model[1]), dtype=np.complex128)
+
+
+def responses(curves: list[dict[str, Any]], force_constant: float, model: Model) -> list[Picture]:
+    """Fig. 2: gain, phase and coherence at several amplitudes, and with the axis kept moving."""
+    gains, phases, coherences = [], [], []
+    still = [one for one in curves if not one["moving"]]
+    for one in (*still, *(one for one in curves if one["moving"])):
+        f, sound = np.array(one["frequency"]), np.array(one["sound"])
+        moving = one["moving"]
+        colour = WITH if moving else SHADES[min(still.index(one), len(SHADES) - 1)]
+        label = "axis kept moving" if moving else f"R = {one['amplitude']:g} A"
+        style, width = ("." if moving else ".-"), 1.0
+        gains.append(Line(f[sound], 20 * np.log10(np.array(one["gain"])[sound]), label, colour, style, width))
+        phases.append(Line(f[sound], np.degrees(np.array(one["phase"])[sound]), label, colour, style, width))
+        seen = np.array([np.nan if x is None else x for x in one["coherence"]])
+        coherences.append(Line(f, seen, label, colour, style, width))
+    f = np.geomspace(1.0, 250.0, 200)
+    response = linear(f, force_constant, model)
+    gains.append(Line(f, 20 * np.log10(np.abs(response)), "linear model", TARGET, "--"))
+    phases.append(Line(f, np.degrees(np.angle(response)), "", TARGET, "--"))
+    return [
+        picture(gains, Frame(_HERTZ, "gain [dB re 1 rad/(s A)]", "(a) gain", True), "Gain falls as R gets smaller."),
+        picture(
+            phases,
+            Frame(_HERTZ, "phase [deg]", "(b) phase", True, (-135, 100)),
+            "Phase leads; the stage in presliding is a spring.",
+        ),
+        picture(
+            coherences,
+            Frame(_HERTZ, "coherence", "(c) coherence", True, (0.9, 1.005)),
+            "Coherence over the periods of each line; poor lines are left out of (a) and (b).",
+        ),
+    ]
+
+
+def characteristics(
+    spans: list[dict[str, Any]], model: tuple[float, float], loop: tuple[Array, Array]
+) -> list[Picture]:
+    """Fig. 3: friction over velocity (`model` = viscous, coulomb), and the loop (position m, torque N m) of rolling."""
+    viscous, coulomb = model
+    speed = np.linspace(-40.0, 40.0, 401)
+    sign = np.sign(speed)
+    stribeck = coulomb * (1.0 + 0.6 * np.exp(-np.abs(speed) / 3.0))
+    lines = [
+        Line(speed, sign * (viscous * np.abs(speed) + stribeck), "the equation with $T_s$ = 1.6 $T_c$", TRUTH, "--"),
+        Line(speed, sign * coulomb + viscous * speed, "$D\\omega + T_c$ sgn $\\omega$, as found", WITH),
+        Line([one["speed"] for one in spans], [one["force"] for one in spans], "constant speed", WITHOUT, "o"),
+    ]
+    caption = "Stage A shows no Stribeck effect; the dashed line is what the paper's equation adds near zero speed."
+    position, torque = loop
+    loops = [Line(1e6 * position, torque, "", CONVENTIONAL, "-", 0.8)]
+    return [
+        picture(lines, Frame("speed [rad/s]", "friction torque [N m]", "(a) over velocity"), caption),
+        picture(
+            loops,
+            Frame("table position [µm]", "torque [N m]", "(b) over displacement"),
+            "Rolling friction: a loop that springs after each reversal and then stays at Tc.",
+        ),
+    ]
+
+
+def curve_fit(curve: dict[str, Any], force_constant: float, fits: list[tuple[str, str, Model]]) -> list[Picture]:
+    """Fig. 4: the largest amplitude, and first-order models (label, colour, model) fitted to it."""
+    sound = np.array(curve["sound"])
+    f, size = np.array(curve["frequency"])[sound], 20 * np.log10(np.array(curve["gain"])[sound])
+    label = f"measured, R = {curve['amplitude']:g} A"
+    gains = [Line(f, size, label, SHADES[-1], "o")]
+    phases = [Line(f, np.degrees(np.array(curve["phase"])[sound]), label, SHADES[-1], "o")]
+    fine = np.geomspace(float(np.min(f)), float(np.max(f)), 200)
+    for name, colour, model in fits:
+        response = linear(fine, force_constant, model)
+        gains.append(Line(fine, 20 * np.log10(np.abs(response)), name, colour))
+        phases.append(Line(fine, np.degrees(np.angle(response)), name, colour))
+    return [
+        picture(
+            gains, Frame(_HERTZ, "gain [dB re 1 rad/(s A)]", "(a) gain", True), "A first-order curve fits the gain;"
+        ),
+        picture(phases, Frame(_HERTZ, "phase [deg]", "(b) phase", True), "its phase shows what it leaves out."),
+    ]
+
+
+def reversal(
+    strokes: list[dict[str, Any]], tables: list[tuple[str, str, Characteristic]], scale: float, most: float
+) -> Picture:
+    """Fig. 6: torque over the displacement since a reversal, measured and by `tables` (label, style, table)."""
+    lines = []
+    for number, one in enumerate(strokes):
+        s = 1e6 * scale * np.array(one["displacement"])
+        label = "measured, both directions" if number == 0 else ""
+        lines.append(Line(s, one["force"], label, WITHOUT, ".", 0.5))
+    colours = (CONVENTIONAL, WITH)
+    dense = np.linspace(0.0, most / scale, 400)
+    for number, (name, style, table) in enumerate(tables):
+        colour = TRUTH if style == "--" else colours[number % 2]
+        lines.append(Line(1e6 * scale * dense, force_after(table, dense), name, colour, style, 1.5))
+    frame = Frame("displacement since the reversal [µm]", "torque [N m]", "after a reversal", xlim=(0.0, 1e6 * most))
+    return picture(lines, frame, "The torque of a full reversal, and the table that compensates it.")
+
+
+def slow_loop(strokes: list[dict[str, Any]], table: Characteristic, scale: float) -> Picture:
+    """Fig. 6: torque over position of full strokes, and the model's loop; the middle of a stroke is 0."""
+    measured, modelled = [], []
+    for number, one in enumerate(strokes):
+        s, way = np.array(one["displacement"]), one["direction"]
+        place = 1e6 * scale * way * (s - 0.5 * s[-1])
+        label = number == 0
+        measured.append(Line(place, way * np.array(one["force"]), "measured" * label, WITHOUT, ".", 0.5))
+        modelled.append(Line(place, way * force_after(table, s), "model" * label, CONVENTIONAL, "-", 1.4))
+    frame = Frame("table position [µm]", "torque [N m]", "over position", ylim=(-1.6, 1.6), columns=2)
+    return picture([*measured, *modelled], frame, "The loop of the ultra-slow sine; block means of the torque.")
+
+
+def force_after(table: Characteristic, displacement: Array) -> Array:
+    """Force (n,) of the table's operators at displacements (n,) since a full reversal."""
+    stretched = np.clip(displacement[:, None] / table.slip - 1.0, -1.0, 1.0)
+    return np.asarray(stretched @ table.weight, dtype=np.float64)

@@ -1,0 +1,147 @@
+"""Slider paper, all experiments: reversals, standstill and release, the fitted forms, and the compensated runs.
+
+The virtual machine is the stage file's; mass and viscous friction are taken as known, as in the paper, the rolling
+friction is not.  No current noise: the paper states none, and its errors are those of friction.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from stagectl.compensation.reversal_error import ReversalError, reversal_errors
+from stagectl.compensation.zero_crossing import FORMS, Form
+from stagectl.config.stage_file import Setup, load_stage
+from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.identification.result import Found, Parameter
+from stagectl.identification.reversal import method as zero_crossing
+from stagectl.identification.reversal.release import Release, holding, released
+from stagectl_studies.reproduction.bench import CONFIG, NO_FRICTION, Bench, Run, captured, carried_out, guessed
+from stagectl_studies.reproduction.progress import Course
+
+STAGE = "linear-slider.yaml"
+SPEEDS = ("2.5", "5", "10")  # mm/s
+FASTEST = "10"
+DATA_SHEET = (1.1, 0.9, 0.8)  # inertia, viscous and rolling friction over the true ones
+STEPS = {"reversals": 1.0, "standstill and release": 1.0, "fits": 8.0, "compensation": 2.0}
+SEED = 20
+NONE = "none"
+FREE = "symmetric-free"  # the conventional form, its force at zero velocity not held in physical bounds
+COMPENSATIONS = (NONE, "symmetric", FREE, "exponential", "displacement")
+_ALL = frozenset[str]()
+
+
+class Extent(NamedTuple):
+    """How much is done; less than all of it for a quick look."""
+
+    speeds: tuple[str, ...] = SPEEDS  # the last one is that of the fit
+    compensations: tuple[str, ...] = COMPENSATIONS
+
+
+WHOLE = Extent()
+
+
+class Evidence(NamedTuple):
+    """Everything that the paper's figures are drawn from."""
+
+    bench: Bench
+    reversals: dict[str, Run]  # by speed, velocity feedforward 0
+    stops: dict[str, Run]  # the same with a standstill behind each stroke
+    releases: dict[str, Run]
+    holding: dict[str, Parameter]  # N, by speed
+    ringing: dict[str, Release]
+    found: Found
+    compensated: dict[tuple[str, str], Run]  # by speed and form, velocity feedforward 1
+    errors: dict[tuple[str, str], list[ReversalError]]
+
+
+def evidence(course: Course, extent: Extent = WHOLE, seed: int = SEED) -> Evidence:
+    """Carry out all experiments, fit all forms, and compensate with them."""
+    machine = load_stage(CONFIG / STAGE)
+    ahead = Bench(machine, guessed(machine, *DATA_SHEET), seed)
+    plain = ahead._replace(believed=_fed_forward(ahead.believed, 0.0))
+    reversals, stops, releases = _experiments(course, plain, extent)
+    force = machine.file.motor.force_constant
+    held = {
+        speed: holding(s["time"], s["velocity"], force * s["measured_current"])
+        for speed, s in ((speed, run.samples) for speed, run in stops.items())
+    }
+    step = machine.stage.encoder.step
+    ringing = {
+        speed: released(run.samples["time"], run.samples["measured"], opened(run), step)
+        for speed, run in releases.items()
+    }
+    fastest = extent.speeds[-1]
+    bare = carried_out(ahead, _motion(ahead.believed, fastest), f"{fastest} mm/s", NO_FRICTION)
+    tell = course.begin("fits")
+    found = zero_crossing.identify(captured(bare), ahead.believed.file, tell, seed=seed)
+    tell = course.begin("compensation")
+    compensated = {}
+    for number, speed in enumerate(extent.speeds):
+        for form in extent.compensations:
+            compensated[speed, form] = _compensated(ahead, found, speed, form)
+        tell(number + 1, len(extent.speeds))
+    errors = {key: _errors(run) for key, run in compensated.items()}
+    return Evidence(plain, reversals, stops, releases, held, ringing, found, compensated, errors)
+
+
+Runs = dict[str, Run]
+
+
+def _experiments(course: Course, bench: Bench, extent: Extent) -> tuple[Runs, Runs, Runs]:
+    """Reversals, stops and releases by speed."""
+    tell = course.begin("reversals")
+    reversals = {}
+    for number, speed in enumerate(extent.speeds):
+        reversals[speed] = carried_out(bench, _motion(bench.believed, speed), f"{speed} mm/s")
+        tell(number + 1, len(extent.speeds))
+    tell = course.begin("standstill and release")
+    dwell: Any = load_trajectory(CONFIG / "trajectories" / "slider-dwell.yaml", axis_of(bench.machine))
+    stops, releases = {}, {}
+    for number, speed in enumerate(extent.speeds):
+        stops[speed] = carried_out(bench, dwell._replace(velocity=1e-3 * float(speed)), f"{speed} mm/s")
+        release = load_trajectory(CONFIG / "experiments" / f"release-{speed}mms.yaml", axis_of(bench.machine))
+        releases[speed] = carried_out(bench, release, f"{speed} mm/s")
+        tell(number + 1, len(extent.speeds))
+    return reversals, stops, releases
+
+
+def _motion(setup: Setup, speed: str) -> Any:
+    return load_trajectory(CONFIG / "trajectories" / f"slider-{speed}mms.yaml", axis_of(setup))
+
+
+def _fed_forward(setup: Setup, share: float) -> Setup:
+    """`setup` with this share of the reference velocity fed forward."""
+    control: Any = setup.file.control
+    return setup._replace(file=setup.file._replace(control=control._replace(velocity_feedforward=share)))
+
+
+def form_of(found: Found, name: str) -> Form:
+    """The fitted form of that name."""
+    free = name == FREE
+    described = found.details["forms"]["symmetric" if free else name]
+    values = (described["unbounded"] if free else described)["parameters"]
+    return FORMS["symmetric" if free else name]._make(one["value"] for one in values.values())
+
+
+def _compensated(bench: Bench, found: Found, speed: str, form: str) -> Run:
+    believed = bench.believed
+    if form == NONE:
+        return carried_out(bench, _motion(believed, speed), f"{speed} mm/s", NO_FRICTION)
+    file = believed.file._replace(compensation=form_of(found, form))
+    here = bench._replace(believed=believed._replace(file=file))
+    return carried_out(here, _motion(believed, speed), f"{speed} mm/s, {form}", _ALL)
+
+
+def _errors(run: Run) -> list[ReversalError]:
+    s = run.samples
+    return reversal_errors(s["reference"], s["velocity"], s["measured"], run.setup.dt)
+
+
+def opened(run: Run) -> float:
+    """When the loop was opened (s)."""
+    return float(run.samples["time"][run.samples["closed"].argmin()])
+
+
+def extremes(errors: list[ReversalError]) -> tuple[float, float]:
+    """Largest lag (negative) and largest lead (positive) of all reversals (m)."""
+    return min(one.negative for one in errors), max(one.positive for one in errors)
