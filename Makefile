@@ -33,12 +33,12 @@ setup: $(DEVELOPER)
 
 define install
 	@echo "setting up $(VENV) for '$(1)' (a minute, once)"
-	@if $(BIN)/python -m pip --version >/dev/null 2>&1; then $(BIN)/python -m pip $(PIP) -e '.[$(1)]'; \
-	else $(PYTHON) -m pip --python $(BIN)/python $(PIP) -e '.[$(1)]'; fi
+	@if $(BIN)/python -m pip --version >/dev/null 2>&1; then $(BIN)/python -m pip $(PIP) -e '.[$(1)]' -e tools/studies; \
+	else $(PYTHON) -m pip --python $(BIN)/python $(PIP) -e '.[$(1)]' -e tools/studies; fi
 	@touch $@
 endef
 
-$(STAMP): pyproject.toml tools/backend/stagectl_build.py
+$(STAMP): pyproject.toml tools/studies/pyproject.toml tools/backend/stagectl_build.py
 	@$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "stagectl needs Python >= 3.11, this is " + sys.version'
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) 2>/dev/null || $(PYTHON) -m venv --clear --without-pip $(VENV)
 	$(call install,run)

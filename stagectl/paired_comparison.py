@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special  # not `stats`, which takes a second to import
 
-from stagectl.units import StageError
 from stagectl.number_format import length
+from stagectl.units import StageError
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95

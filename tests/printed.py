@@ -15,8 +15,8 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.web.client import ask
 from stagectl.units import StageError
+from stagectl.web.client import ask
 from tests.conftest import CONFIG, ROOT
 
 DOCS = ROOT / "docs"

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from stagectl_studies.exam import ledger
+
 from tests.conftest import ROOT
 
 BENCH = ROOT / "tools" / "bench"

@@ -26,9 +26,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
-from stagectl.web.client import RefusedError
 from stagectl.recording.hdf5 import open_recording
 from stagectl.units import StageError
+from stagectl.web.client import RefusedError
 from tests.conftest import SILENCE
 from tests.service.serving import Served, served
 

@@ -29,8 +29,8 @@ def child() -> None:
     """Be the real-time process, with a clock of its own."""
     import pickle
 
-    from stagectl.realtime import axes
     from stagectl.drives.bus.virtual_time import Timeline
+    from stagectl.realtime import axes
 
     axes.serve(pickle.load(sys.stdin.buffer), Timeline())  # its waits take no time
     os._exit(0)
@@ -50,9 +50,9 @@ class Soak:
 
         from stagectl.config.stage_file import InProcess, load_stage
         from stagectl.realtime.axes import Post
-        from stagectl.service.child_process import Child, start
-        from stagectl.service.axis_controller import COLUMNS, Manned
         from stagectl.recording.recorder import Order
+        from stagectl.service.axis_controller import COLUMNS, Manned
+        from stagectl.service.child_process import Child, start
 
         setup = load_stage(ROOT / "config" / "ball-screw.yaml")
         file = setup.file._replace(
@@ -121,9 +121,9 @@ def worked(pid: int) -> float:
 def started() -> tuple[float, float, int]:
     """With a CANopen drive that is there, to its configuration: time (s), processor time of it (s), and then KiB."""
     from stagectl.realtime.axes import Post
+    from stagectl.service.axis_controller import COLUMNS
     from stagectl.service.child_process import start
     from stagectl.service.machine import machine
-    from stagectl.service.axis_controller import COLUMNS
     from tests.service.serving import Served
 
     with tempfile.TemporaryDirectory() as folder:

@@ -18,8 +18,22 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from stagectl.cli import (comparison, configuration, drive, drive_dump, faults, gap, identification, installation, motion, records, scope, service, tuning)
-from stagectl_studies.commands import reproduce
+from stagectl.cli import (
+    comparison,
+    configuration,
+    drive,
+    drive_dump,
+    faults,
+    gap,
+    identification,
+    installation,
+    motion,
+    records,
+    scope,
+    service,
+    studies,
+    tuning,
+)
 from stagectl.units import StageError
 
 _INTERRUPTED = 130  # typer's exit code for Ctrl-C
@@ -31,7 +45,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (motion, records, identification, comparison, tuning, reproduce, service, scope, installation, faults):
+for group in (motion, records, identification, comparison, tuning, studies, service, scope, installation, faults):
     group.register(app)
 app.add_typer(configuration.app, name="config")
 app.add_typer(drive.app, name="drive")

@@ -48,8 +48,8 @@ def learn(
     Example: stagectl learn config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --trials 8 --simulate
     """
     engine(simulate)
-    from stagectl.workflows import trials as many
     from stagectl.recording import learned_current
+    from stagectl.workflows import trials as many
     from stagectl.workflows.motion import prepare
 
     machine = machine_of(stage, simulate, plant, channel)
@@ -97,9 +97,9 @@ def compare(
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """
     engine(simulate)
-    from stagectl.workflows import layer_comparison as many
     from stagectl.report.comparison import page
     from stagectl.report.page import write
+    from stagectl.workflows import layer_comparison as many
     from stagectl.workflows.trials import Shown, fresh_folder
 
     machine = machine_of(stage, simulate, plant, channel)

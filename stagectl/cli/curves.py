@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from stagectl.report.braille import bounds_of, curve
 from stagectl.number_format import duration, length
+from stagectl.report.braille import bounds_of, curve
 
 _MARGIN = 12  # characters left of the curve
 _LANE = 6  # lines

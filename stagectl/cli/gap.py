@@ -9,17 +9,18 @@ from typing import Annotated
 import typer
 
 from stagectl.cli import gap_apply, gap_diagnose, gap_fleet, gap_knock, gap_next, gap_twin
-from stagectl_studies.commands import gap_exam
 from stagectl.cli.comparison import Plant, Simulate, engine, machine_of
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.show import console, emit
 from stagectl.cli.show import progress as bar
+from stagectl.cli.studies import add_exam
 
 app = typer.Typer(
     help="Where the gap between simulator and machine lies, what causes it, how far it shrinks.", no_args_is_help=True
 )
-for verbs in (gap_diagnose, gap_apply, gap_next, gap_twin, gap_exam, gap_knock, gap_fleet):
+for verbs in (gap_diagnose, gap_apply, gap_next, gap_twin, gap_knock, gap_fleet):
     verbs.register(app)
+add_exam(app)
 
 
 @app.command()
@@ -50,8 +51,8 @@ def record(
     Example: stagectl gap record config/ball-screw.yaml --simulate
     """
     engine(simulate)
-    from stagectl.workflows import campaign as many
     from stagectl.gap.experiment_design.battery import battery, held_out
+    from stagectl.workflows import campaign as many
     from stagectl.workflows.trials import Shown, fresh_folder
 
     machine = machine_of(stage, simulate, plant, channel)

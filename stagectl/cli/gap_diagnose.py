@@ -63,10 +63,10 @@ def diagnose(
     from stagectl.cli.gap_show import show
     from stagectl.config.stage_file import load_stage
     from stagectl.gap import diagnose as pipeline
-    from stagectl.gap.logs import load_session as folders
     from stagectl.gap.effects.library_names import excluded
-    from stagectl.gap.validation.predictions import write
+    from stagectl.gap.logs import load_session as folders
     from stagectl.gap.result.result_json import as_json, save
+    from stagectl.gap.validation.predictions import write
     from stagectl.report.gap import page
     from stagectl.report.page import write as write_page
 

@@ -36,8 +36,8 @@ def fleet(
     Example: stagectl gap fleet captures/machine-*
     """
     single_threaded_algebra()
-    from stagectl.gap.fleet import Machine, names_of
     from stagectl.gap.effects.library_names import excluded
+    from stagectl.gap.fleet import Machine, names_of
 
     names = excluded(exclude or [])
     places = [one.resolve() for one in folders]

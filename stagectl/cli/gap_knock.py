@@ -50,8 +50,8 @@ def knock(
     single_threaded_algebra()
     from stagectl.config.stage_file import load_stage
     from stagectl.gap import diagnose as pipeline
-    from stagectl.gap.logs import load_session as folders
     from stagectl.gap import knock_out
+    from stagectl.gap.logs import load_session as folders
 
     session = folders.load(folder, load_stage(stage) if stage is not None else None)
     names = [name.strip() for text in into or () for name in text.split(",") if name.strip()] or list(knock_out.FORCES)

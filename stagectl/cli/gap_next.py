@@ -46,7 +46,9 @@ def following(
 
     found = load(folder)
     one = found.next_experiment
-    for line in verdict_text.advice(found) if one else ["no experiment is proposed: these data leave nothing that one tells"]:
+    for line in (
+        verdict_text.advice(found) if one else ["no experiment is proposed: these data leave nothing that one tells"]
+    ):
         console.print(line)
     written = _written(found, one, folder, output) if one else None
     if samples is not None and written is not None:

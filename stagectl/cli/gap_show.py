@@ -23,7 +23,12 @@ def show(found: Found, folder: Path) -> None:
         console.print(_effects(found))
     if found.verdict != "controller":
         console.print(_gaps(found))
-    for line in (*_where(found), *verdict_text.quietly(found), *verdict_text.ambiguous(found), *verdict_text.advice(found)):
+    for line in (
+        *_where(found),
+        *verdict_text.quietly(found),
+        *verdict_text.ambiguous(found),
+        *verdict_text.advice(found),
+    ):
         console.print(line)
     for line in _commands(found, folder):
         console.print(line, style="bold")

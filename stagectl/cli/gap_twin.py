@@ -15,8 +15,8 @@ from rich.text import Text
 
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, stream
-from stagectl.units import Quantity, StageError
 from stagectl.number_format import duration
+from stagectl.units import Quantity, StageError
 
 _POLL = 0.25  # s
 _SILENCE = 5.0  # s without a snapshot, after which the twin's process is looked for

@@ -68,8 +68,8 @@ def identify(
     single_threaded_algebra()
     from stagectl.config.stage_file import load_stage
     from stagectl.identification import methods
-    from stagectl.identification.captures import held_out, opened, prepared
     from stagectl.identification.capture_checks import implausible
+    from stagectl.identification.captures import held_out, opened, prepared
     from stagectl.recording.columns import split
 
     methods.chosen(method)

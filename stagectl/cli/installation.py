@@ -34,8 +34,8 @@ def doctor(
     """
     without_compiler()
     from stagectl.config.stage_file import load_stage
-    from stagectl.web.client import default_socket
     from stagectl.service.doctor import examine
+    from stagectl.web.client import default_socket
 
     folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
     found = list(examine(load_stage(stage), folder, default_socket().exists()))
@@ -63,8 +63,8 @@ def install(
     Example: sudo stagectl service install /etc/stagectl/stage.yaml
     """
     from stagectl.config.stage_file import load_stage
-    from stagectl.service.machine import named, together
     from stagectl.service import install as systemd
+    from stagectl.service.machine import named, together
 
     read = tuple((name, path.absolute(), load_stage(path)) for name, path in named(stages).items())
     wanted = systemd.Wanted(read, systemd.interpreter(), tcp, together(stages))

@@ -153,9 +153,9 @@ def virtual_drive(
     Example: stagectl virtual-drive config/ball-screw.yaml
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")  # compiled, its plant is lighter on the machine
+    from stagectl.drives.drive import Odrive
     from stagectl.realtime.scheduling import follow_parent
     from stagectl.service.virtual_drive import serve, serve_odrive
-    from stagectl.drives.drive import Odrive
     from stagectl.workflows.motion import canopen, on_channel
 
     if follow:

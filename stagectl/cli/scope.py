@@ -46,9 +46,9 @@ def scope(
     if show:
         _list(axis, socket, json)
         return
-    from stagectl.web.client import RefusedError, default_socket
     from stagectl.web.capture_client import captures
     from stagectl.web.capture_client import trigger as read
+    from stagectl.web.client import RefusedError, default_socket
 
     names = channels or ["error", "measured_current"]
     once = once or json is not None

@@ -69,9 +69,9 @@ def serve(
     except ModuleNotFoundError as error:
         raise StageError(f"{error.name} is not installed: `pip install 'stagectl[service]'`") from error
     from stagectl import design
-    from stagectl.web.client import own_socket
     from stagectl.service.machine import machine, together, virtual
     from stagectl.service.service import Service, Where
+    from stagectl.web.client import own_socket
 
     folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
     runtime = os.environ.get("RUNTIME_DIRECTORY")

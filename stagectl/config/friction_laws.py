@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple
 
 from stagectl.kernels import friction, friction_bristle, plant, stage
 from stagectl.kernels.effects import Harmonic, Step, Warming
-from stagectl.kernels.friction_effects import Along, Dwell
+from stagectl.kernels.plant import Along, Dwell
 from stagectl.units import Quantity
 
 

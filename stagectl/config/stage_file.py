@@ -18,14 +18,14 @@ from stagectl.config.limits import Limits
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged
 from stagectl.config.machine_file import load_axis
 from stagectl.config.source import node_at
-from stagectl.drives.bus import frames, slcan
 from stagectl.drives import odrive
+from stagectl.drives.bus import frames, slcan
 from stagectl.drives.drive import Canopen, Odrive
 from stagectl.drives.faults import BLOCKS
 from stagectl.drives.simulated import Simulation
 from stagectl.kernels import plant, stage
-from stagectl.kernels.drive_effects import Reported
 from stagectl.kernels.effects import Harmonic
+from stagectl.kernels.plant import Reported
 from stagectl.units import LINEAR, ROTARY, Quantity
 
 OWN = Path(__file__).parents[2] / "config"  # of the checkout

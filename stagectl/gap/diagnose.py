@@ -15,27 +15,27 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from stagectl.gap.selection import baseline_fit, candidates, null_ensemble, refine, search, machine_scales
-from stagectl.gap.validation import closure, held_out_gap
-from stagectl.gap.residuals import sensitivities, gram_matrices
-from stagectl.gap.inference import parameter_errors, verdict, time_localisation
 from stagectl.gap.controller_check.command_check import Parity, parity
-from stagectl.gap.inference.coordinates import coordinates
-from stagectl.gap.validation.warnings import doubts
-from stagectl.gap.experiment_design.experiment_proposal import propose
-from stagectl.gap.result.diagnosis import NAMED, NOISE, UNORDERED, Effect, Found, Gap, Next, Shape
 from stagectl.gap.effects.library import Scales
-from stagectl.gap.selection.detection_thresholds import thresholds
-from stagectl.gap.residuals.pitch_orders import modes, orders
-from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.residuals.half_strokes import runs
-from stagectl.gap.selection.search import Library, Selected
-from stagectl.gap.logs.session import Array, GapError, Session
-from stagectl.gap.inference.signatures import signatures
+from stagectl.gap.experiment_design.experiment_proposal import propose
+from stagectl.gap.inference import parameter_errors, time_localisation, verdict
 from stagectl.gap.inference.basis_functions import Functions
-from stagectl.gap.result.verdict_text import sentence
+from stagectl.gap.inference.coordinates import coordinates
+from stagectl.gap.inference.signatures import signatures
 from stagectl.gap.inference.unknown import functions, largest, with_shape
 from stagectl.gap.inference.unknown import unknown as find_unknown
+from stagectl.gap.logs.session import Array, GapError, Session
+from stagectl.gap.residuals import gram_matrices, sensitivities
+from stagectl.gap.residuals.half_strokes import runs
+from stagectl.gap.residuals.pitch_orders import modes, orders
+from stagectl.gap.result.diagnosis import NAMED, NOISE, UNORDERED, Effect, Found, Gap, Next, Shape
+from stagectl.gap.result.verdict_text import sentence
+from stagectl.gap.selection import baseline_fit, candidates, machine_scales, null_ensemble, refine, search
+from stagectl.gap.selection.detection_thresholds import thresholds
+from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection.search import Library, Selected
+from stagectl.gap.validation import closure, held_out_gap
+from stagectl.gap.validation.warnings import doubts
 from stagectl.kernels.stage import Stage
 
 Say = Callable[[str], None]  # what is being done

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from stagectl.gap.logs.session import GapError
 from stagectl.gap.result import result_json
 from stagectl.gap.result.diagnosis import Gap
-from stagectl.gap.logs.session import GapError
 from stagectl.units import StageError
 
 

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from stagectl.gap.result.diagnosis import Effect, Found
 from stagectl.gap.effects.library import put
 from stagectl.gap.logs.session import Array, GapError, Log, Session
+from stagectl.gap.result.diagnosis import Effect, Found
 from stagectl.kernels import friction
 from stagectl.kernels.stage import Stage
 

@@ -18,8 +18,8 @@ from scipy import signal
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Array, Capture
 from stagectl.kernels import stage
-from stagectl.units import LINEAR
 from stagectl.number_format import duration, length
+from stagectl.units import LINEAR
 
 BEYOND = 1.5  # of a limit: more than any overshoot
 FITS, DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units

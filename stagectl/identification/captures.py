@@ -10,8 +10,8 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.sampling import Part, parts
 from stagectl.identification.capture_checks import remarks, suspicions
+from stagectl.identification.sampling import Part, parts
 from stagectl.recording.columns import WITHOUT
 from stagectl.recording.hdf5 import Recording, open_recording
 

@@ -28,8 +28,8 @@ from scipy import stats
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.result import Found, Parameter
 from stagectl.identification.response.sampling import check
+from stagectl.identification.result import Found, Parameter
 from stagectl.units import ROTARY
 
 BLOCK = 0.02  # s, over which a speed is taken

@@ -29,8 +29,8 @@ from scipy import optimize, stats
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.result import Characteristic, Found, Parameter
 from stagectl.identification.response.sampling import check
+from stagectl.identification.result import Characteristic, Found, Parameter
 from stagectl.units import ROTARY
 
 BLOCK = 0.01  # s, over which position and force are averaged, at most

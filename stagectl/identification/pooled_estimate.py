@@ -13,8 +13,8 @@ import numpy as np
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.result import Found, Parameter
 from stagectl.identification.least_squares import Model, Result, estimated, least_squares
+from stagectl.identification.result import Found, Parameter
 from stagectl.identification.standard_errors import SURE
 from stagectl.kernels.stage import Mechanics
 from stagectl.units import quantity_of

@@ -3,23 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from stagectl.kernels.jit import kernel
-from stagectl.units import Quantity
-
-if TYPE_CHECKING:
-    from stagectl.kernels.plant import Drive, Line
+from stagectl.kernels.plant import Drive, Line, Reported
 
 _FOLDS = 0.8  # share of the heat at which the limit begins to fall
-
-
-class Reported(NamedTuple):
-    """From the motor current to the one the drive reports: ``i(t - late) (1 + gain) + offset``."""
-
-    gain: Annotated[float, Quantity("", "[-0.9, 10]", "error of the scale")] = 0.0
-    offset: Annotated[float, Quantity("A", "[-1e3, 1e3]", "added to the report alone")] = 0.0
-    late: Annotated[float, Quantity("s", "[0, 0.1]", "age of the current in the report, up to a control period")] = 0.0
 
 
 @kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from stagectl.kernels import (plant_with_effects, effects, friction, friction_bristle, friction_effects, transmission)
+from stagectl.kernels import effects, friction, friction_bristle, friction_effects, plant_with_effects, transmission
 from stagectl.kernels.plant import NO_COMMANDS, Line, Memory, Stage, State
 from stagectl.kernels.transmission import Bodies
 

@@ -9,10 +9,7 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 from stagectl.kernels import effects, friction, friction_bristle
-from stagectl.kernels.drive_effects import Reported
 from stagectl.kernels.effects import TURN, Harmonic, Step, Warming
-from stagectl.kernels.friction_effects import Along, Dwell
-from stagectl.kernels.transmission import Base, Cable, Transmission
 from stagectl.units import Quantity
 
 # A delay line of whole control periods, newest first.
@@ -34,6 +31,14 @@ Lead = Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c that goes with 
 BallPass = Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c that goes with the balls that pass")]
 Eccentricity = Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a turn")]
 Interpolation = Annotated[Harmonic, Quantity("rad | m", "[-1, 1]", "error once a signal period")]
+
+
+class Reported(NamedTuple):
+    """From the motor current to the one the drive reports: ``i(t - late) (1 + gain) + offset``."""
+
+    gain: Annotated[float, Quantity("", "[-0.9, 10]", "error of the scale")] = 0.0
+    offset: Annotated[float, Quantity("A", "[-1e3, 1e3]", "added to the report alone")] = 0.0
+    late: Annotated[float, Quantity("s", "[0, 0.1]", "age of the current in the report, up to a control period")] = 0.0
 
 
 class Drive(NamedTuple):
@@ -64,6 +69,35 @@ class Motor(NamedTuple):
     ripple_second: Annotated[Harmonic, Quantity("", "[-1, 1]", "another one")] = Harmonic()
 
 
+class Cable(NamedTuple):
+    """A cable that pulls towards its centre, with a Maxwell element: ``k (x - centre) + hysteresis s``."""
+
+    stiffness: Annotated[float, Quantity("N m/rad | N/m", "[0, 1e9]", "k; 0 is neutral")] = 0.0
+    centre: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "where it does not pull")] = 0.0
+    hysteresis: Annotated[float, Quantity("N m | N", "[0, 1e6]", "force of the element that slips; 0 is neutral")] = 0.0
+    slip: Annotated[float, Quantity("rad | m", "(0, 1e3]", "displacement at which that element slips")] = 1.0
+
+
+class Transmission(NamedTuple):
+    """Motor and load with a spring, a damper and a gap between them; rigid without share or resonance."""
+
+    load_share: Annotated[float, Quantity("", "[0, 0.99]", "of the inertia behind the spring; 0: rigid")] = 0.0
+    resonance: Annotated[float, Quantity("Hz", "[0, 5000]", "of motor against load, both free; 0: rigid")] = 0.0
+    damping: Annotated[float, Quantity("", "[0, 2]", "ratio of that resonance")] = 0.03
+    backlash: Annotated[float, Quantity("rad | m", "[0, 1]", "full gap between motor and load")] = 0.0
+    load_friction: Annotated[float, Quantity("", "[0, 1]", "share of friction at the load; the rest at the motor")] = (
+        1.0
+    )
+
+
+class Base(NamedTuple):
+    """The machine's base on its feet, pushed back by the motor."""
+
+    ratio: Annotated[float, Quantity("", "[0, 10]", "moving mass over that of the base, mu; 0 is neutral")] = 0.0
+    frequency: Annotated[float, Quantity("Hz", "(0, 1000]", "of the base on its feet")] = 20.0
+    damping: Annotated[float, Quantity("", "[0, 2]", "ratio of that mode")] = 0.02
+
+
 class Mechanics(NamedTuple):
     """All that moves, seen at the motor."""
 
@@ -83,6 +117,22 @@ class Mechanics(NamedTuple):
     cable: Cable = Cable()
     transmission: Transmission = Transmission()
     base: Base = Base()
+
+
+class Dwell(NamedTuple):
+    """Ageing of the contact at rest: a factor ``1 + rise ln(1 + t_d / time)``, wiped by slip."""
+
+    rise: Annotated[float, Quantity("", "[0, 10]", "rise per e-fold of the time at rest; 0 is neutral")] = 0.0
+    time: Annotated[float, Quantity("s", "(0, 1e6]", "time at rest from which it grows")] = 0.1
+    length: Annotated[float, Quantity("rad | m", "[0, 1e3]", "slip that wipes it; 0: mean slip of the friction")] = 0.0
+
+
+class Along(NamedTuple):
+    """A factor over the stroke, ``1 + slope (x - centre) + bow (x - centre)^2``, never below 0."""
+
+    slope: Annotated[float, Quantity("1/rad | 1/m", "[-1e6, 1e6]", "linear part; 0 is neutral")] = 0.0
+    bow: Annotated[float, Quantity("1/rad^2 | 1/m^2", "[-1e9, 1e9]", "quadratic part; 0 is neutral")] = 0.0
+    centre: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "where the factor is 1")] = 0.0
 
 
 class Friction(NamedTuple):

@@ -20,7 +20,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stagectl.kernels import (plant_with_effects, drive_effects, effects, friction, friction_bristle, friction_effects, equilibrium, transmission)
+from stagectl.kernels import (
+    drive_effects,
+    effects,
+    equilibrium,
+    friction,
+    friction_bristle,
+    friction_effects,
+    plant_with_effects,
+    transmission,
+)
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import NO_COMMANDS as NO_COMMANDS
 from stagectl.kernels.plant import SILENT as SILENT

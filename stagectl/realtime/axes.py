@@ -14,17 +14,17 @@ import signal
 import sys
 from typing import NamedTuple
 
-from stagectl.realtime import scheduling
-from stagectl.realtime.axis import Axis, Orders
-from stagectl.realtime.shared_memory import Board, Order
-from stagectl.realtime.states import Event
 from stagectl.drives.bus.frames import Bus, open_bus
+from stagectl.drives.bus.shared_bus import Ports
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Drive, Fault, Odrive
 from stagectl.drives.odrive import open_odrive
-from stagectl.drives.bus.shared_bus import Ports
 from stagectl.drives.simulated import Plant, Simulated
+from stagectl.realtime import scheduling
+from stagectl.realtime.axis import Axis, Orders
+from stagectl.realtime.shared_memory import Board, Order
+from stagectl.realtime.states import Event
 from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 

@@ -16,18 +16,18 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from stagectl.config.homing import Homing
-from stagectl.realtime import safety, bumpless_transfer
-from stagectl.realtime.shared_memory import Board, Order
-from stagectl.realtime.state_entry_actions import enter
-from stagectl.realtime.homing import Search
-from stagectl.realtime.setpoint_sources import Hold, Model, Ramp, Rows, Source, held
-from stagectl.realtime.states import POWERED, STOPS_GOING_ON, Event, State, event_of, following
-from stagectl.realtime.stops import STOPS
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive
 from stagectl.drives.simulated import Simulation
 from stagectl.kernels import law, stage
+from stagectl.realtime import bumpless_transfer, safety
+from stagectl.realtime.homing import Search
+from stagectl.realtime.setpoint_sources import Hold, Model, Ramp, Rows, Source, held
+from stagectl.realtime.shared_memory import Board, Order
+from stagectl.realtime.state_entry_actions import enter
+from stagectl.realtime.states import POWERED, STOPS_GOING_ON, Event, State, event_of, following
+from stagectl.realtime.stops import STOPS
 from stagectl.recording.ring import Ring
 
 LAW = 40  # an order beside the events: other gains

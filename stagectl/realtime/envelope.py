@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from stagectl.config.stage_file import Setup
-from stagectl.realtime.safety import Envelope
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import stage
+from stagectl.realtime.safety import Envelope
 
 _SPEED = 1.1  # of limits.speed: what a reference at the limit overshoots
 _CURRENT, _CURRENT_TIME = 1.5, 0.01  # of drive.current_limit, and s that it may be beyond

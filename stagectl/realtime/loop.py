@@ -15,14 +15,14 @@ import struct
 import sys
 from typing import Any, NamedTuple
 
-from stagectl.realtime import scheduling, safety
-from stagectl.realtime.stops import STOPS, Category
 from stagectl.drives.bus.frames import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Odrive, Power
 from stagectl.drives.odrive import open_odrive
 from stagectl.drives.simulated import Plant, Simulated, Simulation
 from stagectl.kernels import law, stage
+from stagectl.realtime import safety, scheduling
+from stagectl.realtime.stops import STOPS, Category
 from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 

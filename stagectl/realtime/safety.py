@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stagectl.realtime.stops import STOPS
 from stagectl.drives.drive import Fault, Feedback
+from stagectl.realtime.stops import STOPS
 
 INF = math.inf
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, Protocol
 
-from stagectl.realtime.shared_memory import Board
 from stagectl.kernels.law import Setpoint
+from stagectl.realtime.shared_memory import Board
 
 
 class Source(Protocol):

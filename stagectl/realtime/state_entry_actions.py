@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from stagectl.drives.canopen.power_states import Standstill
+from stagectl.drives.drive import Fault, Power
+from stagectl.kernels import law
 from stagectl.realtime import safety
 from stagectl.realtime.homing import Search
 from stagectl.realtime.setpoint_sources import Hold, Ramp, held
 from stagectl.realtime.states import Event, State
-from stagectl.drives.canopen.power_states import Standstill
-from stagectl.drives.drive import Fault, Power
-from stagectl.kernels import law
 from stagectl.units import StageError
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import enum
 
-from stagectl.realtime.stops import STOPS, Category
 from stagectl.drives.drive import Fault
+from stagectl.realtime.stops import STOPS, Category
 
 
 class State(enum.IntEnum):

@@ -14,11 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.evaluation import latched_reference, window
+from stagectl.number_format import length
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
-from stagectl.number_format import length
 
 Result = dict[str, Any]
 WIDTH = 4.1  # inches: three stand side by side on a page, with letters as large as the captions

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, Found
+from stagectl.number_format import duration, length
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
-from stagectl.number_format import duration, length
 
 MOST_POINTS = 4000  # of a line; more is not seen
 MOST_CAPTURES = 3  # drawn

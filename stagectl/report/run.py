@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from stagectl import evaluation
 from stagectl.drives.drive import Fault
+from stagectl.number_format import length
 from stagectl.recording.hdf5 import Recording
 from stagectl.report.figures import WITH, WITHOUT
 from stagectl.report.page import Page, Picture, Table
 from stagectl.report.panels import CONVENTIONAL, TRUTH, Frame, Line, picture
-from stagectl.number_format import length
 
 BUCKETS = 1500  # points of a curve: each the lowest and the highest of its rows
 _CURRENTS = (

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from stagectl.number_format import duration, length
 from stagectl.recording.metadata import versions
 from stagectl.report.page import Page, Section, Table, write
-from stagectl.number_format import duration, length
 
 _HEAD = ["fault", "state", "result", "stopped by", "category", "stop time", "at most", "distance", "at most"]
 

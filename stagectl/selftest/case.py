@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from stagectl.realtime import loop
-from stagectl.realtime.scheduling import Metronome
 from stagectl.drives import faults
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import DriveError, Fault
 from stagectl.drives.faults import Row
+from stagectl.realtime import loop
+from stagectl.realtime.scheduling import Metronome
 from stagectl.selftest.limits import Limit, limit, ramp
 from stagectl.selftest.rig import Known, Sleepy
 

@@ -19,11 +19,11 @@ import math
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.realtime.envelope import acceleration
-from stagectl.service.virtual_drive import VELOCITY_LOOP
 from stagectl.drives.drive import Canopen
 from stagectl.drives.faults import Row
 from stagectl.kernels import stage
+from stagectl.realtime.envelope import acceleration
+from stagectl.service.virtual_drive import VELOCITY_LOOP
 
 _CYCLES = 12  # periods in which what is seen at once is acted upon: three bent answers, the way to the drive and back
 _LAG = 1.0 / (2.0 * math.pi * VELOCITY_LOOP)  # s by which the speed is behind the drive's ramp

@@ -17,18 +17,18 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.canopen import cia402
 from stagectl.drives import faults
 from stagectl.drives.bus import faulty_bus
+from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Way
 from stagectl.drives.bus.frames import Bus, frame, open_bus
+from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.cia402 import State
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import FeedbackPdo
 from stagectl.drives.canopen.power_states import STANDING
-from stagectl.drives.canopen.cia402 import State
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen
-from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Way
-from stagectl.drives.canopen.network import load_eds
 from stagectl.kernels import stage
 from stagectl.selftest.limits import LONGEST
 from stagectl.selftest.matrix import UNSEEN, Bench

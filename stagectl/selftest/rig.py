@@ -10,18 +10,18 @@ import numpy as np
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.realtime import loop
-from stagectl.realtime.envelope import envelope
-from stagectl.realtime.scheduling import Metronome
-from stagectl.service.virtual_drive import virtual_node
+from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import Clock
 from stagectl.drives.drive import Canopen
-from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.kernels import law
 from stagectl.plan import plan
+from stagectl.realtime import loop
+from stagectl.realtime.envelope import envelope
+from stagectl.realtime.scheduling import Metronome
 from stagectl.recording.metadata import portable
 from stagectl.selftest.limits import LONGEST
+from stagectl.service.virtual_drive import virtual_node
 from stagectl.trajectories import Dwell, Trapezoid
 
 _LOOK = 0.001  # s between two looks of the drive at its clocks, and of the test at the axis

@@ -11,18 +11,18 @@ from typing import NamedTuple
 
 from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
-from stagectl.realtime import axes
-from stagectl.realtime.axis import Orders
-from stagectl.realtime.shared_memory import PENDING, TAKEN, Order
-from stagectl.realtime.envelope import envelope
-from stagectl.service.axis_controller import COLUMNS, Manned, Motion
-from stagectl.realtime.states import STOPS_GOING_ON, Event, State
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.drives.faults import Row
+from stagectl.realtime import axes
+from stagectl.realtime.axis import Orders
+from stagectl.realtime.envelope import envelope
+from stagectl.realtime.shared_memory import PENDING, TAKEN, Order
+from stagectl.realtime.states import STOPS_GOING_ON, Event, State
 from stagectl.selftest.case import AFTER, BEFORE, PATIENCE, TRIP, Case
 from stagectl.selftest.limits import Limit, coast, larger, limit, ramp, turned
 from stagectl.selftest.rig import Rig, Sleepy, usual
+from stagectl.service.axis_controller import COLUMNS, Manned, Motion
 
 _MIDST = 0.005  # s after which a connection is in the middle of its requests
 _MARGIN, _CONTROLLED = 1.5, 0.15  # on braking under control, and s of it beyond its ramp

@@ -13,20 +13,20 @@ import numpy as np
 from stagectl import design
 from stagectl.config.stage_file import InProcess, Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.realtime.axis import LAW, Orders
-from stagectl.realtime.shared_memory import AHEAD, Board, Order, Status
-from stagectl.realtime.envelope import braking, envelope
-from stagectl.service.virtual_timeouts import patient, waits_for_sync
-from stagectl.realtime.setpoint_sources import Model
-from stagectl.realtime.states import Event, State
-from stagectl.realtime.bumpless_transfer import flattened
 from stagectl.drives.drive import Canopen, Fault
 from stagectl.evaluation import WINDOW_COUNTS
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.friction import relaxed
 from stagectl.plan import plan
+from stagectl.realtime.axis import LAW, Orders
+from stagectl.realtime.bumpless_transfer import flattened
+from stagectl.realtime.envelope import braking, envelope
+from stagectl.realtime.setpoint_sources import Model
+from stagectl.realtime.shared_memory import AHEAD, Board, Order, Status
+from stagectl.realtime.states import Event, State
 from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
+from stagectl.service.virtual_timeouts import patient, waits_for_sync
 from stagectl.trajectories import Experiment, SCurve
 from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
 

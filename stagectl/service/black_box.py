@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stagectl.drives.drive import Fault
 from stagectl.realtime.shared_memory import Board, Status
 from stagectl.realtime.states import State
-from stagectl.drives.drive import Fault
 from stagectl.recording.hdf5 import RecordingError, Writer
 from stagectl.recording.ring import Ring
 

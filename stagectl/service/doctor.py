@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.service import virtual_drive
 from stagectl.drives.bus import frames
 from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.network import Network, Partner, load_eds
 from stagectl.drives.canopen.setup import NOT_OFFERED
 from stagectl.drives.canopen.setup import Setup as Configuration
 from stagectl.drives.drive import Canopen, DriveError
-from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.service import virtual_drive
 
 _WAKES = 200  # of the wake-up check
 _PERIOD = 1e-3  # s

@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from stagectl.units import StageError
 
 QUEUE = 128  # frames in the interface's queue: ten cycles and more
 _OWN = "stagectl"
+_IN_WHEEL = Path(__file__).parent / "units"  # copied there from systemd/ when the wheel is built
 UNIT, USERS, RULES = "stagectl.service", "stagectl.sysusers", "80-stagectl.rules"
 NETWORK, LINK = "80-stagectl-can.network", "80-stagectl-can.link"
 PLACES = {
@@ -42,14 +42,18 @@ class Wanted(NamedTuple):
 
 def contents(wanted: Wanted) -> dict[str, str]:
     """The files by their place below the root."""
-    template = files("stagectl.systemd")
-    texts = {name: (template / name).read_text(encoding="utf-8") for name in PLACES}
+    texts = {name: (_templates() / name).read_text(encoding="utf-8") for name in PLACES}
     found = {PLACES[name]: _filled(texts[name], _unit(wanted)) for name in (UNIT, USERS, RULES)}
     wire = _socketcan(wanted)
     if wire is not None:
         values = {"CHANNEL": wire.channel, "BITRATE": f"{wire.bitrate:.0f}", "QUEUE": str(QUEUE)}
         found |= {PLACES[name]: _filled(texts[name], values) for name in (NETWORK, LINK)}
     return found
+
+
+def _templates() -> Path:
+    """Where the templates are: next to this file in a wheel, in `systemd/` of a checkout."""
+    return _IN_WHEEL if _IN_WHEEL.is_dir() else Path(__file__).parents[2] / "systemd"
 
 
 def _filled(text: str, values: dict[str, str]) -> str:

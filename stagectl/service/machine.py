@@ -6,9 +6,9 @@ from pathlib import Path
 
 from stagectl.config.machine_file import axes_of, coupled, split
 from stagectl.config.stage_file import InProcess, Setup, load_stage
-from stagectl.service.axis_controller import Manned, ServiceError
 from stagectl.drives.bus import frames
 from stagectl.drives.drive import Canopen
+from stagectl.service.axis_controller import Manned, ServiceError
 
 
 def named(stages: list[str]) -> dict[str, Path]:

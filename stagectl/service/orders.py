@@ -7,9 +7,9 @@ from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 
 from stagectl.realtime.shared_memory import Order
+from stagectl.realtime.states import Event, State, why_not
 from stagectl.service.axis_controller import Manned, Motion, ServiceError
 from stagectl.service.service import Service
-from stagectl.realtime.states import Event, State, why_not
 from stagectl.units import UnitError, parse
 
 _ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, a stop and a connection may take

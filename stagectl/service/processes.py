@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stagectl.drives.drive import Canopen
 from stagectl.realtime.axes import Post
+from stagectl.service.axis_controller import COLUMNS, Manned
 from stagectl.service.black_box import Box
 from stagectl.service.child_process import Child, start
 from stagectl.service.foxglove_live import Feed, Source
-from stagectl.service.axis_controller import COLUMNS, Manned
-from stagectl.service.virtual_timeouts import patient
 from stagectl.service.recordings import about
-from stagectl.drives.drive import Canopen
+from stagectl.service.virtual_timeouts import patient
 
 _RAMP = 0.5  # s that a drive's own ramp may take
 

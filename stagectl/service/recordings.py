@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.config.machine_file import text_of
-from stagectl.service.black_box import UNFINISHED
-from stagectl.service.child_process import Child, start
-from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
 from stagectl.recording.file_lock import being_written, discard, sweep
 from stagectl.recording.hdf5 import RecordingError, repair
 from stagectl.recording.metadata import of_axis
 from stagectl.recording.recorder import ENOUGH, Order
+from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
+from stagectl.service.black_box import UNFINISHED
+from stagectl.service.child_process import Child, start
 
 LONGEST = 86400.0  # s
 KINDS = ("recordings", "blackbox")

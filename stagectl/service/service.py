@@ -25,15 +25,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.service import processes, virtual_drive
-from stagectl.realtime.shared_memory import PENDING, TAKEN, Order, Status
-from stagectl.service.child_process import Child, start
-from stagectl.service.axis_controller import Manned, ServiceError
-from stagectl.service.notify import notify
-from stagectl.service.recordings import Recordings
-from stagectl.realtime.states import Event, State, why_not
 from stagectl.drives.drive import Canopen, Fault
 from stagectl.evaluation import DWELL
+from stagectl.realtime.shared_memory import PENDING, TAKEN, Order, Status
+from stagectl.realtime.states import Event, State, why_not
+from stagectl.service import processes, virtual_drive
+from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.child_process import Child, start
+from stagectl.service.notify import notify
+from stagectl.service.recordings import Recordings
 
 LOOK = 0.02  # s between two looks at the processes
 _ANSWER = 2.0  # s in which the loop takes an order; longer only while it configures a drive

@@ -19,16 +19,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import InProcess, Setup
-from stagectl.service.child_process import Child, Companion, beside, start
-from stagectl.realtime.envelope import envelope
-from stagectl.realtime.loop import Job
-from stagectl.service.virtual_timeouts import patient, waits_for_sync
 from stagectl.drives.drive import DriveError
 from stagectl.kernels import law, rollout
 from stagectl.plan import Plan
+from stagectl.realtime.envelope import envelope
+from stagectl.realtime.loop import Job
 from stagectl.recording.metadata import portable
 from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
+from stagectl.service.child_process import Child, Companion, beside, start
+from stagectl.service.virtual_timeouts import patient, waits_for_sync
 
 Progress = Callable[[int, int], None]  # (cycles done, cycles in all)
 

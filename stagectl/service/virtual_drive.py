@@ -12,15 +12,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stagectl.config.stage_file import Setup
-from stagectl.realtime.scheduling import PARENT, settle
 from stagectl.drives.bus.frames import Bus, open_bus
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Odrive
+from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.inject import Doorway, doorway, obey
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
-from stagectl.drives.simulated import Plant
 from stagectl.number_format import length
+from stagectl.realtime.scheduling import PARENT, settle
 
 VELOCITY_LOOP = 20.0  # Hz, of the virtual drive's own stops
 _READY = "virtual drive"

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import cascade, feedback
+from stagectl.number_format import duration
 from stagectl.tuning.families import law_of
 from stagectl.tuning.robustness import Peak, Robustness, attenuated, bandwidth, following, loops, softest, stepped
 from stagectl.tuning.search import PEAK, Tuned
-from stagectl.number_format import duration
 
 SETTLED = 0.02  # of the step
 NAMES = {"pid": "PID", "cascade": "P-PI cascade"}

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.residuals import model_tracking
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import model_tracking
 from stagectl.kernels import feedback, friction, law, parity, rollout, stage, tracked_model
 
 SUBSTEPS = 4  # a period: what rolling friction needs
@@ -258,7 +258,9 @@ def _tied(p: Twin, x: State, path: Array) -> tuple[Array, Array, tuple[tracked_m
     states = []
     for k, model in enumerate(p.models):
         followed = shifted if k == late else path
-        states.append(tracked_model.follow(tracked_model.Tied(model, p.tracker), x.tied[k], (followed, out[k]), p.dt, p.substeps))
+        states.append(
+            tracked_model.follow(tracked_model.Tied(model, p.tracker), x.tied[k], (followed, out[k]), p.dt, p.substeps)
+        )
     return out[:, :, 0], out[0, :, 1], tuple(states)
 
 

@@ -22,11 +22,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stagectl.gap.logs.session import Array
-from stagectl.twin.live_model import Block, State, Twin, pieces, step, twin
-from stagectl.twin.estimate import update
-from stagectl.twin.record import add, line_of, snapshot
 from stagectl.kernels import jit, law, rollout, stage
 from stagectl.recording.ring import Ring
+from stagectl.twin.estimate import update
+from stagectl.twin.live_model import Block, State, Twin, pieces, step, twin
+from stagectl.twin.record import add, line_of, snapshot
 
 BLOCK = 0.25  # s of data in a block
 WINDOW = 60.0  # s of data that the live figures are of; and between two lines of the slow record

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.gap.logs.session import GapError
-from stagectl.twin.live_model import BEND, PRESLIDING
 from stagectl.twin.estimate import Drift, Fit, Named, Update, there
+from stagectl.twin.live_model import BEND, PRESLIDING
 from stagectl.units import Quantity
 
 FORMAT = "stagectl-twin/1"

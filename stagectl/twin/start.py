@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.config.stage_file import Setup
-from stagectl.service.child_process import Companion
 from stagectl.gap.logs.session import GapError
-from stagectl.twin.process import Order
-from stagectl.twin.record import FORMAT
 from stagectl.kernels import law
 from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
+from stagectl.service.child_process import Companion
+from stagectl.twin.process import Order
+from stagectl.twin.record import FORMAT
 
 SUFFIX = ".twin.json"
 ANSWER = 1e-9  # A; the ring holds what the law computed, unrounded, and both kinds of kernels give the same bits

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import NamedTuple, get_type_hints
 
 from stagectl.config.stage_file import Setup
-from stagectl.service.axis_controller import COLUMNS, ServiceError
 from stagectl.kernels import law, rollout
+from stagectl.service.axis_controller import COLUMNS, ServiceError
 from stagectl.units import Quantity, StageError, factor, quantity_of
 
 MOST = 16

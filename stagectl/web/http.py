@@ -19,9 +19,9 @@ from starlette.routing import Match, Route
 from stagectl.realtime.shared_memory import BoardFullError
 from stagectl.service.axis_controller import Manned, ServiceError
 from stagectl.service.orders import Orderly
-from stagectl.web import routes
 from stagectl.service.service import Service
 from stagectl.units import StageError
+from stagectl.web import routes
 
 AxisName = Annotated[str, Query(max_length=64, description="Name of the axis; empty: all of them.")]
 Length = Annotated[str, Field(max_length=80, examples=["10 mm"], description="With its unit.")]

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.service.axis_controller import COLUMNS
 from stagectl.recording.ring import Ring
+from stagectl.service.axis_controller import COLUMNS
 
 EDGES = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # s
 KEPT = 60.0  # s

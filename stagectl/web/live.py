@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.web.channels import Channel
 from stagectl.recording.extremes import Extremes, extremes
 from stagectl.recording.joined_rings import Source
 from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Capture, Scope, Settings
+from stagectl.web.channels import Channel
 
 STRIP, CAPTURE, DETAIL, FREE = 0.0, 1.0, 2.0, 3.0  # kinds; FREE: a capture that no trigger began
 HEAD = 8

@@ -13,15 +13,15 @@ from fastapi import Path as InPath
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field
 
-from stagectl.web.access_control import May
 from stagectl.service.axis_controller import ServiceError
+from stagectl.service.recordings import LONGEST
+from stagectl.service.service import Service
 from stagectl.web import assets
+from stagectl.web.access_control import May
 from stagectl.web.channels import channels
 from stagectl.web.export import exported
 from stagectl.web.status_feed import News
 from stagectl.web.viewer import Viewer
-from stagectl.service.recordings import LONGEST
-from stagectl.service.service import Service
 
 STATIC = Path(__file__).parent / "static"
 MOST = 8  # viewers at a time

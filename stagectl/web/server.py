@@ -15,13 +15,13 @@ import uvicorn
 import websockets  # noqa: F401  uvicorn asks for it by name, when nobody hears that it is not there
 
 from stagectl.service import shutdown_signals
-from stagectl.web.access_control import Guard, Keys, SameSite, secret
-from stagectl.web.http import application
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.notify import notify
-from stagectl.web import assets
-from stagectl.web.routes import Port
 from stagectl.service.service import Service
+from stagectl.web import assets
+from stagectl.web.access_control import Guard, Keys, SameSite, secret
+from stagectl.web.http import application
+from stagectl.web.routes import Port
 
 _AT_ONCE = 0.2  # s
 _OWNERS = 0o660  # of the socket: who is neither its owner nor in its group cannot move anything

@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from stagectl.service.axis_controller import Manned
-from stagectl.web.channels import Channel, channels, side_by_side
-from stagectl.web.lateness import Lateness
-from stagectl.service.service import Service
 from stagectl.drives.bus import frames
 from stagectl.drives.drive import Canopen
+from stagectl.service.axis_controller import Manned
+from stagectl.service.service import Service
+from stagectl.web.channels import Channel, channels, side_by_side
+from stagectl.web.lateness import Lateness
 
 _AGE = 0.09  # s
 _FAULTS = 20  # of the list, the newest

@@ -20,14 +20,14 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from stagectl.service.axis_controller import Manned, ServiceError
-from stagectl.web.viewer_request import Asked, Closer, Hold, Stripes, read
-from stagectl.web.channels import Channel, channels, chosen, level, side_by_side
-from stagectl.web.live import Sight, Strip, Window
-from stagectl.service.service import Service
 from stagectl.recording.joined_rings import Joined, Source
 from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Settings, Trigger
+from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.service import Service
+from stagectl.web.channels import Channel, channels, chosen, level, side_by_side
+from stagectl.web.live import Sight, Strip, Window
+from stagectl.web.viewer_request import Asked, Closer, Hold, Stripes, read
 
 RATE = 30.0  # frames a second; the page draws what they hold with every picture of its screen
 _NEWS = 0.1  # s between two statuses

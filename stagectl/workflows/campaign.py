@@ -26,13 +26,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stagectl.config.stage_file import Setup
-from stagectl.service.single_motion import Motion, Progress
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, yaml_of
 from stagectl.gap.logs.session import GapError
 from stagectl.recording.hdf5 import Recording, open_recording
+from stagectl.service.single_motion import Motion, Progress
+from stagectl.units import StageError
 from stagectl.workflows.motion import Say, perform, prepare, pretend
 from stagectl.workflows.trials import Machine, Shown, after
-from stagectl.units import StageError
 
 HELD_OUT_REPEATS = 2  # enough for a floor
 PAUSE = 1.0  # s between runs, on the clock of a simulated session

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.config.stage_file import Setup, load_stage
+from stagectl.number_format import length
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions
 from stagectl.report.page import Page, Picture, Table, write
-from stagectl.workflows.motion import Say, drive_present, on_channel, perform, prepare
 from stagectl.units import StageError
-from stagectl.number_format import length
+from stagectl.workflows.motion import Say, drive_present, on_channel, perform, prepare
 
 SINES = ("sine-3.2hz", "sine-1.6hz", "sine-0.8hz")
 Bar = Callable[[str, int], AbstractContextManager[Any]]

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from stagectl import paired_comparison
 from stagectl.config.stage_file import Setup
-from stagectl.service.single_motion import Motion, Progress
 from stagectl.design import Layer
 from stagectl.recording.learned_current import Learned, LearnedError, check, load, save
+from stagectl.service.single_motion import Motion, Progress
 from stagectl.workflows.motion import blank, prepare, with_current
 from stagectl.workflows.trials import Machine, Result, Shown, TrialError, after, learn, learned_words, ready, run_once
 

@@ -15,19 +15,19 @@ from numpy.typing import NDArray
 from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.service import virtual_drive
-from stagectl.service.virtual_timeouts import HELD_UP, waits_for_sync
-from stagectl.service.single_motion import Ended, Motion, Progress, move
-from stagectl.realtime.safety import words
 from stagectl.drives.bus.frames import Bus, open_bus
 from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.evaluation import evaluate
 from stagectl.kernels.law import Setpoint
 from stagectl.plan import plan
+from stagectl.realtime.safety import words
 from stagectl.recording.file_lock import sweep
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair, save
 from stagectl.recording.learned_current import Learned, check, load, nothing
 from stagectl.recording.metadata import describe
+from stagectl.service import virtual_drive
+from stagectl.service.single_motion import Ended, Motion, Progress, move
+from stagectl.service.virtual_timeouts import HELD_UP, waits_for_sync
 from stagectl.units import StageError
 
 Say = Callable[[str], None]

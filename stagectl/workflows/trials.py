@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from stagectl import learning
 from stagectl.config.stage_file import Setup
-from stagectl.service.single_motion import Motion, Progress
 from stagectl.kernels.law import Setpoint
-from stagectl.recording.hdf5 import open_recording
-from stagectl.workflows.motion import Say, blank, drive_present, perform, pretend, with_current
-from stagectl.units import StageError
 from stagectl.number_format import length
+from stagectl.recording.hdf5 import open_recording
+from stagectl.service.single_motion import Motion, Progress
+from stagectl.units import StageError
+from stagectl.workflows.motion import Say, blank, drive_present, perform, pretend, with_current
 
 Bar = Callable[[str, int], AbstractContextManager[Any]]
 Result = dict[str, Any]

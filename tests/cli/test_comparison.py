@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.workflows import motion as session, trials
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.learned_current import load
+from stagectl.workflows import motion as session
+from stagectl.workflows import trials
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
 

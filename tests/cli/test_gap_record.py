@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 import yaml
 
-from stagectl.workflows import campaign, motion as session
 from stagectl.config.stage_file import load_stage
-from stagectl.service import virtual_drive
 from stagectl.drives.drive import DriveError
 from stagectl.gap.experiment_design.battery import battery, held_out
 from stagectl.recording.hdf5 import open_recording
+from stagectl.service import virtual_drive
+from stagectl.workflows import campaign
+from stagectl.workflows import motion as session
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
 

@@ -18,8 +18,8 @@ import pytest
 import typer
 
 from stagectl.cli.app import app
-from stagectl.web.client import ask
 from stagectl.units import StageError
+from stagectl.web.client import ask
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
 

@@ -16,10 +16,8 @@ from stagectl.config.schema import SCHEMAS
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import effects, stage
-from stagectl.kernels.drive_effects import Reported
 from stagectl.kernels.effects import Harmonic, Step, Warming
-from stagectl.kernels.friction_effects import Along, Dwell
-from stagectl.kernels.transmission import Base, Cable, Transmission
+from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, Transmission
 from stagectl.recording import nominal_yaml
 from stagectl.simulation import noise
 from tests.conftest import CONFIG

@@ -9,10 +9,10 @@ import pytest
 from stagectl.config.machine_file import axes_of, coupled, text_of
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
-from stagectl.service.machine import machine, named, together
-from stagectl.service.axis_controller import ServiceError
 from stagectl.drives.bus import frames
 from stagectl.drives.drive import Canopen
+from stagectl.service.axis_controller import ServiceError
+from stagectl.service.machine import machine, named, together
 from tests.conftest import CONFIG, Command
 
 XY, ONE = CONFIG / "xy.yaml", CONFIG / "ball-screw.yaml"

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.workflows.motion import prepare
 from stagectl.units import StageError
+from stagectl.workflows.motion import prepare
 from tests.conftest import CONFIG
 
 STAGE = (CONFIG / "ball-screw.yaml").read_text()

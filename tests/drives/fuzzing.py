@@ -11,13 +11,13 @@ import random
 import struct
 import tempfile
 
-from stagectl.drives.canopen import cia402
 from stagectl.drives.bus.frames import frame, parse
+from stagectl.drives.bus.virtual_time import Timeline, Wire
+from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Fault, Power
-from stagectl.drives.virtual.node import VirtualNode
 from stagectl.drives.simulated import Plant, Simulation
-from stagectl.drives.bus.virtual_time import Timeline, Wire
+from stagectl.drives.virtual.node import VirtualNode
 from tests.drives.workbench import DT, GAIN, STEP, Script, canopen_settings, linear_stage
 
 NODE_IDS = (0x000, 0x080, 0x205, 0x305, 0x405, 0x505, 0x605, 0x605, 0x77F, 0x7E5, 0x700, 0x6FF)

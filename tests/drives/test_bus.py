@@ -14,8 +14,8 @@ from pathlib import Path
 import can
 import pytest
 
-from stagectl.drives.bus.frames import BusError, Embedded, frame, frame_bits, load, open_bus, parse
 from stagectl.drives.bus.can_plugin import EmbeddedBus
+from stagectl.drives.bus.frames import BusError, Embedded, frame, frame_bits, load, open_bus, parse
 
 
 @pytest.fixture

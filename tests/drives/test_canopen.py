@@ -17,19 +17,19 @@ from typing import Any
 import canopen
 import pytest
 
+from stagectl.drives.bus.can_plugin import EmbeddedBus
+from stagectl.drives.bus.frames import Embedded, frame, parse
 from stagectl.drives.canopen import drive as module
 from stagectl.drives.canopen import power_states, setup
-from stagectl.drives.bus.frames import Embedded, frame, parse
-from stagectl.drives.bus.can_plugin import EmbeddedBus
-from stagectl.drives.canopen.drive import CanopenDrive
-from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
-from stagectl.drives.canopen.fault_texts import WHAT
 from stagectl.drives.canopen.cia402 import State
 from stagectl.drives.canopen.cia402 import state as state_of
+from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.fault_texts import WHAT
+from stagectl.drives.canopen.network import load_eds
+from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.clock import WALL
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Power
 from stagectl.drives.virtual.node import VirtualNode
-from stagectl.drives.canopen.network import load_eds
 from stagectl.kernels import stage
 from tests.drives.workbench import DT, EDS, STEP, SYNC, Workbench, linear_stage
 

@@ -8,8 +8,8 @@ from typing import Any
 import canopen
 import pytest
 
-from stagectl.drives.drive import DriveError
 from stagectl.drives.canopen.dump import dump, write_dcf
+from stagectl.drives.drive import DriveError
 from tests.drives.workbench import EDS, Workbench
 
 

@@ -51,6 +51,8 @@ def test_the_librarys_own_network_still_reaches_python_can(tmp_path: Path) -> No
 
 
 def test_what_the_library_logs_does_not_appear_beside_our_words() -> None:
-    program = "import logging, stagectl.drives.canopen.library; logging.getLogger('canopen.sdo.client').error('no answer')"
+    program = (
+        "import logging, stagectl.drives.canopen.library; logging.getLogger('canopen.sdo.client').error('no answer')"
+    )
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -10,13 +10,13 @@ import pytest
 
 from stagectl.drives import faults
 from stagectl.drives.bus import faulty_bus
+from stagectl.drives.bus.faulty_bus import FaultyBus, Rule
 from stagectl.drives.bus.frames import frame, parse
+from stagectl.drives.bus.virtual_time import Timeline
 from stagectl.drives.canopen.cia402 import State
 from stagectl.drives.clock import Skewed
-from stagectl.drives.bus.faulty_bus import FaultyBus, Rule
-from stagectl.drives.virtual.node import VirtualNode
 from stagectl.drives.virtual.fault_actions import DEEDS
-from stagectl.drives.bus.virtual_time import Timeline
+from stagectl.drives.virtual.node import VirtualNode
 from tests.drives.test_node import START, answers, enabled, rpdo, sdo, tpdos
 from tests.drives.workbench import SYNC, Script, Workbench
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from stagectl.drives.canopen import presets
 from stagectl.drives.bus.frames import EXTENDED, frame
+from stagectl.drives.canopen import presets
+from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.drives.canopen.probe import probe
 from stagectl.drives.canopen.setup import Setup
 from stagectl.drives.drive import DriveError
-from stagectl.drives.canopen.probe import probe
-from stagectl.drives.canopen.network import Network, Partner, load_eds
 from tests.drives.workbench import EDS, STEP, Script, Workbench
 
 

@@ -12,9 +12,9 @@ import pytest
 
 from stagectl.drives.bus import slcan
 from stagectl.drives.bus.frames import frame, open_bus, parse
-from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.cia402 import State
 from stagectl.drives.canopen.cia402 import state as state_of
+from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Fault
 from tests.drives.workbench import DT, STEP, Workbench, canopen_settings
 

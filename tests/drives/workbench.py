@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.drives.bus.frames import Embedded, frame
+from stagectl.drives.bus.virtual_time import End, Timeline, Wire
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen
-from stagectl.drives.virtual.node import VirtualNode
 from stagectl.drives.simulated import Plant, Simulation
-from stagectl.drives.bus.virtual_time import End, Timeline, Wire
+from stagectl.drives.virtual.node import VirtualNode
 from stagectl.kernels import friction, stage
 
 EDS = Path(__file__).parents[2] / "config" / "drives" / "stagectl-virtual.eds"

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stagectl.gap.inference import coordinates, basis_functions, unknown
+from stagectl.gap.inference import basis_functions, coordinates, unknown
 from stagectl.gap.result.diagnosis import Shape
 from stagectl.gap.selection.cross_validation import freed
 from stagectl.kernels import effects

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stagectl import design
+from stagectl import design, parallel
 from stagectl.config.stage_file import load_stage
-from stagectl import parallel
 from stagectl.kernels import rollout, stage
 
 BALL_SCREW = Path(__file__).parents[2] / "config" / "ball-screw.yaml"

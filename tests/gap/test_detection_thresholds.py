@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.gap.selection import refine, search
-from stagectl.gap.inference import verdict
-from stagectl.gap.selection.candidates import Form, Named
-from stagectl.gap.result.diagnosis import Effect
-from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.effects.library import Amplitude, Definition
+from stagectl.gap.inference import verdict
+from stagectl.gap.residuals.gram_matrices import Grams
+from stagectl.gap.result.diagnosis import Effect
+from stagectl.gap.selection import refine, search
+from stagectl.gap.selection.candidates import Form, Named
 from stagectl.gap.selection.detection_thresholds import SMALLEST, Clarity, clarity, thresholds
 from stagectl.gap.selection.refine import Fitted
 from stagectl.gap.selection.search import Selected

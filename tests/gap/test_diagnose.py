@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 import pyarrow.csv
 import pytest
+from stagectl_studies.machine.stage_trial import stage_trial
+from stagectl_studies.machine.trials import Options as Drawn
+from stagectl_studies.machine.trials import draw
 
 from stagectl.cli.gap_diagnose import BEGINS
-from stagectl_studies.machine.trials import Options as Drawn
-from stagectl_studies.machine.trials import draw, stage_trial
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
-from stagectl.gap.validation import predictions
-from stagectl.gap.result.diagnosis import Found
 from stagectl.gap.logs.session import Session
+from stagectl.gap.result.diagnosis import Found
 from stagectl.gap.result.result_json import as_json
+from stagectl.gap.validation import predictions
 from tests.gap.captured import SINE, TRAPEZOID, exported, recorded
 
 
@@ -91,7 +92,9 @@ def test_logs_without_a_force_tell_nothing(tmp_path: Path) -> None:
 
 def test_a_machine_that_is_its_model_lacks_nothing(tmp_path: Path) -> None:
     """Without noise all that is left is rounding, the same in every repeat: it repeats, and is no gap."""
-    session = load_session.load([exported([*recorded(tmp_path, SINE), *recorded(tmp_path, TRAPEZOID)], tmp_path / "session")])
+    session = load_session.load(
+        [exported([*recorded(tmp_path, SINE), *recorded(tmp_path, TRAPEZOID)], tmp_path / "session")]
+    )
     found = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).found
     assert (found.verdict, _named(found), found.unknown, found.gap.before) == ("none", [], None, 0.0)
     assert any("copies" in note for note in found.notes)

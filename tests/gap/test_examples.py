@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
+from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options as Drawn
-from stagectl_studies.machine.trials import draw, stage_trial
+from stagectl_studies.machine.trials import draw
+
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.result.diagnosis import Found

@@ -12,15 +12,22 @@ from numpy.typing import NDArray
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.gap.experiment_design import (coverage, catalogue, experiment_proposal, nuisance_refit, prediction_distance, operating_range)
 from stagectl.gap.effects import library
+from stagectl.gap.experiment_design import (
+    catalogue,
+    coverage,
+    experiment_proposal,
+    nuisance_refit,
+    operating_range,
+    prediction_distance,
+)
 from stagectl.gap.logs.load_session import load
-from stagectl.gap.result.diagnosis import Next
 from stagectl.gap.logs.session import GapError, Session
+from stagectl.gap.result.diagnosis import Next
 from stagectl.kernels.stage import Stage
 from stagectl.plan import plan
-from stagectl.workflows.motion import prepare, pretend
 from stagectl.simulation import simulate
+from stagectl.workflows.motion import prepare, pretend
 from tests.gap.captured import CONFIG, exported
 
 NOISE = ("  substeps: 10 ", "  current_noise: 50 mA\n  encoder_noise: 20 nm\n  substeps: 10 ")
@@ -71,7 +78,14 @@ def distance(session: Session, models: dict[str, Stage]) -> float:
     first, second = (nuisance_refit.spread(one) for one in models.values())
     benches = [
         prediction_distance.Bench(
-            log.setpoints, p.law, noise, 0.0, 0.0, session.dt, True, prediction_distance.rests_of(log.setpoints, session.dt)
+            log.setpoints,
+            p.law,
+            noise,
+            0.0,
+            0.0,
+            session.dt,
+            True,
+            prediction_distance.rests_of(log.setpoints, session.dt),
         )
         for log in session.logs[::2]  # one repeat of each
         if log.setpoints is not None
@@ -163,7 +177,9 @@ def test_what_goes_beyond_is_said_and_comes_last(session: Session) -> None:
     """A faster experiment is no finalist beside one that is clear; alone it is, and its words say how fast."""
     p = operating_range.room(session)
     made = {one.name: one for one in catalogue.made(p.scale)}
-    bench = prediction_distance.Bench(np.zeros((2, 8)), p.law, prediction_distance.noise_of(session, NAN), 0.0, 0.0, session.dt, True)
+    bench = prediction_distance.Bench(
+        np.zeros((2, 8)), p.law, prediction_distance.noise_of(session, NAN), 0.0, 0.0, session.dt, True
+    )
     fast = experiment_proposal.Trial(made["fast-cruise"], bench, 500.0, 1.3 * p.seen.current, 1.5 * p.seen.speed)
     slow = experiment_proposal.Trial(made["strokes"], bench, 20.0, p.seen.current, p.seen.speed)
     assert experiment_proposal.finalists([fast, slow], p) == [slow]
@@ -201,7 +217,9 @@ def test_a_folder_from_elsewhere_and_one_without_a_controller(folder: Path, tmp_
     found = operating_range.room(blind)
     assert not found.known
     assert "The deployed controller is not known" in found.heeds()[-1]
-    bench = experiment_proposal._bench(blind, found, prediction_distance.noise_of(blind, NAN), catalogue.made(found.scale)[0])
+    bench = experiment_proposal._bench(
+        blind, found, prediction_distance.noise_of(blind, NAN), catalogue.made(found.scale)[0]
+    )
     values = prediction_distance.told(bench, blind.stage)
     assert np.isfinite(values.values).all() and values.current < 1.1 * found.scale.current_limit
 
@@ -219,7 +237,9 @@ def test_noise_of_the_repeats_and_without_them(session: Session) -> None:
 def test_whitened_white_noise_has_a_variance_of_one(session: Session) -> None:
     random = np.random.default_rng(3)
     flat = prediction_distance.Noise(np.array([0.0, 1000.0]), np.full(2, 2.0 * session.dt * 4.0), np.ones(2))
-    bench = prediction_distance.Bench(np.zeros((20000, 8)), operating_range.room(session).law, flat, 0.0, 0.0, session.dt, True)
+    bench = prediction_distance.Bench(
+        np.zeros((20000, 8)), operating_range.room(session).law, flat, 0.0, 0.0, session.dt, True
+    )
     signal = 2.0 * random.standard_normal(20000)
     density = prediction_distance._whitened(bench, signal, flat.position, 0.0)
     frequency = np.fft.rfftfreq(20000, session.dt)

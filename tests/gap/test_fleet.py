@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from stagectl.cli.app import app
-from stagectl.gap.result import result_json
 from stagectl.gap.fleet import Machine, diagnosed, drift, names_of
+from stagectl.gap.result import result_json
 from stagectl.gap.result.diagnosis import Gap
 from stagectl.recording.exports import write_columns
 

@@ -11,9 +11,9 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.residuals import friction_family
-from stagectl.gap.selection import null_ensemble
 from stagectl.gap.residuals.sensitivities import Model
 from stagectl.gap.result.diagnosis import Found
+from stagectl.gap.selection import null_ensemble
 from stagectl.kernels import friction, stage
 from tests.conftest import movable
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, recorded

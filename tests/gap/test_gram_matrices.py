@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
+from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.model_tracking import Path
 
 ROWS, STROKES, REPEATS = 60, 4, 3
@@ -104,7 +104,9 @@ def test_dealt_matrices_are_the_half_strokes_of_each_hand_added_up(repeats: int)
     x = [_columns(source) for _ in runs]
     left = [[source.standard_normal((ROWS, 2)) for _ in range(repeats)] for _ in runs]
     p = gram_matrices.products(runs, [{name: one[name] for name in ("own", "a", "warm")} for one in x], "own")
-    p = gram_matrices.only(gram_matrices.beside(p, [{name: one[name] for name in ("b", "step")} for one in x]), ["step", "b", "a"])
+    p = gram_matrices.only(
+        gram_matrices.beside(p, [{name: one[name] for name in ("b", "step")} for one in x]), ["step", "b", "a"]
+    )
     whole, hands = gram_matrices.grams(p, left), gram_matrices.dealt(p, left)
     assert hands.names == whole.names
     assert gram_matrices.first_hand(hands.stroke).tolist() == [True, False]

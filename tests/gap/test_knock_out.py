@@ -8,8 +8,8 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.gap import diagnose, knock_out
 from stagectl.gap.logs.load_session import load
-from stagectl.gap.result.diagnosis import Effect, Found, Gap
 from stagectl.gap.logs.session import GapError, Session
+from stagectl.gap.result.diagnosis import Effect, Found, Gap
 from stagectl.kernels.stage import sliding
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -14,10 +14,10 @@ import pytest
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.validation import rollouts
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.nominal_model import trusted
 from stagectl.gap.logs.session import GapError
+from stagectl.gap.validation import rollouts
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, Columns, edit, exported, recorded, rewrite
 
 EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_EMPS.mat"

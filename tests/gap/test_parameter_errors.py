@@ -2,8 +2,8 @@
 
 import pytest
 
-from stagectl.gap.result.diagnosis import Value
 from stagectl.gap.inference.parameter_errors import Shift, common, shared
+from stagectl.gap.result.diagnosis import Value
 
 
 def shift(name: str, change: float, sure: bool = True) -> Shift:

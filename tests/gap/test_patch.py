@@ -15,9 +15,9 @@ from stagectl.config.patch import patched
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Operators, Rolling, load_stage
 from stagectl.gap.inference.patch_fields import fields_of
+from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import UNORDERED, Fields, Found
 from stagectl.gap.result.patch import applied, parts, patch_of
-from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.result_json import save
 from stagectl.kernels import effects, friction, friction_bristle
 from stagectl.kernels.stage import Stage

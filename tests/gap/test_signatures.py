@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stagectl.gap.inference import signatures
-from stagectl.gap.logs.session import Session
 from stagectl.gap.inference.signatures import Missing
+from stagectl.gap.logs.session import Session
 from stagectl.kernels.plant import Drive
 
 NOISE = 0.04  # A

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.selection import candidates
-from stagectl.gap.residuals import whitening, friction_family, least_squares, pitch_orders, model_tracking
 from stagectl.gap.effects import library
-from stagectl.gap.validation import held_out_gap
+from stagectl.gap.residuals import friction_family, least_squares, model_tracking, pitch_orders, whitening
 from stagectl.gap.residuals.half_strokes import half_strokes, known_from, standstills
 from stagectl.gap.residuals.model_tracking import Lacking
 from stagectl.gap.residuals.model_tracking import Path as Measured
+from stagectl.gap.selection import candidates
+from stagectl.gap.validation import held_out_gap
 from stagectl.kernels import effects, feedback, stage, tracked_model
 
 SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")
@@ -68,7 +68,9 @@ def test_what_two_changes_lack_adds_up() -> None:
 
 
 def test_the_tracker_does_not_change_with_the_candidate() -> None:
-    gains = feedback.place_poles(SETUP.stage.mechanics, SETUP.stage.motor.force_constant, model_tracking.BANDWIDTH / SETUP.dt)
+    gains = feedback.place_poles(
+        SETUP.stage.mechanics, SETUP.stage.motor.force_constant, model_tracking.BANDWIDTH / SETUP.dt
+    )
     assert model_tracking.tracker(SETUP.stage, SETUP.dt) == feedback.discretised(gains, SETUP.dt)
 
 
@@ -76,7 +78,9 @@ def test_whitened_noise_is_flat() -> None:
     source = np.random.default_rng(7)
     noise = [Lacking(0.03 * source.standard_normal(20000), 0.01 * source.standard_normal(20000)) for _ in range(3)]
     found = whitening.whitener(noise, (0.0, 0.0), SETUP.dt)
-    flat = dataclasses.replace(found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / whitening.ROLL_OFF))
+    flat = dataclasses.replace(
+        found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / whitening.ROLL_OFF)
+    )
     white = whitening.whitened(flat, noise[0], SETUP.dt)[:, 0]
     assert 0.85 < white.var() < 1.15
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.residuals import model_tracking
 from stagectl.gap.inference import time_localisation
-from stagectl.gap.residuals.sensitivities import Model
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import model_tracking
+from stagectl.gap.residuals.sensitivities import Model
 
 BALL_SCREW = Path(__file__).parents[2] / "config" / "ball-screw.yaml"
 DT, ROWS = 5e-4, 4000

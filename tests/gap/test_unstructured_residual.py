@@ -9,18 +9,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-
+from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options as Drawn
-from stagectl_studies.machine.trials import draw, stage_trial
+from stagectl_studies.machine.trials import draw
+
+from stagectl.gap import diagnose
+from stagectl.gap.inference import unstructured_residual
+from stagectl.gap.logs import load_session
+from stagectl.gap.residuals import sensitivities
+from stagectl.gap.residuals.half_strokes import runs
+from stagectl.gap.result import verdict_text
+from stagectl.gap.result.diagnosis import UNORDERED, Gap, Shape
 from stagectl.gap.selection import baseline_fit, refine
 from stagectl.gap.validation import closure
-from stagectl.gap.residuals import sensitivities
-from stagectl.gap import diagnose
-from stagectl.gap.logs import load_session
-from stagectl.gap.result import verdict_text
-from stagectl.gap.inference import unstructured_residual
-from stagectl.gap.result.diagnosis import UNORDERED, Gap, Shape
-from stagectl.gap.residuals.half_strokes import runs
 
 
 @pytest.mark.parametrize(
@@ -85,7 +86,10 @@ def test_a_band_holds_what_lies_in_it(tmp_path: Path) -> None:
     refitted = baseline_fit.refit(session, training, sensitivities.model_of(session, session.stage))
     e = refine.evidence(training, refitted)
     clock = training[0].mean.dt * 2.0 * np.arange(len(training[0].weight))
-    found, edges = unstructured_residual.powers(e, [np.sin(2.0 * np.pi * 40.0 * clock)]), unstructured_residual.edges_of(e)
+    found, edges = (
+        unstructured_residual.powers(e, [np.sin(2.0 * np.pi * 40.0 * clock)]),
+        unstructured_residual.edges_of(e),
+    )
     at = int(np.searchsorted(edges, 40.0)) - 1
     assert found[at] == pytest.approx(0.5 * len(clock), rel=0.02) and found.sum() == pytest.approx(found[at], rel=0.02)
 

@@ -11,12 +11,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from stagectl.gap.result import verdict_text
-from stagectl.gap.validation.warnings import doubts
-from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, Effect, Gap, Value
 from stagectl.gap.logs.session import GapError
+from stagectl.gap.result import verdict_text
+from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, Effect, Gap, Value
 from stagectl.gap.result.gap_numbers import parameter, percent, together
 from stagectl.gap.result.result_json import NAME, as_json, load, restored, save
+from stagectl.gap.validation.warnings import doubts
 from tests.gap.examples import ASYMMETRY, COGGING, MICRON, SHAPE, every, found, gap
 
 FOUND = every()

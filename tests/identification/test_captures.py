@@ -12,9 +12,9 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture, IdentificationError
+from stagectl.identification.capture_checks import clipped, implausible
 from stagectl.identification.captures import CURRENTS, load, prepared
 from stagectl.identification.methods import identify
-from stagectl.identification.capture_checks import clipped, implausible
 from stagectl.recording.hdf5 import Recording
 from tests.identification.synthetic import DT, ROWS, TC, Array, D, J, motion
 

@@ -11,10 +11,10 @@ import pytest
 
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.result import Found
 from stagectl.identification.response.fits import Lines, gain_curve, linear, stop_operator, with_delay
 from stagectl.identification.response.lines import Curve, curves, threshold
 from stagectl.identification.response.method import identify
+from stagectl.identification.result import Found
 from stagectl.kernels import friction
 from stagectl.trajectories import Multisine
 from tests.identification.virtual import STAGE_A, Array, Machine, held, opened

@@ -13,13 +13,13 @@ from scipy.io import loadmat
 from stagectl.config.patch import write
 from stagectl.config.stage_file import StageFile, load_stage
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.result import Found
 from stagectl.identification.friction import closed_loop
 from stagectl.identification.friction import delay as delays
 from stagectl.identification.friction import fit as friction_fit
 from stagectl.identification.friction import method as friction_models
 from stagectl.identification.friction.closed_loop import PUBLISHED, Servo, errors, simulated
 from stagectl.identification.friction.members import FAMILY, bundled, data_table
+from stagectl.identification.result import Found
 from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
 from stagectl.report.methods import friction_models as report
 

@@ -11,8 +11,8 @@ import pytest
 
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.result import Found
 from stagectl.identification.low_speed import Fit, Stroke, _quick, fitted, full_strokes, identify, table_force
+from stagectl.identification.result import Found
 from stagectl.kernels import friction
 from tests.identification.virtual import MICRON, STAGE_A, Array, Machine, held
 

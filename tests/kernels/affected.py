@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from stagectl.kernels import effects, jit, stage
-from stagectl.kernels.drive_effects import Reported
 from stagectl.kernels.effects import Harmonic, Step, Table, Warming
-from stagectl.kernels.friction_effects import Along, Dwell
-from stagectl.kernels.transmission import Base, Cable, Transmission
+from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, Transmission
 
 RIGID = Transmission()
 

@@ -12,12 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
-from stagectl.kernels import plant_with_effects as kernels
 from stagectl.kernels import effects, friction, friction_bristle, friction_effects, jit, stage
-from stagectl.kernels.drive_effects import Reported
+from stagectl.kernels import plant_with_effects as kernels
 from stagectl.kernels.effects import Harmonic, Step, Table, Warming
-from stagectl.kernels.friction_effects import Along, Dwell
-from stagectl.kernels.transmission import Base, Cable, Transmission
+from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, Transmission
 from tests.conftest import ROOT
 from tests.kernels.affected import affected
 
@@ -431,7 +429,7 @@ from tests.conftest import CONFIG
 from tests.kernels.affected import affected
 from stagectl.config.stage_file import load_stage
 from stagectl.kernels import friction_bristle, stage
-from stagectl.kernels.transmission import Transmission
+from stagectl.kernels.plant import Transmission
 p = affected(load_stage(CONFIG / "ball-screw.yaml").stage, Transmission(0.5, 400.0, 0.03, 1e-4, 0.7))
 bristle = friction_bristle.Bristle(0.3, 300.0, 1.5, 0.01, p.friction.stribeck)
 p, digest = p._replace(friction=p.friction._replace(bristle=bristle)), hashlib.sha256()

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from stagectl.config.stage_file import Setup
+from stagectl.drives.bus.frames import frame
+from stagectl.drives.bus.shared_bus import Ports
+from stagectl.drives.drive import Fault
 from stagectl.realtime.axes import Loop, Post
 from stagectl.realtime.shared_memory import PENDING, REFUSED, TAKEN, Order
-from stagectl.service.machine import machine
-from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
 from stagectl.realtime.states import Event, State
-from stagectl.drives.bus.frames import frame
-from stagectl.drives.drive import Fault
-from stagectl.drives.bus.shared_bus import Ports
+from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
+from stagectl.service.machine import machine
 from tests.conftest import CONFIG, varied
 
 STAGE = CONFIG / "ball-screw.yaml"

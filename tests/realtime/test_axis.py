@@ -11,13 +11,13 @@ import pytest
 
 from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
-from stagectl.realtime.axis import Axis
-from stagectl.realtime.shared_memory import REFUSED, TAKEN, Order, Status
-from stagectl.service.axis_controller import COLUMNS, Manned
-from stagectl.realtime.states import Event, State
-from stagectl.realtime.stops import STOPS, Category
 from stagectl.drives.drive import DriveError, Fault, Feedback, Power
 from stagectl.drives.simulated import Plant, Simulated
+from stagectl.realtime.axis import Axis
+from stagectl.realtime.shared_memory import REFUSED, TAKEN, Order, Status
+from stagectl.realtime.states import Event, State
+from stagectl.realtime.stops import STOPS, Category
+from stagectl.service.axis_controller import COLUMNS, Manned
 from stagectl.trajectories.motion import TrajectoryError
 from tests.conftest import varied
 

@@ -8,8 +8,8 @@ import pytest
 
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.realtime.bumpless_transfer import flattened, rebuilt, shifted, transferred
 from stagectl.kernels import law
+from stagectl.realtime.bumpless_transfer import flattened, rebuilt, shifted, transferred
 from tests.conftest import CONFIG
 
 

@@ -14,13 +14,13 @@ import pytest
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.realtime import loop, scheduling
-from stagectl.realtime.loop import Cycle, Job, run
-from stagectl.realtime.safety import Envelope, words
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import rollout
 from stagectl.plan import Plan, plan
+from stagectl.realtime import loop, scheduling
+from stagectl.realtime.loop import Cycle, Job, run
+from stagectl.realtime.safety import Envelope, words
 from stagectl.recording.ring import Ring
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine

@@ -10,12 +10,12 @@ import pytest
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.realtime.envelope import acceleration, braking, envelope
-from stagectl.realtime.safety import FRESH, Envelope, Seen, Watch, judge, words
-from stagectl.realtime.stops import STOPS, Category
 from stagectl.drives.drive import Fault, Feedback
 from stagectl.kernels import rollout
 from stagectl.plan import plan
+from stagectl.realtime.envelope import acceleration, braking, envelope
+from stagectl.realtime.safety import FRESH, Envelope, Seen, Watch, judge, words
+from stagectl.realtime.stops import STOPS, Category
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
 from tests.conftest import varied

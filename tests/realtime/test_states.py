@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from stagectl.drives.drive import Fault
 from stagectl.realtime.states import POWERED, STOPS_GOING_ON, TABLE, Event, State, event_of, following
 from stagectl.realtime.stops import STOPS, Category
-from stagectl.drives.drive import Fault
 
 FAULTS = [fault for fault in Fault if fault is not Fault.NONE]
 ENDS = {Category.COAST: State.COASTING, Category.RAMP: State.QUICK_STOPPING}

@@ -25,8 +25,8 @@ from stagectl.kernels.law import Setpoint
 from stagectl.recording.exports import FORMATS, export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, save
 from stagectl.recording.imports import read
-from stagectl.workflows.motion import prepare, pretend
 from stagectl.trajectories import Recorded, phases
+from stagectl.workflows.motion import prepare, pretend
 
 Array = NDArray[Any]
 CONFIG = Path(__file__).parents[2] / "config"

@@ -12,8 +12,8 @@ from matplotlib import pyplot as plt
 from stagectl.config.stage_file import Setup
 from stagectl.gap.effects.effect_names import EFFECTS
 from stagectl.report.effects import pictures, texts
-from stagectl.report.effects.scenes import scenes
 from stagectl.report.effects.measured_effect import motion_named, seen
+from stagectl.report.effects.scenes import scenes
 
 SCENES = scenes()
 # A step that comes 0.3 ms late has only 0.2 ms of the period for its way through the current loop (lag 0.159 ms).

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from stagectl.gap.result.diagnosis import Coordinate, Spans, Trace
-from stagectl.report.gap import page as gap
 from stagectl.report.gap import figures
-from stagectl.report.gap.page import page, typeset
+from stagectl.report.gap import page as gap
 from stagectl.report.gap.chain import chain, drawing
+from stagectl.report.gap.page import page, typeset
 from stagectl.report.page import write
 from tests.gap.examples import ASYMMETRY, BLOCKS, COGGING, MICRON, PER_UNIT, every, found
 

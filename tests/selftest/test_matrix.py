@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 
 from stagectl.config.stage_file import Setup
-from stagectl.realtime import states
-from stagectl.realtime.states import Event, State
 from stagectl.drives import faults
 from stagectl.drives.bus.frames import frame
-from stagectl.drives.drive import Canopen
 from stagectl.drives.bus.virtual_time import Timeline, Wire
+from stagectl.drives.drive import Canopen
 from stagectl.kernels import stage
+from stagectl.realtime import states
+from stagectl.realtime.states import Event, State
 from stagectl.report.selftest import digest, page
 from stagectl.selftest import case, limits, matrix
 from tests.conftest import CONFIG, ROOT

@@ -7,14 +7,14 @@ import math
 import pytest
 
 from stagectl.config.stage_file import Setup
-from stagectl.service.virtual_drive import virtual_node
 from stagectl.drives import faults
+from stagectl.drives.bus.virtual_time import End, Timeline, Wire
 from stagectl.drives.drive import Canopen
 from stagectl.drives.virtual.node import VirtualNode
-from stagectl.drives.bus.virtual_time import End, Timeline, Wire
 from stagectl.selftest import remote
 from stagectl.selftest.matrix import Outcome, matrix
 from stagectl.selftest.remote import Gentle
+from stagectl.service.virtual_drive import virtual_node
 from stagectl.units import StageError
 
 GENTLE = Gentle(4.0, 5.0)  # A, rad: 9.5 mm

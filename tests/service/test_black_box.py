@@ -18,16 +18,16 @@ from mcap.reader import make_reader
 from scipy.io import loadmat
 
 from stagectl.config.stage_file import load_stage
-from stagectl.service.black_box import AFTER, Box, Watcher
-from stagectl.realtime.shared_memory import Status
-from stagectl.service.axis_controller import COLUMNS, Manned
-from stagectl.service.recordings import about
-from stagectl.realtime.states import State
 from stagectl.drives.drive import Fault
 from stagectl.kernels import rollout
+from stagectl.realtime.shared_memory import Status
+from stagectl.realtime.states import State
 from stagectl.recording.exports import FORMATS, export
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.recording.replay import replay
+from stagectl.service.axis_controller import COLUMNS, Manned
+from stagectl.service.black_box import AFTER, Box, Watcher
+from stagectl.service.recordings import about
 from stagectl.workflows.motion import prepare, pretend
 from tests.conftest import CONFIG
 

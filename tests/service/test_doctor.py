@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from stagectl.config.stage_file import Setup
+from stagectl.drives.drive import Canopen
 from stagectl.service import doctor
 from stagectl.service.doctor import Check, examine
-from stagectl.drives.drive import Canopen
 from tests.conftest import CONFIG, Command
 from tests.drives.workbench import Workbench
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.web.client import RefusedError
 from stagectl.drives.bus.frames import Embedded, frame
+from stagectl.web.client import RefusedError
 from tests.conftest import CONFIG
 from tests.service.serving import Served, lasting
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from stagectl.config.stage_file import Setup
-from stagectl.service.notify import notify
 from stagectl.drives.drive import Canopen
 from stagectl.service.install import PLACES, Wanted, contents, install, remove
+from stagectl.service.notify import notify
 from tests.conftest import CONFIG, Command
 
 STAGE = CONFIG / "ball-screw.yaml"

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from stagectl.config.stage_file import InProcess, Setup
-from stagectl.service import processes
+from stagectl.drives.bus.virtual_time import Timeline
 from stagectl.realtime.axes import Loop
+from stagectl.realtime.states import Event, State
+from stagectl.service import processes
 from stagectl.service.axis_controller import Manned, ServiceError
 from stagectl.service.orders import Orderly
 from stagectl.service.service import Service, Where
-from stagectl.realtime.states import Event, State
-from stagectl.drives.bus.virtual_time import Timeline
 from tests.conftest import varied
 
 CALM = (None, None)

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from stagectl.realtime.shared_memory import Order, Status
-from stagectl.service.machine import machine
+from stagectl.realtime.states import Event, State
 from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.machine import machine
 from stagectl.service.orders import Orderly
 from stagectl.service.service import Service, Where
-from stagectl.realtime.states import Event, State
 from tests.conftest import CONFIG
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.service.machine import machine
-from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
-from stagectl.service.recordings import Recordings, about
 from stagectl.recording.file_lock import beginning, claimed
 from stagectl.recording.hdf5 import Writer, open_recording
+from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
+from stagectl.service.machine import machine
+from stagectl.service.recordings import Recordings, about
 from tests.conftest import CONFIG
 
 PATIENCE = 60.0  # s: the machine is shared

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.web.client import ControlError, RefusedError, ask
-from stagectl.service.virtual_timeouts import HELD_UP
 from stagectl.realtime.states import State
 from stagectl.recording.hdf5 import open_recording
+from stagectl.service.virtual_timeouts import HELD_UP
+from stagectl.web.client import ControlError, RefusedError, ask
 from tests.conftest import CONFIG, ROOT, Command
 from tests.service.serving import Served, free_port, served, within
 

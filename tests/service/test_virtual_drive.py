@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.service import virtual_drive
 from stagectl.drives.drive import DriveError
+from stagectl.service import virtual_drive
 from tests.conftest import ROOT
 
 PIPE = 1 << 16  # bytes that a pipe holds before its writer waits

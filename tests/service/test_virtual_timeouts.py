@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from stagectl.config.stage_file import Setup
+from stagectl.drives.drive import Canopen
 from stagectl.realtime.envelope import envelope
 from stagectl.service.axis_controller import Manned
 from stagectl.service.virtual_timeouts import HELD_UP, patient, waits_for_sync
-from stagectl.drives.drive import Canopen
 
 
 def wired(setup: Setup, clock: Any = "sync", **changes: Any) -> Setup:

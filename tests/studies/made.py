@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-
 from stagectl_studies.exam.plan import Planned, plan
 from stagectl_studies.exam.rules import BLOCKS, Entry, Truth, considered
 from stagectl_studies.exam.scoring import naming, probabilities

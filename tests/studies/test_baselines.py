@@ -9,18 +9,19 @@ from typing import Any, cast
 import numpy as np
 import pyarrow.csv
 import pytest
-
 from stagectl_studies.baselines.__main__ import answer
 from stagectl_studies.baselines.blackbox import since_reversal
 from stagectl_studies.baselines.sparse import bic_of, greedy
+from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options as Drawn
-from stagectl_studies.machine.trials import draw, stage_trial
-from stagectl.gap.validation import held_out_gap
-from stagectl.gap.selection.candidates import Form
-from stagectl.gap.logs.load_session import load
+from stagectl_studies.machine.trials import draw
+
 from stagectl.gap.effects.library import Definition
-from stagectl.gap.validation.rollouts import column
+from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.selection.candidates import Form
+from stagectl.gap.validation import held_out_gap
+from stagectl.gap.validation.rollouts import column
 
 NAMES = ("refit", "ladder", "sparse", "blackbox", "oracle")
 HIDDEN = "viscous_asymmetry"

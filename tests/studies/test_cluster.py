@@ -5,12 +5,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-from stagectl.cluster import ClusterError, on_cluster
 from stagectl_studies.exam import exam
 from stagectl_studies.exam.question import Manner
 from stagectl_studies.exam.run_trial import Job, sit
 from stagectl_studies.exam.totals import totals
+
+from stagectl.cluster import ClusterError, on_cluster
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed: pip install 'stagectl[cluster]'")
 pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.filterwarnings("ignore::ResourceWarning")]

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from stagectl_studies.machine.contact import MEMORY, slip
 from stagectl_studies.machine.machine import DAHL, MAXWELL, Floats, Law
 from stagectl_studies.machine.stages import LAWS, believed, law_of, reversal, stage

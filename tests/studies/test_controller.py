@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
-
 from stagectl_studies.machine.controller import Model, designed, prepared, stops, tracking, zero_order_hold
 
 MODEL = Model(0.010, 0.14, 0.72, np.full(12, 1.0 / 12.0), np.geomspace(0.3, 9.0, 12) * 5.236e-4)

@@ -6,14 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-
 from stagectl_studies.exam import exam, run_trial
-from stagectl_studies.exam.question import Manner, answers
 from stagectl_studies.exam.cores import alone
 from stagectl_studies.exam.plan import ExamError, Planned, expanded, plan, quotas, source_seed
+from stagectl_studies.exam.question import Manner, answers
 from stagectl_studies.exam.rules import EXACT
-from stagectl_studies.exam.sealing import broken
 from stagectl_studies.exam.run_trial import Job
+from stagectl_studies.exam.sealing import broken
 from stagectl_studies.exam.totals import totals
 from stagectl_studies.exam.workers import local
 from stagectl_studies.machine.effects import EFFECTS

@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from stagectl_studies.exam.totals import totals
 from stagectl_studies.exam.page import answer, page
+from stagectl_studies.exam.totals import totals
+
 from stagectl.report.page import write
 from tests.studies.made import records
 

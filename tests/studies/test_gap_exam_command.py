@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from stagectl_studies.exam import exam as exams
+from stagectl_studies.exam import ledger
 from typer.testing import CliRunner
 
 from stagectl.cli.app import app
-from stagectl_studies.exam import exam as exams
-from stagectl_studies.exam import ledger
 from stagectl.units import StageError
 from tests.studies.made import records
 

@@ -9,10 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
 from stagectl_studies.exam import exam, run_trial, workers
-from stagectl_studies.exam.question import ANSWER, CAPTURES, InterruptionError, Manner, Place, asked
 from stagectl_studies.exam.plan import ExamError, Planned
+from stagectl_studies.exam.question import ANSWER, CAPTURES, InterruptionError, Manner, Place, asked
 from stagectl_studies.exam.run_trial import Job, finished_job, sit
 from stagectl_studies.exam.workers import local
 

@@ -4,7 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-
 from stagectl_studies.machine import trials
 from stagectl_studies.machine.battery import MM
 from stagectl_studies.machine.contact import MEMORY

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from stagectl.report.page import Section, Table
 from stagectl_studies.reproduction import papers
 from stagectl_studies.reproduction.part import Outcome, Part
+
+from stagectl.report.page import Section, Table
 from tests.cli.conftest import Command
 
 SECTION = Section("Fig. 5 - Speed", ["As <b> in the paper."], [], [Table("", ["D"], [["0.14"]])])

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from stagectl.config.stage_file import load_stage
 from stagectl_studies.reproduction import ball_screw, papers, slider
 from stagectl_studies.reproduction.ball_screw_conventional import truth
 from stagectl_studies.reproduction.bench import CONFIG, NOISE, Bench, captured, carried_out, guessed
-from stagectl_studies.reproduction.progress import Course
 from stagectl_studies.reproduction.part import Outcome
+from stagectl_studies.reproduction.progress import Course
+
+from stagectl.config.stage_file import load_stage
 from stagectl.trajectories import CurrentSine
 from stagectl.units import StageError
 

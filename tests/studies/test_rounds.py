@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-
+from stagectl_studies.exam import extra_captures, rounds
+from stagectl_studies.exam.extra_captures import RefusedError, Wanted
+from stagectl_studies.exam.plan import Planned
+from stagectl_studies.exam.question import Manner, answers
+from stagectl_studies.exam.run_trial import Job, sit
+from stagectl_studies.exam.sealing import broken
 from stagectl_studies.machine import folder as folders
 from stagectl_studies.machine import trials
 from stagectl_studies.machine.battery import held_out_short, three_sines
-from stagectl_studies.exam import rounds, extra_captures
-from stagectl_studies.exam.question import Manner, answers
-from stagectl_studies.exam.plan import Planned
-from stagectl_studies.exam.extra_captures import RefusedError, Wanted
-from stagectl_studies.exam.sealing import broken
-from stagectl_studies.exam.run_trial import Job, sit
 from stagectl_studies.machine.machine import Floats
 from stagectl_studies.machine.reference import PERIOD
+
 from tests.studies.test_trials import recomputed, table
 
 ANSWERING = Path(__file__).parent / "answering"

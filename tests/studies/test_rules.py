@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from stagectl_studies.exam import intervals, rules, spans
 from stagectl_studies.exam.detection_sizes import Noticed, intervals_of, limits
 from stagectl_studies.exam.rules import Entry, Truth

@@ -7,9 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from stagectl_studies.exam.sealing import JOURNAL, LABELS, Seal, SealError, broken, enciphered
 from stagectl_studies.exam.sandbox import allowed, rules
+from stagectl_studies.exam.sealing import JOURNAL, LABELS, Seal, SealError, broken, enciphered
 
 TRUTH = b'{"effects": ["dwell"]}' * 40
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-
 from stagectl_studies.machine.controller import prepared
 from stagectl_studies.machine.effects import Rig, applied, draw_of
 from stagectl_studies.machine.machine import Floats
 from stagectl_studies.machine.plant import Setting, Trace, ideal, silent, simulated
 from stagectl_studies.machine.shadow import current_share, position_share, reported_share, torque_share
 from stagectl_studies.machine.stages import LAWS, believed, stage
+
 from tests.studies.test_plant import AROUND, REFERENCE, rig_of
 
 FINE = Setting(fine=True)

@@ -3,10 +3,10 @@
 from typing import Any
 
 import pytest
-
 from stagectl_studies.exam.plan import QUOTAS
 from stagectl_studies.exam.rows import Asked, rate
 from stagectl_studies.exam.totals import totals
+
 from tests.studies.made import records
 
 

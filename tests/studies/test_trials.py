@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import stagectl_studies.machine
 import yaml
 from scipy.interpolate import make_interp_spline
 from scipy.linalg import expm
 from scipy.signal import lfilter
-
-import stagectl_studies.machine
 from stagectl_studies.machine import trials
 from stagectl_studies.machine.battery import held_out, recommended, short, three_sines
 from stagectl_studies.machine.machine import Floats
 from stagectl_studies.machine.reference import PERIOD
+from stagectl_studies.machine.stage_trial import stage_trial
 
 HEADER = "time_s,reference_rad,position_rad,current_command_A,current_A"
 PAIR = trials.Options(("cogging", "dwell"), 1.0, offsets=True, law="maxwell", short=True)
@@ -26,7 +26,7 @@ PAIR = trials.Options(("cogging", "dwell"), 1.0, offsets=True, law="maxwell", sh
 @pytest.fixture(scope="module")
 def staged(tmp_path_factory: pytest.TempPathFactory) -> tuple[trials.Trial, Path]:
     trial, directory = trials.draw(21, "pair", PAIR), tmp_path_factory.mktemp("pair")
-    trials.stage_trial(trial, directory)
+    stage_trial(trial, directory)
     return trial, directory
 
 
@@ -84,7 +84,7 @@ def test_the_command_can_be_recomputed(staged: tuple[trials.Trial, Path]) -> Non
 
 def test_another_controller_can_not(tmp_path: Path) -> None:
     options = PAIR._replace(effects=("controller",))
-    trials.stage_trial(trials.draw(4, "single", options), tmp_path)
+    stage_trial(trials.draw(4, "single", options), tmp_path)
     folder = tmp_path / "captures"
     nominal = yaml.safe_load((folder / "nominal.yaml").read_text())
     _, reference, position, command, _ = table(folder / "sine-1.6-2.csv")

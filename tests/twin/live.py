@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.twin import live_model, estimate
-from stagectl.twin.process import BLOCK
 from stagectl.kernels import friction, stage
 from stagectl.plan import plan
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
+from stagectl.twin import estimate, live_model
+from stagectl.twin.process import BLOCK
 
 Array = NDArray[np.float64]
 SINE = Sine(0.005, 1.6, 5.0, 1.0)

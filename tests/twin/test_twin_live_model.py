@@ -10,14 +10,14 @@ import pytest
 
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.twin import live_model, estimate
-from stagectl.twin.process import Reader, restored
-from stagectl.twin.record import form, residuals, verdict, words
-from stagectl.twin.start import ANSWER, companion
 from stagectl.kernels import rollout
 from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
 from stagectl.trajectories import Sine
+from stagectl.twin import estimate, live_model
+from stagectl.twin.process import Reader, restored
+from stagectl.twin.record import form, residuals, verdict, words
+from stagectl.twin.start import ANSWER, companion
 from tests.conftest import CONFIG
 from tests.twin.live import beside, dahl, followed, machine, names, rows_of, seen
 

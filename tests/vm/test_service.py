@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.web.client import SYSTEM, RefusedError
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.install import PLACES, QUEUE
+from stagectl.web.client import SYSTEM, RefusedError
 from tests.vm.bench import CHANNEL, NOTICED, Traced, keep
 from tests.vm.installed import BOX, LOOP, UNIT, Installed, said
 

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.config.stage_file import load_stage
-from stagectl.realtime.scheduling import settle
-from stagectl.service.virtual_drive import virtual_node
 from stagectl.drives.bus.frames import open_bus
 from stagectl.drives.drive import Canopen
 from stagectl.drives.virtual.inject import Doorway, doorway, obey
+from stagectl.realtime.scheduling import settle
+from stagectl.service.virtual_drive import virtual_node
 
 FIELDS = ("time", "position", "velocity", "powered")  # s, rad, rad/s, 1 or 0
 _LOOK = 0.001  # s

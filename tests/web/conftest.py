@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.service.machine import machine
 from stagectl.service.axis_controller import COLUMNS, Manned
+from stagectl.service.machine import machine
 from stagectl.service.service import Service, Where
 from tests.conftest import CONFIG
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from stagectl.web.access_control import Guard, Keys, May, SameSite, secret
 from stagectl.service.axis_controller import ServiceError
+from stagectl.web.access_control import Guard, Keys, May, SameSite, secret
 
 TOKEN, KEY = "t" * 43, "k" * 43
 KEYS = Keys(TOKEN, KEY, token_moves=False)

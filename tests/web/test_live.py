@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from stagectl.recording.triggering import Settings, Trigger
 from stagectl.service.axis_controller import Manned, ServiceError
 from stagectl.web.channels import Channel, channels, chosen, level
 from stagectl.web.lateness import EDGES, Lateness
 from stagectl.web.live import DETAIL, HEAD, STRIP, Sight, Strip, Window, rows_a_bucket
-from stagectl.recording.triggering import Settings, Trigger
 from tests.web.conftest import Write
 
 LEAD = 12e-3 / (2.0 * np.pi)  # m/rad

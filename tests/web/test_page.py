@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.web import assets
 from stagectl.recording.hdf5 import open_recording
+from stagectl.web import assets
 from tests.service.serving import Served, free_port, served
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")

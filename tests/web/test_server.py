@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from stagectl.web import server
-from stagectl.service.machine import machine
 from stagectl.service.axis_controller import ServiceError
+from stagectl.service.machine import machine
 from stagectl.service.service import Service, Where
+from stagectl.web import server
 from tests.conftest import CONFIG
 
 

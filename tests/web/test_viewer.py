@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.service.machine import machine
 from stagectl.service.axis_controller import COLUMNS, STARTING, Manned
+from stagectl.service.machine import machine
+from stagectl.service.service import Service, Where
+from stagectl.web.capture_client import Seen, trigger, unpacked
 from stagectl.web.status_feed import News
 from stagectl.web.viewer import RATE, Viewer
-from stagectl.web.capture_client import Seen, trigger, unpacked
-from stagectl.service.service import Service, Where
 from tests.conftest import CONFIG
 from tests.web.conftest import Write
 

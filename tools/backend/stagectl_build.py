@@ -1,6 +1,7 @@
-"""The build backend (PEP 517): setuptools, and before it the live page's plots (see web/assets.py)."""
+"""The build backend (PEP 517): setuptools, with the live page's plots (web/assets.py) and the systemd units."""
 
 import importlib.util
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -8,13 +9,19 @@ from typing import Any
 from setuptools import build_meta
 from setuptools.build_meta import *  # noqa: F403  everything else is its own
 
-_PLACE = Path(__file__).parents[2] / "stagectl" / "daemon" / "page" / "assets.py"
+_ROOT = Path(__file__).parents[2]
+_UNITS = _ROOT / "stagectl" / "service" / "units"
+_PLACE = _ROOT / "stagectl" / "daemon" / "page" / "assets.py"
 
 
 def build_wheel(*given: Any, **named: Any) -> str:
-    """A wheel with the plots."""
+    """A wheel with the plots, and with the units of `systemd/`."""
     _fetch()
-    return str(build_meta.build_wheel(*given, **named))
+    shutil.copytree(_ROOT / "systemd", _UNITS, dirs_exist_ok=True)
+    try:
+        return str(build_meta.build_wheel(*given, **named))
+    finally:
+        shutil.rmtree(_UNITS)  # a checkout reads them from systemd/
 
 
 def build_editable(*given: Any, **named: Any) -> str:

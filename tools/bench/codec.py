@@ -28,9 +28,9 @@ from scene import STAGE, scene
 
 from stagectl.drives.bus.frames import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
+from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.drive import Canopen
-from stagectl.drives.canopen.network import load_eds
 from stagectl.workflows.motion import canopen as wire_of
 
 CALLS = 2000  # of the codec in a round

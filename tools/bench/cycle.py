@@ -17,9 +17,9 @@ from measure import Row, Wanted, spread
 from scene import Scene, job, scene
 from simulator import run
 
-from stagectl.realtime.loop import Job
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import rollout
+from stagectl.realtime.loop import Job
 from stagectl.recording.ring import Ring
 
 _TPDO = struct.Struct("<IB3xHihx")  # the head, then statusword, position, current of the virtual drive's EDS

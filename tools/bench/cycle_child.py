@@ -13,12 +13,12 @@ import time
 from array import array
 from typing import Any, NamedTuple
 
-from stagectl.realtime import scheduling
-from stagectl.realtime.loop import Cycle, Job, connect, setpoint
+from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.drive import Canopen, Fault
-from stagectl.drives.canopen.network import load_eds
 from stagectl.kernels import law
+from stagectl.realtime import scheduling
+from stagectl.realtime.loop import Cycle, Job, connect, setpoint
 from stagectl.recording.ring import Ring
 
 _ENABLED = 0x000F  # controlword

@@ -13,14 +13,15 @@ from pathlib import Path
 import numpy as np
 from measure import Row, Wanted, spread
 from scene import STAGE
+from stagectl_studies.machine.stage_trial import stage_trial
+from stagectl_studies.machine.trials import Options as Drawn
+from stagectl_studies.machine.trials import draw
 
 from stagectl.config.stage_file import load_stage
-from stagectl_studies.machine.trials import Options as Drawn
-from stagectl_studies.machine.trials import draw, stage_trial
 from stagectl.gap import diagnose
+from stagectl.gap.effects.library import put
 from stagectl.gap.logs import load_session
 from stagectl.gap.residuals import model_tracking
-from stagectl.gap.effects.library import put
 from stagectl.kernels import tracked_model
 
 PERIODS = 40_000  # 20 s at 2 kHz
@@ -55,7 +56,10 @@ def _seconds(effects: bool) -> float:
         p = put(put(p, "motor.cogging.amplitude", 0.02), "mechanics.base.ratio", 0.05)
     t = setup.dt * np.arange(PERIODS)
     rows_ = np.column_stack([3.0 * np.sin(10.0 * t), np.sin(10.0 * t), np.full(PERIODS, np.nan)])
-    path, model = model_tracking.Path(rows_, 0.0, setup.dt), tracked_model.Tied(p, model_tracking.tracker(setup.stage, setup.dt))
+    path, model = (
+        model_tracking.Path(rows_, 0.0, setup.dt),
+        tracked_model.Tied(p, model_tracking.tracker(setup.stage, setup.dt)),
+    )
     begin = time.perf_counter()
     model_tracking.lacking(model, path)
     return time.perf_counter() - begin

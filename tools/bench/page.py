@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import sync_playwright
 
-from stagectl.web.client import ask
 from stagectl.units import StageError
+from stagectl.web.client import ask
 
 ROOT = Path(__file__).parents[2]
 SHARE, GROWTH = 5.0, 4096  # % of a core, KiB: what is admitted

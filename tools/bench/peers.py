@@ -27,9 +27,9 @@ import standing
 import wakeup
 from measure import Against, versus
 from scene import STAGE
+from stagectl_studies.exam import ledger
 
 from stagectl.service import virtual_drive
-from stagectl_studies.exam import ledger
 
 LEDGER = STAGE.parents[1] / "docs" / "exam-ledger.jsonl"
 LARGE = 100  # trials, from which an exam's rates say something

@@ -8,10 +8,10 @@ from typing import NamedTuple
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.realtime.loop import Job
-from stagectl.realtime.safety import Envelope
 from stagectl.kernels import rollout
 from stagectl.plan import Plan, plan
+from stagectl.realtime.loop import Job
+from stagectl.realtime.safety import Envelope
 from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
 from stagectl.workflows.motion import canopen

@@ -18,13 +18,13 @@ from cycle_child import Order
 from measure import Row, Wanted, scaled, spread, times_faster
 from scene import Scene, job, scene
 
+from stagectl.kernels import rollout
+from stagectl.recording.ring import Ring
 from stagectl.service.child_process import Child, start
+from stagectl.simulation import simulate
 from stagectl.twin.live_model import step, twin
 from stagectl.twin.process import BLOCK
 from stagectl.twin.start import companion, live_file
-from stagectl.kernels import rollout
-from stagectl.recording.ring import Ring
-from stagectl.simulation import simulate
 
 _MOTION = "sine-0.8hz"
 _SHARE = 10.0  # % of a core

@@ -20,7 +20,8 @@ from typing import Any
 
 from stagectl_studies.exam import intervals, rules, scoring
 from stagectl_studies.machine.effects import EFFECTS
-from stagectl_studies.machine.trials import Options, draw, stage_trial
+from stagectl_studies.machine.stage_trial import stage_trial
+from stagectl_studies.machine.trials import Options, draw
 
 
 def answered(place: Path, full: bool) -> tuple[dict[str, Any], float]:

@@ -15,8 +15,8 @@ from stagectl.gap.effects import effect_names
 from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.result.patch import arranged
 from stagectl.report.effects import texts
-from stagectl.report.effects.scenes import scenes
 from stagectl.report.effects.measured_effect import Scene, motion_named
+from stagectl.report.effects.scenes import scenes
 
 PLAIN = "STAGECTL_MANUAL_PLAIN"  # set: pictures are left blank, for a quick look at text and links
 BLANK = bytes.fromhex(

@@ -15,17 +15,17 @@ import contextlib
 import math
 import struct
 
-from stagectl.drives.canopen import cia402
 from stagectl.drives.bus.frames import Bus, frame
+from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.fault_texts import CAUSES, WHAT, emergency_words, hint, state_words
+from stagectl.drives.canopen.network import Network, Partner, load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.canopen.power_states import Standstill, Walk
 from stagectl.drives.canopen.setup import MASTER, NOT_OFFERED, Setup
 from stagectl.drives.canopen.stop_watch import FAILED, Braking, Failure, Pace, Repeated
-from stagectl.drives.canopen.fault_texts import CAUSES, WHAT, emergency_words, hint, state_words
-from stagectl.drives.canopen.cia402 import State
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
-from stagectl.drives.canopen.network import Network, Partner, load_eds
 
 _SYNC = frame(0x080)
 _HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))

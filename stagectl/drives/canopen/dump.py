@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.drives.bus.frames import Bus
-from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, canopen
 from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.drive import Canopen, DriveError
 
 _ANSWER_TIME = 0.5  # s for one answer
 _SILENT = 3  # objects in a row without an answer: nobody is there

@@ -12,9 +12,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from stagectl.drives.bus.frames import EXTENDED, REMOTE, Bus, frame, parse
+from stagectl.drives.canopen.library import SdoClient, SdoCommunicationError, canopen
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError
-from stagectl.drives.canopen.library import SdoClient, SdoCommunicationError, canopen
 
 
 class Periodic:

@@ -6,9 +6,9 @@ import math
 import struct
 
 from stagectl.drives.canopen import cia402
-from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.canopen.library import canopen
 from stagectl.drives.canopen.pdo_mapping import CODES
+from stagectl.drives.drive import Canopen, DriveError
 
 _FIXED = {cia402.MODE << 8: cia402.CYCLIC_SYNCHRONOUS_TORQUE}  # fields of the RPDO that never change
 _DUMMIES = 0x20  # indices below are CiA 301's placeholders

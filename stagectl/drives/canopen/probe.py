@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from stagectl.drives.canopen import cia402, presets
 from stagectl.drives.bus.frames import Bus, frame, parse
+from stagectl.drives.canopen import cia402, presets
+from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
+from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.drives.canopen.presets import Preset
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
-from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
-from stagectl.drives.canopen.presets import Preset
-from stagectl.drives.canopen.network import Network, Partner, load_eds
 
 MODES = {0: "profile position", 2: "profile velocity", 3: "profile torque", 5: "homing", 6: "interpolated position"}
 MODES |= {7: "cyclic synchronous position", 8: "cyclic synchronous velocity", 9: "cyclic synchronous torque"}

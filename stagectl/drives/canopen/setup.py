@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 from stagectl.drives.canopen import cia402
-from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError
 from stagectl.drives.canopen.network import Partner
+from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.drive import Canopen, DriveError
 
 MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) knows it
 NOT_OFFERED = "not offered by this drive"

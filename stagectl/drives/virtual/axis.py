@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import Command, State
-from stagectl.drives.virtual.sensor import Actuator, Sensor, Undo
 from stagectl.drives.simulated import Plant
+from stagectl.drives.virtual.sensor import Actuator, Sensor, Undo
 
 _VOLTAGE, _REMOTE, _FOLLOWS = 0x0010, 0x0200, 0x1000  # bits of the statusword besides the state
 _STANDS = 0.01  # s without motion that count as standing still

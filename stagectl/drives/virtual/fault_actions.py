@@ -7,11 +7,11 @@ import random
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from stagectl.drives.canopen import cia402
 from stagectl.drives.bus import faulty_bus
-from stagectl.drives.virtual import sensor
-from stagectl.drives.clock import Skewed
 from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Undo, Way
+from stagectl.drives.canopen import cia402
+from stagectl.drives.clock import Skewed
+from stagectl.drives.virtual import sensor
 from stagectl.drives.virtual.axis import Axis
 from stagectl.drives.virtual.object_dictionary import Objects
 from stagectl.drives.virtual.sensor import Distortion

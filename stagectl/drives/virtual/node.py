@@ -16,19 +16,19 @@ import struct
 from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
-from stagectl.drives.canopen import cia402, pdo_mapping
+from stagectl.drives.bus.faulty_bus import FaultyBus
 from stagectl.drives.bus.frames import Bus
+from stagectl.drives.canopen import cia402, pdo_mapping
+from stagectl.drives.canopen.library import canopen
+from stagectl.drives.canopen.network import Network, load_eds
 from stagectl.drives.clock import WALL, Clock, Skewed
 from stagectl.drives.drive import Canopen, DriveError
-from stagectl.drives.bus.faulty_bus import FaultyBus
-from stagectl.drives.canopen.library import canopen
+from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.axis import Axis, Stop
 from stagectl.drives.virtual.fault_actions import Machine, Repeats
-from stagectl.drives.virtual.pending_faults import Faults
 from stagectl.drives.virtual.object_dictionary import Objects
+from stagectl.drives.virtual.pending_faults import Faults
 from stagectl.drives.virtual.supervision import Lost, Watchdog
-from stagectl.drives.simulated import Plant
-from stagectl.drives.canopen.network import Network, load_eds
 
 _SDO_LENGTH = 8  # bytes; a server does not look at others
 _TICK = 0.001  # s between two looks at the clocks

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from stagectl.drives.canopen import cia402, pdo_mapping
-from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.canopen.library import SdoAbortedError, canopen
+from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.virtual.axis import Axis, Options
 
 TARGET_CURRENT, ACTUAL_CURRENT = 0x2071, 0x2077  # vendor objects, finer than per mille of the rated current

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from stagectl.drives.canopen import cia402
 from stagectl.drives.bus.faulty_bus import Undo
+from stagectl.drives.canopen import cia402
 from stagectl.drives.virtual.fault_actions import DEEDS, Machine
 
 

@@ -14,7 +14,7 @@ from stagectl.gap.logs.session import Array, Session
 from stagectl.kernels import friction, friction_path, law, rollout
 
 if TYPE_CHECKING:
-    from stagectl.gap.controller_check.command_check import Compared
+    from stagectl.gap.controller_check.recomputed_command import Compared
 
 EXPLAINED = 0.1  # rms that is left, as a share of the difference: below it a cause is named
 SURE = 0.05  # the same, for a difference that is within the limit

@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
-from stagectl.gap.effects.library import (Aging, Amplitude, Definition, Scales, Shape, Values, added, cold, coulomb, harmonic, put, scaled, stretched)
+from stagectl.gap.effects.library import (
+    Aging,
+    Amplitude,
+    Definition,
+    Scales,
+    Shape,
+    Values,
+    added,
+    cold,
+    coulomb,
+    harmonic,
+    put,
+    scaled,
+    stretched,
+)
 from stagectl.kernels.stage import Stage
 
 EFFORT, STIFF, DAMPING = "N m | N", "N m/rad | N/m", "N m s/rad | N s/m"

@@ -11,9 +11,9 @@ import numpy as np
 from stagectl.gap.experiment_design import battery, scale
 from stagectl.gap.experiment_design.experiment import Experiment
 from stagectl.gap.experiment_design.operating_range import WINDOW, Room
-from stagectl.gap.residuals.half_strokes import REST, standstills
-from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.experiment_design.trajectory_text import number
+from stagectl.gap.logs.session import Array, Log, Session
+from stagectl.gap.residuals.half_strokes import REST, standstills
 
 SPEEDS = 5  # below, curvature of viscous friction and a Stribeck rise look alike
 HELD = 0.1  # s for which a speed counts as held

@@ -19,15 +19,15 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from stagectl.gap.experiment_design import coverage, catalogue, nuisance_refit, manual_experiments, prediction_distance
-from stagectl.parallel import in_parallel
+from stagectl.gap.experiment_design import catalogue, coverage, manual_experiments, nuisance_refit, prediction_distance
 from stagectl.gap.experiment_design.experiment import Experiment, yaml_of
-from stagectl.gap.result.diagnosis import Next
 from stagectl.gap.experiment_design.nuisance_refit import Tangent
-from stagectl.gap.experiment_design.prediction_distance import Bench, Noise
 from stagectl.gap.experiment_design.operating_range import Room, laid_out, room
+from stagectl.gap.experiment_design.prediction_distance import Bench, Noise
 from stagectl.gap.logs.session import Session
+from stagectl.gap.result.diagnosis import Next
 from stagectl.kernels.stage import Stage
+from stagectl.parallel import in_parallel
 
 PROMISING = 12  # experiments that are simulated
 FINALISTS = 3  # ... and refitted
@@ -224,7 +224,9 @@ def _uncovered(session: Session, space: Room, floor: float) -> Next | None:
     if found is None:
         return None
     one, lacking = found
-    trial = _tried(_bench(session, space, prediction_distance.noise_of(session, floor), one), one, {"nominal": session.stage})
+    trial = _tried(
+        _bench(session, space, prediction_distance.noise_of(session, floor), one), one, {"nominal": session.stage}
+    )
     return _made(trial, (), [lacking, one.separates, *_heeds(space, trial)])
 
 

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.residuals import friction_family, least_squares
 from stagectl.gap.effects import library
 from stagectl.gap.experiment_design import prediction_distance
 from stagectl.gap.experiment_design.prediction_distance import Bench, told
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import friction_family, least_squares
 from stagectl.kernels import stage
 from stagectl.kernels.stage import Stage
 

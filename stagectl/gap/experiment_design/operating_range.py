@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.logs import deployed_controller, setpoints
 from stagectl.gap.experiment_design import scale
-from stagectl.gap.residuals import model_tracking
-from stagectl.gap.logs.deployed_controller import Deployed
 from stagectl.gap.experiment_design.experiment import Experiment
 from stagectl.gap.experiment_design.scale import WORKING, Scale
-from stagectl.gap.logs.session import Array, GapError, Log, Session
 from stagectl.gap.experiment_design.trajectory_text import number
+from stagectl.gap.logs import deployed_controller, setpoints
+from stagectl.gap.logs.deployed_controller import Deployed
 from stagectl.gap.logs.nominal_values import of_file
+from stagectl.gap.logs.session import Array, GapError, Log, Session
+from stagectl.gap.residuals import model_tracking
 from stagectl.kernels import feedback, feedforward, stage
 from stagectl.kernels.law import Law
 from stagectl.plan import SETTLE

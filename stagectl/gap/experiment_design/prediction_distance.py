@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import welch
 
-from stagectl.gap.residuals import whitening
-from stagectl.gap.residuals.whitening import KEPT
-from stagectl.gap.residuals.half_strokes import standstills, without_rests
 from stagectl.gap.logs.session import Array, Log, Session
+from stagectl.gap.residuals import whitening
+from stagectl.gap.residuals.half_strokes import standstills, without_rests
+from stagectl.gap.residuals.whitening import KEPT
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.law import Law
 

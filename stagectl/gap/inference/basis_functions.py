@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from stagectl.gap.residuals import whitening, gram_matrices
-from stagectl.gap.inference import time_localisation
-from stagectl.parallel import in_parallel
-from stagectl.gap.residuals.sensitivities import Model
-from stagectl.gap.residuals.gram_matrices import Products
 from stagectl.gap.effects.library import Scales
-from stagectl.gap.residuals.half_strokes import Run, rested
+from stagectl.gap.inference import time_localisation
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import gram_matrices, whitening
+from stagectl.gap.residuals.gram_matrices import Products
+from stagectl.gap.residuals.half_strokes import Run, rested
+from stagectl.gap.residuals.sensitivities import Model
+from stagectl.parallel import in_parallel
 
 WINDOW = 0.012  # s, over which velocity and acceleration are taken
 STILL = 1e-3  # of the largest speed: below, there is no direction
@@ -199,7 +199,9 @@ def functions(ground: Ground, runs: Sequence[Run], size: Scales, known: Products
     products = {}
     for one in tried:
         own = [*names(one, EVEN), *names(one, ODD)]
-        products[one.coordinate] = gram_matrices.beside(known, [{name: found[name] for name in own} for found in columns])
+        products[one.coordinate] = gram_matrices.beside(
+            known, [{name: found[name] for name in own} for found in columns]
+        )
     repeated = any(len(run.logs) > 1 for run in runs)
     clock = gram_matrices.beside(known, _clocked(ground, runs, motions)) if repeated else None
     return Functions(size, motions, tried, known, products, clock)

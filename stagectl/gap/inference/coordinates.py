@@ -10,16 +10,16 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from stagectl.gap.residuals import gram_matrices, least_squares
-from stagectl.gap.selection import search
 from stagectl.gap.inference import basis_functions
+from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, Functions, Smoother
+from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import gram_matrices, least_squares
+from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.residuals.whitening import KEPT
 from stagectl.gap.result.diagnosis import Coordinate
-from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.selection.refine import Evidence
+from stagectl.gap.selection import search
 from stagectl.gap.selection.cross_validation import freed, hands
-from stagectl.gap.logs.session import Array
-from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, Functions, Smoother
+from stagectl.gap.selection.refine import Evidence
 
 STIFF = 1e-3  # of the best seen function: what draws one that is hardly seen towards zero
 WIDTH = 1.5  # octaves of the band in which a gap lies "in frequency"

@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.selection import baseline_fit, refine
+from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
 from stagectl.gap.residuals.sensitivities import Model
 from stagectl.gap.result.diagnosis import Value
+from stagectl.gap.selection import baseline_fit, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.logs.session import Array, Session
 from stagectl.kernels import stage
 
 SURE = 4.0  # standard deviations
@@ -84,7 +84,9 @@ def undone(session: Session, now: Fitted, name: str) -> Model:
     return baseline_fit.moved(whole, {**still, **_moves(session, now)[name]}, None)
 
 
-def _returned(g: gram_matrices.Grams, names: Sequence[str], moves: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+def _returned(
+    g: gram_matrices.Grams, names: Sequence[str], moves: Mapping[str, Mapping[str, float]]
+) -> dict[str, float]:
     """Misfit that comes back when one parameter goes back and all others of the model may follow."""
     summed = g.both.sum(axis=0)
     found = {}

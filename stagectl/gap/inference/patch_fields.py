@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from stagectl.gap.result.diagnosis import Fields, Setting
 from stagectl.gap.logs.session import GapError
+from stagectl.gap.result.diagnosis import Fields, Setting
 from stagectl.kernels import effects
 from stagectl.kernels.friction import Stribeck
 from stagectl.kernels.friction_bristle import Bristle

@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from stagectl.gap.effects.library import put
+from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import sensitivities
-from stagectl.parallel import in_parallel
+from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.residuals.model_tracking import Path
 from stagectl.gap.residuals.sensitivities import Model
 from stagectl.gap.result.diagnosis import Effect, Value
-from stagectl.gap.effects.library import put
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.residuals.model_tracking import Path
 from stagectl.kernels.stage import Stage
+from stagectl.parallel import in_parallel
 
 STEPS = (5e-4, 0.2)  # A, between which a step of the command is looked for
 BINS = 8  # of the smallest step

@@ -12,20 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from stagectl.gap.residuals import sensitivities, model_tracking
-from stagectl.gap.selection import refine
-from stagectl.gap.inference import parameter_errors
-from stagectl.parallel import in_parallel
-from stagectl.gap.selection.candidates import equipped
-from stagectl.gap.residuals.sensitivities import Model
 from stagectl.gap.controller_check.command_check import Parity
+from stagectl.gap.inference import parameter_errors
+from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.residuals import model_tracking, sensitivities
+from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.residuals.sensitivities import Model
 from stagectl.gap.residuals.whitening import KEPT
 from stagectl.gap.result.diagnosis import BLOCKS, Effect, Spans
+from stagectl.gap.selection import refine
+from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.logs.session import Array, Session
 from stagectl.kernels import plant_with_effects
 from stagectl.kernels.plant import Mechanics, Stage
+from stagectl.parallel import in_parallel
 
 OPEN = 0.2  # of the 95 % quantile of an effect's own contribution: from there on the gap is open
 QUANTILE = 0.95
@@ -116,7 +116,11 @@ def parts(session: Session, now: Fitted, named: Sequence[Effect], improved: Stag
     if effects:
         return effects
     return [
-        Part(now.equipped, parameter_errors.undone(session, now, one.name), "drive" if one.name == "time_shift" else "mechanics")
+        Part(
+            now.equipped,
+            parameter_errors.undone(session, now, one.name),
+            "drive" if one.name == "time_shift" else "mechanics",
+        )
         for one in named
     ]
 

@@ -11,17 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.residuals import sensitivities, gram_matrices
-from stagectl.gap.inference import coordinates, basis_functions, unstructured_residual
-from stagectl.gap.selection import null_ensemble, refine, search
-from stagectl.gap.inference.coordinates import drawn, foretold, means
-from stagectl.gap.result.diagnosis import UNORDERED, Shape
-from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products
 from stagectl.gap.effects.library import Scales
-from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.cross_validation import against, freed, hands
-from stagectl.gap.logs.session import Array
+from stagectl.gap.inference import basis_functions, coordinates, unstructured_residual
 from stagectl.gap.inference.basis_functions import ALL, EVEN, INERTIAL, LOOP, ODD, Functions, Smoother
+from stagectl.gap.inference.coordinates import drawn, foretold, means
+from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import gram_matrices, sensitivities
+from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products
+from stagectl.gap.result.diagnosis import UNORDERED, Shape
+from stagectl.gap.selection import null_ensemble, refine, search
+from stagectl.gap.selection.cross_validation import against, freed, hands
+from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import effects, jit
 
 LARGE = 0.1  # of what the base refit left to be closed
@@ -106,7 +106,9 @@ def _of_one(e: Evidence, now: Fitted, own: Columns, smooth: Functions) -> list[F
     return [found for one, products in each for found in _foretold(e, now, products, (one, OF_ONE))]
 
 
-def _without_order(e: Evidence, all_: unstructured_residual.Left, rows: unstructured_residual.Freed, named: float) -> Shape | None:
+def _without_order(
+    e: Evidence, all_: unstructured_residual.Left, rows: unstructured_residual.Freed, named: float
+) -> Shape | None:
     """What repeats and is too much for any law of friction, though nothing orders it; no term of the model.
 
     `named` is the largest gain of an effect that was named.

@@ -11,17 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.residuals import whitening, gram_matrices, least_squares
-from stagectl.gap.selection import null_ensemble, refine, cross_validation
 from stagectl.gap.inference import basis_functions
+from stagectl.gap.inference.basis_functions import TIME, Functions
 from stagectl.gap.inference.coordinates import LOWEST, drawn, floor_of_means, foretold, means, scatter
+from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import gram_matrices, least_squares, whitening
+from stagectl.gap.residuals.gram_matrices import Grams, Products
 from stagectl.gap.residuals.whitening import KEPT
 from stagectl.gap.result.diagnosis import Shape
-from stagectl.gap.residuals.gram_matrices import Grams, Products
-from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection import cross_validation, null_ensemble, refine
 from stagectl.gap.selection.cross_validation import hands
-from stagectl.gap.logs.session import Array
-from stagectl.gap.inference.basis_functions import TIME, Functions
+from stagectl.gap.selection.refine import Evidence, Fitted
 
 STEP = 0.5  # octaves of a band
 WIDTH = 3  # bands in which what rings is looked for
@@ -99,7 +99,9 @@ def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) ->
 
 def _foretold(e: Evidence, g: Grams) -> tuple[float, float]:
     """Sums of squares that a course over the clock foretells, and that it leaves."""
-    before, after = foretold(cross_validation.freed(hands(g, g.effort), g.of(refine.nuisances(e))), g.of(basis_functions.CLOCK))
+    before, after = foretold(
+        cross_validation.freed(hands(g, g.effort), g.of(refine.nuisances(e))), g.of(basis_functions.CLOCK)
+    )
     return before - after, after
 
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stagectl.gap.selection import baseline_fit, refine
-from stagectl.gap.inference import patch_fields
-from stagectl.gap.residuals import friction_family
 from stagectl.gap.effects import equivalences
-from stagectl.gap.selection.candidates import Named, equipped
-from stagectl.gap.result.diagnosis import NAMED, Effect, Fields, Value
-from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.effects.library import Amplitude, Definition, Shape
-from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.search import Selected
-from stagectl.gap.logs.session import GapError, Session
+from stagectl.gap.inference import patch_fields
 from stagectl.gap.inference.parameter_errors import SCALED, Shift, common, shared
 from stagectl.gap.inference.signatures import Signature
+from stagectl.gap.logs.session import GapError, Session
+from stagectl.gap.residuals import friction_family
+from stagectl.gap.residuals.gram_matrices import Grams
+from stagectl.gap.result.diagnosis import NAMED, Effect, Fields, Value
+from stagectl.gap.selection import baseline_fit, refine
+from stagectl.gap.selection.candidates import Named, equipped
+from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection.search import Selected
 from stagectl.kernels.stage import Stage
 
 AS_GOOD = 0.9  # of an effect's own gain: what takes as much explains these data as well

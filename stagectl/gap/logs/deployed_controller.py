@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from stagectl.compensation.forms import FORMS
 from stagectl.gap.logs import nominal_model
-from stagectl.gap.logs.session import GapError
 from stagectl.gap.logs.nominal_values import Block, block, quantity
+from stagectl.gap.logs.session import GapError
 from stagectl.kernels import cascade, feedback, feedforward, friction_bristle, law, observer, stage
 from stagectl.units import Quantity
 

@@ -17,13 +17,13 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.gap.logs import row_validity, setpoints
-from stagectl.parallel import in_parallel
-from stagectl.gap.logs.nominal_setup import Believed, believed
 from stagectl.gap.logs.grid import Gridded, gridded
 from stagectl.gap.logs.missing_records import cannot_tell
+from stagectl.gap.logs.nominal_setup import Believed, believed
 from stagectl.gap.logs.repeats import Repeat, alike
 from stagectl.gap.logs.session import Array, GapError, Log, Session
 from stagectl.gap.logs.sources import Found, found
+from stagectl.parallel import in_parallel
 from stagectl.recording.columns import WITHOUT
 
 _SAME = 1e-3  # share by which the periods of two logs may differ

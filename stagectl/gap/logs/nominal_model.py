@@ -6,8 +6,8 @@ import math
 import re
 from typing import NamedTuple
 
-from stagectl.gap.logs.session import GapError
 from stagectl.gap.logs.nominal_values import Block, block, quantity
+from stagectl.gap.logs.session import GapError
 from stagectl.kernels import friction, friction_bristle, stage
 from stagectl.kernels.effects import Harmonic
 from stagectl.units import LINEAR, Quantity

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup, carried
 from stagectl.gap.logs import deployed_controller, nominal_model
+from stagectl.gap.logs.nominal_values import of_file
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.logs.sources import Found
-from stagectl.gap.logs.nominal_values import of_file
 from stagectl.kernels import stage
 from stagectl.kernels.law import Law
 from stagectl.recording.metadata import read_law

@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.parallel import in_parallel
-from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals.half_strokes import Run
+from stagectl.parallel import in_parallel
 
 HANDS = (0, 2)  # numbers of half strokes that stand for a hand each, where all of it are added up
 

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.residuals import friction_family
-from stagectl.gap.residuals.whitening import KEPT
 from stagectl.gap.logs.session import Array, Log, Session
+from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.model_tracking import Path, mean_path, path_of
+from stagectl.gap.residuals.whitening import KEPT
 
 SHORTEST = 0.1  # s, of a half stroke: faster reversals are taken together
 LONGEST = 1.0  # s: a longer one is cut again, or a slow scan would be one cluster

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import welch
 
-from stagectl.gap.residuals.whitening import KEPT
-from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.residuals.whitening import KEPT
 
 HIGHEST = 60  # order
 PEAKS = 3  # of each kind that are tried

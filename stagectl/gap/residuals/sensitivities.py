@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.residuals import whitening, model_tracking
-from stagectl.parallel import in_parallel
-from stagectl.gap.residuals.half_strokes import Run, rested
 from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.residuals import model_tracking, whitening
+from stagectl.gap.residuals.half_strokes import Run, rested
 from stagectl.gap.residuals.model_tracking import Lacking, Path
 from stagectl.kernels import feedback, tracked_model
 from stagectl.kernels.stage import Stage
+from stagectl.parallel import in_parallel
 
 LARGEST = 1e8  # standard deviations: beyond, a simulation has diverged
 

@@ -16,8 +16,8 @@ from stagectl.config.source import node_at, read_text
 from stagectl.config.stage_file import Axis, Rolling, StageFile, load_stage
 from stagectl.config.unit_format import hint_at, tag_of
 from stagectl.gap.effects import effect_names as words
-from stagectl.gap.result.diagnosis import Effect, Fields, Found, Setting
 from stagectl.gap.logs.session import GapError
+from stagectl.gap.result.diagnosis import Effect, Fields, Found, Setting
 from stagectl.gap.result.gap_numbers import percent
 
 _SAME = 1e-6  # relative difference that is none

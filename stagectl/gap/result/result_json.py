@@ -14,8 +14,20 @@ from typing import Any
 
 import numpy as np
 
-from stagectl.gap.result.diagnosis import (VERDICTS, Array, Coordinate, Effect, Fields, Found, Gap, Next, Shape, Spans, Value)
 from stagectl.gap.logs.session import GapError
+from stagectl.gap.result.diagnosis import (
+    VERDICTS,
+    Array,
+    Coordinate,
+    Effect,
+    Fields,
+    Found,
+    Gap,
+    Next,
+    Shape,
+    Spans,
+    Value,
+)
 
 NAME = "diagnosis.json"
 MOST_POINTS = 400  # of a curve

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stagectl.gap.residuals import whitening, friction_family, gram_matrices, least_squares
-from stagectl.parallel import in_parallel
-from stagectl.gap.residuals.sensitivities import Direction, Model, all_columns, lacks, residuals_of
-from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.residuals import friction_family, gram_matrices, least_squares, whitening
+from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import Lacking
+from stagectl.gap.residuals.sensitivities import Direction, Model, all_columns, lacks, residuals_of
 from stagectl.kernels import friction_bristle, stage
+from stagectl.parallel import in_parallel
 
 START = "start"  # of the friction, in each run its own
 SPREAD = 0.3  # prior standard deviation of inertia and viscous friction, of their nominal values
@@ -166,7 +166,9 @@ def refit(session: Session, runs: Sequence[Run], nominal: Model, frozen: Sequenc
     return Base(model, noise, (*free, *beside), known, before, left, total, deviation)
 
 
-def _best_member(model: Model, g: gram_matrices.Grams, free: Sequence[Direction], beside: list[Direction]) -> Direction | None:
+def _best_member(
+    model: Model, g: gram_matrices.Grams, free: Sequence[Direction], beside: list[Direction]
+) -> Direction | None:
     summed, closable = g.both.sum(axis=0), float(g.both[:, -1, -1].sum() - g.floor.sum())
     own = g.of([one.name for one in free if one.name != START])
     alone = least_squares.fit(summed, own).misfit

@@ -6,10 +6,10 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from stagectl.gap.effects import library_drive, library_friction, library_mechanics, library_sensor, equivalences
-from stagectl.gap.residuals.sensitivities import Direction, Model
+from stagectl.gap.effects import equivalences, library_drive, library_friction, library_mechanics, library_sensor
 from stagectl.gap.effects.library import Aging, Definition, Scales, coulomb, scaled
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals.sensitivities import Direction, Model
 from stagectl.kernels.stage import Stage
 
 

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.residuals import least_squares
-from stagectl.gap.selection.candidates import Form
-from stagectl.gap.residuals.gram_matrices import Grams, first_hand
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import least_squares
+from stagectl.gap.residuals.gram_matrices import Grams, first_hand
+from stagectl.gap.selection.candidates import Form
 
 
 def hands(g: Grams, cut: Array) -> Array:

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals.gram_matrices import Grams, first_hand
 from stagectl.gap.selection import null_ensemble
 from stagectl.gap.selection.candidates import Form
-from stagectl.gap.residuals.gram_matrices import Grams, first_hand
 from stagectl.gap.selection.cross_validation import against, best_of, cut_of, cuts_of, free_of, score_of
-from stagectl.gap.logs.session import Array
 
 BEYOND = 1.5  # of the largest gain in the null ensemble: as far again as half of it
 SMALLEST = 60.0  # gain in sums of squares of unit noise: what noise alone gives the best of many forms

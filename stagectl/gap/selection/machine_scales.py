@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stagectl.gap.residuals import friction_family
 from stagectl.gap.effects.library import Scales
-from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.residuals import friction_family
+from stagectl.gap.residuals.half_strokes import Run
 
 FASTEST = 99.5  # percentile of the speed that counts as the largest
 

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.effects.library import Aging, Values
+from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import gram_matrices, least_squares, sensitivities
+from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.residuals.sensitivities import Direction, Model
 from stagectl.gap.selection import baseline_fit
-from stagectl.gap.residuals import sensitivities, gram_matrices, least_squares
 from stagectl.gap.selection.baseline_fit import Base
 from stagectl.gap.selection.candidates import SCALED, STEP, Named, direction, equipped
-from stagectl.gap.residuals.sensitivities import Direction, Model
-from stagectl.gap.effects.library import Aging, Values
-from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.logs.session import Array
 
 STEPS = 3
 WIDEST = 1.6  # factor by which a shape may change in one step
@@ -137,7 +137,9 @@ def _step(e: Evidence, now: Fitted) -> Fitted:
 
 def nuisances(e: Evidence) -> list[str]:
     """Columns of the base that move beside every effect."""
-    return [one.name for one in e.base.directions if one.name != baseline_fit.START and not baseline_fit.is_member(one.name)]
+    return [
+        one.name for one in e.base.directions if one.name != baseline_fit.START and not baseline_fit.is_member(one.name)
+    ]
 
 
 def tangent(e: Evidence, now: Fitted, own: Sequence[Direction]) -> gram_matrices.Products:

@@ -17,16 +17,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.selection import baseline_fit, candidates, null_ensemble, refine, stability_selection
-from stagectl.gap.residuals import sensitivities, gram_matrices
 from stagectl.gap.effects import equivalences
-from stagectl.gap.selection.candidates import Form, Named
-from stagectl.gap.residuals.gram_matrices import Grams, Products
 from stagectl.gap.effects.library import Definition
+from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import gram_matrices, sensitivities
+from stagectl.gap.residuals.gram_matrices import Grams, Products
+from stagectl.gap.selection import baseline_fit, candidates, null_ensemble, refine, stability_selection
+from stagectl.gap.selection.candidates import Form, Named
+from stagectl.gap.selection.cross_validation import Score, best_of, cuts_of, free_of, freed, scores
 from stagectl.gap.selection.detection_thresholds import BEYOND, SMALLEST, Clarity, Threshold, clarity
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.cross_validation import Score, best_of, cuts_of, free_of, freed, scores
-from stagectl.gap.logs.session import Array
 
 MOST = 5  # effects that are looked for at once
 MATERIAL = 0.03  # of the closable gap that is left, in the effect's own cut
@@ -129,7 +129,10 @@ class Scored(NamedTuple):
     def half_strokes(self, forms: Sequence[Form]) -> Grams:
         """The matrices of the half strokes, with what a verdict on `forms` asks."""
         own = dict.fromkeys(name for form in forms for name in form.names)
-        return gram_matrices.grams(gram_matrices.only(self.products, [*self.beside, *null_ensemble.gains(self.products.names), *own]), self.left)
+        return gram_matrices.grams(
+            gram_matrices.only(self.products, [*self.beside, *null_ensemble.gains(self.products.names), *own]),
+            self.left,
+        )
 
     def clarity(self, forms: Sequence[Form]) -> Clarity:
         """How clear the effect of `forms` is."""
@@ -286,7 +289,9 @@ def _judged(e: Evidence, library: Library, now: Fitted) -> Selected:
         less = Fitted(now.model, rest, refine.left(e, now.model, rest), 0.0)
         every, forms = scored(e, library, less), _forms_of(library, one.effect.name)
         found, g = best_of(every.scores), every.half_strokes(forms)
-        inclusion[one.effect.name] = stability_selection.inclusion(g, g.of(every.beside), forms, OF_ALL, library.resampled)
+        inclusion[one.effect.name] = stability_selection.inclusion(
+            g, g.of(every.beside), forms, OF_ALL, library.resampled
+        )
         clear[one.effect.name] = clarity(g, g.of(every.beside), forms)
         own = found[one.effect.name].gain
         gains[one.effect.name] = own

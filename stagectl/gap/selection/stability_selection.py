@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stagectl.gap.selection.candidates import Form
-from stagectl.gap.residuals.gram_matrices import Grams, first_hand
-from stagectl.gap.selection.cross_validation import cut_of, scores
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals.gram_matrices import Grams, first_hand
+from stagectl.gap.selection.candidates import Form
+from stagectl.gap.selection.cross_validation import cut_of, scores
 
 SEEN = 0.2  # of an effect's column, below which a resample does not excite it
 

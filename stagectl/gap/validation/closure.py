@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from stagectl.gap.logs.session import Log, Session
 from stagectl.gap.residuals import sensitivities
-from stagectl.gap.validation import held_out_gap
-from stagectl.gap.selection.candidates import equipped
+from stagectl.gap.residuals.half_strokes import by_experiment, runs
 from stagectl.gap.residuals.sensitivities import Model
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Gap, Trace
+from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.residuals.half_strokes import by_experiment, runs
 from stagectl.gap.selection.search import Selected
-from stagectl.gap.logs.session import Log, Session
+from stagectl.gap.validation import held_out_gap
 from stagectl.kernels.stage import Stage
 
 OPEN = 5.0  # times the floor; of 72 machines without an effect, 24 with another law of friction, none was beyond 2.3

@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.residuals import sensitivities, whitening, friction_family
+from stagectl.gap.logs.session import Array, Log, Session
+from stagectl.gap.residuals import friction_family, sensitivities, whitening
+from stagectl.gap.residuals.half_strokes import Run, by_experiment, half_strokes, known_from
 from stagectl.gap.residuals.sensitivities import Model
 from stagectl.gap.result.diagnosis import Gap, Trace
 from stagectl.gap.validation.rollouts import closed_all, column
-from stagectl.gap.residuals.half_strokes import Run, by_experiment, half_strokes, known_from
-from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.kernels.stage import Stage
 
 RESAMPLED = 400  # times, for the interval of the closure

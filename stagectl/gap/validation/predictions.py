@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.validation import held_out_gap
 from stagectl.gap.validation.rollouts import column
-from stagectl.gap.logs.session import GapError, Session
 from stagectl.kernels.stage import Stage
 from stagectl.recording.exports import write_columns
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stagectl.parallel import in_parallel
 from stagectl.gap.logs.session import Array, GapError, Log, Session
 from stagectl.kernels import rollout, stage
+from stagectl.parallel import in_parallel
 
 SUBSTEPS = 10  # a period, as the virtual drive takes
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.logs.session import Session
+from stagectl.gap.selection.refine import Evidence
 from stagectl.kernels.stage import Stage
 
 _SAME = "no log is held out: the gap is judged on the runs that chose the effects, so the closure is too good"

@@ -17,9 +17,9 @@ from scipy import optimize
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
+from stagectl.identification.filtering import Recipe, moved, recipe, thinned
 from stagectl.identification.friction.members import FAMILY, LENGTH, SPEED, Member, Path, Searched
 from stagectl.identification.least_squares import check_directions
-from stagectl.identification.filtering import Recipe, moved, recipe, thinned
 from stagectl.kernels import stage
 
 GRID = {0: 1, 1: 9, 2: 5, 3: 3}  # points of the grid along each of so many searched parameters

@@ -19,12 +19,12 @@ import numpy as np
 from stagectl.config.stage_file import StageFile
 from stagectl.identification import standard_errors
 from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.result import Found, Parameter, Progress
 from stagectl.identification.friction import closed_loop
 from stagectl.identification.friction import delay as delays
 from stagectl.identification.friction.fit import Data, Fit, Scale, columns_of, fitted, plant, prepared, sensitivity
 from stagectl.identification.friction.members import FAMILY
 from stagectl.identification.friction.notes import four, words
+from stagectl.identification.result import Found, Parameter, Progress
 from stagectl.kernels import stage
 from stagectl.units import Quantity
 

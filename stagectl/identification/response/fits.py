@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from stagectl.identification.capture import Array
-from stagectl.identification.result import Parameter
 from stagectl.identification.response.lines import Curve
 from stagectl.identification.response.sampling import Complex
+from stagectl.identification.result import Parameter
 
 ELEMENTS = 24
 FLOOR = 0.005  # relative deviation that no line is taken to be better than

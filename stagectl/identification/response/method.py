@@ -21,10 +21,10 @@ import numpy as np
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.result import Found, Parameter
 from stagectl.identification.response import fits
 from stagectl.identification.response.lines import Curve, curves, threshold
 from stagectl.identification.response.sampling import known_delay
+from stagectl.identification.result import Found, Parameter
 from stagectl.units import ROTARY
 
 LEAST_LINES = 3  # of a fit

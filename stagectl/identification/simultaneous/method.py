@@ -23,10 +23,10 @@ import numpy as np
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.result import Characteristic, Found, Parameter, Progress
-from stagectl.identification.simultaneous import conditions, errors_in_columns, tikhonov_weights, intervals, notes
+from stagectl.identification.simultaneous import conditions, errors_in_columns, intervals, notes, tikhonov_weights
 from stagectl.identification.simultaneous.delay_search import Fit, Problem, fitted, kept, widest
-from stagectl.identification.simultaneous.instruments import follow, instruments, projected
 from stagectl.identification.simultaneous.hausman_test import preferred
+from stagectl.identification.simultaneous.instruments import follow, instruments, projected
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,

@@ -16,8 +16,8 @@ from stagectl.identification.simultaneous.delay_search import Fit, Problem
 from stagectl.identification.simultaneous.intervals import NAMES, Known
 from stagectl.identification.simultaneous.regressors import FREE, ONE
 from stagectl.identification.simultaneous.resolution import unresolved
-from stagectl.units import LINEAR
 from stagectl.number_format import duration, length
+from stagectl.units import LINEAR
 
 TIED = 0.95  # correlation from which two parameters are said to be tied to each other
 UNSURE = 0.05  # half of an interval over its value

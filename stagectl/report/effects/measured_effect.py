@@ -14,11 +14,11 @@ from scipy.signal import butter, savgol_filter, sosfiltfilt, welch
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.experiment_design import battery, catalogue
-from stagectl.gap.inference import basis_functions, time_localisation
-from stagectl.gap.residuals.sensitivities import lacks, model_of
 from stagectl.gap.experiment_design.experiment import Experiment
+from stagectl.gap.inference import basis_functions, time_localisation
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals.model_tracking import Path as Tied
+from stagectl.gap.residuals.sensitivities import lacks, model_of
 from stagectl.kernels import rollout, stage
 from stagectl.simulation import noise, structured
 

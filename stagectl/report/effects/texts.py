@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from stagectl.report.effects.effect_text import Told as Told
 from stagectl.report.effects.texts_friction import FRICTION, PARAMETERS, PLACE
 from stagectl.report.effects.texts_loop import CONTROLLER, DRIVE, MECHANICS, SENSOR, TIME
-from stagectl.report.effects.effect_text import Told as Told
 
 GROUPS = (PARAMETERS, FRICTION, PLACE, TIME, MECHANICS, DRIVE, SENSOR, CONTROLLER)

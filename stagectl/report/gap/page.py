@@ -12,8 +12,8 @@ from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, NAMED, Effect, Found, Gap, Trace
 from stagectl.gap.result.gap_numbers import parameter, percent, together
 from stagectl.recording.metadata import versions
-from stagectl.report.gap import figures
 from stagectl.report.figures import embedded
+from stagectl.report.gap import figures
 from stagectl.report.gap.chain import SIGNALS, chain
 from stagectl.report.page import Page, Picture, Section, Table
 

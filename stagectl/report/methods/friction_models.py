@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.result import Found
 from stagectl.identification.friction.members import FAMILY, Path
+from stagectl.identification.result import Found
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Picture
 

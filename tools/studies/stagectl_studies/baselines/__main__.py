@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from stagectl_studies.baselines.baseline_common import Answer
     from stagectl.gap.logs.session import Session
+    from stagectl_studies.baselines.baseline_common import Answer
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -35,10 +35,10 @@ def _list(text: str) -> tuple[str, ...]:
 
 def answer(folder: Path, out: Path, names: Sequence[str], lists: tuple[tuple[str, ...], tuple[str, ...]]) -> None:
     """Write the answers of `names`; `lists` = (excluded, told)."""
-    from stagectl_studies.baselines import blackbox, ladder, oracle, refit, sparse
-    from stagectl_studies.baselines.baseline_common import Answer, Ground, as_json, ground
     from stagectl.gap.controller_check.command_check import parity
     from stagectl.gap.logs.load_session import load
+    from stagectl_studies.baselines import blackbox, ladder, oracle, refit, sparse
+    from stagectl_studies.baselines.baseline_common import Answer, Ground, as_json, ground
 
     session, (excluded, told) = load([folder]), lists
     ways: dict[str, Callable[[Ground], Answer]] = {

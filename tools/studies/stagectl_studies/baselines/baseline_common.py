@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from stagectl.gap import diagnose
-from stagectl.gap.selection import search
-from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.cross_validation import Score, best_of
-from stagectl.gap.selection.search import Library
 from stagectl.gap.logs.session import Array, Session
+from stagectl.gap.selection import search
+from stagectl.gap.selection.cross_validation import Score, best_of
+from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection.search import Library
 from stagectl.kernels import stage
 from stagectl.kernels.stage import Stage
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from stagectl_studies.baselines.baseline_common import Answer, Ground
+from stagectl.gap.logs.session import Array, GapError, Log, Session
 from stagectl.gap.validation import held_out_gap
 from stagectl.gap.validation.rollouts import column
-from stagectl.gap.logs.session import Array, GapError, Log, Session
+from stagectl_studies.baselines.baseline_common import Answer, Ground
 
 LAGS = (0, 4, 16, 64)  # control periods
 EVERY = 2  # samples that are learnt from

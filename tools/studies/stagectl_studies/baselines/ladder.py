@@ -6,9 +6,9 @@ Models for the Physics Simulation of Servo Actuators, arXiv 2410.08650).
 
 from __future__ import annotations
 
-from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.search import named
+from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
 
 RUNGS: tuple[tuple[str, ...], ...] = (
     (),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.search import named
+from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
 
 
 def oracle(g: Ground, told: Sequence[str]) -> Answer:

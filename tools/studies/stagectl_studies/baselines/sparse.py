@@ -12,11 +12,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stagectl_studies.baselines.baseline_common import Answer, Ground, shifts
-from stagectl.gap.selection import baseline_fit, refine
-from stagectl.gap.residuals import gram_matrices, least_squares
-from stagectl.gap.selection.candidates import Form, Named, equipped
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import gram_matrices, least_squares
+from stagectl.gap.selection import baseline_fit, refine
+from stagectl.gap.selection.candidates import Form, Named, equipped
+from stagectl_studies.baselines.baseline_common import Answer, Ground, shifts
 
 MOST = 10  # effects
 

@@ -18,8 +18,8 @@ from stagectl.cli.show import console, emit, progress
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
-    from stagectl_studies.exam.question import Manner
     from stagectl_studies.exam.exam import Asked
+    from stagectl_studies.exam.question import Manner
 
 Trials = Annotated[int, typer.Option("--trials", min=1, max=100_000, help="How many.")]
 First = Annotated[int | None, typer.Option(min=1, help="Only these of them now, in the exam's order; then score.")]
@@ -79,8 +79,8 @@ def exam(
 
     Example: stagectl gap exam --trials 12 --short -o exam
     """
-    from stagectl_studies.exam.question import Manner
     from stagectl_studies.exam.exam import Asked
+    from stagectl_studies.exam.question import Manner
     from stagectl_studies.exam.workers import workers_and_threads
 
     names = tuple(name.strip() for text in strata or () for name in text.split(",") if name.strip())
@@ -99,15 +99,14 @@ def exam(
 
 def _seed(output: Path, resume: bool, seed: int | None) -> int:
     """As asked for; else that of the exam that goes on; else the hash of the sources."""
-    import stagectl
     from stagectl_studies.exam.exam import seed_of
-    from stagectl_studies.exam.plan import ExamError, source_seed
+    from stagectl_studies.exam.plan import ExamError, packages, source_seed
 
     try:
         known = seed_of(output) if resume and seed is None else seed
     except ExamError as error:
         raise StageError(str(error)) from error
-    return source_seed(Path(stagectl.__file__).parent) if known is None else known
+    return source_seed(*packages()) if known is None else known
 
 
 def _held(output: Path, asked: Asked, manner: Manner, how: _How) -> tuple[dict[str, Any], dict[str, list[float]]]:
@@ -199,8 +198,8 @@ def _show(found: Mapping[str, Any], seconds: Mapping[str, Sequence[float]]) -> N
 
 
 def _page(result: Mapping[str, Any], seconds: Mapping[str, Sequence[float]], output: Path) -> Path:
-    from stagectl_studies.exam import page as pages
     from stagectl.report.page import write
+    from stagectl_studies.exam import page as pages
 
     one = result["exam"]
     strata = f" --strata {','.join(one['strata'])}" if one["strata"] else ""

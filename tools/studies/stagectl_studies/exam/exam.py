@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl_studies.exam.question import Manner
 from stagectl_studies.exam.plan import ExamError, Planned, plan
+from stagectl_studies.exam.question import Manner
 from stagectl_studies.exam.run_trial import TIMES, Job, finished, folder_of
 
 EXAM = "exam.json"

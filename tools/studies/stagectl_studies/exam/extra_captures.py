@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl_studies.exam.plan import ExamError
+from stagectl_studies.exam.realised_closure import column
 from stagectl_studies.machine.battery import HALF_STROKE, REPEATS, Experiment
 from stagectl_studies.machine.controller import prepared
 from stagectl_studies.machine.folder import entry, write_capture, write_yaml
 from stagectl_studies.machine.machine import Floats
 from stagectl_studies.machine.reference import PERIOD
 from stagectl_studies.machine.trials import BREAK, Capture, Trial, noisy
-from stagectl_studies.exam.realised_closure import column
-from stagectl_studies.exam.plan import ExamError
 
 USE = "diagnose"
 LONGEST = 120.0  # s of one run

@@ -8,10 +8,10 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from stagectl.recording.metadata import versions
-from stagectl_studies.exam import figures
 from stagectl.report.figures import embedded
 from stagectl.report.page import Page, Picture, Section, Table
 from stagectl.report.panels import DPI
+from stagectl_studies.exam import figures
 
 REACHED = {"target": "target", "must": "reached", "no": "not reached", "": ""}
 HEAD = ["", "found", "95 %", "trials", "target", "must reach", ""]

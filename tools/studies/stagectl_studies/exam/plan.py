@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+import stagectl
+import stagectl_studies
+from stagectl_studies.exam.rules import EXACT, WIDER
 from stagectl_studies.machine.effects import ALIENS, EFFECTS
 from stagectl_studies.machine.trials import STRATA as _DRAWN  # noqa: F401  its import enters the effects into their tables
-from stagectl_studies.exam.rules import EXACT, WIDER
 
 QUOTAS = {  # of 300 trials; at least 30 in each group: null, single, pair, triple, left-out, alien, poor
     "null-exact": 12,
@@ -53,17 +55,23 @@ class Planned(NamedTuple):
         return "single" if self.stratum.startswith(("single", "left-out")) else self.stratum
 
 
-def sources(root: Path) -> str:
-    """Hash of all sources below `root`: which version sat a trial."""
+def packages() -> tuple[Path, Path]:
+    """Folders of what is examined and of what examines it."""
+    return Path(stagectl.__file__).parent, Path(stagectl_studies.__file__).parent
+
+
+def sources(*roots: Path) -> str:
+    """Hash of all sources below `roots`: the version that a trial examined."""
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
+    for root in roots:
+        for path in sorted(root.rglob("*.py")):
+            digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 
 
-def source_seed(root: Path) -> int:
-    """Seed from the hash of all sources below `root`: nobody can tune to the exam of his own version."""
-    return int(sources(root)[:8], 16) >> 1
+def source_seed(*roots: Path) -> int:
+    """Seed from the hash of all sources below `roots`: nobody can tune to the exam of his own version."""
+    return int(sources(*roots)[:8], 16) >> 1
 
 
 def quotas(trials: int, strata: Sequence[str] = ()) -> dict[str, int]:

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import stagectl
+import stagectl_studies
 from stagectl_studies.exam.plan import ExamError, Planned
 from stagectl_studies.exam.sandbox import OUT_OF_MEMORY
 
@@ -119,8 +121,8 @@ def _bound(process: int, cores: Sequence[int]) -> None:
 
 def surroundings(scratch: Path, manner: Manner) -> dict[str, str]:
     """Environment of an answer: this package is found wherever it runs, and its temporary files are its own."""
-    package = str(Path(__file__).resolve().parents[3])
-    places = [package, manner.code, *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+    packages = [str(Path(file).resolve().parents[1]) for file in (stagectl.__file__, stagectl_studies.__file__)]
+    places = [*packages, manner.code, *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
     path = os.pathsep.join(dict.fromkeys(filter(None, places)))
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     return {**os.environ, **threads, "PYTHONPATH": path, "TMPDIR": str(scratch), "PYTHONDONTWRITEBYTECODE": "1"}

@@ -15,9 +15,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from stagectl_studies.exam import scoring
-from stagectl_studies.exam.question import ANSWER, CAPTURES, Manner, Place, asked, diagnosed
-from stagectl_studies.exam.plan import Planned
 from stagectl_studies.exam.extra_captures import RefusedError, Wanted, ran, read
+from stagectl_studies.exam.plan import Planned
+from stagectl_studies.exam.question import ANSWER, CAPTURES, Manner, Place, asked, diagnosed
 from stagectl_studies.exam.sealing import Seal
 from stagectl_studies.exam.staging import drawn
 

@@ -11,9 +11,21 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl_studies.exam import rounds, scoring
-from stagectl_studies.exam.question import (ANSWER, BLIND, CAPTURES, LOG, ORACLE, TOLD, Manner, Place, answers, baselines, diagnosed)
 from stagectl_studies.exam.cores import alone, taken
-from stagectl_studies.exam.plan import ExamError, Planned, sources
+from stagectl_studies.exam.plan import ExamError, Planned, packages, sources
+from stagectl_studies.exam.question import (
+    ANSWER,
+    BLIND,
+    CAPTURES,
+    LOG,
+    ORACLE,
+    TOLD,
+    Manner,
+    Place,
+    answers,
+    baselines,
+    diagnosed,
+)
 from stagectl_studies.exam.rounds import Round, Said
 from stagectl_studies.exam.sealing import Seal, SealError, broken
 from stagectl_studies.exam.staging import staged
@@ -132,7 +144,7 @@ def _kept(folder: Path, planned: Planned, found: Mapping[str, Any], times: Mappi
 
 @functools.cache
 def _version() -> str:
-    return sources(Path(__file__).parents[2])[:12]
+    return sources(*packages())[:12]
 
 
 def _write(path: Path, content: Any) -> None:

@@ -25,6 +25,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import stagectl
+import stagectl_studies
+
 SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/dev", "/sys", "/opt", "/var/cache/fontconfig")
 PROC = ("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys", "/proc/version", "/proc/filesystems")
 READ = {"open": (0,), "os.listdir": (0,), "os.scandir": (0,)}  # event -> places of paths among its arguments
@@ -54,18 +57,18 @@ def caches() -> tuple[str, ...]:
 
 def known_folders() -> tuple[str, ...]:
     """Where interpreter, libraries and this package lie."""
-    package = Path(__file__).resolve().parents[2]
+    packages = (Path(file).resolve().parent for file in (stagectl.__file__, stagectl_studies.__file__))
     libraries = [*sysconfig.get_paths().values(), *site.getsitepackages(), sys.prefix, sys.base_prefix]
-    return tuple(dict.fromkeys(os.path.realpath(one) for one in (str(package), *libraries, *SYSTEM))) + PROC
+    return tuple(dict.fromkeys(os.path.realpath(one) for one in (*map(str, packages), *libraries, *SYSTEM))) + PROC
 
 
 def rules(own: Sequence[str], out: Sequence[str], closed: Sequence[str]) -> Rules:
     """The rules of one diagnosis; the exam's own code is closed to it."""
-    code = str(Path(__file__).resolve().parents[1])
+    code = [str(Path(stagectl_studies.__file__).resolve().parent / room) for room in ("exam", "machine")]
     mine, writable = (tuple(os.path.realpath(one) for one in each) for each in (own, out))
     path = tuple(os.path.realpath(one) for one in (*sys.path, __file__))
     known = (*known_folders(), *_metadata(path))
-    shut = (*(os.path.realpath(one) for one in closed), code)
+    shut = (*(os.path.realpath(one) for one in closed), *code)
     return Rules(mine, (*writable, *caches()), shut, known, path)
 
 

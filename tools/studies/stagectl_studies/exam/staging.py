@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from stagectl_studies.exam.plan import ExamError, Planned
+from stagectl_studies.exam.realised_closure import first
 from stagectl_studies.machine.effects import Rig
 from stagectl_studies.machine.machine import MAXWELL, Body, Floats, Law, Machine
 from stagectl_studies.machine.plant import Setting, ideal, silent, simulated
-from stagectl_studies.machine.trials import Options, Trial, draw, stage_trial
-from stagectl_studies.exam.realised_closure import first
-from stagectl_studies.exam.plan import ExamError, Planned
+from stagectl_studies.machine.stage_trial import stage_trial
+from stagectl_studies.machine.trials import Options, Trial, draw
 
 REDRAWN = 8  # times, where a trial cannot run
 _STEP = 7919  # from the seed of a trial to that of its next draw

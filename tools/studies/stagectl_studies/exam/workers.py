@@ -13,9 +13,9 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from stagectl_studies.exam.question import OUTPUT, InterruptionError
 from stagectl_studies.exam.cores import available
 from stagectl_studies.exam.plan import ExamError
+from stagectl_studies.exam.question import OUTPUT, InterruptionError
 from stagectl_studies.exam.run_trial import Job, finished_job, folder_of, sit
 from stagectl_studies.exam.sandbox import die_with
 

@@ -9,7 +9,20 @@ from __future__ import annotations
 import math
 
 from stagectl_studies.machine.jit import compiled
-from stagectl_studies.machine.machine import (ACTIVITY_FRICTION, BUMP, CUBIC_HYSTERESIS, DAHL, MAXWELL, STICKY_ZONE, Alien, Floats, Forces, Law, Machine, Motion)
+from stagectl_studies.machine.machine import (
+    ACTIVITY_FRICTION,
+    BUMP,
+    CUBIC_HYSTERESIS,
+    DAHL,
+    MAXWELL,
+    STICKY_ZONE,
+    Alien,
+    Floats,
+    Forces,
+    Law,
+    Machine,
+    Motion,
+)
 
 ELEMENTS = 40
 LOAD = ELEMENTS

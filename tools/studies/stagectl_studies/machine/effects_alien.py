@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from stagectl_studies.machine.effects import ALIENS, Draw, Rig, effect
-from stagectl_studies.machine.machine import (ACTIVITY_FRICTION, BUMP, CUBIC_HYSTERESIS, INERTIA_SWING, MAGNETIC_SATURATION, STICKY_ZONE, Alien)
+from stagectl_studies.machine.machine import (
+    ACTIVITY_FRICTION,
+    BUMP,
+    CUBIC_HYSTERESIS,
+    INERTIA_SWING,
+    MAGNETIC_SATURATION,
+    STICKY_ZONE,
+    Alien,
+)
 
 
 def with_alien(rig: Rig, alien: Alien) -> Rig:

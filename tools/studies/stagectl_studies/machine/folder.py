@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,9 +15,7 @@ from stagectl_studies.machine.controller import Loop, Model
 from stagectl_studies.machine.machine import Floats
 from stagectl_studies.machine.plant import Trace
 from stagectl_studies.machine.reference import PERIOD
-
-if TYPE_CHECKING:
-    from stagectl_studies.machine.trials import Capture, Trial
+from stagectl_studies.machine.trials import Capture, Trial
 
 ACCURACY = "nominal values may be off by 10 to 15 percent; the force constant is meant to be right"
 DRIVE: dict[str, float | None] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,7 @@ from stagectl_studies.machine.effects import Rig
 from stagectl_studies.machine.machine import Floats
 from stagectl_studies.machine.plant import Noise, Setting, Trace, ideal, simulated
 from stagectl_studies.machine.shadow import command_share, current_share, position_share, reported_share, torque_share
-
-if TYPE_CHECKING:
-    from stagectl_studies.machine.trials import Capture, Trial
+from stagectl_studies.machine.trials import Capture, Trial, at_rest, quiet_noise
 
 SHARE, QUANTILE = 0.2, 0.95
 
@@ -58,8 +56,6 @@ def share_of(trial: Trial, number: int, trace: Trace, setting: Setting, noise: N
 
 def quiet_run(trial: Trial, capture: Capture) -> tuple[Trace, list[Floats]]:
     """A capture without noise, and the share of each hidden effect in it."""
-    from stagectl_studies.machine.trials import at_rest, quiet_noise
-
     rows = trial.rows[capture.experiment.name]
     noise = quiet_noise(trial.rig, rows.target.size, trial.seed)
     setting = Setting(start=capture.start, remanent=at_rest(trial, capture), fine=bool(trial.hidden))

@@ -12,14 +12,14 @@ from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.identification import constant_speed, low_speed
 from stagectl.identification.capture import Capture
-from stagectl.identification.result import Found
 from stagectl.identification.response import method as frequency_response
 from stagectl.identification.response.sampling import known_delay
+from stagectl.identification.result import Found
 from stagectl.identification.simultaneous import method as simultaneous
+from stagectl.trajectories import CurrentSweep, Experiment
 from stagectl_studies.reproduction.bench import CONFIG, NOISE, Bench, Run, captured, carried_out, guessed
 from stagectl_studies.reproduction.progress import Course
 from stagectl_studies.reproduction.tracking import MOTIONS, Tracking, tracked
-from stagectl.trajectories import CurrentSweep, Experiment
 
 STAGE = "ball-screw.yaml"
 SWEEPS = ("frf-3a", "frf-5a", "frf-7a", "frf-9a")

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from stagectl.identification.result import Characteristic
 from stagectl.identification.response import fits
 from stagectl.identification.response.lines import Curve, curves
 from stagectl.identification.response.method import joined_curve
-from stagectl_studies.reproduction import figures_conventional as figures
+from stagectl.identification.result import Characteristic
 from stagectl.report.figures import WITH, WITHOUT, embedded
 from stagectl.report.methods import conventional as shared
 from stagectl.report.page import Picture, Section, Table
 from stagectl.report.panels import CONVENTIONAL, DPI
+from stagectl_studies.reproduction import figures_conventional as figures
 from stagectl_studies.reproduction import published
 from stagectl_studies.reproduction.ball_screw import SLOW, Evidence
 from stagectl_studies.reproduction.part import Part, percent

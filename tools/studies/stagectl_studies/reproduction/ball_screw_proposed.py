@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from stagectl.identification.result import Found, Parameter
+from stagectl.report.page import Section, Table
 from stagectl_studies.reproduction import figures_conventional as conventional
 from stagectl_studies.reproduction import figures_proposed as figures
-from stagectl.report.page import Section, Table
 from stagectl_studies.reproduction import published
 from stagectl_studies.reproduction.ball_screw import CALIBRATED, MAIN, Evidence
 from stagectl_studies.reproduction.ball_screw_conventional import table_error, truth

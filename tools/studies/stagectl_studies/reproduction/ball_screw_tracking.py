@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from stagectl_studies.reproduction import figures_proposed as figures
+from stagectl.number_format import length
 from stagectl.report.page import Section, Table
+from stagectl_studies.reproduction import figures_proposed as figures
 from stagectl_studies.reproduction.ball_screw import Evidence
 from stagectl_studies.reproduction.bench import NOISE, Run
 from stagectl_studies.reproduction.part import Part
 from stagectl_studies.reproduction.tracking import CONTROLLERS, numbers
-from stagectl.number_format import length
 
 
 def parts(e: Evidence) -> list[Part]:

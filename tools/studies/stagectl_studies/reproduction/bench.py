@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl import design
-from stagectl.config.stage_file import Operators, Setup
+from stagectl.config.stage_file import OWN, Operators, Setup
 from stagectl.identification.capture import Capture
 from stagectl.identification.captures import prepared
 from stagectl.identification.result import Characteristic
@@ -24,7 +24,7 @@ from stagectl.simulation import simulate
 from stagectl.trajectories import Experiment
 
 Array = NDArray[np.float64]
-CONFIG = Path(__file__).parents[2] / "config"
+CONFIG = OWN
 NOISE = 0.045  # A rms on the motor current, the ball-screw paper's drive
 NO_FRICTION = frozenset({"friction"})
 

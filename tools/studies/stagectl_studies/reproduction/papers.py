@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stagectl.number_format import length
 from stagectl.recording.metadata import versions
 from stagectl.report.page import Page, write
-from stagectl_studies.reproduction import (ball_screw, ball_screw_conventional, ball_screw_proposed, ball_screw_tracking, slider, slider_parts)
-from stagectl_studies.reproduction.bench import CONFIG
-from stagectl_studies.reproduction.progress import Course, Tell
-from stagectl_studies.reproduction.part import Outcome
-from stagectl_studies.reproduction.tracking import NOISES
 from stagectl.units import StageError
-from stagectl.number_format import length
+from stagectl_studies.reproduction import (
+    ball_screw,
+    ball_screw_conventional,
+    ball_screw_proposed,
+    ball_screw_tracking,
+    slider,
+    slider_parts,
+)
+from stagectl_studies.reproduction.bench import CONFIG
+from stagectl_studies.reproduction.part import Outcome
+from stagectl_studies.reproduction.progress import Course, Tell
+from stagectl_studies.reproduction.tracking import NOISES
 
 PAPERS = ("ball-screw", "slider")
 
