@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,14 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.simulated import Simulation, draw
-from stagectl.kernels import rollout, stage
+from stagectl.kernels import friction, law, plant_with_effects, rollout, stage, transmission
 from stagectl.kernels.law import Law
 from stagectl.plan import Plan
+from stagectl.units import StageError
+
+# (velocity in rad/s | m/s, position in rad | m, step in s) -> force in N m | N, positive against positive velocity.
+# It is called once for each integration step, in the order of time, so that an object can keep a memory.
+FrictionLaw = Callable[[float, float, float], float]
 
 
 def simulate(setup: Setup, plan: Plan, running: Law, plant: Setup | None = None, start: float = 0.0) -> NDArray[Any]:
@@ -39,3 +45,65 @@ def noise(p: Simulation, count: int, jitter: float = 0.0) -> NDArray[np.float64]
 def structured(rows: NDArray[np.float64]) -> NDArray[Any]:
     """(n, width) as (n,) rows with named columns, without a copy."""
     return rows.view(np.dtype([(name, "<f8") for name in rollout.COLUMNS]))[:, 0]
+
+
+def simulate_with_friction(
+    setup: Setup, plan: Plan, running: Law, friction_law: FrictionLaw, plant: Setup | None = None
+) -> NDArray[Any]:
+    """Rows (n,) of the run, as `simulate` gives them, with `friction_law` in place of the plant's friction.
+
+    The loop is interpreted, some hundred times slower than `simulate`.  The force is held over one integration step
+    (``simulation.substeps`` a period), so a stiff law needs short steps: ``stiffness h^2 << inertia``.
+
+    Raises StageError for a plant that is more than one inertia with viscous friction and an even motor, and for a force
+    that is not finite.
+    """
+    machine = plant or setup
+    p = _without_friction(machine)
+    noises = noise(machine.file.simulation, len(plan.setpoints), p.drive.jitter)
+    rows = np.zeros((len(plan.setpoints), rollout.WIDTH))
+    x, memory = stage.at_rest(p), law.AT_REST
+    for k, (setpoint, drawn) in enumerate(zip(map(_setpoint, plan.setpoints), noises.tolist(), strict=True)):
+        disturbed = stage.Noise(drawn[0], drawn[1], drawn[2] if len(drawn) > 2 else 0.0)
+        measured = stage.measured(p.encoder, x, disturbed)
+        output, memory = law.step(running, memory, setpoint, measured)
+        seen = (measured, x.position, stage.reported(p.drive, x, setup.dt), 0.0, 0.0, 0.0, 0.0)
+        rows[k] = (k * setup.dt, *setpoint, *output, *seen)
+        x = stage.commanded(p.drive, x, output.current)
+        x = stage.latched(p, _moved(p, x, disturbed, friction_law, (setup.dt, machine.file.simulation.substeps)))
+    return structured(rows)
+
+
+def _setpoint(row: NDArray[np.float64]) -> law.Setpoint:
+    return law.Setpoint(*row.tolist())
+
+
+def _without_friction(machine: Setup) -> stage.Stage:
+    """The plant with stop operators of no weight and no other friction."""
+    p = machine.stage
+    if not (plant_with_effects.smooth(p.motor) and transmission.neutral(p.mechanics)):
+        raise StageError(
+            f"a friction law of your own acts on one inertia with viscous friction and an even motor; {machine.path} has "
+            "more effects in `motor` or `mechanics`: remove them from the plant"
+        )
+    slips = list(p.friction.operators.slip)
+    none = friction.bundle([0.0] * len(slips), slips)
+    return p._replace(friction=stage.Friction(none, friction.Stribeck()))
+
+
+def _moved(
+    p: stage.Stage, x: stage.State, noise: stage.Noise, friction_law: FrictionLaw, steps: tuple[float, int]
+) -> stage.State:
+    """The plant one period later; the friction acts as the motor current that gives the same force."""
+    dt, count = steps
+    step = dt / count
+    for _ in range(count):
+        force = float(friction_law(x.velocity, x.position + 0.5 * step * x.velocity, step))
+        if not np.isfinite(force):
+            raise StageError(
+                f"the friction law gives {force} at a velocity of {x.velocity:g} and a position of {x.position:g} "
+                "(SI, axis units); it must return a finite force"
+            )
+        against = noise.current - force / p.motor.force_constant
+        x = stage.drifted(p, x, stage.Noise(against, noise.position, noise.delay), step, 1)
+    return x

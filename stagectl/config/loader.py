@@ -277,9 +277,11 @@ def _plain(hint: Any) -> Any:
     return get_args(hint)[0] if get_origin(hint) is Annotated else hint
 
 
-def load(path: Path, read: Callable[[Reader, yaml.Node], Any], lengths: Lengths | None = None) -> Any:
-    """Read one file with `read`; raises ConfigError with every error found."""
+def load(
+    path: Path, read: Callable[[Reader, yaml.Node], Any], lengths: Lengths | None = None, text: str | None = None
+) -> Any:
+    """Read one file with `read`, or its `text` in memory; raises ConfigError with every error found."""
     reader = Reader(path, lengths or Lengths())
-    found = read(reader, compose(path))
+    found = read(reader, compose(path, text))
     reader.finish()
     return found

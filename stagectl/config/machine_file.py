@@ -30,10 +30,13 @@ def split(path: Path) -> tuple[Path, str]:
     return (path.with_name(name), axis) if name and axis and not path.exists() else (path, "")
 
 
-def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any]) -> Any:
-    """Read the stage file, or the axis of one, with `read`.  Raises ConfigError with every error found."""
-    file, axis = split(path)
-    return load(file, lambda reader, root: read(reader, chosen(reader, root, axis)))
+def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | None = None) -> Any:
+    """Read the stage file, or the axis of one, with `read`; `text` is that of one axis, as `text_of` gives it.
+
+    Raises ConfigError with every error found.
+    """
+    file, axis = split(path) if text is None else (path, "")
+    return load(file, lambda reader, root: read(reader, chosen(reader, root, axis)), text=text)
 
 
 def axes_of(path: Path) -> list[Path]:

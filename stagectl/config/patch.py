@@ -60,7 +60,7 @@ def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]
     found = patched(read_text(base), values, Lengths(axis.kind, axis.lead))
     with base.open("rb") as file:
         mark = _MARK if file.read(3) == _MARK else b""
-    _replace(target, mark + found.text.encode(), lambda path: _check(path, values))
+    replace_file(target, mark + found.text.encode(), lambda path: check_values(load_stage(path).file, values))
     return list(found.changes)
 
 
@@ -138,9 +138,8 @@ def _short(text: str) -> str:
     return words if len(words) <= 60 else f"{words[:40].rsplit(',', 1)[0]}, ... {words.rsplit(',', 1)[-1].strip()}"
 
 
-def _check(path: Path, values: Mapping[str, Any]) -> None:
-    """Raises StageError where the file at `path` is refused, or does not give `values`."""
-    file = load_stage(path).file
+def check_values(file: StageFile, values: Mapping[str, Any]) -> None:
+    """Raise ConfigError where a stage file that was patched with `values` does not give them."""
     for name, wanted in values.items():
         found: Any = file
         for word in name.split("."):
@@ -161,7 +160,7 @@ def _close(found: Any, wanted: Any) -> bool:
     return bool(found == wanted)
 
 
-def _replace(target: Path, content: bytes, check: Callable[[Path], None]) -> None:
+def replace_file(target: Path, content: bytes, check: Callable[[Path], None]) -> None:
     """Write beside `target`, check that, and put it in the place of `target` in one step."""
     real = target.resolve()
     try:

@@ -27,12 +27,12 @@ class UnreadableError(ConfigError):
     """No such file, not permitted, or no file at all: nothing is known of its content."""
 
 
-def compose(path: Path) -> yaml.Node:
-    """The file's YAML node tree.
+def compose(path: Path, text: str | None = None) -> yaml.Node:
+    """The file's YAML node tree; `text` is the file's content where that is in memory already.
 
     Raises UnreadableError where there is no file to read, ConfigError where it is no YAML.
     """
-    text = read_text(path)
+    text = read_text(path) if text is None else text
     _check_brackets(path, text)
     hidden = _HIDDEN.search(text)
     if hidden:

@@ -131,6 +131,7 @@ class Setup(NamedTuple):
     path: Path
     file: StageFile
     stage: stage.Stage  # the model: what the law is designed for, and the plant where there is no machine
+    text: str = ""  # of the stage file, where `path` does not hold it
 
     @property
     def dt(self) -> float:
@@ -138,17 +139,18 @@ class Setup(NamedTuple):
         return self.file.control.period
 
 
-def load_stage(path: Path, judged: bool = True) -> Setup:
+def load_stage(path: Path, judged: bool = True, text: str | None = None) -> Setup:
     """Read a stage file, or an axis of one (``xy.yaml#x``); not `judged`, its loop may be one that must not run.
 
+    `text` is the file's content where that is in memory; `path` then only names it and its folder.
     Raises ConfigError with every error, and DesignError where the loop it describes is refused.
     """
-    file: StageFile = load_axis(path, _read if judged else _read_unjudged)
+    file: StageFile = load_axis(path, _read if judged else _read_unjudged, text)
     wire = file.drive.wire
     if isinstance(wire, Canopen):
         eds = str(_eds(wire.eds, path))
         file = file._replace(drive=file.drive._replace(wire=wire._replace(eds=eds)))
-    return Setup(path, file, _assembled(file))
+    return Setup(path, file, _assembled(file), text or "")
 
 
 def _read(reader: Reader, root: yaml.Node) -> StageFile | None:

@@ -89,17 +89,18 @@ def axis_of(setup: Setup) -> Axis:
     return Axis(lengths, setup.stage.encoder.step * axis.travel_per_unit)
 
 
-def load_trajectory(path: Path, axis: Axis) -> trajectories.Experiment:
+def load_trajectory(path: Path, axis: Axis, text: str | None = None) -> trajectories.Experiment:
     """Read a trajectory or experiment for this axis; positions come out in metres of travel (rad without a lead).
 
+    `text` is the file's content where that is in memory; `path` then only names it and its folder.
     Raises ConfigError or TrajectoryError with the place and the reason.
     """
-    entry = load(path, lambda reader, root: _read(reader, root), axis.lengths)
+    entry = load(path, lambda reader, root: _read(reader, root), axis.lengths, text)
     trajectory = _experiment(entry, path, axis)
     try:
         trajectories.check(trajectory)
     except trajectories.TrajectoryError as error:
-        place = node_at(compose(path), str(error).split(" ")[0].partition(".")[2])
+        place = node_at(compose(path, text), str(error).split(" ")[0].partition(".")[2])
         raise trajectories.TrajectoryError(f"{error} ({path}:{place.start_mark.line + 1})") from error
     return trajectory
 

@@ -20,16 +20,16 @@ from stagectl.plan import Plan
 _PACKAGES = ("stagectl", "numpy", "scipy", "h5py", "canopen", "python-can")
 
 
-def describe(setup: Setup, plan: Plan, running: Controller, trajectory: Path) -> dict[str, Any]:
-    """Everything that is needed to read the rows, and to run them again."""
-    common = of_axis(setup, running, text_of(setup.path))
+def describe(setup: Setup, plan: Plan, running: Controller, name: str, text: str) -> dict[str, Any]:
+    """Everything that is needed to read the rows, and to run them again; `name` and `text` of the trajectory file."""
+    common = of_axis(setup, running, setup.text or text_of(setup.path))
     return {
         **common,
-        "trajectory": trajectory.stem,
+        "trajectory": Path(name).stem,
         "steady": list(plan.steady),
         "duration": plan.duration,
         "excitation": [span._asdict() for span in plan.excitation],
-        "files": {**common["files"], "trajectory": {"name": trajectory.name, "text": text_of(trajectory)}},
+        "files": {**common["files"], "trajectory": {"name": name, "text": text}},
     }
 
 

@@ -77,6 +77,17 @@ def tuned(family: Family, demand: Demand, bandwidth: float | None = None) -> Tun
     return Tuned(control, bandwidth, reached(family.stage, control), family, demand)
 
 
+def as_designed(family: Family) -> Tuned:
+    """The design that a stage file has, with what it reaches.
+
+    Raises DesignError where its gains cannot be realised.
+    """
+    control = family.control
+    cascaded = isinstance(control, design.CascadeControl)
+    bandwidth = control.position_gain / (2.0 * math.pi) if cascaded else control.bandwidth
+    return Tuned(control, bandwidth, reached(family.stage, control), family, Demand(control.margin))
+
+
 def _most(family: Family) -> float:
     """The largest bandwidth (Hz) that a stage file takes."""
     if isinstance(family.control, design.Control):

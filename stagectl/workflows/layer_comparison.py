@@ -18,7 +18,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.design import Layer
 from stagectl.recording.learned_current import Learned, LearnedError, check, load, save
 from stagectl.service.single_motion import Motion, Progress
-from stagectl.workflows.motion import blank, prepare, with_current
+from stagectl.workflows.motion import Commanded, blank, lay_out, with_current
 from stagectl.workflows.trials import Machine, Result, Shown, TrialError, after, learn, learned_words, ready, run_once
 
 ILC, OFF = "ilc", "off"
@@ -27,7 +27,7 @@ ILC, OFF = "ilc", "off"
 class Asked(NamedTuple):
     """What the user wants compared."""
 
-    trajectory: Path
+    trajectory: Commanded
     names: list[str]  # off, ptc, ptc+friction ...; the first is what the others are compared with
     layers: tuple[str, ...]  # that there are, beside ilc
     trials: int  # to learn from, where a variant learns
@@ -85,7 +85,7 @@ def _laid_out(setup: Setup, asked: Asked, name: str, folder: Path) -> Motion:
     layers = tuple(layer for layer in chosen(name, asked.layers) if layer != ILC)
     control = setup.file.control._replace(layers=cast("tuple[Layer, ...]", layers))
     changed = setup._replace(file=setup.file._replace(control=control))
-    return prepare(changed, asked.trajectory, frozenset(), folder / "run.h5")
+    return lay_out(changed, asked.trajectory, frozenset(), folder / "run.h5")
 
 
 def _with(motion: Motion, current: Learned) -> Motion:

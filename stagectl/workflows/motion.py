@@ -7,12 +7,13 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stagectl import design
+from stagectl.config.source import read_text
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.drives.bus.frames import Bus, open_bus
@@ -28,9 +29,14 @@ from stagectl.recording.metadata import describe
 from stagectl.service import virtual_drive
 from stagectl.service.single_motion import Ended, Motion, Progress, move
 from stagectl.service.virtual_timeouts import HELD_UP, waits_for_sync
+from stagectl.trajectories import Experiment
 from stagectl.units import StageError
 
+if TYPE_CHECKING:
+    from stagectl.simulation import FrictionLaw
+
 Say = Callable[[str], None]
+
 
 
 def canopen(setup: Setup) -> Canopen:
@@ -57,15 +63,36 @@ def on_channel(setup: Setup, channel: str | None) -> Setup:
     return setup._replace(file=setup.file._replace(drive=drive))
 
 
+class Commanded(NamedTuple):
+    """A trajectory bound to the axis that it is for."""
+
+    name: str  # of its file
+    text: str  # of its file: what a recording keeps of it
+    experiment: Experiment
+
+
 def prepare(
     setup: Setup, trajectory: Path, without: frozenset[str], recording: Path | None, learned: Path | None = None
 ) -> Motion:
-    """Read, check and lay out a motion, with the current that was `learned` for it; nothing moves yet."""
+    """Read a trajectory file and lay it out, see `lay_out`."""
+    experiment = load_trajectory(trajectory, axis_of(setup))
+    return lay_out(setup, Commanded(trajectory.name, read_text(trajectory), experiment), without, recording, learned)
+
+
+def lay_out(
+    setup: Setup, commanded: Commanded, without: frozenset[str], recording: Path | None, learned: Path | None = None
+) -> Motion:
+    """Check and lay out a motion, with the current that was `learned` for it; nothing moves yet.
+
+    `without` names layers that are switched off.  Without a `recording` a fresh name in ``recordings/`` is planned.
+    Raises DesignError, TrajectoryError or LearnedError where the motion is refused.
+    """
     controller = design.design(setup.stage, setup.file.control, without)
-    laid_out = plan(setup, load_trajectory(trajectory, axis_of(setup)), controller.feedforward)
+    laid_out = plan(setup, commanded.experiment, controller.feedforward)
     layers = sorted(frozenset(setup.file.control.layers) - without)
-    meta = {**describe(setup, laid_out, controller, trajectory), "without": sorted(without), "layers": layers}
-    motion = Motion(setup, laid_out, controller.law, meta, recording or _fresh(trajectory.stem))
+    about = describe(setup, laid_out, controller, commanded.name, commanded.text)
+    meta = {**about, "without": sorted(without), "layers": layers}
+    motion = Motion(setup, laid_out, controller.law, meta, recording or _fresh(Path(commanded.name).stem))
     return motion if learned is None else _with_learned(motion, learned)
 
 
@@ -102,22 +129,39 @@ def _fresh(what: str) -> Path:
 
 
 def pretend(motion: Motion, plant: Setup | None = None, start: float = 0.0) -> dict[str, Any]:
-    """Simulate the motion, on the stage's model or on another `plant`; the result as JSON values.
+    """Simulate and record the motion, see `simulated`; the result as JSON values."""
+    recording = simulated(motion, plant, start)
+    recording.path.parent.mkdir(parents=True, exist_ok=True)
+    save(recording.path, recording.meta, recording.samples, recording.ended)
+    return simulated_result(motion, recording)
 
-    It starts at `start` (s) on the session's clock.
 
+def simulated(
+    motion: Motion, plant: Setup | None = None, start: float = 0.0, friction: FrictionLaw | None = None
+) -> Recording:
+    """The recording of the motion on the stage's model, or on another `plant`; it is not written to its path.
+
+    It starts at `start` (s) on the session's clock.  `friction` takes the place of the plant's friction.
     Raises StageError where the plant is an axis of another kind.
     """
-    from stagectl.simulation import simulate  # compiles
+    from stagectl.simulation import simulate, simulate_with_friction  # compiles
 
     if plant is not None:
         _check_plant(motion.setup, plant)
-    samples = simulate(motion.setup, motion.plan, motion.law, plant, start)
-    meta = {**motion.meta, "drive": {"drive": "simulated, compiled", "plant": str((plant or motion.setup).path)}}
-    motion.recording.parent.mkdir(parents=True, exist_ok=True)
-    save(motion.recording, meta, samples, "complete")
-    found = evaluate(samples, meta)
-    return {**found, **envelope(motion.setup, samples), "recording": str(motion.recording), "simulated": True}
+    if friction is None:
+        samples, engine = simulate(motion.setup, motion.plan, motion.law, plant, start), "simulated, compiled"
+    else:
+        samples = simulate_with_friction(motion.setup, motion.plan, motion.law, friction, plant)
+        engine = "simulated, with a friction law of the user"
+    meta = {**motion.meta, "drive": {"drive": engine, "plant": str((plant or motion.setup).path)}}
+    return Recording(motion.recording, meta, samples, True, "complete", 0)
+
+
+def simulated_result(motion: Motion, recording: Recording) -> dict[str, Any]:
+    """What a simulated motion achieved, as JSON values."""
+    achieved = evaluate(recording.samples, recording.meta)
+    stopped = envelope(motion.setup, recording.samples)
+    return {**achieved, **stopped, "recording": str(recording.path), "simulated": True}
 
 
 def _check_plant(setup: Setup, plant: Setup) -> None:
@@ -200,6 +244,11 @@ def drive_present(setup: Setup, say: Say) -> Iterator[None]:
     if not isinstance(wire, Canopen) or wire.interface != "embedded" or virtual_drive.answers(wire):
         yield
         return
+    if setup.text:
+        raise DriveError(
+            f"the virtual drive reads its stage from a file, and this version of {setup.path} is in memory only: save it "
+            "first, `stage = stage.save('my-stage.yaml')`"
+        )
     say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
     process = virtual_drive.start(setup.path, wire.channel, setup.file.simulation.seed)
     try:

@@ -59,7 +59,9 @@ def _run(channel: str, path: Path) -> Facts:
     connected = _event(loop)
     start = time.perf_counter() - begin
     recorder = _spawn("stagectl.recording.recorder", (ring.descriptor, alive))
-    meta = {**describe(one.setup, one.plan, one.controller, trajectory(_MOTION)), "drive": connected["drive"]}
+    motion = trajectory(_MOTION)
+    about = describe(one.setup, one.plan, one.controller, motion.name, motion.read_text(encoding="utf-8"))
+    meta = {**about, "drive": connected["drive"]}
     _send(recorder, Order(ring.descriptor, ring.width, ring.capacity, alive, str(path), meta, rollout.COLUMNS))
     assert recorder.stdout is not None
     assert loop.stdin is not None

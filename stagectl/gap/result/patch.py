@@ -52,17 +52,21 @@ class Patch(NamedTuple):
         return [*(f"# {one}" for one in self.comments), *lines]
 
 
-def patch_of(found: Found, source: Path, only: Sequence[str] = (), unknown: bool = False) -> Patch:
+def patch_of(
+    found: Found, source: Path, only: Sequence[str] = (), unknown: bool = False, text: str | None = None
+) -> Patch:
     """The patch that adds the named effects to the stage file `source`; with `unknown` the data-based term as well.
+
+    `text` is the content of `source` where that is in memory.
 
     Raises GapError where there is nothing to write, ConfigError where the file has no such place.
     """
     chosen, left = parts(found, only, unknown)
     settings = merged(chosen)
-    file = load_stage(source, judged=False).file
+    file = load_stage(source, judged=False, text=text).file
     axis = file.axis
     check_machine(found, axis, source)
-    text = read_text(source)
+    text = read_text(source) if text is None else text
     values, replaced = arranged(settings, file, text)
     made = patched(text, values, Lengths(axis.kind, axis.lead))
     comments = (*(f"{one.name}: {one.why}" for one in chosen), *replaced, *left)

@@ -1,0 +1,53 @@
+"""What a caller may pass: quantities as numbers in SI or as text with a unit, names of layers, paths."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from stagectl.units import Quantity, StageError, UnitError, parse
+
+LAYERS = ("ptc", "friction", "observer")  # that can be switched off
+PathLike = str | os.PathLike[str]
+
+
+class ArgumentError(StageError):
+    """An argument that cannot be used: its `name`, the `value` that was passed, and the `reason`."""
+
+    def __init__(self, name: str, value: object, reason: str) -> None:
+        super().__init__(f"{name} {value}{reason}")
+        self.name, self.value, self.reason = name, value, reason
+
+
+def quantity(name: str, value: float | str | None, declared: Quantity, example: str) -> float | None:
+    """`value` in SI: a number is in SI already, a text carries its unit.
+
+    Raises ArgumentError where the unit does not fit or the value is outside its interval.
+    """
+    if value is None:
+        return None
+    try:
+        number = parse(value, declared.unit) if isinstance(value, str) else float(value)
+    except UnitError as error:
+        raise ArgumentError(name, value, f": {error}; write {example}") from error
+    if not declared.admits(number):
+        raise ArgumentError(name, value, f"; must lie in {declared.interval} {declared.unit}".rstrip())
+    return number
+
+
+def switched_off(without: Iterable[str]) -> frozenset[str]:
+    """The layers that are switched off.
+
+    Raises ArgumentError where there is no such layer.
+    """
+    names = [without] if isinstance(without, str) else list(without)
+    for layer in names:
+        if layer not in LAYERS:
+            raise ArgumentError("without", layer, f"; must be one of {', '.join(LAYERS)}")
+    return frozenset(names)
+
+
+def paths_of(places: PathLike | Sequence[PathLike]) -> list[Path]:
+    """One path or several as a list."""
+    return [Path(places)] if isinstance(places, str | os.PathLike) else [Path(place) for place in places]

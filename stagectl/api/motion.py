@@ -1,0 +1,119 @@
+"""`simulate` and `run`: one motion on the model, or on the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stagectl.api.arguments import PathLike, switched_off
+from stagectl.api.progress import ProgressOption, Say, reported
+from stagectl.api.record import MotionRecord
+from stagectl.api.stage import StageLike, as_stage
+from stagectl.api.trajectory import TrajectoryLike, as_trajectory
+from stagectl.recording.hdf5 import open_recording
+from stagectl.workflows import motion as workflow
+
+if TYPE_CHECKING:
+    from stagectl.config.stage_file import Setup
+    from stagectl.service.single_motion import Motion
+    from stagectl.simulation import FrictionLaw
+
+
+def simulate(
+    stage: StageLike,
+    trajectory: TrajectoryLike,
+    *,
+    plant: StageLike | None = None,
+    seed: int | None = None,
+    without: Iterable[str] = (),
+    learned: PathLike | None = None,
+    friction: FrictionLaw | None = None,
+) -> MotionRecord:
+    """Run the law on the stage's model, compiled, faster than real time; nothing is written.
+
+    `plant` is the machine where it is not as the model says, `seed` that of its noise.  `without` switches layers off:
+    ``"ptc"``, ``"friction"``, ``"observer"``.  `learned` is a file that ``stagectl learn`` wrote.
+    `friction(velocity, position, dt)` returns a force (N m | N, positive against positive velocity) that replaces the
+    plant's friction; the run is then interpreted, about as fast as real time.
+
+    Raises StageError where the motion is beyond a limit, or the plant is another kind of axis.
+    """
+    designed = as_stage(stage)
+    motion = _laid_out(designed.setup, trajectory, switched_off(without), None, learned)
+    machine = None if plant is None else as_stage(plant).setup
+    if seed is not None:
+        machine = _seeded(machine or designed.setup, seed)
+    recording = workflow.simulated(motion, machine, friction=friction)
+    return MotionRecord(recording, workflow.simulated_result(motion, recording))
+
+
+def run(
+    stage: StageLike,
+    trajectory: TrajectoryLike,
+    *,
+    recording: PathLike | None = None,
+    without: Iterable[str] = (),
+    learned: PathLike | None = None,
+    twin: bool = False,
+    twin_record: PathLike | None = None,
+    progress: ProgressOption = False,
+    say: Say | None = None,
+) -> MotionRecord:
+    """Run a trajectory on the drive that the stage names, and record it; without a `recording` into ``recordings/``.
+
+    On the embedded bus a virtual drive is started where none answers.  `twin` runs the model beside the axis, and
+    `twin_record` is where it writes its minutes.  `say` takes each message as it comes; `notes` of the result holds all.
+
+    Raises DriveError where the drive cannot be reached or enabled, StageError where the motion is beyond a limit.
+    """
+    messages: list[str] = []
+
+    def heard(words: str) -> None:
+        messages.append(words)
+        if say is not None:
+            say(words)
+
+    place = None if recording is None else Path(recording)
+    motion = _laid_out(as_stage(stage).setup, trajectory, switched_off(without), place, learned)
+    if twin or twin_record is not None:
+        motion = _with_twin(motion, twin_record, heard)
+    with reported(progress, f"run {motion.meta['trajectory']}", len(motion.plan.setpoints)) as update:
+        summary = workflow.perform(motion, heard, update)
+    summary |= _seen(motion, heard)
+    return MotionRecord(open_recording(motion.recording), summary, tuple(messages))
+
+
+def _laid_out(
+    setup: Setup, trajectory: TrajectoryLike, without: frozenset[str], recording: Path | None, learned: PathLike | None
+) -> Motion:
+    commanded = as_trajectory(trajectory).bound(setup)
+    return workflow.lay_out(setup, commanded, without, recording, None if learned is None else Path(learned))
+
+
+def _seeded(setup: Setup, seed: int) -> Setup:
+    return setup._replace(file=setup.file._replace(simulation=setup.file.simulation._replace(seed=seed)))
+
+
+def _with_twin(motion: Motion, record: PathLike | None, say: Say) -> Motion:
+    from stagectl.twin.start import companion
+
+    say("starting the twin: some seconds, and longer once for each version, while its kernels are compiled")
+    place = None if record is None else Path(record)
+    return motion._replace(companion=companion(motion.setup, motion.law, motion.recording, place))
+
+
+def _seen(motion: Motion, say: Say) -> dict[str, Any]:
+    """What the twin saw, where there was one."""
+    if motion.companion is None:
+        return {}
+    from stagectl.twin.start import live_file, seen
+
+    path = live_file(motion.recording)
+    if not path.exists():
+        say("twin: it saw nothing of this run")
+        return {"twin": None}
+    comparison = seen(path)
+    skipped = f"; {comparison['skipped_rows']} rows were skipped" if comparison["skipped_rows"] else ""
+    say(f"twin: {comparison['words']}{skipped}")
+    return {"twin": comparison}

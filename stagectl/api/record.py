@@ -1,0 +1,197 @@
+"""`load_log`, and the record that it, `simulate` and `run` return: arrays with units, and what the run achieved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.api.arguments import PathLike
+from stagectl.api.result import Result, Sheet, frame
+from stagectl.api.stage import StageLike, as_stage
+from stagectl.evaluation import evaluate, latched_reference
+from stagectl.kernels import rollout
+from stagectl.recording.hdf5 import Recording, open_recording, quantities, save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class MotionRecord(Result):
+    """Rows of a motion, simulated, run or logged: ``record["error"]`` is a column (n,) in SI and axis units.
+
+    Axis units are rad and N m on a rotary axis, m and N on a linear one; `units` names the unit of each column.
+    `summary` is what the run achieved, as ``--json`` writes it; empty for a log that holds too little.  `notes` is what
+    was said while it ran.
+    """
+
+    recording: Recording
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """Where it is recorded, or would be."""
+        return self.recording.path
+
+    @property
+    def samples(self) -> NDArray[Any]:
+        """All rows (n,), structured."""
+        return self.recording.samples
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of all columns."""
+        return tuple(self.samples.dtype.names or ())
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Unit of each column; empty for a pure number."""
+        kind, known = self.recording.meta["axis"]["kind"], quantities()
+        return {name: known[name].unit_for(kind) if name in known else "" for name in self.columns}
+
+    @cached_property
+    def meanings(self) -> dict[str, str]:
+        """Meaning of each column."""
+        known = quantities()
+        return {name: known[name].meaning if name in known else "" for name in self.columns}
+
+    def __getitem__(self, name: str) -> Array:
+        """One column (n,).
+
+        Raises RecordingError naming the columns there are.
+        """
+        return self.recording.column(name)
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    def to_arrays(self) -> dict[str, Array]:
+        """Every column (n,) by its name."""
+        return {name: self[name] for name in self.columns}
+
+    def to_frame(self) -> Any:
+        """Every column, indexed by row."""
+        return frame(self.to_arrays(), self.units)
+
+    def tracking_error(self) -> Array:
+        """Reference minus measured position (n,) of the instant it was latched, in m of travel (or rad)."""
+        meta = self.recording.meta
+        error: Array = (latched_reference(self.samples, meta) - self["measured"]) * meta["axis"]["travel_per_unit"]
+        return error
+
+    def sheet(self) -> Sheet:
+        """What it achieved; of a log the range of each column."""
+        from stagectl.report import run as report
+
+        if self.summary:
+            title = f"{self.summary['stage']}, {self.summary['trajectory']}"
+            table = report.figures_table(dict(self.summary), self.recording.meta)
+            return Sheet(title, report.answer(dict(self.summary), self.samples), [table], self.notes)
+        rows = [[name, *map(_number, _range(self[name])), self.units[name]] for name in self.columns]
+        notes = (*self.notes, *self.recording.meta.get("notes", ()))
+        return Sheet(str(self.path), f"{len(self)} rows", [report.columns_table(rows)], notes)
+
+    def plot(self) -> Figure:
+        """Position, tracking error and current over time."""
+        from stagectl.report.figures import detached
+        from stagectl.report.run import figure
+
+        return detached(figure(self.recording))
+
+    def save(self, path: PathLike | None = None) -> Path:
+        """Write a recording (``.h5``), or export it as ``.csv``, ``.parquet``, ``.mat`` or ``.mcap``.
+
+        Without a `path` it goes where its recording was planned, in ``recordings/``.
+        Raises RecordingError where the file cannot be written, or is of another kind.
+        """
+        target = self.path if path is None else Path(path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if target.suffix == ".h5":
+            save(target, self.recording.meta, self.samples, self.recording.ended, self.recording.complete)
+            return target
+        from stagectl.recording.exports import export
+
+        return export([self.recording], target.suffix.removeprefix("."), target)[0].path
+
+
+class RecordFolder(Sequence[MotionRecord], Result):
+    """The records of a folder, in their order."""
+
+    def __init__(self, records: Sequence[MotionRecord]) -> None:
+        self.records = tuple(records)
+
+    def __getitem__(self, number: Any) -> Any:
+        return self.records[number]
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def __iter__(self) -> Iterator[MotionRecord]:
+        return iter(self.records)
+
+    def sheet(self) -> Sheet:
+        """One record a row."""
+        from stagectl.report.page import Table
+
+        rows = [[record.path.name, str(len(record)), f"{record['time'][-1]:.4g} s"] for record in self.records]
+        return Sheet(f"{len(self)} records", "", [Table("", ["record", "rows", "duration"], rows)])
+
+    def to_frame(self) -> Any:
+        """One record a row; each record has a data frame of its own."""
+        columns = {"record": [str(record.path) for record in self], "rows": [len(record) for record in self]}
+        return frame(columns, {})
+
+
+def load_log(
+    path: PathLike, columns: Mapping[str, str] | str | None = None, stage: StageLike | None = None
+) -> MotionRecord | RecordFolder:
+    """A recording (``.h5``), a log (``.csv``, ``.mat``), or all records of a folder.
+
+    `columns` says which column is which where names do not: ``{"time": "t", "position": "qm:mm"}``.  `stage` is the
+    machine of the log, for its scales.
+
+    Raises RecordingError with file, row and reason.
+    """
+    place, setup = Path(path), None if stage is None else as_stage(stage).setup
+    if place.suffix == ".h5":
+        return record_of(open_recording(place))
+    if place.is_dir() and not (place / "captures.yaml").is_file():
+        return RecordFolder([record_of(open_recording(file)) for file in sorted(place.glob("*.h5"))])
+    from stagectl.recording.imports import read  # with pyarrow, which our own recordings do not need
+
+    records = [record_of(recording) for recording in read(place, setup, named_columns(columns))]
+    return RecordFolder(records) if place.is_dir() else records[0]
+
+
+def named_columns(columns: Mapping[str, str] | str | None) -> Mapping[str, str] | None:
+    """Names of columns as a mapping; a text is what ``--columns`` takes.
+
+    Raises RecordingError where the text cannot be understood.
+    """
+    from stagectl.recording.columns import split
+
+    return split(columns) if isinstance(columns, str) else columns
+
+
+def record_of(recording: Recording) -> MotionRecord:
+    """A recording with what it achieved, where its columns tell."""
+    whole = set(rollout.COLUMNS) <= set(recording.samples.dtype.names or ())
+    known = whole and {"steady", "duration", "nm"} <= set(recording.meta)
+    return MotionRecord(recording, evaluate(recording.samples, recording.meta) if known else {})
+
+
+def _range(column: Array) -> tuple[float, float]:
+    return (float(np.nanmin(column)), float(np.nanmax(column))) if np.isfinite(column).any() else (np.nan, np.nan)
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}"

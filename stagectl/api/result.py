@@ -1,0 +1,128 @@
+"""What every result can do: print as a table, show as HTML in a notebook, become a data frame, be saved."""
+
+from __future__ import annotations
+
+import html
+import importlib
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from stagectl.api.arguments import ArgumentError, PathLike
+from stagectl.units import StageError
+
+if TYPE_CHECKING:
+    from stagectl.report.page import Page, Table
+
+_STYLE = "text-align:left;padding:0 1em 0 0"
+
+
+class MissingPackageError(StageError):
+    """An optional package that is not installed: its `package` name."""
+
+    def __init__(self, package: str, needed_for: str) -> None:
+        super().__init__(f"{needed_for} needs {package}, which is not installed: pip install {package}")
+        self.package = package
+
+
+class Sheet(NamedTuple):
+    """A result on one screen."""
+
+    title: str
+    answer: str
+    tables: Sequence[Table]
+    notes: Sequence[str] = ()
+
+
+class Result(ABC):
+    """Base of all results.  None of them prints or draws anything by itself."""
+
+    @abstractmethod
+    def sheet(self) -> Sheet:
+        """Title, answer in a sentence, tables and notes."""
+
+    @abstractmethod
+    def to_frame(self) -> Any:
+        """A pandas data frame; its ``attrs["units"]`` holds the unit of each column.
+
+        Raises MissingPackageError without pandas.
+        """
+
+    def __repr__(self) -> str:
+        sheet = self.sheet()
+        parts = [f"{sheet.title}: {sheet.answer}" if sheet.answer else sheet.title]
+        return "\n".join([*parts, *map(_text, sheet.tables), *sheet.notes])
+
+    def _repr_html_(self) -> str:
+        sheet = self.sheet()
+        parts = [f"<b>{html.escape(sheet.title)}</b>", f"<p>{html.escape(sheet.answer)}</p>"]
+        parts += [*map(_html, sheet.tables), *(f"<div>{html.escape(note)}</div>" for note in sheet.notes)]
+        return "\n".join(parts)
+
+
+class Report(Result):
+    """A result that has a JSON form and a page."""
+
+    @abstractmethod
+    def to_json(self) -> dict[str, Any]:
+        """Everything as JSON values, as ``--json`` writes it."""
+
+    @abstractmethod
+    def page(self, command: str = "") -> Page:
+        """The page with all figures; `command` is printed as what makes it again."""
+
+    def save(self, path: PathLike) -> Path:
+        """Write JSON (``.json``) or the page (``.html``).
+
+        Raises ArgumentError for another kind of file.
+        """
+        target = Path(path)
+        if target.suffix not in (".json", ".html"):
+            raise ArgumentError("path", target, "; must end in .json or .html")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if target.suffix == ".html":
+            from stagectl.report.page import write
+
+            return write(self.page(), target)
+        target.write_text(json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        return target
+
+
+def frame(columns: Mapping[str, Any], units: Mapping[str, str]) -> Any:
+    """A pandas data frame of these columns, with their units in its ``attrs``.
+
+    Raises MissingPackageError without pandas.
+    """
+    try:
+        pandas = importlib.import_module("pandas")
+    except ImportError as error:
+        raise MissingPackageError("pandas", "to_frame") from error
+    made = pandas.DataFrame(dict(columns))
+    made.attrs["units"] = dict(units)
+    return made
+
+
+def _text(table: Table) -> str:
+    """Columns aligned, one line a row; a cell of several lines continues below."""
+    rows = [line for row in ([table.head] if any(table.head) else []) + table.rows for line in _lines(row)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    aligned = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "\n".join([*([table.title] if table.title else []), *(f"  {line}" for line in aligned)])
+
+
+def _lines(row: Sequence[str]) -> list[list[str]]:
+    cells = [cell.split("\n") for cell in row]
+    height = max(map(len, cells))
+    return [[cell[number] if number < len(cell) else "" for cell in cells] for number in range(height)]
+
+
+def _html(table: Table) -> str:
+    head = "".join(f'<th style="{_STYLE}">{html.escape(cell)}</th>' for cell in table.head)
+    rows = [
+        "<tr>" + "".join(f'<td style="{_STYLE}">{html.escape(cell)}</td>' for cell in row) + "</tr>"
+        for row in table.rows
+    ]
+    title = f"<caption>{html.escape(table.title)}</caption>" if table.title else ""
+    return f"<table>{title}<tr>{head}</tr>{''.join(rows)}</table>"

@@ -1,0 +1,157 @@
+"""`load_stage`: a stage file, read, checked and its controller designed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stagectl.api.arguments import PathLike
+from stagectl.api.result import Result, Sheet, frame
+from stagectl.config import stage_file
+from stagectl.config.loader import Lengths
+from stagectl.config.machine_file import text_of
+from stagectl.config.patch import Change, check_values, patched, replace_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from stagectl.design import Margins
+    from stagectl.tuning.search import Tuned
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DesignedStage(Result):
+    """A machine, its model and its controller.
+
+    `setup` is what the rest of the package takes; `changes` is what an `apply` has changed, compared with the file.
+    """
+
+    setup: stage_file.Setup
+    changes: tuple[Change, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """The stage file."""
+        return self.setup.path
+
+    @property
+    def text(self) -> str:
+        """Content of the stage file, with all changes."""
+        return self.setup.text or text_of(self.path)
+
+    @property
+    def period(self) -> float:
+        """Control period Ts (s)."""
+        return self.setup.dt
+
+    @cached_property
+    def loop(self) -> Tuned:
+        """The feedback as designed, with what each loop reaches."""
+        from stagectl.tuning.families import Family
+        from stagectl.tuning.search import as_designed
+
+        return as_designed(Family(self.setup.stage, self.setup.file.control))
+
+    @property
+    def gains(self) -> dict[str, tuple[float, str]]:
+        """Continuous gains by name: (value, unit)."""
+        from stagectl.tuning import sheet
+
+        return {gain.name: (gain.value, gain.unit) for gain in sheet.gains(self.setup, self.setup.file.control)}
+
+    @cached_property
+    def margins(self) -> Margins:
+        """Margins of the running loop: phase (rad), gain (factor), crossover (Hz), delay (s)."""
+        from stagectl import design
+
+        return design.margins(self.setup.stage, *design.unjudged(self.setup.stage, self.setup.file.control))
+
+    @property
+    def unrest(self) -> str:
+        """Why the loop would not come to rest on an axis that friction holds; empty where it does."""
+        from stagectl import design
+
+        return design.unrest(self.setup.stage, self.setup.file.control)
+
+    def sheet(self) -> Sheet:
+        """Gains and margins."""
+        from stagectl.report import tuning as report
+        from stagectl.tuning import sheet
+
+        file = self.setup.file
+        changed = " (changed in memory)" if self.changes else ""
+        layers = " + ".join(file.control.layers) or "none"
+        answer = (
+            f"{sheet.NAMES[sheet.law_of(file.control)]} of {self.loop.bandwidth:g} Hz every {self.period * 1e3:g} ms, "
+            f"layers: {layers}; phase margin {math.degrees(self.margins.phase):.1f} deg"
+        )
+        tables = report.design_tables(self.setup, self.loop)
+        return Sheet(f"{file.name}, {self.path}{changed}", answer, tables, sheet.notes(self.loop))
+
+    def to_frame(self) -> Any:
+        """The gains, one a row."""
+        gains = self.gains
+        columns = {"value": [value for value, _ in gains.values()], "unit": [unit for _, unit in gains.values()]}
+        return frame({"gain": list(gains), **columns}, {})
+
+    def plot(self) -> Figure:
+        """Bode plot of the open loop with its margins."""
+        from stagectl.report import tuning as report
+        from stagectl.report.figures import detached
+        from stagectl.tuning.families import cut
+
+        return detached(report.bode(cut(self.setup.stage, self.setup.file.control), self.loop))
+
+    def changed(self, values: Mapping[str, Any]) -> DesignedStage:
+        """The stage with SI values by dotted name, in memory: ``{"mechanics.inertia": 0.0102}``.
+
+        Raises ConfigError where there is no such entry, DesignError where the loop would be refused.
+        """
+        axis = self.setup.file.axis
+        made = patched(self.text, values, Lengths(axis.kind, axis.lead))
+        if not made.changes:
+            return self
+        setup = stage_file.load_stage(self.path, text=made.text)
+        check_values(setup.file, values)
+        return DesignedStage(setup, (*self.changes, *made.changes))
+
+    def on_channel(self, channel: str | None) -> DesignedStage:
+        """The stage on another channel of its bus.
+
+        Raises DriveError where it is on no CAN bus.
+        """
+        from stagectl.workflows.motion import on_channel
+
+        return DesignedStage(on_channel(self.setup, channel), self.changes)
+
+    def save(self, path: PathLike) -> DesignedStage:
+        """Write the stage file, and return the stage that it holds.
+
+        Raises ConfigError where `path` cannot be written, or the stage would be refused there.
+        """
+        target = Path(path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(target, self.text.encode(), lambda written: load_stage(written))
+        return load_stage(target)
+
+
+StageLike = DesignedStage | PathLike
+
+
+def load_stage(path: PathLike, *, judged: bool = True) -> DesignedStage:
+    """Read a stage file, or one axis of it (``xy.yaml#x``), and design its controller.
+
+    With ``judged=False`` also a stage whose loop must not run, as `tune` may find gains for it.
+
+    Raises ConfigError with every error of the file, DesignError where the phase margin is too small.
+    """
+    return DesignedStage(stage_file.load_stage(Path(path), judged))
+
+
+def as_stage(stage: StageLike) -> DesignedStage:
+    """A stage, or the stage file at a path."""
+    return stage if isinstance(stage, DesignedStage) else load_stage(stage)
