@@ -105,4 +105,61 @@ the screen; `units.Quantity` beside each field declares unit, range and meaning 
 **Where things are decided.**  What runs, and how strictly: YAML.  Whether it may run: `design` (margin) and `plan`
 (limits).  Whether it may go on: `realtime/safety.py`.  Imports run one way only, from `cli` down to `units`; the
 contract stands in pyproject.toml and ``tools/check`` enforces it.
+
+**From Python**: the nine functions below, each in `api/`; the command line is made of the same ones.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from stagectl.units import StageError
+
+if TYPE_CHECKING:
+    from stagectl.api.comparison import compare
+    from stagectl.api.diagnosis import diagnose
+    from stagectl.api.identification import identify
+    from stagectl.api.motion import run, simulate
+    from stagectl.api.record import load_log
+    from stagectl.api.stage import load_stage
+    from stagectl.api.trajectory import load_trajectory
+    from stagectl.api.tuning import tune
+
+__all__ = [
+    "StageError",
+    "compare",
+    "diagnose",
+    "identify",
+    "load_log",
+    "load_stage",
+    "load_trajectory",
+    "run",
+    "simulate",
+    "tune",
+]
+
+_ROOMS = {  # of `api`, each imported when its function is first used
+    "compare": "comparison",
+    "diagnose": "diagnosis",
+    "identify": "identification",
+    "load_log": "record",
+    "load_stage": "stage",
+    "load_trajectory": "trajectory",
+    "run": "motion",
+    "simulate": "motion",
+    "tune": "tuning",
+}
+
+if not TYPE_CHECKING:  # a type checker would take any name for one of ours
+
+    def __getattr__(name: str) -> Any:
+        """The function of the API with this name, once it is asked for."""
+        if name not in _ROOMS:
+            raise AttributeError(f"module 'stagectl' has no attribute {name!r}")
+        import importlib
+
+        return getattr(importlib.import_module(f"stagectl.api.{_ROOMS[name]}"), name)
+
+    def __dir__() -> list[str]:
+        """What there is, for completion."""
+        return sorted({*globals(), *__all__})

@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-
-mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
@@ -41,7 +39,7 @@ def page(result: Result, commands: list[str]) -> Page:
         answer,
         [*(line for line in result["verdict"] if line != answer), about, *result["notes"]],
         _pictures(result),
-        _tables(result),
+        tables(result),
         commands,
         versions(),
     )
@@ -155,7 +153,8 @@ def courses(learned: list[Result]) -> Figure:
     return figure
 
 
-def _tables(result: Result) -> list[Table]:
+def tables(result: Result) -> list[Table]:
+    """Errors of each variant, then the paired differences."""
     unit = result["unit"]
     rows = [
         [one["name"], *(length(one[measure]["mean"], unit) for measure in ("peak", "rms")), *_ends(one, unit)]

@@ -7,8 +7,6 @@ import io
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
-
-mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
@@ -89,6 +87,12 @@ def _room(axes: Axes, values: NDArray[np.float64], factor: float) -> None:
 def _error(samples: NDArray[Any], pair: Pair) -> NDArray[np.float64]:
     error: NDArray[np.float64] = (samples["reference"] - samples["measured"]) * pair.travel_per_unit
     return error
+
+
+def detached(figure: Figure) -> Figure:
+    """The figure by itself: pyplot neither shows it a second time in a notebook nor keeps it in memory."""
+    plt.close(figure)
+    return figure
 
 
 def embedded(figure: Figure, dpi: int = 170) -> str:

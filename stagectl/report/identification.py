@@ -56,6 +56,18 @@ def answer(result: dict[str, Any]) -> str:
     return f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
 
 
+def remarks(result: dict[str, Any]) -> list[str]:
+    """A line for each capture and what it was taken from, then what is to be known about the parameters."""
+    lines = []
+    for capture in result["captures"]:
+        every = f"{1e3 * capture['dt']:.4g} ms"
+        lines.append(f"{capture['name']}: {capture['rows']} rows every {every}, taken from {capture['current']}")
+        lines += [f"  {note}" for note in capture["notes"]]
+    if result.get("force_residual_percent") is not None:
+        lines.append(f"force residual {result['force_residual_percent']:.3g} % of the force")
+    return [*lines, *(f"{name}: held out, not used" for name in result["held_out"]), *result["notes"]]
+
+
 def _worded(one: dict[str, Any]) -> str:
     if one["unit"] in ("s", "m"):
         return duration(one["value"]) if one["unit"] == "s" else length(one["value"], "m")

@@ -53,14 +53,30 @@ def panel(lines: Sequence[Line], frame: Frame) -> Figure:
     """One pair of axes with these curves."""
     with mpl.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=SIZE, gridspec_kw=MARGINS)
-        for line in lines:
-            (drawn,) = axes.plot(line.x, line.y, line.style, color=line.colour, linewidth=line.width, markersize=3.5)
-            if line.label:
-                drawn.set_label(line.label)
-        _around(axes, frame)
-        if any(line.label for line in lines):
-            axes.legend(loc=frame.legend, fontsize=7.5, ncols=frame.columns, columnspacing=1.0, handlelength=1.5)
+        _drawn(axes, lines, frame)
     return figure
+
+
+def stacked(panels: Sequence[tuple[Sequence[Line], Frame]]) -> Figure:
+    """Panels below each other that share their x axis."""
+    with mpl.rc_context(STYLE):
+        figure, grid = plt.subplots(len(panels), 1, figsize=(7.0, 2.2 * len(panels)), sharex=True, squeeze=False)
+        for axes, (lines, frame) in zip(grid[:, 0], panels, strict=True):
+            _drawn(axes, lines, frame)
+            axes.label_outer()
+        figure.align_ylabels()
+        figure.tight_layout()
+    return figure
+
+
+def _drawn(axes: Axes, lines: Sequence[Line], frame: Frame) -> None:
+    for line in lines:
+        (drawn,) = axes.plot(line.x, line.y, line.style, color=line.colour, linewidth=line.width, markersize=3.5)
+        if line.label:
+            drawn.set_label(line.label)
+    _around(axes, frame)
+    if any(line.label for line in lines):
+        axes.legend(loc=frame.legend, fontsize=7.5, ncols=frame.columns, columnspacing=1.0, handlelength=1.5)
 
 
 def _around(axes: Axes, frame: Frame) -> None:

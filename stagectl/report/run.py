@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl import evaluation
@@ -15,8 +16,8 @@ from stagectl.drives.drive import Fault
 from stagectl.number_format import length
 from stagectl.recording.hdf5 import Recording
 from stagectl.report.figures import WITH, WITHOUT
-from stagectl.report.page import Page, Picture, Table
-from stagectl.report.panels import CONVENTIONAL, TRUTH, Frame, Line, picture
+from stagectl.report.page import Page, Table
+from stagectl.report.panels import CONVENTIONAL, TRUTH, Frame, Line, picture, stacked
 
 BUCKETS = 1500  # points of a curve: each the lowest and the highest of its rows
 _CURRENTS = (
@@ -37,8 +38,8 @@ def page(recording: Recording, commands: Sequence[str]) -> Page:
         f"{found['stage']}: {found['trajectory']}",
         answer(found, samples),
         _notes(found, meta),
-        _pictures(samples, meta),
-        [Table("In figures", ["", ""], _rows(found, meta))],
+        [picture(lines, frame, caption) for lines, frame, caption in _panels(samples, meta)],
+        [figures_table(found, meta)],
         [*commands, f"stagectl replay {shlex.quote(str(recording.path))}"],
         {name: str(version) for name, version in meta["versions"].items()},
         broad=True,
@@ -71,8 +72,15 @@ def _notes(found: dict[str, Any], meta: dict[str, Any]) -> list[str]:
     ]
 
 
-def _rows(found: dict[str, Any], meta: dict[str, Any]) -> list[list[str]]:
-    unit, rows = found["unit"], []
+def columns_table(rows: list[list[str]]) -> Table:
+    """Columns of a log: name, lowest and highest value, unit."""
+    return Table("", ["column", "lowest", "highest", "unit"], rows)
+
+
+def figures_table(found: dict[str, Any], meta: dict[str, Any]) -> Table:
+    """What `evaluate` has found, a figure a row."""
+    unit = found["unit"]
+    rows = []
     for name, words in (
         ("tracking_error", "tracking error"),
         ("tracking_error_true", "of the simulated true position"),
@@ -81,29 +89,44 @@ def _rows(found: dict[str, Any], meta: dict[str, Any]) -> list[list[str]]:
         if error and error["peak"] is not None:
             rows += [[f"{words}, {kind}", length(error[kind], unit)] for kind in ("peak", "rms")]
     low, high = (length(end, unit) for end in found["travelled"])
-    return [
-        *rows,
+    rows += [
         ["travelled", f"{low} to {high}"],
         ["peak current", f"{found['peak_current']:.3g} A"],
         ["cycles at the current limit", f"{found['saturated_cycles']} of {found['cycles']}"],
         ["late cycles", f"{found['late_cycles']} of {found['cycles']}"],
         ["duration", f"{found['cycles'] * meta['dt']:.4g} s"],
     ]
+    return Table("In figures", ["", ""], rows)
 
 
-def _pictures(samples: NDArray[Any], meta: dict[str, Any]) -> list[Picture]:
+def figure(recording: Recording) -> Figure:
+    """Position, tracking error and current over time, as far as the recording has them."""
+    return stacked([(lines, frame) for lines, frame, _ in _panels(recording.samples, recording.meta)])
+
+
+_Panel = tuple[list[Line], Frame, str]  # with its caption
+
+
+def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
     scale, unit = meta["axis"]["travel_per_unit"], meta["axis"]["travel_unit"]
-    reference = evaluation.latched_reference(samples, meta)
-    error = np.where(evaluation.closed(samples), (reference - samples["measured"]) * scale, np.nan)
+    names = samples.dtype.names or ()
     steady = tuple(meta["steady"])
-    inside = evaluation.window(samples["time"], meta["steady"])
-    places = [("target", samples["reference"] * scale, WITHOUT), ("actual", samples["measured"] * scale, WITH)]
-    currents = [(label, samples[name], colour) for name, label, colour in _CURRENTS]
-    return [
-        _drawn(samples, places, ("position", unit), (steady,)),
-        _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), within=error[inside]),
-        _drawn(samples, currents, ("current", "A"), (steady,)),
+    places = [
+        (label, samples[name] * scale, colour)
+        for name, label, colour in (("reference", "target", WITHOUT), ("measured", "actual", WITH))
+        if name in names
     ]
+    currents = [(label, samples[name], colour) for name, label, colour in _CURRENTS if name in names]
+    currents = [curve for curve in currents if np.isfinite(curve[1]).any()]
+    shown = [_drawn(samples, places, ("position", unit), (steady,))]
+    if {"reference", "closed"} <= set(names):
+        reference = evaluation.latched_reference(samples, meta)
+        error = np.where(evaluation.closed(samples), (reference - samples["measured"]) * scale, np.nan)
+        inside = evaluation.window(samples["time"], meta["steady"])
+        shown.append(
+            _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), within=error[inside])
+        )
+    return [*shown, *([_drawn(samples, currents, ("current", "A"), (steady,))] if currents else [])]
 
 
 def _drawn(
@@ -112,7 +135,7 @@ def _drawn(
     what: tuple[str, str],
     shaded: tuple[tuple[float, float], ...],
     within: Array | None = None,
-) -> Picture:
+) -> _Panel:
     """Curves over time in a unit that suits them; `within`: what decides the height, where not all of it."""
     quantity, unit = what
     known = [(label, values, colour) for label, values, colour in curves if np.isfinite(values).any()]
@@ -128,7 +151,7 @@ def _drawn(
     frame = Frame(
         "time [s]", f"{quantity} [{prefix}{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2
     )
-    return picture(lines, frame, f"{quantity.capitalize()} over time.")
+    return lines, frame, f"{quantity.capitalize()} over time."
 
 
 def _prefix(largest: float) -> tuple[float, str]:

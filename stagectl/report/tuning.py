@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -29,22 +31,12 @@ WIDTH, HEIGHT = 5.4, 4.0
 
 def page(setup: Setup, tuned: Tuned, command: str) -> Page:
     """The page; `command` makes it again."""
-    found = closed(setup, tuned)
-    table = [
-        [f"{one.name} {one.symbol}", f"{one.value:.6g}", one.unit, f"{one.running:.6g}", one.running_unit]
-        for one in gains(setup, tuned.control)
-    ]
-    head = ["gain", "continuous", "unit", f"as it runs every {tuned.control.period * 1e3:g} ms", "unit"]
     return Page(
         f"stagectl tune: {setup.file.name}",
         headline(setup, tuned),
         [_loop(setup), *notes(tuned)],
-        _pictures(setup, tuned, found),
-        [
-            Table("Gains", head, table),
-            Table("Margins", ["", *tuned.reached], margins(tuned)),
-            Table("Closed loop", ["", ""], rows(setup, found)),
-        ],
+        [Picture(embedded(draw()), _CAPTIONS[name]) for name, draw in drawings(setup, tuned).items()],
+        tables(setup, tuned),
         [command],
         versions(),
     )
@@ -60,19 +52,43 @@ def _loop(setup: Setup) -> str:
     )
 
 
-def _pictures(setup: Setup, tuned: Tuned, found: Closed) -> list[Picture]:
-    each = cut(setup.stage, tuned.control)
-    of_both = " One line a loop." if len(each) > 1 else ""
-    return [
-        Picture(embedded(bode(each, tuned)), f"Open loop L. Marked: phase margin PM, gain margins GM.{of_both}"),
-        Picture(embedded(sensitivities(each, tuned)), "Sensitivity S = 1/(1 + L), its peak Ms, and T = L/(1 + L)."),
-        Picture(embedded(nyquist(each, tuned)), "Nyquist plot near -1; the circle keeps the modulus margin 1/Ms."),
-        Picture(embedded(response(setup, tuned, found)), "Step of the target, sampled loop, without any feedforward."),
-        Picture(
-            embedded(stiff(setup, each, found)), "Dynamic stiffness against an effort on the axis, without friction."
-        ),
-        Picture(embedded(choice(tuned)), "What another bandwidth would give by the same rule."),
+def design_tables(setup: Setup, tuned: Tuned) -> list[Table]:
+    """Gains and margins."""
+    table = [
+        [f"{gain.name} {gain.symbol}", f"{gain.value:.6g}", gain.unit, f"{gain.running:.6g}", gain.running_unit]
+        for gain in gains(setup, tuned.control)
     ]
+    head = ["gain", "continuous", "unit", f"as it runs every {tuned.control.period * 1e3:g} ms", "unit"]
+    return [Table("Gains", head, table), Table("Margins", ["", *tuned.reached], margins(tuned))]
+
+
+def tables(setup: Setup, tuned: Tuned) -> list[Table]:
+    """Gains, margins and what the closed loop does."""
+    return [*design_tables(setup, tuned), Table("Closed loop", ["", ""], rows(setup, closed(setup, tuned)))]
+
+
+_CAPTIONS = {
+    "bode": "Open loop L, one line a loop. Marked: phase margin PM, gain margins GM.",
+    "sensitivities": "Sensitivity S = 1/(1 + L), its peak Ms, and T = L/(1 + L).",
+    "nyquist": "Nyquist plot near -1; the circle keeps the modulus margin 1/Ms.",
+    "step": "Step of the target, sampled loop, without any feedforward.",
+    "stiffness": "Dynamic stiffness against an effort on the axis, without friction.",
+    "bandwidths": "What another bandwidth would give by the same rule.",
+}
+
+
+def drawings(setup: Setup, tuned: Tuned) -> dict[str, Callable[[], Figure]]:
+    """What draws each figure of the design, by its name."""
+    loops = cut(setup.stage, tuned.control)
+    found = functools.cache(lambda: closed(setup, tuned))
+    return {
+        "bode": lambda: bode(loops, tuned),
+        "sensitivities": lambda: sensitivities(loops, tuned),
+        "nyquist": lambda: nyquist(loops, tuned),
+        "step": lambda: response(setup, tuned, found()),
+        "stiffness": lambda: stiff(setup, loops, found()),
+        "bandwidths": lambda: choice(tuned),
+    }
 
 
 def _frequencies(loop: Loop, tuned: Tuned) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import matplotlib.pyplot as plt
@@ -34,6 +34,18 @@ class _Scale(NamedTuple):
 
     factor: float
     unit: str
+
+
+def drawings(found: Found) -> dict[str, Callable[[], Figure]]:
+    """What draws each figure that the diagnosis has something for, by its name."""
+    run = telling(found)
+    known: dict[str, Callable[[], Figure] | None] = {
+        "shares": (lambda: shares(found)) if found.shares else None,
+        "coordinates": (lambda: coordinates(found)) if found.coordinates else None,
+        "spans": (lambda: spans(found)) if found.captures else None,
+        "run": None if run is None else lambda: trace(run, found),
+    }
+    return {name: draw for name, draw in known.items() if draw is not None}
 
 
 def coordinates(found: Found) -> Figure:

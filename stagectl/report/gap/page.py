@@ -102,6 +102,16 @@ def _shares(found: Found, _place: str) -> Section | None:
     return Section("Which effect", [], shown, tables) if shown or tables else None
 
 
+def result_tables(found: Found) -> list[Table]:
+    """The effects, their values, and how far the gap shrinks."""
+    values = _parameters(found, "")
+    return [
+        *([_effects(found)] if found.effects else []),
+        *(values.tables if values is not None else []),
+        *([_gaps(found)] if found.verdict != "controller" else []),
+    ]
+
+
 def _effects(found: Found) -> Table:
     rows = [row for one in found.effects for row in _effect(one)]
     return Table("", ["effect", "in", "share of closable gap", "probability"], rows)
@@ -117,15 +127,18 @@ def _effect(one: Effect) -> list[list[str]]:
 def _distance(found: Found, _place: str) -> Section | None:
     if found.verdict == "controller":
         return None
-    known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
-    rows = [_row(verdict_text.called(name), one, found) for name, one in known.items()]
-    head = ["rms on held-out runs", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"]
     run = figures.telling(found)
     shown = []
     if run is not None:
         caption = f"{run.file}, the held-out run with the largest gap: its {_window(run)} with the largest gap."
         shown.append(_picture(figures.trace(run, found), caption, 700))
-    return Section("How far it shrinks", _predicted(found), shown, [Table("", head, rows)])
+    return Section("How far it shrinks", _predicted(found), shown, [_gaps(found)])
+
+
+def _gaps(found: Found) -> Table:
+    known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
+    rows = [_row(verdict_text.called(name), gap, found) for name, gap in known.items()]
+    return Table("", ["rms on held-out runs", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"], rows)
 
 
 def _window(run: Trace) -> str:

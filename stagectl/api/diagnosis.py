@@ -1,0 +1,204 @@
+"""`diagnose`: where the gap between model and machine lies, which effect causes it, and how far it shrinks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+from stagectl.api.arguments import ArgumentError, PathLike, paths_of
+from stagectl.api.progress import ProgressOption, Update, reported
+from stagectl.api.result import Report, Sheet, frame
+from stagectl.api.stage import DesignedStage, StageLike, as_stage
+from stagectl.gap import diagnose as pipeline
+from stagectl.gap.effects.library_names import excluded
+from stagectl.gap.logs import load_session
+from stagectl.gap.result import patch, result_json
+from stagectl.gap.result.diagnosis import Coordinate, Effect, Found, Gap, Next, Spans
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from stagectl.gap.logs.session import Session
+    from stagectl.kernels.stage import Stage
+    from stagectl.report.page import Page
+
+Drawing = Literal["shares", "coordinates", "spans", "run"]
+# Of a diagnosis, in %, where each of its steps begins, as measured on the recommended battery.
+BEGINS = {
+    "controller: the command recomputed": 0,
+    "base model refitted": 1,
+    "effects simulated along the measured paths": 8,
+    "search": 44,
+    "parameters": 76,
+    "where": 78,
+    "held-out runs simulated": 82,
+    "next experiment": 98,
+}
+
+
+class Where(NamedTuple):
+    """Where the gap lies: in the loop, over the motion, and in time."""
+
+    blocks: dict[str, float | None]  # share of controller, drive, mechanics and sensor; None: not judged
+    coordinates: tuple[Coordinate, ...]  # what it follows: speed, position, ...
+    spans: tuple[Spans, ...]  # when it is open, in each log
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class GapDiagnosis(Report):
+    """The verdict, what it rests on, and the model that it leads to."""
+
+    place: Path
+    found: Found
+    session: Session
+    improved: Stage  # the nominal model with all that was found
+
+    @property
+    def verdict(self) -> str:
+        """One of none, parameters, effects, effects+unknown, unknown, controller, not-identifiable."""
+        return self.found.verdict
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words, with the gap before and after."""
+        return self.found.sentence
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Effects and shifted parameters, with probability, share and values; `found.named` are those that count."""
+        return self.found.effects
+
+    @property
+    def where(self) -> Where:
+        """Where the gap lies."""
+        return Where(self.found.blocks, self.found.coordinates, self.found.captures)
+
+    @property
+    def gap(self) -> Gap:
+        """How far it shrinks: the gap on held-out runs, before and after, with its noise floor."""
+        return self.found.gap
+
+    @property
+    def next_experiment(self) -> Next | None:
+        """The experiment that separates what is ambiguous; its `text` is a trajectory file."""
+        return self.found.next_experiment
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be known about the logs, and what they cannot tell."""
+        return (*self.found.notes, *self.found.cannot_tell)
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything as JSON values."""
+        return result_json.as_json(self.found)
+
+    def to_arrays(self) -> dict[str, np.ndarray[Any, Any]]:
+        """Name, probability and share of each effect, all (n,)."""
+        return {
+            name: np.array([getattr(effect, name) for effect in self.effects])
+            for name in ("name", "probability", "share")
+        }
+
+    def to_frame(self) -> Any:
+        """One parameter of an effect a row."""
+        rows = [(effect, name, value) for effect in self.effects for name, value in effect.parameters.items()]
+        columns: dict[str, list[Any]] = {
+            "effect": [effect.name for effect, _, _ in rows],
+            "probability": [effect.probability for effect, _, _ in rows],
+            "share": [effect.share for effect, _, _ in rows],
+            "parameter": [name for _, name, _ in rows],
+        }
+        columns |= {part: [getattr(value, part) for _, _, value in rows] for part in ("value", "low", "high", "unit")}
+        return frame(columns, {"share": "of the closable gap"})
+
+    def sheet(self) -> Sheet:
+        """The sentence, the effects with their values, and the gap before and after."""
+        from stagectl.gap.result import verdict_text
+        from stagectl.report.gap.page import result_tables
+
+        notes = [*verdict_text.quietly(self.found), *verdict_text.ambiguous(self.found), *verdict_text.advice(self.found)]
+        return Sheet(self.verdict, self.sentence, result_tables(self.found), notes)
+
+    def plot(self, what: Drawing = "shares") -> Figure:
+        """Shares of the squared gap, what it follows, when it is open, or the held-out run that shows most.
+
+        Raises ArgumentError where the diagnosis holds nothing of the kind.
+        """
+        from stagectl.report.figures import detached
+        from stagectl.report.gap.figures import drawings
+
+        known = drawings(self.found)
+        if what not in known:
+            raise ArgumentError("what", what, f"; this diagnosis draws {', '.join(known) or 'nothing'}")
+        return detached(known[what]())
+
+    def page(self, command: str = "") -> Page:
+        """The page with all figures."""
+        from stagectl.report.gap.page import page
+
+        return page(self.found, str(self.place), [command] if command else [])
+
+    def patch(self, stage: StageLike, *, only: Sequence[str] = (), unknown: bool = False) -> patch.Patch:
+        """The change of the stage file, with its `diff` and why each line changes; nothing is written.
+
+        `only` takes these effects, named or not; `unknown` adds what has no name as a data-based term.
+        Raises GapError where there is nothing to write.
+        """
+        target = as_stage(stage)
+        return patch.patch_of(self.found, target.path, only, unknown, target.text)
+
+    def apply(self, stage: StageLike, *, only: Sequence[str] = (), unknown: bool = False) -> DesignedStage:
+        """The stage with what was found, in memory; see `patch`.
+
+        Raises GapError where there is nothing to apply, ConfigError or DesignError where the result would be refused.
+        """
+        target = as_stage(stage)
+        return target.changed(self.patch(target, only=only, unknown=unknown).values)
+
+    def save_predictions(self, folder: PathLike) -> None:
+        """Write a CSV for each held-out capture, from the improved model."""
+        from stagectl.gap.validation.predictions import write
+
+        write(self.session, self.improved, Path(folder))
+
+
+def diagnose(
+    session: PathLike | Sequence[PathLike],
+    *,
+    stage: StageLike | None = None,
+    exclude: Iterable[str] = (),
+    full: bool = False,
+    advice: bool = True,
+    progress: ProgressOption = False,
+) -> GapDiagnosis:
+    """Say where the gap between model and machine lies, which effect causes it, and how far it shrinks.
+
+    `session` is a folder of recordings or captures, or one or several logs.  `stage` is the model where the logs carry
+    none.  `exclude` names effects that must not be candidates; `full` takes a larger null ensemble; without `advice` no
+    next experiment is sought.
+
+    Raises GapError where the logs cannot be diagnosed, RecordingError where they cannot be read.
+    """
+    places = paths_of(session)
+    options = pipeline.Options(excluded(list(exclude)), full, advice)
+    logs = load_session.load(places, None if stage is None else as_stage(stage).setup)
+    with reported(progress, "diagnosis", 100) as update:
+        diagnosis = pipeline.diagnose(logs, options, _steps(update))
+        update(100, 100)
+    return GapDiagnosis(places[0], diagnosis.found, logs, diagnosis.improved)
+
+
+def _steps(update: Update) -> Callable[[str], None]:
+    """How far it is when a step begins; what is reported between steps is shown next to it."""
+    reached = 0
+
+    def say(words: str) -> None:
+        nonlocal reached
+        reached = BEGINS.get(words, reached)
+        update(reached, 100, words)
+
+    return say

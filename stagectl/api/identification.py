@@ -1,0 +1,174 @@
+"""`identify`: parameters of an axis from records of its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stagectl.api.arguments import PathLike, paths_of, quantity
+from stagectl.api.progress import ProgressOption, reported
+from stagectl.api.record import MotionRecord, RecordFolder, named_columns
+from stagectl.api.result import Report, Sheet, frame
+from stagectl.api.stage import DesignedStage, StageLike, as_stage
+from stagectl.config.patch import Change, write
+from stagectl.identification import capture_checks, captures, methods
+from stagectl.identification.capture import Capture
+from stagectl.identification.result import Found, Parameter
+from stagectl.units import Quantity, StageError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from stagectl.recording.hdf5 import Recording
+    from stagectl.report.page import Page
+
+DataLike = MotionRecord | RecordFolder | PathLike
+_DELAY = Quantity("s", "[-inf, inf]", "known delay")
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class IdentifiedModel(Report):
+    """Parameters with 95 % intervals, in SI; ``fit["inertia"].value``.
+
+    `implausible` lists parameters that cannot be those of this machine; `held_out` the captures that were not used.
+    """
+
+    method: str
+    stage: DesignedStage
+    found: Found
+    captures: Sequence[Capture]
+    held_out: Sequence[str]
+    implausible: Sequence[str]
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """Values with their intervals and units, by name."""
+        return self.found.parameters
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self.found.parameters[name]
+
+    @property
+    def changes(self) -> Mapping[str, Any]:
+        """What it changes in a stage file, by dotted name (SI)."""
+        return self.found.changes
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What cannot be told apart, and what is doubtful."""
+        return tuple(self.to_json()["notes"])
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything as JSON values."""
+        return self._json
+
+    @cached_property
+    def _json(self) -> dict[str, Any]:
+        return methods.result(self.method, self.stage.setup, self.captures, self.found, self.held_out)
+
+    def to_arrays(self) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
+        """Values and the ends of their intervals, (n,) in the order of `parameters`."""
+        rows = self.parameters.values()
+        return {name: np.array([getattr(row, name) for row in rows], float) for name in ("value", "low", "high")}
+
+    def to_frame(self) -> Any:
+        """One parameter a row: value, low, high and unit."""
+        units = {name: row.unit for name, row in self.parameters.items()}
+        return frame({"parameter": list(units), **self.to_arrays(), "unit": list(units.values())}, units)
+
+    def sheet(self) -> Sheet:
+        """Parameters, captures, and what is to be known about them."""
+        from stagectl.report import identification as report
+
+        result = self.to_json()
+        return Sheet(f"{result['stage']}, {self.method}", "", [report.parameters(result)], report.remarks(result))
+
+    def plot(self) -> Figure:
+        """Friction after a reversal where the method finds it, else the first capture."""
+        from stagectl.report import identification as report
+        from stagectl.report.figures import detached
+
+        if self.found.table is not None:
+            return detached(report.characteristic(self.found.table, self.stage.setup))
+        return detached(report.motion(self.captures[0], self.stage.setup))
+
+    def page(self, command: str = "") -> Page:
+        """The page with the figures of its method."""
+        from stagectl.report.identification import page
+
+        return page(self.to_json(), (self.found, self.captures, self.stage.setup), command)
+
+    def apply(self, stage: DesignedStage | None = None, *, doubtful: bool = False) -> DesignedStage:
+        """The stage with these parameters, in memory.
+
+        Raises StageError where there is nothing to apply, or, without `doubtful`, where a value is implausible.
+        """
+        target = self.stage if stage is None else stage
+        self._check(target.path, doubtful)
+        return target.changed(self.changes)
+
+    def write(self, path: PathLike, *, doubtful: bool = False) -> list[Change]:
+        """Patch the stage file at `path`, or a copy of this stage's where there is none; comments stay.
+
+        Raises as `apply` does, and ConfigError where the result would be refused.
+        """
+        self._check(Path(path), doubtful)
+        return write(self.stage.path, Path(path), self.changes)
+
+    def _check(self, target: Path, doubtful: bool) -> None:
+        if not self.changes:
+            raise StageError(f"{target}: the method {self.method} finds nothing that a stage file holds; it is unchanged")
+        if self.implausible and not doubtful:
+            raise StageError(
+                f"{target}: nothing is written, as {self.implausible[0]}; doubtful=True (--doubtful) writes it anyway"
+            )
+
+
+def identify(
+    stage: StageLike,
+    data: DataLike | Sequence[DataLike],
+    method: str = "simultaneous",
+    *,
+    current: str | None = None,
+    columns: Mapping[str, str] | str | None = None,
+    doubtful: bool = False,
+    progress: ProgressOption = False,
+    **options: Any,
+) -> IdentifiedModel:
+    """Find the parameters of an axis from runs, logs, files or folders of captures.
+
+    `current` names the column that is the motor's current, `columns` the columns of logs, see `load_log`.  `doubtful`
+    goes on where a capture's units or current look wrong.  `options` are the method's own: ``delay`` (s, or text with
+    a unit), ``gravity``, ``directions``, ``form``, ``seed``.
+
+    Raises IdentificationError where the data do not tell the parameters, RecordingError where they cannot be read.
+    """
+    methods.chosen(method)
+    designed = as_stage(stage)
+    recordings = _recordings(data, designed, named_columns(columns))
+    held_out = [str(recording.path) for recording in recordings if captures.held_out(recording)]
+    used = captures.prepared(recordings, designed.setup, current, doubtful)
+    del recordings  # all their columns: the captures have copies of those that they need
+    if "delay" in options:
+        options["delay"] = quantity("delay", options["delay"], _DELAY, "a time such as 0.2ms")
+    with reported(progress, f"identify {method}", 1) as update:
+        found = methods.identify(method, used, designed.setup.file, update, options)
+    values = {name: parameter.value for name, parameter in found.parameters.items()}
+    implausible = capture_checks.implausible(values, designed.setup)
+    found = found._replace(notes=(*implausible, *found.notes))
+    return IdentifiedModel(method, designed, found, used, held_out, implausible)
+
+
+def _recordings(
+    data: DataLike | Sequence[DataLike], stage: DesignedStage, columns: Mapping[str, str] | None
+) -> list[Recording]:
+    if isinstance(data, MotionRecord):
+        return [data.recording]
+    if isinstance(data, Sequence) and not isinstance(data, str):
+        return [recording for part in data for recording in _recordings(part, stage, columns)]
+    return captures.opened(paths_of(data), stage.setup, columns)

@@ -1,0 +1,149 @@
+"""`tune`: gains from the model in the stage file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from stagectl.api.arguments import ArgumentError, PathLike, quantity
+from stagectl.api.result import Report, Sheet, frame
+from stagectl.api.stage import DesignedStage, StageLike, load_stage
+from stagectl.config.patch import Change, write
+from stagectl.tuning import families, sheet
+from stagectl.tuning import search as tuning
+from stagectl.units import Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from stagectl.report.page import Page
+
+_BANDWIDTH = Quantity("Hz", "[-inf, inf]", "bandwidth; the search knows its range")
+_MARGIN, _PEAK = Quantity("rad", "[0, 1.5]", "phase margin"), Quantity("", "(1, 100]", "peak of the sensitivity")
+Drawing = Literal["bode", "sensitivities", "nyquist", "step", "stiffness", "bandwidths"]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class TunedGains(Report):
+    """A feedback that was designed for a stage; `with_margin`: its margin goes into the stage file, too."""
+
+    stage: DesignedStage
+    tuned: tuning.Tuned
+    with_margin: bool = False
+
+    @property
+    def bandwidth(self) -> float:
+        """Bandwidth (Hz); of a cascade that of its position loop."""
+        return self.tuned.bandwidth
+
+    @property
+    def gains(self) -> dict[str, tuple[float, str]]:
+        """Continuous gains by name: (value, unit)."""
+        return {gain.name: (gain.value, gain.unit) for gain in sheet.gains(self.stage.setup, self.tuned.control)}
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything as JSON values, SI."""
+        return self._json
+
+    @cached_property
+    def _json(self) -> dict[str, Any]:
+        return sheet.result(self.stage.setup, self.tuned)
+
+    def to_frame(self) -> Any:
+        """The gains, one a row."""
+        gains = self.gains
+        units = {name: unit for name, (_, unit) in gains.items()}
+        values = [value for value, _ in gains.values()]
+        return frame({"gain": list(gains), "value": values, "unit": list(units.values())}, units)
+
+    def sheet(self) -> Sheet:
+        """Gains, margins, closed loop, and what is to be known about them."""
+        from stagectl.report.tuning import tables
+
+        setup = self.stage.setup
+        headline = sheet.headline(setup, self.tuned)
+        return Sheet(setup.file.name, headline, tables(setup, self.tuned), sheet.notes(self.tuned))
+
+    def plot(self, what: Drawing = "bode") -> Figure:
+        """Bode plot, sensitivities, Nyquist plot, step, dynamic stiffness, or what other bandwidths would give.
+
+        Raises ArgumentError for another name.
+        """
+        from stagectl.report.figures import detached
+        from stagectl.report.tuning import drawings
+
+        known = drawings(self.stage.setup, self.tuned)
+        if what not in known:
+            raise ArgumentError("what", what, f"; must be one of {', '.join(known)}")
+        return detached(known[what]())
+
+    def page(self, command: str = "") -> Page:
+        """The page with all figures."""
+        from stagectl.report.tuning import page
+
+        return page(self.stage.setup, self.tuned, command)
+
+    def apply(self, stage: DesignedStage | None = None) -> DesignedStage:
+        """The stage with these gains, in memory.
+
+        Raises DesignError where the loop would be refused.
+        """
+        target = self.stage if stage is None else stage
+        return target.changed(self._changes(families.law_of(target.setup.file.control)))
+
+    def write(self, path: PathLike) -> list[Change]:
+        """Patch the stage file at `path`, or a copy of this stage's where there is none; comments stay.
+
+        Raises ConfigError where the result would be refused.
+        """
+        target = Path(path)
+        base = load_stage(target, judged=False) if target.exists() else self.stage
+        return write(self.stage.path, target, self._changes(families.law_of(base.setup.file.control)))
+
+    def _changes(self, before: str) -> Mapping[str, Any]:
+        """What the stage file must hold, by dotted name (SI); another law than `before` replaces its whole block."""
+        control, law = self.tuned.control, families.law_of(self.tuned.control)
+        chosen: dict[str, Any] = sheet.entries(control)
+        if law == before:
+            changes = {f"control.{name}": value for name, value in chosen.items()}
+            return changes | ({"control.margin": control.margin} if self.with_margin else {})
+        kept = {name: getattr(control, name) for name in control._fields if name not in chosen}
+        defaults = control._field_defaults
+        stated = {name: value for name, value in kept.items() if name == "margin" or value != defaults.get(name)}
+        return {"control": {"law": law, **chosen, **stated}}
+
+
+def tune(
+    stage: StageLike,
+    bandwidth: float | str | None = None,
+    margin: float | str | None = None,
+    *,
+    peak: float | str | None = None,
+    law: Literal["pid", "cascade"] | None = None,
+    own_ratios: bool = False,
+) -> TunedGains:
+    """Design the feedback from the stage's model, with its period and all its delays.
+
+    `bandwidth` is in Hz, without one the fastest design that keeps the margins is found.  `margin` is the least phase
+    margin in rad, else that of the stage file; `peak` the largest peak of the sensitivity, 2 without a bandwidth.  All
+    three may be text with a unit: ``"30 deg"``.  `own_ratios` keeps the ratios of the stage's own cascade.
+
+    Raises ArgumentError for a value out of range, TuningError where no design keeps the margins.
+    """
+    designed = stage if isinstance(stage, DesignedStage) else load_stage(stage, judged=False)
+    hertz = quantity("bandwidth", bandwidth, _BANDWIDTH, "it such as 40Hz")
+    least = quantity("margin", margin, _MARGIN, "it such as 30deg")
+    largest = quantity("ms", peak, _PEAK, "it such as 2")
+    if largest is None:
+        largest = tuning.PEAK if hertz is None else math.inf
+    control = designed.setup.file.control
+    if least is not None:
+        control = control._replace(margin=least)
+    family = families.family(designed.setup.stage, control, law or families.law_of(control), own_ratios)
+    return TunedGains(
+        designed, tuning.tuned(family, tuning.Demand(control.margin, largest), hertz), with_margin=least is not None
+    )
