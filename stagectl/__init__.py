@@ -12,7 +12,7 @@
               |                         |
     [4] plan.py <-----------------------+                           limits checked, one row a period
               |
-        cli/motion.py -> workflows/motion.py -> service/single_motion.py                starts loop and recorder, hands over the rows
+        cli/motion.py -> api/motion.py -> workflows/motion.py -> service/single_motion.py                starts loop and recorder, hands over the rows
               |
     [5] realtime/loop.py   one period, 2000 times a second:
               |

@@ -83,8 +83,8 @@ def _without_friction(machine: Setup) -> stage.Stage:
     p = machine.stage
     if not (plant_with_effects.smooth(p.motor) and transmission.neutral(p.mechanics)):
         raise StageError(
-            f"a friction law of your own acts on one inertia with viscous friction and an even motor; {machine.path} has "
-            "more effects in `motor` or `mechanics`: remove them from the plant"
+            f"a friction law of your own acts on one inertia with viscous friction and an even motor; {machine.path} "
+            "has more effects in `motor` or `mechanics`: remove them from the plant"
         )
     slips = list(p.friction.operators.slip)
     none = friction.bundle([0.0] * len(slips), slips)

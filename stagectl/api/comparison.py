@@ -107,7 +107,9 @@ def compare(
     Raises TrialError where the variants are wrong or a run is stopped, ArgumentError for a plant next to a drive.
     """
     if plant is not None and not simulate:
-        raise ArgumentError("plant", plant, " without --simulate: a drive has its own machine; add --simulate")
+        raise ArgumentError(
+            "plant", plant, " without --simulate: a drive has its own machine; add --simulate (simulate=True)"
+        )
     setup, source = as_stage(stage).setup, as_trajectory(trajectory)
     machine = Machine(setup, simulate, None if plant is None else as_stage(plant).setup)
     place = fresh_folder(f"compare-{source.name}") if folder is None else Path(folder)
@@ -116,6 +118,4 @@ def compare(
     ready, courses = layer_comparison.variants(machine, asked, shown, place)
     result = layer_comparison.compare(machine, ready, (repeats, seed), shown, place)
     notes = layer_comparison.course_words(courses)
-    return LayerComparison(
-        result | {"simulated": simulate, "seed": seed, "learned": courses, "notes": notes}, place
-    )
+    return LayerComparison(result | {"simulated": simulate, "seed": seed, "learned": courses, "notes": notes}, place)

@@ -120,7 +120,11 @@ class GapDiagnosis(Report):
         from stagectl.gap.result import verdict_text
         from stagectl.report.gap.page import result_tables
 
-        notes = [*verdict_text.quietly(self.found), *verdict_text.ambiguous(self.found), *verdict_text.advice(self.found)]
+        notes = [
+            *verdict_text.quietly(self.found),
+            *verdict_text.ambiguous(self.found),
+            *verdict_text.advice(self.found),
+        ]
         return Sheet(self.verdict, self.sentence, result_tables(self.found), notes)
 
     def plot(self, what: Drawing = "shares") -> Figure:

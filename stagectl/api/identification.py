@@ -122,7 +122,9 @@ class IdentifiedModel(Report):
 
     def _check(self, target: Path, doubtful: bool) -> None:
         if not self.changes:
-            raise StageError(f"{target}: the method {self.method} finds nothing that a stage file holds; it is unchanged")
+            raise StageError(
+                f"{target}: the method {self.method} finds nothing that a stage file holds; it is unchanged"
+            )
         if self.implausible and not doubtful:
             raise StageError(
                 f"{target}: nothing is written, as {self.implausible[0]}; doubtful=True (--doubtful) writes it anyway"

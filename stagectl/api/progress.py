@@ -19,7 +19,7 @@ Say = Callable[[str], object]  # takes a message for the user
 def reported(option: ProgressOption, title: str, total: float) -> Iterator[Update]:
     """What a computation calls as it proceeds."""
     if option is True:
-        with bar(title, total) as update:
+        with progress(title, total) as update:
             yield update
     elif option is False:
         yield lambda *_: None
@@ -35,7 +35,7 @@ def _without_title(report: Callable[[float, float], object]) -> Update:
 
 
 @contextmanager
-def bar(title: str, total: float) -> Iterator[Update]:
+def progress(title: str, total: float) -> Iterator[Update]:
     """A bar on standard error, with the time left."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 

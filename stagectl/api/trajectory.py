@@ -97,18 +97,22 @@ class TrajectorySource(Result):
 
         columns = self.to_arrays()
         shown = [("position", self._unit())] + ([("current", "A")] if columns["current"].any() else [])
-        curves = [([Line(columns["time"], columns[name])], Frame("time [s]", f"{name} [{unit}]")) for name, unit in shown]
+        curves = [
+            ([Line(columns["time"], columns[name])], Frame("time [s]", f"{name} [{unit}]")) for name, unit in shown
+        ]
         return detached(stacked(curves))
 
 
 TrajectoryLike = TrajectorySource | PathLike | tuple[ArrayLike, ArrayLike]
 
 
-def load_trajectory(source: PathLike | tuple[ArrayLike, ArrayLike], stage: DesignedStage | None = None) -> TrajectorySource:
+def load_trajectory(
+    source: PathLike | tuple[ArrayLike, ArrayLike], stage: DesignedStage | None = None
+) -> TrajectorySource:
     """A trajectory or experiment from a YAML file, or from samples ``(time, position)``.
 
-    Samples are in s and in m of travel (rad on a rotary axis without a lead), both (n,), at rest at both ends; a quintic
-    spline goes through them.  With a `stage` the trajectory is checked at once, else where it is used.
+    Samples are in s and in m of travel (rad on a rotary axis without a lead), both (n,), at rest at both ends; a
+    quintic spline goes through them.  With a `stage` the trajectory is checked at once, else where it is used.
 
     Raises ConfigError or TrajectoryError with the place and the reason, ArgumentError for arrays that do not fit.
     """

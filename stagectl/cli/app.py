@@ -8,6 +8,7 @@ has none in its memory.
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import sys
@@ -18,6 +19,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from stagectl.api.arguments import ArgumentError
 from stagectl.cli import (
     comparison,
     configuration,
@@ -55,8 +57,11 @@ drive.app.command("dump")(drive_dump.dump)
 
 def main() -> None:
     """Entry of the command; a user's mistake never ends in a traceback."""
+    os.environ.setdefault("MPLBACKEND", "Agg")  # figures go into pages: no window, no toolkit in memory
     try:
         app()
+    except ArgumentError as error:
+        _fail(f"--{error}")
     except StageError as error:
         _fail(f"{error}{_next(error)}")
     except OSError as error:  # a result that cannot be written, a disk that is full

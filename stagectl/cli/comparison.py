@@ -8,9 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli.motion import LAYERS, Channel, Json, StageArgument, TrajectoryArgument, Without, layers_without
+from stagectl.api.arguments import switched_off
+from stagectl.cli.motion import Channel, Json, StageArgument, TrajectoryArgument, Without
 from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit, typed, typed_files
+from stagectl.cli.show import console, emit, write_page
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
 
@@ -54,7 +55,7 @@ def learn(
 
     machine = machine_of(stage, simulate, plant, channel)
     folder = many.fresh_folder(f"learn-{trajectory.stem}")
-    base = prepare(machine.setup, trajectory, layers_without(without), folder / "trial-1.h5")
+    base = prepare(machine.setup, trajectory, switched_off(without or ()), folder / "trial-1.h5")
     path = output or folder / "learned.h5"
     learned_current.claim(path)
     found = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
@@ -97,22 +98,26 @@ def compare(
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """
     engine(simulate)
-    from stagectl.report.comparison import page
-    from stagectl.report.page import write
-    from stagectl.workflows import layer_comparison as many
-    from stagectl.workflows.trials import Shown, fresh_folder
+    import stagectl as sc
 
-    machine = machine_of(stage, simulate, plant, channel)
-    folder, shown = output or fresh_folder(f"compare-{trajectory.stem}"), Shown(console.print, bar)
-    asked = many.Asked(trajectory, variants, LAYERS, trials, learned or [])
-    ready, courses = many.variants(machine, asked, shown, folder)
-    found = many.compare(machine, ready, (repeats, seed), shown, folder)
-    found |= {"simulated": simulate, "seed": seed, "learned": courses, "notes": many.course_words(courses)}
-    for line in (*found["notes"], *found["verdict"]):
+    found = sc.compare(
+        sc.load_stage(stage).on_channel(channel),
+        sc.load_trajectory(trajectory),
+        *variants,
+        simulate=simulate,
+        repeats=repeats,
+        plant=plant,
+        learned=learned or (),
+        trials=trials,
+        seed=seed,
+        folder=output,
+        progress=True,
+        say=console.print,
+    )
+    for line in (*found.result["notes"], *found.verdict):
         console.print(line)
-    written = write(page(found, [typed()]), folder / "report.html", typed_files())
-    console.print(f"report: {written}")
-    emit({**found, "report": str(written)}, json)
+    written = write_page(found, found.folder / "report.html")
+    emit({**found.to_json(), "report": str(written)}, json)
 
 
 def engine(simulate: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +9,7 @@ import typer
 
 from stagectl.cli.motion import Json
 from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, progress, typed, typed_files
+from stagectl.cli.show import console, emit, typed, typed_files
 
 Folder = Annotated[
     list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
@@ -60,56 +59,23 @@ def diagnose(
     Example: stagectl gap diagnose recordings/gap-ball-screw --json -
     """
     single_threaded_algebra()
+    import stagectl as sc
     from stagectl.cli.gap_show import show
-    from stagectl.config.stage_file import load_stage
-    from stagectl.gap import diagnose as pipeline
-    from stagectl.gap.effects.library_names import excluded
-    from stagectl.gap.logs import load_session as folders
-    from stagectl.gap.result.result_json import as_json, save
-    from stagectl.gap.validation.predictions import write
-    from stagectl.report.gap import page
-    from stagectl.report.page import write as write_page
+    from stagectl.gap.result.result_json import save
+    from stagectl.report.page import write
 
-    options = pipeline.Options(excluded(exclude or []), full)
-    session = folders.load(folder, load_stage(stage) if stage is not None else None)
-    with progress("diagnosis", 100) as update:
-        done = pipeline.diagnose(session, options, _told(update))
-        update(100, 100)
+    model = None if stage is None else sc.load_stage(stage)
+    diagnosis = sc.diagnose(folder, stage=model, exclude=exclude or (), full=full, progress=True)
     target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)
     target.mkdir(parents=True, exist_ok=True)
-    stored = save(done.found, target)
+    stored = save(diagnosis.found, target)
     if predictions is not None:
-        write(session, done.improved, predictions)
+        diagnosis.save_predictions(predictions)
     path = report or target / "diagnosis.html"
-    nominal = [one / "nominal.yaml" for one in folder if (one / "nominal.yaml").is_file()]
-    write_page(page.page(done.found, str(target), [typed()]), path, [*typed_files(), *nominal])
+    nominal = [place / "nominal.yaml" for place in folder if (place / "nominal.yaml").is_file()]
+    write(diagnosis.page(typed()), path, [*typed_files(), *nominal])
     if json is not None:
-        emit(as_json(done.found), json)
+        emit(diagnosis.to_json(), json)
     if json is None or str(json) != "-":
-        show(done.found, target)
+        show(diagnosis.found, target)
         console.print(f"{path}\n{stored}")
-
-
-# Of a diagnosis, in %, where each of its steps begins, as measured on the recommended battery.
-BEGINS = {
-    "controller: the command recomputed": 0,
-    "base model refitted": 1,
-    "effects simulated along the measured paths": 8,
-    "search": 44,
-    "parameters": 76,
-    "where": 78,
-    "held-out runs simulated": 82,
-    "next experiment": 98,
-}
-
-
-def _told(update: Callable[..., None]) -> Callable[[str], None]:
-    """How far it is when a step begins; what is said between is shown beside."""
-    reached = 0
-
-    def say(words: str) -> None:
-        nonlocal reached
-        reached = BEGINS.get(words, reached)
-        update(reached, 100, words)
-
-    return say

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from stagectl.cli.motion import Json, StageArgument
 from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, typed, typed_files
-from stagectl.cli.show import progress as bar
-from stagectl.units import StageError
+from stagectl.cli.show import console, emit, fresh_page, show_changes, write_page
 
 MethodArgument = Annotated[str, typer.Argument(metavar="METHOD", help="How; any wrong name lists them all.")]
 Captures = Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")]
@@ -66,90 +60,25 @@ def identify(
     Example: stagectl identify least-squares config/emps.yaml recordings/emps.h5 --json -
     """
     single_threaded_algebra()
-    from stagectl.config.stage_file import load_stage
-    from stagectl.identification import methods
-    from stagectl.identification.capture_checks import implausible
-    from stagectl.identification.captures import held_out, opened, prepared
-    from stagectl.recording.columns import split
+    import stagectl as sc
 
-    methods.chosen(method)
-    setup = load_stage(stage)
-    words = split(columns) if columns else None
-    recordings = opened(captures, setup, words)
-    left = [str(one.path) for one in recordings if held_out(one)]
-    used = prepared(recordings, setup, current, doubtful)
-    del recordings  # all their columns: the captures have copies of those that they need
-    with bar(f"identify {method}", 1) as update:
-        options = {"delay": _time(delay), "gravity": gravity, "directions": directions, "form": form, "seed": seed}
-        found = methods.identify(method, used, setup.file, update, options)
-    strange = implausible({name: one.value for name, one in found.parameters.items()}, setup)
-    found = found._replace(notes=(*strange, *found.notes))
-    result = methods.result(method, setup, used, found, left)
-    _show(result)
-    _page(result, (found, used, setup), report or _fresh(method))
-    emit(result, json)
-    if write is not None:
-        _write(stage, write, found.changes, [] if doubtful else strange)
-
-
-def _time(text: str | None) -> float | None:
-    """A time as a user writes it, in s."""
-    from stagectl.units import UnitError, parse
-
-    try:
-        return None if text is None else parse(text, "s")
-    except UnitError as error:
-        raise StageError(f"--delay {text}: {error}; write a time such as 0.2ms") from error
-
-
-def _show(result: dict[str, Any]) -> None:
-    table = Table("parameter", "value", "95 % interval", "unit", title=f"{result['stage']}, {result['method']}")
-    for name, one in result["parameters"].items():
-        table.add_row(name, _digits(one["value"]), f"{_digits(one['low'])} to {_digits(one['high'])}", one["unit"])
-    console.print(table)
-    for one in result["captures"]:
-        console.print(f"{one['name']}: {one['rows']} rows every {1e3 * one['dt']:.4g} ms, taken from {one['current']}")
-        for note in one["notes"]:
-            console.print(f"  {note}")
-    if result.get("force_residual_percent") is not None:
-        console.print(f"force residual {result['force_residual_percent']:.3g} % of the force")
-    for name in result["held_out"]:
-        console.print(f"{name}: held out, not used")
-    for note in result["notes"]:
-        console.print(note)
-
-
-def _digits(value: float | None) -> str:
-    return "not known" if value is None else f"{value:.6g}"
-
-
-def _page(result: dict[str, Any], what: tuple[Any, Any, Any], path: Path) -> None:
-    from stagectl.report.identification import page
-    from stagectl.report.page import write
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    console.print(f"report: {write(page(result, what, typed()), path, typed_files())}")
-
-
-def _fresh(method: str) -> Path:
-    """A page's name that is not taken."""
-    stem = Path("recordings") / f"{time.strftime('%Y%m%d-%H%M%S')}-identify-{method}"
-    names = itertools.chain([stem.name], (f"{stem.name}-{n}" for n in itertools.count(2)))
-    return next(path for name in names if not (path := stem.with_name(f"{name}.html")).exists())
-
-
-def _write(stage: Path, target: Path, changes: Mapping[str, Any], strange: list[str]) -> None:
-    """Patch `target` and say what has changed."""
-    from stagectl.config.patch import write
-
-    if not changes:
-        raise StageError(f"--write {target}: this method finds nothing that stands in a stage file; it is as it was")
-    if strange:
-        raise StageError(f"--write {target}: nothing is written, as {strange[0]}; --doubtful writes it all the same")
-    fresh = not target.exists()
-    made = write(stage, target, changes)
-    console.print(
-        f"wrote {target}" + (f", a copy of {stage} with" if fresh else "") + ("" if made else ": nothing has changed")
+    found = sc.identify(
+        sc.load_stage(stage),
+        captures,
+        method,
+        current=current,
+        columns=columns,
+        doubtful=doubtful,
+        progress=True,
+        delay=delay,
+        gravity=gravity,
+        directions=directions,
+        form=form,
+        seed=seed,
     )
-    for change in made:
-        console.print(f"  {change}")
+    console.print(str(found))
+    write_page(found, report or fresh_page(f"identify-{method}"))
+    emit(found.to_json(), json)
+    if write is not None:
+        fresh = not write.exists()
+        show_changes(stage, write, fresh, found.write(write, doubtful=doubtful))

@@ -6,14 +6,16 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, said, stream, summary, tell, typed
 from stagectl.cli.show import progress as bar
-from stagectl.units import StageError
+
+if TYPE_CHECKING:
+    from stagectl.api.stage import DesignedStage
 
 StageArgument = Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")]
 TrajectoryArgument = Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")]
@@ -35,7 +37,6 @@ State = Annotated[
     Path | None, typer.Option("--state", metavar="FILE", help="Slow record of the twin, for `gap drift`.")
 ]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
-LAYERS = ("ptc", "friction", "observer")
 
 
 def register(app: typer.Typer) -> None:
@@ -64,46 +65,27 @@ def run(
     Example: stagectl run config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
     """
     without_compiler()
-    from stagectl.workflows.motion import on_channel, perform, prepare
+    import stagectl as sc
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service's stop is an operator's
-    setup = on_channel(_judged(stage), channel)
-    motion = prepare(setup, trajectory, layers_without(without), output, learned)
-    if twin or state:
-        motion = _with_twin(motion, state)
-    with bar(f"run {motion.meta['trajectory']}", len(motion.plan.setpoints)) as update:
-        result = perform(motion, console.print, update)
+    result = sc.run(
+        _noted(stage).on_channel(channel),
+        sc.load_trajectory(trajectory),
+        recording=output,
+        without=without or (),
+        learned=learned,
+        twin=twin,
+        twin_record=state,
+        progress=True,
+        say=console.print,
+    ).summary
     console.print(summary(result))
     console.print(f"recorded: {result['recording']}")
-    emit({**result, **_seen(motion)}, json)
+    emit(result, json)
     if result["fault"]:
         console.print(f"when that is mended: {typed()}")
     if not result["in_position"]:
         raise typer.Exit(1)
-
-
-def _with_twin(motion: Any, state: Path | None) -> Any:
-    """The motion with a twin beside it."""
-    from stagectl.twin.start import companion
-
-    console.print("starting the twin: some seconds, and longer once for each version, while its kernels are compiled")
-    return motion._replace(companion=companion(motion.setup, motion.law, motion.recording, state))
-
-
-def _seen(motion: Any) -> dict[str, Any]:
-    """What the twin saw, where there was one; its words are shown."""
-    if motion.companion is None:
-        return {}
-    from stagectl.twin.start import live_file, seen
-
-    path = live_file(motion.recording)
-    if not path.exists():
-        console.print("twin: it saw nothing of this run")
-        return {"twin": None}
-    found = seen(path)
-    skipped = f"; {found['skipped_rows']} rows were skipped" if found["skipped_rows"] else ""
-    console.print(f"twin: {found['words']}{skipped}")
-    return {"twin": found}
 
 
 def simulate(
@@ -121,17 +103,18 @@ def simulate(
 
     Example: stagectl simulate config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --json -
     """
+    import stagectl as sc
     from stagectl.kernels.jit import cold
-    from stagectl.workflows.motion import prepare, pretend
 
     if cold():
         console.print("compiling the kernels, once for this version: up to a minute")
-    motion = prepare(_judged(stage), trajectory, layers_without(without), output, learned)
-    machine = _load(plant) if plant else None
-    with console.status(f"simulating {len(motion.plan.setpoints) * motion.setup.dt:.4g} s of motion"):
-        result = pretend(motion, machine)
+    designed, motion = _noted(stage), sc.load_trajectory(trajectory)
+    with console.status("simulating"):
+        run = sc.simulate(designed, motion, plant=plant, without=without or (), learned=learned)
+    written = run.save(output)
+    result = {**run.summary, "recording": str(written)}
     console.print(f"simulated: {summary(result)}")
-    console.print(f"recorded: {result['recording']}")
+    console.print(f"recorded: {written}")
     emit(result, json)
     if not result["in_position"]:
         raise typer.Exit(1)
@@ -153,6 +136,7 @@ def virtual_drive(
     Example: stagectl virtual-drive config/ball-screw.yaml
     """
     os.environ.setdefault("STAGECTL_KERNELS", "interpreted")  # compiled, its plant is lighter on the machine
+    from stagectl.config.stage_file import load_stage
     from stagectl.drives.drive import Odrive
     from stagectl.realtime.scheduling import follow_parent
     from stagectl.service.virtual_drive import serve, serve_odrive
@@ -163,7 +147,7 @@ def virtual_drive(
     stopped: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopped.append(number))
-    setup = on_channel(_load(stage), channel)
+    setup = on_channel(load_stage(stage), channel)
     if seed is not None:
         simulation = setup.file.simulation._replace(seed=seed)
         setup = setup._replace(file=setup.file._replace(simulation=simulation))
@@ -205,28 +189,11 @@ def demo(
     emit(found, json)
 
 
-def layers_without(without: list[str] | None) -> frozenset[str]:
-    """The layers that the user switches off.
+def _noted(path: Path) -> DesignedStage:
+    """The stage; where its loop would not come to rest, a note says so."""
+    import stagectl as sc
 
-    Raises StageError where there is no such layer.
-    """
-    for layer in without or ():
-        if layer not in LAYERS:
-            raise StageError(f"--without {layer}; must be one of {', '.join(LAYERS)}")
-    return frozenset(without or ())
-
-
-def _judged(path: Path) -> Any:
-    """The stage, whose user is told where its loop would not stand still."""
-    from stagectl import design
-
-    setup = _load(path)
-    if restless := design.unrest(setup.stage, setup.file.control):
-        console.print(f"note: {restless}")
-    return setup
-
-
-def _load(path: Path) -> Any:
-    from stagectl.config.stage_file import load_stage
-
-    return load_stage(path)
+    stage = sc.load_stage(path)
+    if stage.unrest:
+        console.print(f"note: {stage.unrest}")
+    return stage

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
+from stagectl.api.progress import progress as progress
+from stagectl.api.progress import terminal
 from stagectl.number_format import length
 
-# Standard output is for results only; names and paths appear as they are, whatever brackets they hold.
-console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
+if TYPE_CHECKING:
+    from stagectl.api.result import Report
+    from stagectl.config.patch import Change
+
+console = terminal()  # standard output is for results only
 
 
 def emit(result: dict[str, Any], target: str | None) -> None:
@@ -42,6 +44,30 @@ def typed_files() -> list[Path]:
     """The configuration files that the command names: a report holds their text."""
     words = [Path(word) for word in sys.argv[1:] if word.endswith((".yaml", ".yml"))]
     return list(dict.fromkeys(one for one in words if one.is_file()))
+
+
+def fresh_page(name: str) -> Path:
+    """A page in ``recordings/`` whose name is not taken."""
+    stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
+    names = itertools.chain([stem], (f"{stem}-{n}" for n in itertools.count(2)))
+    return next(path for name in names if not (path := Path("recordings") / f"{name}.html").exists())
+
+
+def write_page(result: Report, path: Path) -> Path:
+    """Write the page of a result, with the configuration files that the command names."""
+    from stagectl.report.page import write
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    console.print(f"report: {write(result.page(typed()), path, typed_files())}")
+    return path
+
+
+def show_changes(stage: Path, target: Path, fresh: bool, changes: Sequence[Change]) -> None:
+    """Print what has been written into the stage file `target`, which is `fresh` where it is a copy of `stage`."""
+    copied = f", a copy of {stage} with" if fresh else ""
+    console.print(f"wrote {target}{copied}" + ("" if changes else ": nothing has changed"))
+    for change in changes:
+        console.print(f"  {change}")
 
 
 def tell(line: str) -> None:
@@ -72,24 +98,6 @@ def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
 def said(words: str) -> dict[str, Any]:
     """A message of a verb that goes on, as an event."""
     return {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "words": words}
-
-
-@contextmanager
-def progress(title: str, total: int) -> Iterator[Any]:
-    """A bar with the time left; yields ``update(done, total)``, which may correct the total, and the title after it."""
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console) as bar:
-        task = bar.add_task(title, total=total)
-
-        def update(done: float, total: float, words: str = title) -> None:
-            bar.update(task, completed=done, total=total, description=words)
-
-        yield update
 
 
 def summary(result: dict[str, Any]) -> str:

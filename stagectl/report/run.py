@@ -123,9 +123,7 @@ def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
         reference = evaluation.latched_reference(samples, meta)
         error = np.where(evaluation.closed(samples), (reference - samples["measured"]) * scale, np.nan)
         inside = evaluation.window(samples["time"], meta["steady"])
-        shown.append(
-            _drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), within=error[inside])
-        )
+        shown.append(_drawn(samples, [("", error, WITH)], ("tracking error", unit), (steady,), within=error[inside]))
     return [*shown, *([_drawn(samples, currents, ("current", "A"), (steady,))] if currents else [])]
 
 

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 Say = Callable[[str], None]
 
 
-
 def canopen(setup: Setup) -> Canopen:
     """The CANopen wire of the stage.
 
@@ -246,8 +245,8 @@ def drive_present(setup: Setup, say: Say) -> Iterator[None]:
         return
     if setup.text:
         raise DriveError(
-            f"the virtual drive reads its stage from a file, and this version of {setup.path} is in memory only: save it "
-            "first, `stage = stage.save('my-stage.yaml')`"
+            f"the virtual drive reads its stage from a file, and this version of {setup.path} is in memory only: "
+            "save it first, `stage = stage.save('my-stage.yaml')`"
         )
     say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
     process = virtual_drive.start(setup.path, wire.channel, setup.file.simulation.seed)

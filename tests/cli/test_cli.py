@@ -9,8 +9,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from stagectl.kernels.rollout import COLUMNS
+from stagectl.recording.hdf5 import Recording
 from stagectl.workflows import motion as session
 from tests.cli.conftest import Command
 from tests.config.corpus import Case, files
@@ -29,7 +32,7 @@ def still(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def moved(*_: Any, **__: Any) -> Any:
         raise AssertionError("something was about to move")
 
-    for name in ("perform", "pretend", "move", "drive_present"):
+    for name in ("perform", "simulated", "move", "drive_present"):
         monkeypatch.setattr(session, name, moved)
     monkeypatch.setattr(subprocess, "Popen", moved)
 
@@ -87,19 +90,12 @@ def test_usage(command: Command) -> None:
 
 
 def test_a_result_that_cannot_be_written(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    def pretended(motion: Any, plant: object) -> dict[str, Any]:
-        return {
-            **{"stage": "A", "trajectory": "sine", "unit": "m", "steady": [0, 1], "nd": 1, "in_position": True},
-            **{
-                "tracking_error": {"peak": 0.0, "rms": 0.0},
-                "late_cycles": 0,
-                "saturated_cycles": 0,
-                "open_loop": False,
-            },
-            **{"recording": "none.h5", "fault": "", "simulated": True},
-        }
+    def at_rest(motion: Any, *_: Any, **__: Any) -> Recording:
+        samples = np.zeros(len(motion.plan.setpoints), [(name, "<f8") for name in COLUMNS])
+        samples["time"], samples["closed"] = motion.setup.dt * np.arange(len(samples)), 1.0
+        return Recording(motion.recording, motion.meta, samples, True, "complete", 0)
 
-    monkeypatch.setattr(session, "pretend", pretended)
+    monkeypatch.setattr(session, "simulated", at_rest)
     Path("file").write_text("")
     for target in ("file/below.json", "/proc/result.json", "."):
         code, out, err = command("simulate", STAGE, SINE, "--json", target)

@@ -13,7 +13,7 @@ from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options as Drawn
 from stagectl_studies.machine.trials import draw
 
-from stagectl.cli.gap_diagnose import BEGINS
+from stagectl.api.diagnosis import BEGINS
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import Session

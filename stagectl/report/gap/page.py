@@ -138,7 +138,9 @@ def _distance(found: Found, _place: str) -> Section | None:
 def _gaps(found: Found) -> Table:
     known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
     rows = [_row(verdict_text.called(name), gap, found) for name, gap in known.items()]
-    return Table("", ["rms on held-out runs", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"], rows)
+    return Table(
+        "", ["rms on held-out runs", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"], rows
+    )
 
 
 def _window(run: Trace) -> str:
