@@ -34,7 +34,7 @@ class MotionRecord(Result):
     """
 
     recording: Recording
-    summary: Mapping[str, Any] = field(default_factory=dict)
+    summary: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
@@ -94,8 +94,8 @@ class MotionRecord(Result):
 
         if self.summary:
             title = f"{self.summary['stage']}, {self.summary['trajectory']}"
-            table = report.figures_table(dict(self.summary), self.recording.meta)
-            return Sheet(title, report.answer(dict(self.summary), self.samples), [table], self.notes)
+            table = report.figures_table(self.summary, self.recording.meta)
+            return Sheet(title, report.answer(self.summary, self.samples), [table], self.notes)
         rows = [[name, *map(_number, _range(self[name])), self.units[name]] for name in self.columns]
         notes = (*self.notes, *self.recording.meta.get("notes", ()))
         return Sheet(str(self.path), f"{len(self)} rows", [report.columns_table(rows)], notes)

@@ -81,12 +81,13 @@ class DesignedStage(Result):
         """Gains and margins."""
         from stagectl.report import tuning as report
         from stagectl.tuning import sheet
+        from stagectl.tuning.families import law_of
 
         file = self.setup.file
         changed = " (changed in memory)" if self.changes else ""
         layers = " + ".join(file.control.layers) or "none"
         answer = (
-            f"{sheet.NAMES[sheet.law_of(file.control)]} of {self.loop.bandwidth:g} Hz every {self.period * 1e3:g} ms, "
+            f"{sheet.NAMES[law_of(file.control)]} of {self.loop.bandwidth:g} Hz every {self.period * 1e3:g} ms, "
             f"layers: {layers}; phase margin {math.degrees(self.margins.phase):.1f} deg"
         )
         tables = report.design_tables(self.setup, self.loop)

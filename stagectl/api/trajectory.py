@@ -131,7 +131,7 @@ def _sampled(time: ArrayLike, position: ArrayLike) -> tuple[str, Recorded]:
     if columns[0].shape != columns[1].shape or columns[0].ndim != 1:
         shapes = " and ".join(str(column.shape) for column in columns)
         raise ArgumentError("source", f"of shapes {shapes}", "; time and position must both be (n,)")
-    motion = Recorded(*columns)
+    motion = Recorded(columns[0], columns[1])
     check(motion)
     rows = (f"{t!r},{x!r}" for t, x in zip(columns[0].tolist(), columns[1].tolist(), strict=True))
     return "\n".join(["time_s,reference_m", *rows, ""]), motion

@@ -160,7 +160,7 @@ def _close(found: Any, wanted: Any) -> bool:
     return bool(found == wanted)
 
 
-def replace_file(target: Path, content: bytes, check: Callable[[Path], None]) -> None:
+def replace_file(target: Path, content: bytes, check: Callable[[Path], object]) -> None:
     """Write beside `target`, check that, and put it in the place of `target` in one step."""
     real = target.resolve()
     try:

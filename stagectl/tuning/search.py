@@ -83,8 +83,10 @@ def as_designed(family: Family) -> Tuned:
     Raises DesignError where its gains cannot be realised.
     """
     control = family.control
-    cascaded = isinstance(control, design.CascadeControl)
-    bandwidth = control.position_gain / (2.0 * math.pi) if cascaded else control.bandwidth
+    if isinstance(control, design.Control):
+        bandwidth = control.bandwidth
+    else:
+        bandwidth = control.position_gain / (2.0 * math.pi)
     return Tuned(control, bandwidth, reached(family.stage, control), family, Demand(control.margin))
 
 

@@ -35,7 +35,7 @@ from stagectl.units import StageError
 if TYPE_CHECKING:
     from stagectl.simulation import FrictionLaw
 
-Say = Callable[[str], None]
+Say = Callable[[str], object]
 
 
 def canopen(setup: Setup) -> Canopen:
