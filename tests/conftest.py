@@ -25,6 +25,7 @@ Tracked = Callable[..., Any]
 Command = Callable[..., tuple[int, str, str]]
 ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "config"
+SOURCES = os.pathsep.join(str(ROOT / place) for place in (".", "tools/studies"))  # for a child's PYTHONPATH
 
 
 def movable(text: str) -> str:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from stagectl.units import StageError
 from stagectl.web.client import ask
-from tests.conftest import CONFIG, ROOT
+from tests.conftest import CONFIG, ROOT, SOURCES
 
 DOCS = ROOT / "docs"
 _NAMED = re.compile(r'(?m)^ *```yaml title="([\w.-]+\.yaml)"\n(.*?)^ *```', re.DOTALL)
@@ -74,7 +74,7 @@ class Reader:
         cache = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
         mine = {"XDG_RUNTIME_DIR": str(folder), "HOME": str(folder), "XDG_CACHE_HOME": cache, "COLUMNS": "120"}
         programs = f"{folder / '.venv' / 'bin'}:{os.environ['PATH']}"
-        self.environment = {**os.environ, **mine, "PATH": programs, "PYTHONPATH": str(ROOT), "LC_ALL": "C.UTF-8"}
+        self.environment = {**os.environ, **mine, "PATH": programs, "PYTHONPATH": SOURCES, "LC_ALL": "C.UTF-8"}
         self._going: list[subprocess.Popen[str]] = []
 
     def types(self, line: str, patience: float = 600.0) -> subprocess.CompletedProcess[str]:

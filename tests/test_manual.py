@@ -15,13 +15,13 @@ from playwright.sync_api import sync_playwright
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.report.effects.scenes import scenes
-from tests.conftest import ROOT
+from tests.conftest import ROOT, SOURCES
 from tests.printed import tool
 
 
 def test_the_manual_builds_strictly(tmp_path: Path) -> None:
     """Every link and anchor resolves; pages of effects, reference and commands are there.  Pictures are left blank."""
-    environment = {**os.environ, "STAGECTL_MANUAL_PLAIN": "1", "PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"}
+    environment = {**os.environ, "STAGECTL_MANUAL_PLAIN": "1", "PYTHONPATH": SOURCES, "NO_MKDOCS_2_WARNING": "1"}
     command = [sys.executable, "-m", "mkdocs", "build", "-q", "-f", "mkdocs.yml", "-d", str(tmp_path / "site")]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -33,7 +33,7 @@ METHODS = {
     "constant-speed": Method("constant_speed", "viscous and Coulomb friction from spans of constant speed"),
     "low-speed": Method("low_speed", "rolling friction from an ultra-slow motion there and back"),
     "zero-crossing": Method("reversal.method", "friction around the reversals of a slider"),
-    "least-squares": Method("several", "inertia, viscous and Coulomb friction and offset"),
+    "least-squares": Method("pooled_estimate", "inertia, viscous and Coulomb friction and offset"),
     "friction-models": Method("friction.method", "every friction model of the family, fitted and compared"),
 }
 

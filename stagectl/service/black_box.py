@@ -1,6 +1,6 @@
 """The black box: a process that, at each fault, keeps the ten seconds before it and two after it at full rate.
 
-Run as ``python -m stagectl.service.black_box``.  It reads the ring and the board of one axis and nothing else, so that it
+Run as ``python -m stagectl.service.black_box``.  It reads ring and board of one axis and nothing else, so that it
 outlives both the real-time process and the service, and writes down how either ended.
 """
 

@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from stagectl.config.stage_file import Setup, load_stage
+from stagectl.config.stage_file import OWN, Setup, load_stage
 from stagectl.number_format import length
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions
@@ -27,7 +27,7 @@ Result = dict[str, Any]
 
 def demo(output: Path, say: Say, bar: Bar) -> dict[str, Any]:
     """Run it all; returns what each run achieved, and where the page is."""
-    config = Path(__file__).parents[1] / "config"
+    config = OWN
     if not (config / "ball-screw.yaml").is_file():
         raise StageError(f"the demo needs the checkout's config folder, and there is none at {config}: run it there")
     with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:

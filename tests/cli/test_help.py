@@ -21,7 +21,7 @@ from stagectl.cli.app import app
 from stagectl.units import StageError
 from stagectl.web.client import ask
 from tests.cli.conftest import Command
-from tests.conftest import CONFIG
+from tests.conftest import CONFIG, SOURCES
 
 ROOT: Any = typer.main.get_command(app)
 
@@ -67,7 +67,7 @@ def test_what_goes_on_tells_a_line_of_json_each(verb: str, tmp_path: Path) -> No
     stage = shutil.copytree(CONFIG, tmp_path / "config") / "ball-screw.yaml"
     places = ["--socket", str(tmp_path / "control"), "--state", str(tmp_path)] if verb == "serve" else []
     command = [sys.executable, "-m", "stagectl", verb, str(stage), "--channel", str(tmp_path / "bus"), *places]
-    environment = {**os.environ, "PYTHONPATH": str(CONFIG.parent)}
+    environment = {**os.environ, "PYTHONPATH": SOURCES}
     with subprocess.Popen([*command, "--json", "-"], stdout=subprocess.PIPE, text=True, env=environment) as process:
         try:
             assert process.stdout is not None
@@ -110,7 +110,7 @@ def test_completion_knows_the_verbs() -> None:
     asked = {"_STAGECTL_COMPLETE": "complete_bash", "COMP_WORDS": "stagectl dr", "COMP_CWORD": "1"}
     done = subprocess.run(
         [sys.executable, "-c", "import sys; sys.argv[0] = 'stagectl'; from stagectl.cli import main; main()"],
-        env={**asked, "PATH": "/usr/bin:/bin", "PYTHONPATH": str(CONFIG.parent)},
+        env={**asked, "PATH": "/usr/bin:/bin", "PYTHONPATH": SOURCES},
         capture_output=True,
         text=True,
         timeout=300,  # the machine is shared

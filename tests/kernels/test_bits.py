@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import ROOT, SOURCES
 
 SCRIPT = """
 import hashlib, sys
@@ -30,7 +30,7 @@ print(hashlib.sha256(run.samples.tobytes()).hexdigest())
 @pytest.mark.parametrize("file", ["ball-screw.yaml"])
 def test_compiled_and_interpreted_give_the_same_bits(file: str) -> None:
     """A whole closed loop with noise, Stribeck and a delayed measurement, in both ways."""
-    environment = {**os.environ, "STAGECTL_KERNELS": "interpreted", "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "STAGECTL_KERNELS": "interpreted", "PYTHONPATH": SOURCES}
     command = [sys.executable, "-c", SCRIPT, file]
     interpreted = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
     compiled: dict[str, object] = {}
@@ -64,7 +64,7 @@ def test_one_signature_each(tmp_path: Path) -> None:
 
     In a process and with a cache of its own: other tests call kernels in ways of theirs.
     """
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)}
+    environment = {**os.environ, "PYTHONPATH": SOURCES, "XDG_CACHE_HOME": str(tmp_path)}
     command = [sys.executable, "-c", SIGNATURES]
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
     found = {name: int(count) for name, count in (line.split() for line in done.stdout.splitlines())}

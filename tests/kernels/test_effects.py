@@ -16,7 +16,7 @@ from stagectl.kernels import effects, friction, friction_bristle, friction_effec
 from stagectl.kernels import plant_with_effects as kernels
 from stagectl.kernels.effects import Harmonic, Step, Table, Warming
 from stagectl.kernels.plant import Along, Base, Cable, Dwell, Reported, Transmission
-from tests.conftest import ROOT
+from tests.conftest import ROOT, SOURCES
 from tests.kernels.affected import affected
 
 DT = 5e-4
@@ -446,7 +446,7 @@ found = digest.hexdigest()
 def test_compiled_and_interpreted_give_the_same_bits() -> None:
     compiled: dict[str, object] = {}
     exec(compile(SCRIPT, "compiled", "exec"), compiled)
-    environment = {**os.environ, "STAGECTL_KERNELS": "interpreted", "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "STAGECTL_KERNELS": "interpreted", "PYTHONPATH": SOURCES}
     command = [sys.executable, "-c", SCRIPT + "print(found)"]
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
     assert compiled["found"] == done.stdout.strip()

@@ -20,7 +20,7 @@ from stagectl.kernels import friction, friction_bristle, friction_memory, fricti
 from stagectl.kernels.friction_bristle import Bristle
 from stagectl.kernels.friction_memory import Rheology, Table
 from stagectl.kernels.jit import table
-from tests.conftest import ROOT
+from tests.conftest import ROOT, SOURCES
 
 Array = NDArray[np.float64]
 COULOMB, STIFFNESS, DT = 2.0, 2e5, 1e-4  # N, N/m: a bristle of 10 um; s
@@ -357,7 +357,7 @@ print(hashlib.sha256(b"".join(LAWS[name](wandering(11, 600)).tobytes() for name 
 
 
 def test_compiled_and_interpreted_give_the_same_bits() -> None:
-    environment = {**os.environ, "STAGECTL_KERNELS": "interpreted", "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "STAGECTL_KERNELS": "interpreted", "PYTHONPATH": SOURCES}
     command = [sys.executable, "-c", SCRIPT]
     run = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
     ours: Any = hashlib.sha256(b"".join(LAWS[name](wandering(11, 600)).tobytes() for name in sorted(LAWS)))

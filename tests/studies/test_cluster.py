@@ -15,7 +15,7 @@ from stagectl.cluster import ClusterError, on_cluster
 distributed = pytest.importorskip("distributed", reason="Dask is not installed: pip install 'stagectl[cluster]'")
 pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.filterwarnings("ignore::ResourceWarning")]
 
-STAND_IN = Path(__file__).parent / "exam" / "answering" / "stand_in.py"
+STAND_IN = Path(__file__).parent / "answering" / "stand_in.py"
 ASKED = exam.Asked(3, 41, ("null-exact", "poor"))
 
 

@@ -15,6 +15,8 @@ from stagectl_studies.exam.question import ANSWER, CAPTURES, InterruptionError, 
 from stagectl_studies.exam.run_trial import Job, finished_job, sit
 from stagectl_studies.exam.workers import local
 
+from tests.conftest import SOURCES
+
 ANSWERING = Path(__file__).parent / "answering"
 PLANNED = Planned(1, "null-exact", 5)
 
@@ -126,7 +128,7 @@ def test_an_exam_that_is_ended_takes_its_diagnosis_along(tmp_path: Path, how: si
     (code / "patient.py").write_bytes((ANSWERING / "patient.py").read_bytes())
     script = tmp_path / "beside.py"
     script.write_text(BESIDE.format(root=str(root), code=str(code)))
-    surroundings = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    surroundings = {**os.environ, "PYTHONPATH": SOURCES}
     held = subprocess.Popen(
         [sys.executable, str(script)], env=surroundings, start_new_session=True, stderr=subprocess.DEVNULL
     )

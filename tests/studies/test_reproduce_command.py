@@ -1,4 +1,4 @@
-"""``stagectl reproduce``: what it writes and what it refuses; what is in it is tested in tests/studies/test_reproduction.py."""
+"""``stagectl reproduce``: what it writes and what it refuses."""
 
 from __future__ import annotations
 

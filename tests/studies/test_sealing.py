@@ -7,8 +7,12 @@ import sys
 from pathlib import Path
 
 import pytest
+import stagectl_studies
 from stagectl_studies.exam.sandbox import allowed, rules
 from stagectl_studies.exam.sealing import JOURNAL, LABELS, Seal, SealError, broken, enciphered
+
+import stagectl
+from tests.conftest import SOURCES
 
 TRUTH = b'{"effects": ["dwell"]}' * 40
 
@@ -128,11 +132,12 @@ def test_what_a_diagnosis_may_read(trial: Path, tmp_path: Path) -> None:
     for place in (trial / LABELS, trial, tmp_path / "trials", Path.home() / ".bashrc", Path("/proc/1/cmdline")):
         if place.exists():
             assert not allowed(os.path.realpath(place), known), place
-    exam = Path(sys.modules["stagectl_studies.exam.sandbox"].__file__ or "").parents[1]
-    assert not allowed(str(exam / "effects.py"), known)
-    assert allowed(str(exam.parent / "units.py"), known)
+    studies, units = Path(stagectl_studies.__file__).parent, Path(stagectl.__file__).parent / "units.py"
+    for room in ("machine/effects.py", "exam/truth.py"):
+        assert not allowed(str(studies / room), known), room
+    assert allowed(str(units), known)
     assert allowed(str(trial / "answer" / "answer.json"), known, writing=True)
-    for forbidden in (trial / "captures" / "held-1.csv", exam.parent / "units.py", tmp_path.parent / "not-yet-there"):
+    for forbidden in (trial / "captures" / "held-1.csv", units, tmp_path.parent / "not-yet-there"):
         assert not allowed(str(forbidden), known, writing=True), forbidden
 
 
@@ -190,4 +195,4 @@ def watched(trial: Path, closed: Path, environment: dict[str, str]) -> subproces
 
 
 def place() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "PYTHONDONTWRITEBYTECODE": "1"}
+    return {**os.environ, "PYTHONPATH": SOURCES, "PYTHONDONTWRITEBYTECODE": "1"}

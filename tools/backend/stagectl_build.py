@@ -11,7 +11,7 @@ from setuptools.build_meta import *  # noqa: F403  everything else is its own
 
 _ROOT = Path(__file__).parents[2]
 _UNITS = _ROOT / "stagectl" / "service" / "units"
-_PLACE = _ROOT / "stagectl" / "daemon" / "page" / "assets.py"
+_PLACE = _ROOT / "stagectl" / "web" / "assets.py"
 
 
 def build_wheel(*given: Any, **named: Any) -> str:

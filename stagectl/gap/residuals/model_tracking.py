@@ -1,4 +1,4 @@
-"""Ties the stage model to the measured path of a log: `kernels.tracked_model` over whole logs, batched over all cores."""
+"""The stage model held on the measured path of a log: `kernels.tracked_model` over whole logs, on all cores."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def asked(place: Place, module: str, words: Sequence[str], manner: Manner) -> st
     written = [str(out), str(scratch), *filter(None, [manner.code])]
     for folder in (out, scratch):
         folder.mkdir(exist_ok=True)
-    command = [sys.executable, "-m", f"{__package__}.watched", str(place.folder / LOG), "--module", module]
+    command = [sys.executable, "-m", f"{__package__}.sandbox", str(place.folder / LOG), "--module", module]
     command += ["--parent", str(os.getpid())]
     command += ["--own", str(place.folder / CAPTURES), *(word for one in written for word in ("--out", one))]
     command += ["--closed", str(place.root), "--", *words]

@@ -1,0 +1,3 @@
+"""What the service's tests share with those of the drives."""
+
+from tests.drives.conftest import bench as bench
