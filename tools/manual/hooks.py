@@ -8,6 +8,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))  # MkDocs loads this file alone
 
+import api
 import commands
 import effects
 import presets
@@ -33,7 +34,7 @@ def on_post_template(output_content: str, template_name: str, **_: Any) -> str:
 def on_files(files: Any, config: Any) -> Any:
     """Add the generated pages and pictures to what stands in the folder."""
     root = Path(config["config_file_path"]).parent
-    for made in (effects.pages(root), reference.pages(), commands.pages(), presets.pages()):
+    for made in (effects.pages(root), reference.pages(), commands.pages(), api.pages(), presets.pages()):
         for name, text in made.items():
             files.append(File.generated(config, name, content=text))
     for name, picture in effects.pictures(root).items():

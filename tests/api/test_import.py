@@ -1,0 +1,54 @@
+"""`import stagectl` is light, offers nine functions, and the five lines of the manual run as printed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import stagectl as sc
+from tests.conftest import CONFIG, ROOT
+
+HEAVY = ("numpy", "numba", "scipy", "h5py", "matplotlib", "yaml", "pint", "rich")
+NINE = "load_stage load_trajectory simulate run load_log identify diagnose tune compare".split()
+AS_PRINTED = """
+import stagectl as sc
+stage = sc.load_stage("config/ball-screw.yaml")            # designed, checked; repr shows gains and margins
+run = sc.simulate(stage, sc.load_trajectory("sine.yaml"))  # arrays with units; run.plot(), run.to_frame()
+fit = sc.identify(stage, run, method="simultaneous")       # values, intervals, what cannot be told; fit.apply(stage)
+answer = sc.diagnose("session/")                           # where, which, how far; answer.plot(), answer.apply(stage)
+"""
+
+
+def test_nothing_heavy_is_imported() -> None:
+    program = f"import sys, stagectl; print([name for name in {HEAVY} if name in sys.modules], len(dir(stagectl)))"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("[] ")
+
+
+def test_the_nine_functions_are_there() -> None:
+    assert {*NINE, "StageError"} == set(sc.__all__) <= set(dir(sc))
+    assert all(getattr(sc, name).__name__ == name for name in NINE)
+    with pytest.raises(AttributeError) as error:
+        _ = sc.simulated  # type: ignore[attr-defined]
+    assert error.value.args[0].endswith("'simulated'")
+
+
+def test_the_five_lines_run_as_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "config").symlink_to(CONFIG)
+    (folder / "sine.yaml").write_bytes((CONFIG / "trajectories" / "sine-1.6hz.yaml").read_bytes())
+    stage = sc.load_stage("config/ball-screw.yaml")
+    machine = stage.changed({"mechanics.viscous_asymmetry": 0.1, "simulation.current_noise": 5e-3})
+    for number, motion in enumerate(["sine-3.2hz", "sine-1.6hz"] * 2):
+        path = CONFIG / "trajectories" / f"{motion}.yaml"
+        sc.simulate(stage, path, plant=machine, seed=number).save(f"session/{motion}-{number}.h5")
+    names: dict[str, object] = {}
+    exec(AS_PRINTED, names)
+    fit, answer = names["fit"], names["answer"]
+    assert 0.0099 < fit["inertia"].value < 0.0101 and fit["inertia"].unit == "kg m^2"  # type: ignore[index]
+    assert [effect.name for effect in answer.found.named] == ["viscous_asymmetry"]  # type: ignore[attr-defined]
+    patched = answer.apply(stage)  # type: ignore[attr-defined]
+    assert 0.09 < patched.setup.stage.mechanics.viscous_asymmetry < 0.11
+    assert capsys.readouterr() == ("", "")  # quiet

@@ -1,0 +1,81 @@
+"""`load_stage`: gains and margins with units, changes in memory, and where they go."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+import stagectl as sc
+from stagectl.api.stage import DesignedStage
+from stagectl.config.source import ConfigError
+from stagectl.design import DesignError
+from stagectl.drives.drive import DriveError
+from stagectl.recording.hdf5 import open_recording
+from stagectl.service import virtual_drive
+from tests.api.conftest import SINE, STAGE
+from tests.conftest import CONFIG, movable
+
+
+def test_it_shows_gains_and_margins(stage: DesignedStage) -> None:
+    text = repr(stage)
+    for words in ("ball-screw stage A", "proportional Kp", "A/rad", "phase margin 25.8 deg", "Ms"):
+        assert words in text
+    assert stage.gains["proportional"] == (pytest.approx(833.3, rel=1e-3), "A/rad")
+    assert 25.0 < math.degrees(stage.margins.phase) < 26.5 and stage.margins.stable
+    assert stage.unrest == "" and stage.period == 5e-4
+    assert len(stage.plot().axes) == 2
+
+
+def test_a_notebook_shows_it_escaped() -> None:
+    stage = sc.load_stage(STAGE).changed({"name": "a <b> stage"})
+    text = stage._repr_html_()
+    assert "a &lt;b&gt; stage" in text and "<b> stage" not in text
+    assert text.count("<table>") == 2 and len(text) < 8000
+
+
+def test_a_change_is_in_memory_until_it_is_saved(stage: DesignedStage, folder: Path) -> None:
+    heavier = stage.changed({"mechanics.inertia": 0.0105})
+    assert heavier.setup.stage.mechanics.inertia == 0.0105
+    assert [change.name for change in heavier.changes] == ["mechanics.inertia"]
+    assert "changed in memory" in repr(heavier) and "changed in memory" not in repr(stage)
+    assert stage.setup.stage.mechanics.inertia == 0.010
+    assert heavier.changed({"mechanics.inertia": 0.0105}) is heavier
+    saved = heavier.save("here/heavier.yaml")
+    assert saved.setup.stage.mechanics.inertia == 0.0105 and saved.changes == ()
+    before, after = STAGE.read_text().splitlines(), (folder / "here/heavier.yaml").read_text().splitlines()
+    assert [(old, new) for old, new in zip(before, after, strict=True) if old != new] == [
+        ("  inertia: 0.010 kg m^2", "  inertia: 0.0105 kg m^2")
+    ]
+
+
+def test_a_recording_holds_the_changed_stage_file(stage: DesignedStage) -> None:
+    path = sc.simulate(stage.changed({"mechanics.inertia": 0.0105}), SINE).save("run.h5")
+    assert "0.0105 kg m^2" in open_recording(path).meta["files"]["stage"]["text"]
+
+
+def test_what_must_not_be_is_refused(stage: DesignedStage, folder: Path) -> None:
+    with pytest.raises(ConfigError):
+        stage.changed({"mechanics.mass": 1.0})
+    with pytest.raises(DesignError):
+        stage.changed({"control.bandwidth": 300.0})
+    with pytest.raises(ConfigError):
+        sc.load_stage("none.yaml")
+    (folder / "fast.yaml").write_text(movable(STAGE.read_text()).replace("bandwidth: 40 Hz", "bandwidth: 90 Hz"))
+    with pytest.raises(DesignError):
+        sc.load_stage("fast.yaml")
+    assert sc.load_stage("fast.yaml", judged=False).margins.phase < math.radians(20.0)
+
+
+def test_a_virtual_drive_needs_a_file(stage: DesignedStage, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(virtual_drive, "answers", lambda _: False)
+    monkeypatch.setattr(virtual_drive, "start", lambda *_: pytest.fail("it would be another machine"))
+    with pytest.raises(DriveError):
+        sc.run(stage.changed({"mechanics.inertia": 0.0105}), SINE)
+
+
+def test_one_axis_of_several(folder: Path) -> None:
+    axis = sc.load_stage(CONFIG / "xy.yaml#y").changed({"mechanics.inertia": 0.013})
+    assert axis.setup.stage.mechanics.inertia == 0.013
+    assert axis.save("y.yaml").setup.stage == axis.setup.stage
