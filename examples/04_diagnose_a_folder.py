@@ -1,4 +1,4 @@
-"""Diagnose where a machine differs from its model.  The machine drags more in one direction; the model does not know."""
+"""Diagnose where a machine differs from its model.  The machine drags more in one direction."""
 
 import stagectl as sc
 

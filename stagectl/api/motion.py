@@ -43,7 +43,7 @@ def simulate(
     motion = _laid_out(designed.setup, trajectory, switched_off(without), None, learned)
     machine = None if plant is None else as_stage(plant).setup
     if seed is not None:
-        machine = _seeded(machine or designed.setup, seed)
+        machine = workflow.reseeded(machine or designed.setup, seed)
     recording = workflow.simulated(motion, machine, friction=friction)
     return MotionRecord(recording, workflow.simulated_result(motion, recording))
 
@@ -89,10 +89,6 @@ def _laid_out(
 ) -> Motion:
     commanded = as_trajectory(trajectory).bound(setup)
     return workflow.lay_out(setup, commanded, without, recording, None if learned is None else Path(learned))
-
-
-def _seeded(setup: Setup, seed: int) -> Setup:
-    return setup._replace(file=setup.file._replace(simulation=setup.file.simulation._replace(seed=seed)))
 
 
 def _with_twin(motion: Motion, record: PathLike | None, say: Say) -> Motion:

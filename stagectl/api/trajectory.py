@@ -61,9 +61,9 @@ class TrajectorySource(Result):
         most = peaks(motion, 1e-3)
         rows = [
             ["duration", f"{motion.duration:.6g} s"],
-            ["travel", f"{most.lowest:.6g} to {most.highest:.6g} {unit}"],
-            ["speed", f"at most {most.speed:.6g} {unit}/s"],
-            ["acceleration", f"at most {most.acceleration:.6g} {unit}/s^2"],
+            ["travel", f"{most.lowest:.5g} to {most.highest:.5g} {unit}"],
+            ["speed", f"at most {most.speed:.5g} {unit}/s"],
+            ["acceleration", f"at most {most.acceleration:.5g} {unit}/s^2"],
         ]
         return Sheet(f"trajectory {self.path}", "", [Table("", ["", ""], rows)])
 

@@ -140,7 +140,7 @@ def virtual_drive(
     from stagectl.drives.drive import Odrive
     from stagectl.realtime.scheduling import follow_parent
     from stagectl.service.virtual_drive import serve, serve_odrive
-    from stagectl.workflows.motion import canopen, on_channel
+    from stagectl.workflows.motion import canopen, on_channel, reseeded
 
     if follow:
         follow_parent()
@@ -149,8 +149,7 @@ def virtual_drive(
         signal.signal(number, lambda number, _: stopped.append(number))
     setup = on_channel(load_stage(stage), channel)
     if seed is not None:
-        simulation = setup.file.simulation._replace(seed=seed)
-        setup = setup._replace(file=setup.file._replace(simulation=simulation))
+        setup = reseeded(setup, seed)
     wire = setup.file.drive.wire
     if isinstance(wire, Odrive):
         serve_odrive(setup, wire, _teller(json), lambda: bool(stopped))

@@ -25,13 +25,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stagectl.config.stage_file import Setup
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, yaml_of
 from stagectl.gap.logs.session import GapError
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
-from stagectl.workflows.motion import Say, perform, prepare, pretend
+from stagectl.workflows.motion import Say, perform, prepare, pretend, reseeded
 from stagectl.workflows.trials import Machine, Shown, after
 
 HELD_OUT_REPEATS = 2  # enough for a floor
@@ -155,7 +154,7 @@ def _made(campaign: Campaign, left: list[Run], begun: float, shown: Shown) -> st
         for run, before in zip(left, accumulate(counts, initial=0), strict=False):
             motion = _motion(campaign, run, begun)._replace(recording=unfinished / f"{run.name}.h5")
             try:
-                fault = _once_made(campaign, run, motion, (say, after(before, update)))
+                fault = _once_made(campaign, run, motion, (say, after(before, sum(counts), update)))
             except (StageError, KeyboardInterrupt) as error:
                 if run is left[0] and isinstance(error, StageError):
                     raise
@@ -177,12 +176,6 @@ def _once_made(campaign: Campaign, run: Run, motion: Motion, shown: tuple[Say, P
     else:
         result = perform(motion._replace(setup=reseeded(motion.setup, campaign.seed + number)), say, update)
     return f"{result['fault']}; {motion.recording} shows it" if result["fault"] else ""
-
-
-def reseeded(setup: Setup, seed: int) -> Setup:
-    """The same stage with other noise, where it is simulated."""
-    simulation = setup.file.simulation._replace(seed=seed % 2**31)
-    return setup._replace(file=setup.file._replace(simulation=simulation))
 
 
 def _motion(campaign: Campaign, run: Run, begun: float) -> Motion:

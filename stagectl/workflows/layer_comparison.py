@@ -125,7 +125,7 @@ def compare(machine: Machine, ready_to_run: list[Variant], plan: tuple[int, int]
         for number, block in enumerate(blocks, 1):
             for name in block:
                 motion = motions[name]._replace(recording=folder / f"repeat-{number}-{name}.h5")
-                found[name].append(_repeat(machine.noisy(number), motion, after(done, update)))
+                found[name].append(_repeat(machine.noisy(number), motion, after(done, total, update)))
                 done += count
     return _compared(found, blocks)
 

@@ -95,6 +95,12 @@ def lay_out(
     return motion if learned is None else _with_learned(motion, learned)
 
 
+def reseeded(setup: Setup, seed: int) -> Setup:
+    """The same stage with other noise, where it is simulated."""
+    simulation = setup.file.simulation._replace(seed=seed % 2**31)
+    return setup._replace(file=setup.file._replace(simulation=simulation))
+
+
 def _with_learned(motion: Motion, path: Path) -> Motion:
     """The layer ``ilc``: the current in `path` added to the command.
 

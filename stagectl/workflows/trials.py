@@ -24,7 +24,7 @@ from stagectl.number_format import length
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
-from stagectl.workflows.motion import Say, blank, drive_present, perform, pretend, with_current
+from stagectl.workflows.motion import Say, blank, drive_present, perform, pretend, reseeded, with_current
 
 Bar = Callable[[str, int], AbstractContextManager[Any]]
 Result = dict[str, Any]
@@ -48,9 +48,7 @@ class Machine(NamedTuple):
         if not self.simulated:
             return self
         plant = self.plant or self.setup
-        simulation = plant.file.simulation
-        seed = (simulation.seed + number) % 2**31
-        return self._replace(plant=plant._replace(file=plant.file._replace(simulation=simulation._replace(seed=seed))))
+        return self._replace(plant=reseeded(plant, plant.file.simulation.seed + number))
 
 
 class Shown(NamedTuple):
@@ -82,9 +80,9 @@ def run_once(machine: Machine, motion: Motion, update: Progress) -> Result:
     return result
 
 
-def after(done: int, update: Progress) -> Progress:
-    """Progress of a run as part of all runs, after `done` periods of them."""
-    return lambda now, total: update(done + now, total)
+def after(done: int, total: int, update: Progress) -> Progress:
+    """Progress of a run as part of all runs, after `done` periods of `total`."""
+    return lambda now, _: update(done + now, total)
 
 
 def _unsaid(_: str) -> None:
@@ -112,7 +110,8 @@ def learn(machine: Machine, base: Motion, trials: int, shown: Shown, folder: Pat
     with ready(machine, shown), shown.bar(f"learn {base.meta['trajectory']}", total) as update:
         for number in range(1, trials + 1):
             try:
-                result, error = _trial(machine.noisy(_APART + number), state, number, folder, update)
+                done = after((number - 1) * len(base.plan.setpoints), total, update)
+                result, error = _trial(machine.noisy(_APART + number), state, number, folder, done)
             except (StageError, KeyboardInterrupt) as fault:
                 if number == 1:
                     raise
@@ -142,8 +141,7 @@ def _trial(
 ) -> tuple[Result, NDArray[np.float64]]:
     base = state.motion
     motion = with_current(base, state.course.learned)._replace(recording=folder / f"trial-{number}.h5")
-    done = (number - 1) * len(base.plan.setpoints)
-    result = run_once(machine, motion, after(done, update))
+    result = run_once(machine, motion, update)
     samples = open_recording(motion.recording).samples
     return result, every_period(samples, len(base.plan.setpoints), machine.setup.dt)
 

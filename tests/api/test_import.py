@@ -12,7 +12,7 @@ import stagectl as sc
 from tests.conftest import CONFIG, ROOT
 
 HEAVY = ("numpy", "numba", "scipy", "h5py", "matplotlib", "yaml", "pint", "rich")
-NINE = "load_stage load_trajectory simulate run load_log identify diagnose tune compare".split()
+NINE = ["load_stage", "load_trajectory", "simulate", "run", "load_log", "identify", "diagnose", "tune", "compare"]
 AS_PRINTED = """
 import stagectl as sc
 stage = sc.load_stage("config/ball-screw.yaml")            # designed, checked; repr shows gains and margins

@@ -100,7 +100,7 @@ def test_tuning_refuses(stage: DesignedStage) -> None:
         sc.tune(stage, "400 Hz")
     for arguments, name in (({"margin": 3.0}, "margin"), ({"bandwidth": "40"}, "bandwidth"), ({"peak": 0.5}, "ms")):
         with pytest.raises(ArgumentError) as error:
-            sc.tune(stage, **arguments)  # type: ignore[arg-type]
+            sc.tune(stage, **arguments)
         assert error.value.name == name
 
 

@@ -78,4 +78,4 @@ def test_a_virtual_drive_needs_a_file(stage: DesignedStage, folder: Path, monkey
 def test_one_axis_of_several(folder: Path) -> None:
     axis = sc.load_stage(CONFIG / "xy.yaml#y").changed({"mechanics.inertia": 0.013})
     assert axis.setup.stage.mechanics.inertia == 0.013
-    assert axis.save("y.yaml").setup.stage == axis.setup.stage
+    assert axis.save("y.yaml").setup.file == axis.setup.file

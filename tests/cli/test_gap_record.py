@@ -185,7 +185,7 @@ def test_a_virtual_drive_is_told_its_seed(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(virtual_drive, "answers", lambda _: False)
     monkeypatch.setattr(virtual_drive, "start", started)
-    setup = campaign.reseeded(load_stage(STAGE), 2**31 + 4)
+    setup = session.reseeded(load_stage(STAGE), 2**31 + 4)
     with suppress(DriveError), session.drive_present(setup, lambda _: None):
         pass
     assert told == [4]
