@@ -1,4 +1,4 @@
-"""Verbs about one drive: probe, presets."""
+"""Commands about one drive: probe, presets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
-app = typer.Typer(help="Read a drive, and propose what belongs into the stage file.", no_args_is_help=True)
+app = typer.Typer(help="Read a drive and propose lines for the stage file.", no_args_is_help=True)
 
 
 @app.command()
@@ -21,15 +21,15 @@ def probe(
     channel: Channel = None,
     preset: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Family of the drive, instead of the one that its vendor id says."),
+        typer.Option(metavar="NAME", help="Family of the drive; default: by its vendor id."),
     ] = None,
     rated: Annotated[
-        str | None, typer.Option(metavar="CURRENT", help="Rated current, such as '4 A', where the drive does not tell.")
+        str | None, typer.Option(metavar="CURRENT", help="Rated current, e.g. '4 A', if the drive does not report it.")
     ] = None,
     write: Annotated[bool, typer.Option("--write", help="Put the proposal into the stage file.")] = False,
     json: Json = None,
 ) -> None:
-    """Read identity, state, modes, rated current and option codes of a drive; nothing in it is changed.
+    """Read identity, state, modes, rated current and option codes of a drive; changes nothing.
 
     Exit 1 where something must be looked at before it may move.
 
@@ -54,7 +54,7 @@ def probe(
 
 @app.command()
 def presets(json: Json = None) -> None:
-    """Show the families of drives that are known, and where that is written.
+    """List the known families of drives with their sources.
 
     Example: stagectl drive presets
     """

@@ -1,4 +1,4 @@
-"""The verb `drive dump`: what a drive is set to."""
+"""The command `drive dump`: all settings of a drive."""
 
 from __future__ import annotations
 
@@ -15,13 +15,16 @@ from stagectl.cli.show import console, emit, progress
 def dump(
     stage: StageArgument,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.dcf", help="As a DCF, which other tools write back.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE.dcf", help="Write a DCF, which other tools can write back."),
     ] = None,
-    changed: Annotated[bool, typer.Option("--changed", help="Only what is not as it left the factory.")] = False,
+    changed: Annotated[
+        bool, typer.Option("--changed", help="Only values that differ from the factory settings.")
+    ] = False,
     channel: Channel = None,
     json: Json = None,
 ) -> None:
-    """Read all objects of the drive that its EDS knows; nothing in it is changed.
+    """Read all objects of the drive that its EDS lists; changes nothing.
 
     Example: stagectl drive dump config/ball-screw.yaml -o drive.dcf
     """

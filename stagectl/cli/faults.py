@@ -1,4 +1,4 @@
-"""Verbs about faults: inject, selftest."""
+"""Commands about faults: inject, selftest."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stagectl.units import StageError
 
 
 def register(app: typer.Typer) -> None:
-    """Add these verbs to the command line."""
+    """Add these commands to the command line."""
     app.command("inject")(inject)
     app.command("selftest")(selftest)
 
@@ -31,7 +31,7 @@ def inject(
         str | None, typer.Option("--json", metavar="FILE", help="Answer as JSON; - for standard output.")
     ] = None,
 ) -> None:
-    """Make a running virtual drive fail.
+    """Inject a fault into a running virtual drive.
 
     Example: stagectl inject config/ball-screw.yaml encoder-stuck duration=0.5s
     """
@@ -58,15 +58,15 @@ def inject(
 def selftest(
     stage: StageArgument,
     json: Json = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="Where to write the signed-off table.")
-    ] = None,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write the table as a page to sign.")] = None,
     only: Annotated[list[str] | None, typer.Option("--only", metavar="FAULT", help="These faults only.")] = None,
-    signed: Annotated[str, typer.Option(metavar="NAME", help="Who answers for it.")] = "",
-    current: Annotated[str, typer.Option(help="Try the drive itself, with at most so much: '2 A'. It moves!")] = "",
-    travel: Annotated[str, typer.Option(help="Way of one move of the drive itself.")] = "5 mm",
+    signed: Annotated[str, typer.Option(metavar="NAME", help="Name of the person who signs.")] = "",
+    current: Annotated[
+        str, typer.Option(help="Test the real drive with at most this current, e.g. '2 A'. It moves!")
+    ] = "",
+    travel: Annotated[str, typer.Option(help="Distance of one move of the real drive.")] = "5 mm",
 ) -> None:
-    """Let each fault happen in each state, in virtual time; exit 1 where one does not end as it must.
+    """Try each fault in each state, in virtual time; exit 1 if one does not end as required.
 
     Example: stagectl selftest config/ball-screw.yaml --report selftest.html
     """
@@ -86,7 +86,7 @@ def selftest(
 
 
 def _gentle(setup: Any, current: str, travel: str) -> Any:
-    """Current and travel (axis units) of a test of the drive itself."""
+    """Current and travel (axis units) for a test of the real drive."""
     from stagectl.selftest.remote import Gentle
     from stagectl.units import UnitError, parse
 

@@ -1,4 +1,4 @@
-"""Verbs about the gap between simulator and machine: record; the others stand in files of their own beside this."""
+"""The command group `gap`, and its first command: record."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stagectl.cli.show import progress as bar
 from stagectl.cli.studies import add_exam
 
 app = typer.Typer(
-    help="Where the gap between simulator and machine lies, what causes it, how far it shrinks.", no_args_is_help=True
+    help="Where simulator and machine differ, what causes it, how far the gap closes.", no_args_is_help=True
 )
 for verbs in (gap_diagnose, gap_apply, gap_next, gap_twin, gap_knock, gap_fleet):
     verbs.register(app)
@@ -27,11 +27,16 @@ add_exam(app)
 def record(
     stage: StageArgument,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where the recordings go, or went before.")
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FOLDER", help="Folder for the recordings; an existing one is continued."
+        ),
     ] = None,
-    repeats: Annotated[int, typer.Option(min=1, max=100, help="Rounds; what is held out takes two of them.")] = 3,
+    repeats: Annotated[
+        int, typer.Option(min=1, max=100, help="Repeats of each experiment; the held-out ones take two.")
+    ] = 3,
     only: Annotated[
-        list[str] | None, typer.Option(metavar="NAMES", help="These experiments alone, separated by commas.")
+        list[str] | None, typer.Option(metavar="NAMES", help="Only these experiments, separated by commas.")
     ] = None,
     skip: Annotated[
         list[str] | None, typer.Option(metavar="NAMES", help="All but these experiments, separated by commas.")
@@ -39,14 +44,15 @@ def record(
     simulate: Simulate = False,
     plant: Plant = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, max=2**31 - 1, help="Of the noise; else that of the simulated machine's file.")
+        int | None,
+        typer.Option(min=0, max=2**31 - 1, help="Seed of the noise; default: from the simulated machine's file."),
     ] = None,
     channel: Channel = None,
     json: Json = None,
 ) -> None:
-    """Run the recommended battery and what is held out, repeats interleaved, and record it for `gap diagnose`.
+    """Record the recommended and the held-out experiments for `gap diagnose`, repeats interleaved.
 
-    A fault or Ctrl-C ends it with what is done kept; the same command with the same folder goes on.
+    A fault or Ctrl-C keeps what has been recorded; the same command with the same folder continues.
 
     Example: stagectl gap record config/ball-screw.yaml --simulate
     """

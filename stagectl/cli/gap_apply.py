@@ -1,4 +1,4 @@
-"""The verb `gap apply`: what a diagnosis has named goes into the stage file, after somebody has seen the diff."""
+"""The command `gap apply`: named effects go into the stage file, after the user has seen the diff."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
 ResultArgument = Annotated[
-    Path, typer.Argument(metavar="FOLDER", help="Captures that `gap diagnose` has been through, or its JSON file.")
+    Path, typer.Argument(metavar="FOLDER", help="Diagnosed captures, or the JSON file of a diagnosis.")
 ]
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="NEW.yaml", help="Write a copy; STAGE.yaml stays as it is.")
+    Path | None, typer.Option("--output", "-o", metavar="NEW.yaml", help="Write a copy; STAGE.yaml stays unchanged.")
 ]
-Only = Annotated[str | None, typer.Option("--only", metavar="NAME,...", help="These effects only, named or not.")]
-Unknown = Annotated[bool, typer.Option("--unknown", help="Add what has no name as a data-based term, too.")]
+Only = Annotated[str | None, typer.Option("--only", metavar="NAME,...", help="Only these effects, named or not.")]
+Unknown = Annotated[bool, typer.Option("--unknown", help="Also add the unknown part as a table.")]
 Yes = Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")]
 _COLOURS = {"+": "green", "-": "red", "@": "cyan", "#": "dim"}
 
 
 def register(app: typer.Typer) -> None:
-    """Add the verb to the group `gap`."""
+    """Add the command to the group `gap`."""
     app.command("apply")(apply)
 
 
@@ -39,7 +39,7 @@ def apply(
     yes: Yes = False,
     json: Json = None,
 ) -> None:
-    """Add the named effects to the stage model, as a patch that is shown before it is written.
+    """Add the named effects to the stage model, as a patch that is shown first.
 
     Example: stagectl gap apply captures/ config/ball-screw.yaml -o with-effects.yaml
     """
@@ -68,7 +68,7 @@ def apply(
 
 
 def _ask(target: Path, yes: bool) -> None:
-    """Raise StageError where nobody can answer, and typer's Exit where the answer is no."""
+    """Raise StageError without a terminal, and typer's Exit if the user declines."""
     if yes:
         return
     if not sys.stdin.isatty():

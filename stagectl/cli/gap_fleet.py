@@ -1,4 +1,4 @@
-"""The verb `gap fleet`: `gap diagnose` over the folders of many machines."""
+"""The command `gap fleet`: `gap diagnose` over the folders of many machines."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from stagectl.cli.show import console, emit, progress
 if TYPE_CHECKING:
     from stagectl.gap.fleet import Line, Machine
 
-Folders = Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="One of each machine.")]
+Folders = Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="One folder per machine.")]
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="Diagnose on the Dask cluster of this scheduler.")
 ]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the verb to the group."""
+    """Add the command to the group."""
     app.command("fleet")(fleet)
 
 
 def fleet(
     folders: Folders, scheduler: Scheduler = None, exclude: Exclude = None, full: Full = False, json: Json = None
 ) -> None:
-    """Diagnose a fleet of machines, a folder each: verdict, gap, and its drift since the last diagnosis.
+    """Diagnose many machines, one folder each: verdict, gap, and its drift since the last diagnosis.
 
     Example: stagectl gap fleet captures/machine-*
     """

@@ -1,4 +1,4 @@
-"""The verb `gap knock`: the diagnosis put to a real record whose answer is known."""
+"""The command `gap knock`: the diagnosis tested on a real record with a known answer."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, progress
 
 Into = Annotated[
-    list[str] | None, typer.Option("--into", metavar="NAMES", help="Forces to add, separated by commas; else all.")
+    list[str] | None, typer.Option("--into", metavar="NAMES", help="Forces to add, separated by commas; default: all.")
 ]
-Share = Annotated[float, typer.Option(min=0.001, max=1.0, help="Of the recorded effort's rms, for what is added.")]
+Share = Annotated[
+    float, typer.Option(min=0.001, max=1.0, help="Size of an added force, as a share of the recorded effort's rms.")
+]
 
 
 class Way(enum.StrEnum):
@@ -26,11 +28,11 @@ class Way(enum.StrEnum):
     IN = "in"
 
 
-Only = Annotated[Way | None, typer.Option("--only", help="One way alone: out of the model, or into the record.")]
+Only = Annotated[Way | None, typer.Option("--only", help="Only one way: out of the model, or into the record.")]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the verb to the group."""
+    """Add the command to the group."""
     app.command("knock")(knock)
 
 
@@ -43,7 +45,7 @@ def knock(
     full: Full = False,
     json: Json = None,
 ) -> None:
-    """Knock known terms out of the model of a real record, known forces into the record, and see what is named.
+    """Remove known terms from the model, add known forces to a real record, and report what is named.
 
     Example: stagectl gap knock DATA_EMPS.mat --stage config/emps.yaml
     """

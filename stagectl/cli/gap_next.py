@@ -1,4 +1,4 @@
-"""The verb `gap next`: the experiment that a diagnosis proposes, as a file that `run` takes."""
+"""The command `gap next`: the experiment that a diagnosis proposes, as a file for `run`."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from stagectl.gap.result.diagnosis import Found, Next
 
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE.yaml", help="Where the trajectory goes; else to FOLDER.")
+    Path | None, typer.Option("--output", "-o", metavar="FILE.yaml", help="Trajectory file; default: in FOLDER.")
 ]
 SamplesFile = Annotated[
-    Path | None, typer.Option("--samples", metavar="FILE.csv", help="The motion row by row, for a controller of yours.")
+    Path | None, typer.Option("--samples", metavar="FILE.csv", help="The motion row by row, for another controller.")
 ]
-Rate = Annotated[float, typer.Option(min=10.0, max=100_000.0, help="Rows a second (Hz) of --samples.")]
+Rate = Annotated[float, typer.Option(min=10.0, max=100_000.0, help="Rows per second (Hz) of --samples.")]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the verb to the group `gap`."""
+    """Add the command to the group `gap`."""
     app.command("next")(following)
 
 
@@ -37,7 +37,7 @@ def following(
     samples: SamplesFile = None,
     rate: Rate = 2000.0,
 ) -> None:
-    """Write the experiment that separates what is ambiguous, or shows what no run has shown.
+    """Write the experiment that resolves an ambiguity, or covers what no run has covered.
 
     Example: stagectl gap next captures/ -o next.yaml
     """

@@ -1,4 +1,4 @@
-"""Verbs of the live twin: watch what it sees now, and the drift over days."""
+"""Commands of the live twin: what it observes now, and the drift over days."""
 
 from __future__ import annotations
 
@@ -24,21 +24,22 @@ _STYLES = {"none": "green", "effects": "bold yellow", "controller": "bold red"}
 
 
 def register(app: typer.Typer) -> None:
-    """Add these verbs to the group ``gap``."""
+    """Add these commands to the group ``gap``."""
     app.command("watch")(watch)
     app.command("drift")(drift)
 
 
 def watch(
     file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE.twin.json]", help="Of one run; the newest in recordings/.")
+        Path | None,
+        typer.Argument(metavar="[FILE.twin.json]", help="Snapshot of one run; default: the newest in recordings/."),
     ] = None,
-    once: Annotated[bool, typer.Option("--once", help="Show what there is now, and leave.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Show the present snapshot and exit.")] = False,
     json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="A line of JSON a snapshot; - for standard output.")
+        str | None, typer.Option("--json", metavar="FILE", help="One JSON line per snapshot; - for standard output.")
     ] = None,
 ) -> None:
-    """Watch the twin of a run: the residual of each cut, the drifts, what differs.
+    """Watch the twin of a run: residuals, drifts, and the effects that explain them.
 
     Example: stagectl gap watch
     """
@@ -137,11 +138,11 @@ def _number(value: float | None, unit: str) -> str:
 
 
 def drift(
-    file: Annotated[Path, typer.Argument(metavar="FILE.jsonl", help="Slow record of `run --twin`.")],
-    axis: Annotated[str | None, typer.Option(help="Name of the axis, where the record holds several.")] = None,
+    file: Annotated[Path, typer.Argument(metavar="FILE.jsonl", help="Minute-by-minute record of `run --twin`.")],
+    axis: Annotated[str | None, typer.Option(help="Name of the axis, if the record has several.")] = None,
     json: Json = None,
 ) -> None:
-    """Say which parameter drifts over the days, how fast, and by which effect.
+    """Report which parameter drifts over the days, how fast, and which effect explains it.
 
     Example: stagectl gap drift recordings/twin-ball-screw-stage-A.jsonl
     """

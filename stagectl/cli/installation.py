@@ -1,4 +1,4 @@
-"""Verbs around the machine: doctor, service install, service remove."""
+"""Commands about the computer: doctor, service install, service remove."""
 
 from __future__ import annotations
 
@@ -12,23 +12,27 @@ from stagectl.cli.motion import Json
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 
-Stages = Annotated[list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several: x=STAGE.yaml ...")]
-Root = Annotated[Path, typer.Option(metavar="FOLDER", help="Root of the system to install to.")]
+Stages = Annotated[
+    list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
+]
+Root = Annotated[Path, typer.Option(metavar="FOLDER", help="Root folder of the target system.")]
 service_app = typer.Typer(help="The systemd service: install, remove.", no_args_is_help=True)
 
 
 def register(app: typer.Typer) -> None:
-    """Add these verbs to the command line."""
+    """Add these commands to the command line."""
     app.command("doctor")(doctor)
     app.add_typer(service_app, name="service")
 
 
 def doctor(
     stage: Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")],
-    state: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Of the service; else $STATE_DIRECTORY.")] = None,
+    state: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="State folder of the service; default: $STATE_DIRECTORY.")
+    ] = None,
     json: Json = None,
 ) -> None:
-    """Say whether this machine is fit to run the stage, and how to mend what is not.
+    """Check whether this computer can run the stage, with the command that fixes each problem.
 
     Example: stagectl doctor config/ball-screw.yaml
     """
@@ -54,8 +58,8 @@ def doctor(
 def install(
     stages: Stages,
     root: Root = Path("/"),
-    tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Also over TCP, with a token, to read.")] = "",
-    no_start: Annotated[bool, typer.Option("--no-start", help="Enable it only.")] = False,
+    tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Also serve over TCP; a token allows reading.")] = "",
+    no_start: Annotated[bool, typer.Option("--no-start", help="Enable the unit without starting it.")] = False,
     json: Json = None,
 ) -> None:
     """Install user, unit, network and udev files, and start the service.

@@ -31,7 +31,7 @@ Learned = Annotated[
     Path | None, typer.Option(metavar="FILE.h5", help="Add the current that `stagectl learn` found for this motion.")
 ]
 Twin = Annotated[
-    bool, typer.Option("--twin", help="Run the model beside the axis, and tell how they differ; see `gap watch`.")
+    bool, typer.Option("--twin", help="Run the model next to the axis and report how they differ; see `gap watch`.")
 ]
 State = Annotated[
     Path | None, typer.Option("--state", metavar="FILE", help="Slow record of the twin, for `gap drift`.")

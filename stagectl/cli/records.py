@@ -1,4 +1,4 @@
-"""Verbs over recordings: report, export, import, replay."""
+"""Commands on recordings: report, export, import, replay."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from stagectl.cli.show import console, emit, typed
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING.h5", help="A recording.")]
 Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING.h5...", help="Recordings.")]
-Where = Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Where to write.")]
+Where = Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Output file or folder.")]
 
 
 class Format(enum.StrEnum):
-    """What a recording can become; `stagectl.recording.exports` writes it."""
+    """Formats of `stagectl.recording.exports`."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -28,7 +28,7 @@ class Format(enum.StrEnum):
 
 
 def register(app: typer.Typer) -> None:
-    """Add these verbs to the command line."""
+    """Add these commands to the command line."""
     app.command("report")(report)
     app.command("replay")(replay)
     app.command("export")(export)
@@ -36,7 +36,7 @@ def register(app: typer.Typer) -> None:
 
 
 def report(recording: RecordingArgument, output: Where = None, json: Json = None) -> None:
-    """Write the page of a run: what it achieved, how it went, and how to do it again.
+    """Write the page of a run: result, figures, and the command that repeats it.
 
     Example: stagectl report recordings/sine.h5 -o sine.html
     """
@@ -53,7 +53,7 @@ def report(recording: RecordingArgument, output: Where = None, json: Json = None
 
 
 def replay(recording: RecordingArgument, json: Json = None) -> None:
-    """Run the recorded feedback through the same law: the same commands, bit for bit, or exit 1.
+    """Run the recorded feedback through the same law; exit 1 if the commands differ in any bit.
 
     Example: stagectl replay recordings/sine.h5
     """
@@ -69,11 +69,11 @@ def replay(recording: RecordingArgument, json: Json = None) -> None:
 
 def export(
     recordings: Recordings,
-    to: Annotated[Format, typer.Option(help="Format; a folder takes several recordings.")],
+    to: Annotated[Format, typer.Option(help="Format; `folder` takes several recordings.")],
     output: Where = None,
     json: Json = None,
 ) -> None:
-    """Write recordings for other programs: csv, parquet, mat, mcap, a trajectory, or a folder of captures.
+    """Export recordings: csv, parquet, mat, mcap, a trajectory, or a folder of captures.
 
     Example: stagectl export recordings/a.h5 recordings/b.h5 --to folder -o captures
     """
@@ -90,15 +90,17 @@ def export(
 
 def import_(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="A .csv, a .mat, or a folder of captures.")],
-    stage: Annotated[Path | None, typer.Option(metavar="STAGE.yaml", help="The machine, for its scales.")] = None,
+    stage: Annotated[
+        Path | None, typer.Option(metavar="STAGE.yaml", help="Stage file with the scales of the columns.")
+    ] = None,
     output: Where = None,
     columns: Annotated[
         str | None,
-        typer.Option(metavar="WHICH", help="time=t,position=qm:mm,current=3: which is which; numbers count from 1."),
+        typer.Option(metavar="WHICH", help="Assign columns: time=t,position=qm:mm,current=3 (numbers count from 1)."),
     ] = None,
     json: Json = None,
 ) -> None:
-    """Bring a log from elsewhere in as a recording; what it lacks is said.
+    """Import the log of another program as a recording; reports what is missing.
 
     Example: stagectl import DATA_EMPS.mat -o recordings/emps.h5
     """

@@ -1,4 +1,4 @@
-"""Verbs that look at a running service: scope, record."""
+"""Commands that observe a running service: scope, record."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LOOK = 0.1  # s between two looks at a recording
 
 
 def register(app: typer.Typer) -> None:
-    """Add these verbs to the command line."""
+    """Add these commands to the command line."""
     app.command("scope")(scope)
     app.command("record")(record)
 
@@ -25,21 +25,21 @@ def scope(
     channels: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[CHANNEL]...", help="At most 16; error and measured_current. x.error and y.error: of several axes."
+            metavar="[CHANNEL]...", help="Up to 16; default: error measured_current. Several axes: x.error y.error."
         ),
     ] = None,
-    span: Annotated[str, typer.Option(metavar="TIME", help="Of a capture.")] = "1 s",
+    span: Annotated[str, typer.Option(metavar="TIME", help="Length of a capture.")] = "1 s",
     trigger: Annotated[
-        str | None, typer.Option(metavar="CONDITION", help="Such as 'error > 1 um'; < falls below, = crosses.")
+        str | None, typer.Option(metavar="CONDITION", help="For example 'error > 1 um'; <: falls below, =: crosses.")
     ] = None,
-    before: Annotated[str, typer.Option(metavar="SHARE", help="Of the capture before the trigger.")] = "20 %",
-    once: Annotated[bool, typer.Option("--once", help="One capture, then end.")] = False,
-    show: Annotated[bool, typer.Option("--list", help="The channels, with units and meanings.")] = False,
+    before: Annotated[str, typer.Option(metavar="SHARE", help="Part of the capture before the trigger.")] = "20 %",
+    once: Annotated[bool, typer.Option("--once", help="Take one capture and exit.")] = False,
+    show: Annotated[bool, typer.Option("--list", help="List the channels with units and meanings.")] = False,
     axis: AxisName = "",
     socket: Socket = None,
     json: Json = None,
 ) -> None:
-    """Show curves of the running service in the terminal; each point is the lowest and the highest it stands for.
+    """Show curves of the running service in the terminal; each point is a minimum and a maximum.
 
     Example: stagectl scope error current --trigger "error > 0.1 um" --once
     """
@@ -89,7 +89,7 @@ def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | Non
 
 
 def _about(machine: dict[str, Any], axis: str) -> tuple[str, dict[str, Any]]:
-    """Name of the axis that is shown and all channels: its own by their full names, too."""
+    """Name of the axis and all channels; its own also by their full names."""
     name = axis or next(iter(machine))
     found: dict[str, Any] = machine[name]["channels"]
     return name, {**found, **{f"{name}.{channel}": about for channel, about in found.items()}}
@@ -118,16 +118,19 @@ def _list(axis: str, socket: Path | None, json: str | None) -> None:
 
 def record(
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Where to; else the service keeps it.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE.h5", help="Output file; default: the service keeps it."),
     ] = None,
-    time_: Annotated[str | None, typer.Option("--for", metavar="TIME", help="How long; else until Ctrl-C.")] = None,
-    before: Annotated[str, typer.Option(metavar="TIME", help="From this long ago, as far as it is there.")] = "0 s",
-    name: Annotated[str, typer.Option(metavar="NAME", help="Of the service's file; else the time.")] = "",
+    time_: Annotated[str | None, typer.Option("--for", metavar="TIME", help="Duration; default: until Ctrl-C.")] = None,
+    before: Annotated[
+        str, typer.Option(metavar="TIME", help="Include this much of the past, as far as available.")
+    ] = "0 s",
+    name: Annotated[str, typer.Option(metavar="NAME", help="Name of the service's file; default: the time.")] = "",
     axis: AxisName = "",
     socket: Socket = None,
     json: Json = None,
 ) -> None:
-    """Record an axis of the running service at full rate; its loop notices nothing.
+    """Record an axis of the running service at full rate; the loop is not involved.
 
     Example: stagectl record --for "10 s" -o recordings/now.h5
     """
@@ -152,7 +155,7 @@ def record(
 
 
 def _until_whole(begun: dict[str, str], seconds: float, socket: Path | None) -> None:
-    """Wait for the file's end; with a bar where it is known.  Of an axis without rows there is no file: exit 1."""
+    """Wait for the end of the file, with a bar if it is known.  Without rows there is no file: exit 1."""
     began = time.monotonic()
     with progress(f"record {begun['file']}", max(round(10 * seconds), 1)) as update:
         while True:

@@ -1,4 +1,4 @@
-"""Verbs of the service: serve, and what is asked of one that runs: status, enable, home, move, stop, fault ..."""
+"""Commands of the service: serve, and requests to a running one: status, enable, home, move, stop, fault ..."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from stagectl.service import shutdown_signals
 from stagectl.units import StageError
 
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
-Socket = Annotated[Path | None, typer.Option("--socket", metavar="PATH", help="Of the service; else $STAGECTL_SOCKET.")]
-AxisName = Annotated[str, typer.Option("--axis", metavar="NAME", help="One axis; without it, all.")]
+Socket = Annotated[
+    Path | None,
+    typer.Option("--socket", metavar="PATH", help="Control socket of the service; default: $STAGECTL_SOCKET."),
+]
+AxisName = Annotated[str, typer.Option("--axis", metavar="NAME", help="One axis; default: all.")]
 fault_app = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=True)
 
 
 def register(app: typer.Typer) -> None:
-    """Add these verbs to the command line."""
+    """Add these commands to the command line."""
     app.command("serve")(serve)
     app.command("page")(page)
     app.command("status")(status)
@@ -42,16 +45,16 @@ def serve(
     ],
     socket: Annotated[Path | None, typer.Option(metavar="PATH", help="Control socket.")] = None,
     state: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="For black boxes; else $STATE_DIRECTORY.")
+        Path | None, typer.Option(metavar="FOLDER", help="Folder for black boxes; default: $STATE_DIRECTORY.")
     ] = None,
     channel: Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")] = None,
     tcp: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Live page and control over TCP, with a token, to read.")
+        str | None, typer.Option(metavar="HOST:PORT", help="Serve the live page over TCP; a token allows reading.")
     ] = None,
-    token: Annotated[Path | None, typer.Option(metavar="FILE", help="The token; made where there is none.")] = None,
-    tcp_may_move: Annotated[bool, typer.Option("--tcp-may-move", help="Who has the token may move, too.")] = False,
+    token: Annotated[Path | None, typer.Option(metavar="FILE", help="File with the token; created if missing.")] = None,
+    tcp_may_move: Annotated[bool, typer.Option("--tcp-may-move", help="The token also allows moving.")] = False,
     foxglove: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Each row live for Foxglove, to whoever connects.")
+        str | None, typer.Option(metavar="HOST:PORT", help="Send every row to Foxglove; no access control.")
     ] = None,
     uncoupled: Annotated[
         bool, typer.Option("--uncoupled", help="A fault of one axis does not stop the others.")
@@ -91,7 +94,7 @@ def serve(
 
 
 def _port(tcp: str | None, token: Path, writes: bool, virtual: bool) -> Any:
-    """The port that was asked for; a virtual machine shows its page unasked."""
+    """The requested port; a virtual machine serves its page by default."""
     from stagectl.web.server import Tcp
 
     if tcp is None:
@@ -100,7 +103,7 @@ def _port(tcp: str | None, token: Path, writes: bool, virtual: bool) -> Any:
 
 
 def _foxglove(text: str | None) -> tuple[str, int] | None:
-    """Where Foxglove's server is to listen."""
+    """Host and port of Foxglove's server."""
     if text is None:
         return None
     if importlib.util.find_spec("foxglove") is None:
@@ -116,7 +119,7 @@ def _address(option: str, text: str, usual: int) -> tuple[str, int]:
 
 
 def page(socket: Socket = None, json: Json = None) -> None:
-    """Tell the live page's address, with the key by which a browser may move the axis.
+    """Print the address of the live page, with the key that lets a browser move the axis.
 
     Example: stagectl page
     """
@@ -134,7 +137,7 @@ def status(socket: Socket = None, json: Json = None) -> None:
 
 
 def enable(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
-    """Switch power on; the axis holds where it stands.
+    """Switch power on; the axis holds its position.
 
     Example: stagectl enable
     """
@@ -150,7 +153,7 @@ def disable(axis: AxisName = "", socket: Socket = None, json: Json = None) -> No
 
 
 def home(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
-    """Find the home as `homing` of the stage file says.
+    """Find the home position by the method in the stage file's `homing`.
 
     Example: stagectl home
     """
@@ -159,14 +162,14 @@ def home(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
 
 def move(
     target: Annotated[list[str], typer.Argument(metavar="POSITION...", help="'10 mm', or x='10 mm' y='5 mm'.")],
-    by: Annotated[bool, typer.Option("--by", help="Distances from here, not positions.")] = False,
-    speed: Annotated[str | None, typer.Option(metavar="SPEED", help="Such as '50 mm/s'.")] = None,
-    acceleration: Annotated[str | None, typer.Option(metavar="ACCELERATION", help="Such as '1 m/s^2'.")] = None,
-    no_wait: Annotated[bool, typer.Option("--no-wait", help="Answer when it has begun.")] = False,
+    by: Annotated[bool, typer.Option("--by", help="Distances from here instead of positions.")] = False,
+    speed: Annotated[str | None, typer.Option(metavar="SPEED", help="For example '50 mm/s'.")] = None,
+    acceleration: Annotated[str | None, typer.Option(metavar="ACCELERATION", help="For example '1 m/s^2'.")] = None,
+    no_wait: Annotated[bool, typer.Option("--no-wait", help="Return when the motion has started.")] = False,
     socket: Socket = None,
     json: Json = None,
 ) -> None:
-    """Move, and answer when the axes stand in position.
+    """Move, and return when the axes are in position.
 
     Example: stagectl move "10 mm" --speed "20 mm/s"
     """
@@ -177,11 +180,11 @@ def move(
 
 def stop(
     axis: AxisName = "",
-    quick: Annotated[bool, typer.Option("--quick", help="The drive's own ramp, then power off.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Use the drive's ramp, then switch power off.")] = False,
     socket: Socket = None,
     json: Json = None,
 ) -> None:
-    """Stop under control and hold; --quick: by the drive's own ramp, then without power.
+    """Stop under control and hold; --quick: stop by the drive's ramp and switch power off.
 
     Example: stagectl stop
     """
@@ -191,11 +194,11 @@ def stop(
 def follow(
     trajectory: Annotated[Path, typer.Argument(metavar="TRAJECTORY.yaml", help="The motion.")],
     axis: AxisName = "",
-    no_wait: Annotated[bool, typer.Option("--no-wait", help="Answer when it has begun.")] = False,
+    no_wait: Annotated[bool, typer.Option("--no-wait", help="Return when the motion has started.")] = False,
     socket: Socket = None,
     json: Json = None,
 ) -> None:
-    """Have the service run a trajectory from where the axis stands.
+    """Run a trajectory on the service, from the present position.
 
     Example: stagectl follow config/trajectories/sine-1.6hz.yaml
     """
@@ -205,13 +208,13 @@ def follow(
 
 def parameters(
     changes: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="Such as bandwidth='30 Hz'.")
+        list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="For example bandwidth='30 Hz'.")
     ] = None,
     axis: AxisName = "",
     socket: Socket = None,
     json: Json = None,
 ) -> None:
-    """Show or change gains of the running service, without a jump of the current.
+    """Show or change gains of the running service, without a step of the current.
 
     Example: stagectl parameters bandwidth="30 Hz"
     """
@@ -226,7 +229,7 @@ def parameters(
 
 @fault_app.command("list")
 def fault_list(socket: Socket = None, json: Json = None) -> None:
-    """What stopped axes or processes, oldest first.
+    """List what stopped axes or processes, oldest first.
 
     Example: stagectl fault list
     """
@@ -240,7 +243,7 @@ def fault_list(socket: Socket = None, json: Json = None) -> None:
 
 @fault_app.command("reset")
 def fault_reset(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
-    """Leave the fault: the drive is configured anew, and has no power yet.
+    """Reset the fault: the drive is configured again and stays without power.
 
     Example: stagectl fault reset
     """
@@ -257,7 +260,7 @@ def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] |
 
 
 def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
-    """The answer; a no of the service is exit code 1, no answer is 2."""
+    """The answer; a refusal is exit code 1, no answer is 2."""
     from stagectl.web.client import RefusedError, ask, default_socket
 
     try:

@@ -58,7 +58,7 @@ def page(found: dict[str, Any]) -> Page:
     """All of it."""
     glance = Section("At a glance", [], [Picture(embedded(chart(_lines(found))), _CAPTION, least=640)], [])
     return Page(
-        title="stagectl beside its peers",
+        title="stagectl and its peers",
         answer=answer(found),
         notes=[
             _circumstances(found),
@@ -118,7 +118,7 @@ def _exam_words(exam: dict[str, Any]) -> list[str]:
     last = exam["last"]
     words = [f"Read from the exams that were held, not measured here: the last large one is of {last['date'][:10]}."]
     if exam["beside"]:
-        words.append("The oracle is told the effects; the others are told nothing. The black box names nothing.")
+        words.append("The oracle knows the effects; the others do not. The black box names nothing.")
     else:
         words.append(
             "No exam with the baselines (refit, ladder of friction models, sparse regression, boosted trees, oracle) "

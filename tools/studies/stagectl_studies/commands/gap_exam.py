@@ -21,26 +21,26 @@ if TYPE_CHECKING:
     from stagectl_studies.exam.exam import Asked
     from stagectl_studies.exam.question import Manner
 
-Trials = Annotated[int, typer.Option("--trials", min=1, max=100_000, help="How many.")]
-First = Annotated[int | None, typer.Option(min=1, help="Only these of them now, in the exam's order; then score.")]
+Trials = Annotated[int, typer.Option("--trials", min=1, max=100_000, help="Number of trials.")]
+First = Annotated[int | None, typer.Option(min=1, help="Run only the first N trials now, then score.")]
 Seed = Annotated[
-    int | None, typer.Option(min=0, max=2**31 - 1, help="Of the whole exam; else the hash of the sources.")
+    int | None, typer.Option(min=0, max=2**31 - 1, help="Seed of the exam; default: the hash of the sources.")
 ]
-Strata = Annotated[
-    list[str] | None, typer.Option(metavar="NAMES", help="These strata alone, separated by commas; null, single: all.")
+Strata = Annotated[list[str] | None, typer.Option(metavar="NAMES", help="Only these strata, separated by commas.")]
+Short = Annotated[bool, typer.Option("--short/--long", help="Use a battery of 20 s instead of the recommended 80 s.")]
+Full = Annotated[bool, typer.Option("--full", help="Use the full path of the diagnosis.")]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for trials and scores.")]
+Workers = Annotated[int | None, typer.Option(min=1, max=1024, help="Parallel trials; default: one per core.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue the exam in DIR.")]
+Keep = Annotated[bool, typer.Option("--keep", help="Keep the captures, tens of MB per trial.")]
+Baselines = Annotated[
+    bool, typer.Option("--baselines", help="Also run simpler methods, and an oracle that knows the effects.")
 ]
-Short = Annotated[bool, typer.Option("--short/--long", help="A battery of 20 s instead of the recommended 80 s.")]
-Full = Annotated[bool, typer.Option("--full", help="The diagnosis takes its full path.")]
-Output = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where trials and scores go.")]
-Workers = Annotated[int | None, typer.Option(min=1, max=1024, help="Trials at once; else one a core.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on with the exam that lies there.")]
-Keep = Annotated[bool, typer.Option("--keep", help="Keep the captures, tens of MB a trial.")]
-Baselines = Annotated[bool, typer.Option("--baselines", help="Put simpler methods, and one that is told, to them too.")]
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="Run the trials on the Dask cluster of this scheduler.")
 ]
 Ledger = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Where a line on every exam goes, else ledger.jsonl beside DIR.")
+    Path | None, typer.Option(metavar="FILE", help="Ledger of all exams; default: ledger.jsonl next to DIR.")
 ]
 
 

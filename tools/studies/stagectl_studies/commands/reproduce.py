@@ -1,4 +1,4 @@
-"""The verb `reproduce`: all figures and tables of a source paper, ours beside the paper's numbers, on one page."""
+"""The command `reproduce`: all figures and tables of a source paper next to our results, on one page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stagectl.cli.show import console, emit
 from stagectl.cli.show import progress as bar
 
 Paper = Annotated[str, typer.Argument(metavar="PAPER", help="ball-screw or slider.")]
-Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the page and its numbers go.")]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the page and its numbers.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
 
 
 def reproduce(paper: Paper, output: Output = Path("reproduced"), json: Json = None) -> None:
-    """Carry out a source paper's experiments on a virtual machine: every figure, beside the paper's numbers.
+    """Reproduce the experiments of a source paper on a virtual machine: every figure, next to the paper's numbers.
 
     Takes about a minute; writes FOLDER/PAPER.html and FOLDER/PAPER.json.
 

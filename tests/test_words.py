@@ -1,0 +1,56 @@
+"""No page, help text or README uses a retired word; the glossary lists them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import click
+import pytest
+import typer
+
+from stagectl.cli.app import app
+from tests.conftest import ROOT
+
+GLOSSARY = ROOT / "docs" / "glossary.md"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def retired() -> re.Pattern[str]:
+    """The left column of the glossary's last table as one pattern."""
+    rows = re.findall(r"^\| (.+?) \| .+ \|$", _parts()[1], re.MULTILINE)[1:]
+    words = [word for row in rows for word in row.split(", ")]
+    assert len(words) > 30
+    return re.compile(r"(?<![\w-])(" + "|".join(map(re.escape, words)) + r")(?![\w-])", re.IGNORECASE)
+
+
+def _parts() -> list[str]:
+    return GLOSSARY.read_text(encoding="utf-8").split("## Words that no page uses")
+
+
+def prose(text: str) -> str:
+    """`text` without code blocks and code spans."""
+    return re.sub(r"```.*?```|`[^`\n]+`", " ", text, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pages(page: object) -> None:
+    text = _parts()[0] if page == GLOSSARY else str(page.read_text(encoding="utf-8"))  # type: ignore[attr-defined]
+    assert sorted(set(retired().findall(prose(text)))) == []
+
+
+def _helps(command: click.Command, name: str) -> Iterator[tuple[str, str]]:
+    yield name, command.help or ""
+    for option in command.params:
+        yield f"{name} {option.name}", getattr(option, "help", None) or ""
+    for part in getattr(command, "commands", {}).values():
+        yield from _helps(part, f"{name} {part.name}")
+
+
+def test_help() -> None:
+    found = {
+        where: words
+        for where, text in _helps(typer.main.get_command(app), "stagectl")
+        if (words := retired().findall(text))
+    }
+    assert found == {}
