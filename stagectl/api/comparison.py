@@ -65,7 +65,7 @@ class LayerComparison(Report):
 
     def sheet(self) -> Sheet:
         """Errors and differences, then the verdict."""
-        from stagectl.report.comparison import tables
+        from stagectl.report.tables.comparison import tables
 
         title = f"{self.result['stage']}, {self.result['trajectory']}"
         return Sheet(title, "", tables(self.result), [*self.result["notes"], *self.verdict])

@@ -118,14 +118,14 @@ class GapDiagnosis(Report):
     def sheet(self) -> Sheet:
         """The sentence, the effects with their values, and the gap before and after."""
         from stagectl.gap.result import verdict_text
-        from stagectl.report.gap.page import result_tables
+        from stagectl.report.tables.gap import tables
 
         notes = [
             *verdict_text.quietly(self.found),
             *verdict_text.ambiguous(self.found),
             *verdict_text.advice(self.found),
         ]
-        return Sheet(self.verdict, self.sentence, result_tables(self.found), notes)
+        return Sheet(self.verdict, self.sentence, tables(self.found), notes)
 
     def plot(self, what: Drawing = "shares") -> Figure:
         """Shares of the squared gap, what it follows, when it is open, or the held-out run that shows most.

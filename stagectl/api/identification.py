@@ -83,10 +83,10 @@ class IdentifiedModel(Report):
 
     def sheet(self) -> Sheet:
         """Parameters, captures, and what is to be known about them."""
-        from stagectl.report import identification as report
+        from stagectl.report.tables import identification as tables
 
         result = self.to_json()
-        return Sheet(f"{result['stage']}, {self.method}", "", [report.parameters(result)], report.remarks(result))
+        return Sheet(f"{result['stage']}, {self.method}", "", [tables.parameters(result)], tables.remarks(result))
 
     def plot(self) -> Figure:
         """Friction after a reversal where the method finds it, else the first capture."""

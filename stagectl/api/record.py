@@ -90,15 +90,15 @@ class MotionRecord(Result):
 
     def sheet(self) -> Sheet:
         """What it achieved; of a log the range of each column."""
-        from stagectl.report import run as report
+        from stagectl.report.tables import run as tables
 
         if self.summary:
             title = f"{self.summary['stage']}, {self.summary['trajectory']}"
-            table = report.figures_table(self.summary, self.recording.meta)
-            return Sheet(title, report.answer(self.summary, self.samples), [table], self.notes)
+            table = tables.achieved(self.summary, self.recording.meta)
+            return Sheet(title, tables.answer(self.summary, self.samples), [table], self.notes)
         rows = [[name, *map(_number, _range(self[name])), self.units[name]] for name in self.columns]
         notes = (*self.notes, *self.recording.meta.get("notes", ()))
-        return Sheet(str(self.path), f"{len(self)} rows", [report.columns_table(rows)], notes)
+        return Sheet(str(self.path), f"{len(self)} rows", [tables.columns(rows)], notes)
 
     def plot(self) -> Figure:
         """Position, tracking error and current over time."""

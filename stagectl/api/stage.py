@@ -79,7 +79,7 @@ class DesignedStage(Result):
 
     def sheet(self) -> Sheet:
         """Gains and margins."""
-        from stagectl.report import tuning as report
+        from stagectl.report.tables.tuning import design
         from stagectl.tuning import sheet
         from stagectl.tuning.families import law_of
 
@@ -90,7 +90,7 @@ class DesignedStage(Result):
             f"{sheet.NAMES[law_of(file.control)]} of {self.loop.bandwidth:g} Hz every {self.period * 1e3:g} ms, "
             f"layers: {layers}; phase margin {math.degrees(self.margins.phase):.1f} deg"
         )
-        tables = report.design_tables(self.setup, self.loop)
+        tables = design(self.setup, self.loop)
         return Sheet(f"{file.name}, {self.path}{changed}", answer, tables, sheet.notes(self.loop))
 
     def to_frame(self) -> Any:

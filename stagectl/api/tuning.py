@@ -62,7 +62,7 @@ class TunedGains(Report):
 
     def sheet(self) -> Sheet:
         """Gains, margins, closed loop, and what is to be known about them."""
-        from stagectl.report.tuning import tables
+        from stagectl.report.tables.tuning import tables
 
         setup = self.stage.setup
         headline = sheet.headline(setup, self.tuned)

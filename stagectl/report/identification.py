@@ -18,6 +18,7 @@ from stagectl.number_format import duration, length
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture, Table
+from stagectl.report.tables.identification import parameters
 
 MOST_POINTS = 4000  # of a line; more is not seen
 MOST_CAPTURES = 3  # drawn
@@ -41,9 +42,9 @@ def page(result: dict[str, Any], what: tuple[Found, Sequence[Capture], Setup], c
         pictures.append(Picture(embedded(motion(one, setup)), f"What was identified from: {_name(one)}."))
     title, notes = f"stagectl identify {result['method']}: {result['stage']}", [*result["notes"], *_notes(captures)]
     own = _module(result["method"])
-    tables = [parameters(result), *(own.tables(found) if hasattr(own, "tables") else [])]
-    tables += [*_correlations(result), _captures(captures)]
-    return Page(title, answer(result), notes, pictures, tables, [command], versions(), broad=True)
+    shown = [parameters(result), *(own.tables(found) if hasattr(own, "tables") else [])]
+    shown += [*_correlations(result), _captures(captures)]
+    return Page(title, answer(result), notes, pictures, shown, [command], versions(), broad=True)
 
 
 def answer(result: dict[str, Any]) -> str:
@@ -56,41 +57,10 @@ def answer(result: dict[str, Any]) -> str:
     return f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
 
 
-def remarks(result: dict[str, Any]) -> list[str]:
-    """A line for each capture and what it was taken from, then what is to be known about the parameters."""
-    lines = []
-    for capture in result["captures"]:
-        every = f"{1e3 * capture['dt']:.4g} ms"
-        lines.append(f"{capture['name']}: {capture['rows']} rows every {every}, taken from {capture['current']}")
-        lines += [f"  {note}" for note in capture["notes"]]
-    if result.get("force_residual_percent") is not None:
-        lines.append(f"force residual {result['force_residual_percent']:.3g} % of the force")
-    return [*lines, *(f"{name}: held out, not used" for name in result["held_out"]), *result["notes"]]
-
-
 def _worded(one: dict[str, Any]) -> str:
     if one["unit"] in ("s", "m"):
         return duration(one["value"]) if one["unit"] == "s" else length(one["value"], "m")
     return f"{one['value']:.4g} {one['unit']}".strip()
-
-
-def parameters(result: dict[str, Any]) -> Table:
-    """Values with their intervals."""
-    rows = [
-        [f"{name.replace('_', ' ')} [{one['unit']}]".replace(" []", ""), _number(one["value"]), _interval(one)]
-        for name, one in result["parameters"].items()
-    ]
-    return Table("Parameters", ["parameter", "value", "95 % interval"], rows)
-
-
-def _number(value: float | None) -> str:
-    return "not known" if value is None else f"{value:.6g}"
-
-
-def _interval(one: dict[str, Any]) -> str:
-    if one["low"] is None or one["high"] is None:
-        return "not known"
-    return f"{one['low']:.5g} to {one['high']:.5g}"
 
 
 def _correlations(result: dict[str, Any]) -> list[Table]:

@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import jinja2
-
 
 class Picture(NamedTuple):
     """A figure of the page."""
@@ -53,6 +51,8 @@ class Page(NamedTuple):
 
 def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
     """Write the page as one self-contained file, with the text of the configuration `files` that it comes from."""
+    import jinja2  # a table needs none
+
     config = {**page.config, **{str(one): one.read_text(encoding="utf-8") for one in files}}
     listed = [(name, hashlib.sha256(text.encode()).hexdigest(), text) for name, text in config.items()]
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")

@@ -12,12 +12,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl import evaluation
-from stagectl.drives.drive import Fault
-from stagectl.number_format import length
 from stagectl.recording.hdf5 import Recording
 from stagectl.report.figures import WITH, WITHOUT
-from stagectl.report.page import Page, Table
+from stagectl.report.page import Page
 from stagectl.report.panels import CONVENTIONAL, TRUTH, Frame, Line, picture, stacked
+from stagectl.report.tables import run as tables
 
 BUCKETS = 1500  # points of a curve: each the lowest and the highest of its rows
 _CURRENTS = (
@@ -36,31 +35,15 @@ def page(recording: Recording, commands: Sequence[str]) -> Page:
     found = evaluation.evaluate(samples, meta)
     return Page(
         f"{found['stage']}: {found['trajectory']}",
-        answer(found, samples),
+        tables.answer(found, samples),
         _notes(found, meta),
         [picture(lines, frame, caption) for lines, frame, caption in _panels(samples, meta)],
-        [figures_table(found, meta)],
+        [tables.achieved(found, meta)],
         [*commands, f"stagectl replay {shlex.quote(str(recording.path))}"],
         {name: str(version) for name, version in meta["versions"].items()},
         broad=True,
         config={one["name"]: one["text"] for one in meta["files"].values()},
     )
-
-
-def answer(found: dict[str, Any], samples: NDArray[Any]) -> str:
-    """How it went, in a sentence."""
-    unit, error = found["unit"], found["tracking_error"]
-    fault = next((Fault(int(code)) for code in samples["fault"] if code != Fault.NONE), None)
-    if fault is not None:
-        at = float(samples["time"][np.flatnonzero(samples["fault"] != Fault.NONE)[0]])
-        return f"Stopped after {at:.3g} s: {fault.name.lower().replace('_', ' ')}."
-    if found["open_loop"]:
-        low, high = (length(end, unit) for end in found["travelled"])
-        return f"The loop was open; the axis moved from {low} to {high}."
-    if error["peak"] is None:
-        return "The run ended before the window in which its error is taken."
-    stands = "" if found["in_position"] else " At the end the axis did not come to stand in position."
-    return f"The stage tracks within {length(error['peak'], unit)}, rms {length(error['rms'], unit)}.{stands}"
 
 
 def _notes(found: dict[str, Any], meta: dict[str, Any]) -> list[str]:
@@ -70,33 +53,6 @@ def _notes(found: dict[str, Any], meta: dict[str, Any]) -> list[str]:
         f"{simulated} {meta['created']}, Ts {1e3 * meta['dt']:g} ms, nd = {found['nd']}, nm = {found['nm']}. The error "
         f"is reference less measured position, both of the instant at which it was latched, taken over {window}.",
     ]
-
-
-def columns_table(rows: list[list[str]]) -> Table:
-    """Columns of a log: name, lowest and highest value, unit."""
-    return Table("", ["column", "lowest", "highest", "unit"], rows)
-
-
-def figures_table(found: dict[str, Any], meta: dict[str, Any]) -> Table:
-    """What `evaluate` has found, a figure a row."""
-    unit = found["unit"]
-    rows = []
-    for name, words in (
-        ("tracking_error", "tracking error"),
-        ("tracking_error_true", "of the simulated true position"),
-    ):
-        error = found.get(name)
-        if error and error["peak"] is not None:
-            rows += [[f"{words}, {kind}", length(error[kind], unit)] for kind in ("peak", "rms")]
-    low, high = (length(end, unit) for end in found["travelled"])
-    rows += [
-        ["travelled", f"{low} to {high}"],
-        ["peak current", f"{found['peak_current']:.3g} A"],
-        ["cycles at the current limit", f"{found['saturated_cycles']} of {found['cycles']}"],
-        ["late cycles", f"{found['late_cycles']} of {found['cycles']}"],
-        ["duration", f"{found['cycles'] * meta['dt']:.4g} s"],
-    ]
-    return Table("In figures", ["", ""], rows)
 
 
 def figure(recording: Recording) -> Figure:

@@ -18,11 +18,12 @@ from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
-from stagectl.report.page import Page, Picture, Table
+from stagectl.report.page import Page, Picture
+from stagectl.report.tables.tuning import tables
 from stagectl.tuning.families import chosen, cut
 from stagectl.tuning.robustness import Loop, Robustness, robustness, stiffness
 from stagectl.tuning.search import Tuned
-from stagectl.tuning.sheet import Closed, closed, gains, headline, margins, notes, rows, step, stiffness_unit
+from stagectl.tuning.sheet import Closed, closed, headline, notes, step, stiffness_unit
 
 Array = NDArray[Any]
 COLOURS = (TARGET, WITH, "#7c3aed", "#94a3b8")  # of the loops, the one cut at the current first
@@ -50,21 +51,6 @@ def _loop(setup: Setup) -> str:
         f"inertia {p.mechanics.inertia:.4g}, viscous {p.mechanics.viscous:.4g}, force constant "
         f"{p.motor.force_constant:.4g} (SI)."
     )
-
-
-def design_tables(setup: Setup, tuned: Tuned) -> list[Table]:
-    """Gains and margins."""
-    table = [
-        [f"{gain.name} {gain.symbol}", f"{gain.value:.6g}", gain.unit, f"{gain.running:.6g}", gain.running_unit]
-        for gain in gains(setup, tuned.control)
-    ]
-    head = ["gain", "continuous", "unit", f"as it runs every {tuned.control.period * 1e3:g} ms", "unit"]
-    return [Table("Gains", head, table), Table("Margins", ["", *tuned.reached], margins(tuned))]
-
-
-def tables(setup: Setup, tuned: Tuned) -> list[Table]:
-    """Gains, margins and what the closed loop does."""
-    return [*design_tables(setup, tuned), Table("Closed loop", ["", ""], rows(setup, closed(setup, tuned)))]
 
 
 _CAPTIONS = {

@@ -52,3 +52,15 @@ def test_the_five_lines_run_as_printed(folder: Path, capsys: pytest.CaptureFixtu
     patched = answer.apply(stage)  # type: ignore[attr-defined]
     assert 0.09 < patched.setup.stage.mechanics.viscous_asymmetry < 0.11
     assert capsys.readouterr() == ("", "")  # quiet
+
+
+def test_results_print_without_the_packages_of_the_reports() -> None:
+    program = (
+        "import sys; sys.modules['matplotlib'] = sys.modules['jinja2'] = None\n"
+        "import stagectl as sc\n"
+        "stage = sc.load_stage('config/ball-screw.yaml')\n"
+        "print(sc.simulate(stage, 'config/trajectories/sine-3.2hz.yaml'), stage)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "The stage tracks within" in done.stdout and "proportional Kp" in done.stdout

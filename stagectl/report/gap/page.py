@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import re
 
 from matplotlib.figure import Figure
 
 from stagectl.gap.effects import effect_names as words
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, NAMED, Effect, Found, Gap, Trace
-from stagectl.gap.result.gap_numbers import parameter, percent, together
+from stagectl.gap.result.diagnosis import BLOCKS, Effect, Found, Trace
+from stagectl.gap.result.gap_numbers import parameter, percent
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import embedded
 from stagectl.report.gap import figures
 from stagectl.report.gap.chain import SIGNALS, chain
-from stagectl.report.page import Page, Picture, Section, Table
+from stagectl.report.page import Page, Picture, Section
+from stagectl.report.tables import gap as tables
 
 MOST_SIGNATURES = 6
 _UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b)")
@@ -95,33 +95,11 @@ def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
 
 
 def _shares(found: Found, _place: str) -> Section | None:
-    tables = [_effects(found)] if found.effects else []
+    shown_tables = [tables.effects(found)] if found.effects else []
     shown = [_picture(figures.shares(found), "The squared gap on held-out runs taken apart; the parts make 100 %.")]
     if not found.shares:
         shown = []
-    return Section("Which effect", [], shown, tables) if shown or tables else None
-
-
-def result_tables(found: Found) -> list[Table]:
-    """The effects, their values, and how far the gap shrinks."""
-    values = _parameters(found, "")
-    return [
-        *([_effects(found)] if found.effects else []),
-        *(values.tables if values is not None else []),
-        *([_gaps(found)] if found.verdict != "controller" else []),
-    ]
-
-
-def _effects(found: Found) -> Table:
-    rows = [row for one in found.effects for row in _effect(one)]
-    return Table("", ["effect", "in", "share of closable gap", "probability"], rows)
-
-
-def _effect(one: Effect) -> list[list[str]]:
-    """A row, and one for each effect that would fit as well."""
-    probability = f"{one.probability:.2f}" + ("" if one.probability >= NAMED else ": not named")
-    rest = [[f"or {words.effect(name)}", "", "", ""] for name in one.alternatives]
-    return [[words.effect(one.name), one.block, percent(one.share), probability], *rest]
+    return Section("Which effect", [], shown, shown_tables) if shown or shown_tables else None
 
 
 def _distance(found: Found, _place: str) -> Section | None:
@@ -132,32 +110,12 @@ def _distance(found: Found, _place: str) -> Section | None:
     if run is not None:
         caption = f"{run.file}, the held-out run with the largest gap: its {_window(run)} with the largest gap."
         shown.append(_picture(figures.trace(run, found), caption, 700))
-    return Section("How far it shrinks", _predicted(found), shown, [_gaps(found)])
-
-
-def _gaps(found: Found) -> Table:
-    known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
-    rows = [_row(verdict_text.called(name), gap, found) for name, gap in known.items()]
-    return Table(
-        "", ["rms on held-out runs", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"], rows
-    )
+    return Section("How far it shrinks", _predicted(found), shown, [tables.gaps(found)])
 
 
 def _window(run: Trace) -> str:
     part = run.time[figures.window(run)]
     return f"{part[-1] - part[0]:.2g} s"
-
-
-def _row(name: str, one: Gap, found: Found) -> list[str]:
-    (before, after, floor), unit = together((one.before, one.after, one.floor), one.unit, found)
-    factor = f"{one.before / one.after:.1f}" if one.after > 0.0 else ""
-    return [name, before, after, unit, factor, floor, _closed(one, found)]
-
-
-def _closed(one: Gap, found: Found) -> str:
-    if found.verdict == "none":
-        return "nothing to close"
-    return verdict_text.closure(one) if math.isfinite(one.closure) else "not known"
 
 
 def _predicted(found: Found) -> list[str]:
@@ -222,12 +180,8 @@ def _following(found: Found, place: str) -> Section | None:
 
 
 def _parameters(found: Found, _place: str) -> Section | None:
-    rows = [
-        [words.effect(one.name), name.replace("_", " "), parameter(name, value, found)]
-        for one in found.named
-        for name, value in one.parameters.items()
-    ]
-    return Section("Parameters", [], [], [Table("", ["effect", "", "value (95 % interval)"], rows)]) if rows else None
+    values = tables.values(found)
+    return Section("Parameters", [], [], [values]) if values.rows else None
 
 
 def _limits(found: Found, _place: str) -> Section | None:

@@ -1,0 +1,1 @@
+"""Results as tables of text: what pages, the terminal and Python show alike, without matplotlib."""

@@ -1,0 +1,38 @@
+"""What an identification found: values with their intervals, and what is to be known about them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from stagectl.report.page import Table
+
+
+def parameters(result: dict[str, Any]) -> Table:
+    """Values with their intervals."""
+    rows = [
+        [f"{name.replace('_', ' ')} [{one['unit']}]".replace(" []", ""), _number(one["value"]), _interval(one)]
+        for name, one in result["parameters"].items()
+    ]
+    return Table("Parameters", ["parameter", "value", "95 % interval"], rows)
+
+
+def _number(value: float | None) -> str:
+    return "not known" if value is None else f"{value:.6g}"
+
+
+def _interval(one: dict[str, Any]) -> str:
+    if one["low"] is None or one["high"] is None:
+        return "not known"
+    return f"{one['low']:.5g} to {one['high']:.5g}"
+
+
+def remarks(result: dict[str, Any]) -> list[str]:
+    """A line for each capture and what it was taken from, then what is to be known about the parameters."""
+    lines = []
+    for capture in result["captures"]:
+        every = f"{1e3 * capture['dt']:.4g} ms"
+        lines.append(f"{capture['name']}: {capture['rows']} rows every {every}, taken from {capture['current']}")
+        lines += [f"  {note}" for note in capture["notes"]]
+    if result.get("force_residual_percent") is not None:
+        lines.append(f"force residual {result['force_residual_percent']:.3g} % of the force")
+    return [*lines, *(f"{name}: held out, not used" for name in result["held_out"]), *result["notes"]]
