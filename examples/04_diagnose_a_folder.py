@@ -17,5 +17,5 @@ for effect in answer.effects:
     print(effect.name, f"probability {effect.probability:.2f}", effect.parameters)
 
 answer.plot("coordinates").savefig("recordings/coordinates.png", dpi=150)
-if answer.found.named:
+if answer.named:
     print("\n".join(answer.patch(stage).diff))

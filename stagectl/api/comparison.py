@@ -12,7 +12,7 @@ import numpy as np
 
 from stagectl.api.arguments import LAYERS, ArgumentError, PathLike, paths_of
 from stagectl.api.progress import ProgressOption, Say, reported
-from stagectl.api.result import Report, Sheet, frame
+from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
 from stagectl.workflows import layer_comparison
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class LayerComparison(Report):
+class LayerComparison(ReportedResult):
     """Tracking errors of all repeats, their paired differences, and the verdict."""
 
     result: dict[str, Any]

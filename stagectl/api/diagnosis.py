@@ -11,7 +11,7 @@ import numpy as np
 
 from stagectl.api.arguments import ArgumentError, PathLike, paths_of
 from stagectl.api.progress import ProgressOption, Update, reported
-from stagectl.api.result import Report, Sheet, frame
+from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library_names import excluded
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from stagectl.kernels.stage import Stage
     from stagectl.report.page import Page
 
-Drawing = Literal["shares", "coordinates", "spans", "run"]
+DiagnosisFigure = Literal["shares", "coordinates", "spans", "run"]
 # Of a diagnosis, in %, where each of its steps begins, as measured on the recommended battery.
 BEGINS = {
     "controller: the command recomputed": 0,
@@ -40,8 +40,8 @@ BEGINS = {
 }
 
 
-class Where(NamedTuple):
-    """Where the gap lies: in the loop, over the motion, and in time."""
+class GapLocation(NamedTuple):
+    """GapLocation the gap lies: in the loop, over the motion, and in time."""
 
     blocks: dict[str, float | None]  # share of controller, drive, mechanics and sensor; None: not judged
     coordinates: tuple[Coordinate, ...]  # what it follows: speed, position, ...
@@ -49,52 +49,57 @@ class Where(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class GapDiagnosis(Report):
+class GapDiagnosis(ReportedResult):
     """The verdict, what it rests on, and the model that it leads to."""
 
     place: Path
-    found: Found
+    diagnosis: Found
     session: Session
     improved: Stage  # the nominal model with all that was found
 
     @property
     def verdict(self) -> str:
         """One of none, parameters, effects, effects+unknown, unknown, controller, not-identifiable."""
-        return self.found.verdict
+        return self.diagnosis.verdict
 
     @property
     def sentence(self) -> str:
         """The verdict in words, with the gap before and after."""
-        return self.found.sentence
+        return self.diagnosis.sentence
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """Effects and shifted parameters, with probability, share and values; `found.named` are those that count."""
-        return self.found.effects
+        """Effects and shifted parameters, with probability, share and values; `named` are those that count."""
+        return self.diagnosis.effects
 
     @property
-    def where(self) -> Where:
-        """Where the gap lies."""
-        return Where(self.found.blocks, self.found.coordinates, self.found.captures)
+    def named(self) -> tuple[Effect, ...]:
+        """The effects that count as found."""
+        return self.diagnosis.named
+
+    @property
+    def where(self) -> GapLocation:
+        """GapLocation the gap lies."""
+        return GapLocation(self.diagnosis.blocks, self.diagnosis.coordinates, self.diagnosis.captures)
 
     @property
     def gap(self) -> Gap:
         """How far it shrinks: the gap on held-out runs, before and after, with its noise floor."""
-        return self.found.gap
+        return self.diagnosis.gap
 
     @property
     def next_experiment(self) -> Next | None:
         """The experiment that separates what is ambiguous; its `text` is a trajectory file."""
-        return self.found.next_experiment
+        return self.diagnosis.next_experiment
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be known about the logs, and what they cannot tell."""
-        return (*self.found.notes, *self.found.cannot_tell)
+        return (*self.diagnosis.notes, *self.diagnosis.cannot_tell)
 
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values."""
-        return result_json.as_json(self.found)
+        return result_json.as_json(self.diagnosis)
 
     def to_arrays(self) -> dict[str, np.ndarray[Any, Any]]:
         """Name, probability and share of each effect, all (n,)."""
@@ -121,13 +126,13 @@ class GapDiagnosis(Report):
         from stagectl.report.tables.gap import tables
 
         notes = [
-            *verdict_text.quietly(self.found),
-            *verdict_text.ambiguous(self.found),
-            *verdict_text.advice(self.found),
+            *verdict_text.quietly(self.diagnosis),
+            *verdict_text.ambiguous(self.diagnosis),
+            *verdict_text.advice(self.diagnosis),
         ]
-        return Sheet(self.verdict, self.sentence, tables(self.found), notes)
+        return Sheet(self.verdict, self.sentence, tables(self.diagnosis), notes)
 
-    def plot(self, what: Drawing = "shares") -> Figure:
+    def plot(self, what: DiagnosisFigure = "shares") -> Figure:
         """Shares of the squared gap, what it follows, when it is open, or the held-out run that shows most.
 
         Raises ArgumentError where the diagnosis holds nothing of the kind.
@@ -135,7 +140,7 @@ class GapDiagnosis(Report):
         from stagectl.report.figures import detached
         from stagectl.report.gap.figures import drawings
 
-        known = drawings(self.found)
+        known = drawings(self.diagnosis)
         if what not in known:
             raise ArgumentError("what", what, f"; this diagnosis draws {', '.join(known) or 'nothing'}")
         return detached(known[what]())
@@ -144,7 +149,7 @@ class GapDiagnosis(Report):
         """The page with all figures."""
         from stagectl.report.gap.page import page
 
-        return page(self.found, str(self.place), [command] if command else [])
+        return page(self.diagnosis, str(self.place), [command] if command else [])
 
     def patch(self, stage: StageLike, *, only: Sequence[str] = (), unknown: bool = False) -> patch.Patch:
         """The change of the stage file, with its `diff` and why each line changes; nothing is written.
@@ -153,7 +158,7 @@ class GapDiagnosis(Report):
         Raises GapError where there is nothing to write.
         """
         target = as_stage(stage)
-        return patch.patch_of(self.found, target.path, only, unknown, target.text)
+        return patch.patch_of(self.diagnosis, target.path, only, unknown, target.text)
 
     def apply(self, stage: StageLike, *, only: Sequence[str] = (), unknown: bool = False) -> DesignedStage:
         """The stage with what was found, in memory; see `patch`.
@@ -191,9 +196,9 @@ def diagnose(
     options = pipeline.Options(excluded(list(exclude)), full, advice)
     logs = load_session.load(places, None if stage is None else as_stage(stage).setup)
     with reported(progress, "diagnosis", 100) as update:
-        diagnosis = pipeline.diagnose(logs, options, _steps(update))
+        outcome = pipeline.diagnose(logs, options, _steps(update))
         update(100, 100)
-    return GapDiagnosis(places[0], diagnosis.found, logs, diagnosis.improved)
+    return GapDiagnosis(places[0], outcome.found, logs, outcome.improved)
 
 
 def _steps(update: Update) -> Callable[[str], None]:

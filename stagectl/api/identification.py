@@ -13,7 +13,7 @@ import numpy as np
 from stagectl.api.arguments import PathLike, paths_of, quantity
 from stagectl.api.progress import ProgressOption, reported
 from stagectl.api.record import MotionRecord, RecordFolder, named_columns
-from stagectl.api.result import Report, Sheet, frame
+from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.config.patch import Change, write
 from stagectl.identification import capture_checks, captures, methods
@@ -32,7 +32,7 @@ _DELAY = Quantity("s", "[-inf, inf]", "known delay")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class IdentifiedModel(Report):
+class IdentifiedModel(ReportedResult):
     """Parameters with 95 % intervals, in SI; ``fit["inertia"].value``.
 
     `implausible` lists parameters that cannot be those of this machine; `held_out` the captures that were not used.
@@ -40,7 +40,7 @@ class IdentifiedModel(Report):
 
     method: str
     stage: DesignedStage
-    found: Found
+    estimate: Found
     captures: Sequence[Capture]
     held_out: Sequence[str]
     implausible: Sequence[str]
@@ -48,15 +48,15 @@ class IdentifiedModel(Report):
     @property
     def parameters(self) -> dict[str, Parameter]:
         """Values with their intervals and units, by name."""
-        return self.found.parameters
+        return self.estimate.parameters
 
     def __getitem__(self, name: str) -> Parameter:
-        return self.found.parameters[name]
+        return self.estimate.parameters[name]
 
     @property
     def changes(self) -> Mapping[str, Any]:
         """What it changes in a stage file, by dotted name (SI)."""
-        return self.found.changes
+        return self.estimate.changes
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -69,7 +69,7 @@ class IdentifiedModel(Report):
 
     @cached_property
     def _json(self) -> dict[str, Any]:
-        return methods.result(self.method, self.stage.setup, self.captures, self.found, self.held_out)
+        return methods.result(self.method, self.stage.setup, self.captures, self.estimate, self.held_out)
 
     def to_arrays(self) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
         """Values and the ends of their intervals, (n,) in the order of `parameters`."""
@@ -93,15 +93,15 @@ class IdentifiedModel(Report):
         from stagectl.report import identification as report
         from stagectl.report.figures import detached
 
-        if self.found.table is not None:
-            return detached(report.characteristic(self.found.table, self.stage.setup))
+        if self.estimate.table is not None:
+            return detached(report.characteristic(self.estimate.table, self.stage.setup))
         return detached(report.motion(self.captures[0], self.stage.setup))
 
     def page(self, command: str = "") -> Page:
         """The page with the figures of its method."""
         from stagectl.report.identification import page
 
-        return page(self.to_json(), (self.found, self.captures, self.stage.setup), command)
+        return page(self.to_json(), (self.estimate, self.captures, self.stage.setup), command)
 
     def apply(self, stage: DesignedStage | None = None, *, doubtful: bool = False) -> DesignedStage:
         """The stage with these parameters, in memory.
@@ -159,11 +159,11 @@ def identify(
     if "delay" in options:
         options["delay"] = quantity("delay", options["delay"], _DELAY, "a time such as 0.2ms")
     with reported(progress, f"identify {method}", 1) as update:
-        found = methods.identify(method, used, designed.setup.file, update, options)
-    values = {name: parameter.value for name, parameter in found.parameters.items()}
+        estimate = methods.identify(method, used, designed.setup.file, update, options)
+    values = {name: parameter.value for name, parameter in estimate.parameters.items()}
     implausible = capture_checks.implausible(values, designed.setup)
-    found = found._replace(notes=(*implausible, *found.notes))
-    return IdentifiedModel(method, designed, found, used, held_out, implausible)
+    estimate = estimate._replace(notes=(*implausible, *estimate.notes))
+    return IdentifiedModel(method, designed, estimate, used, held_out, implausible)
 
 
 def _recordings(

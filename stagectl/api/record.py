@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.api.arguments import PathLike
-from stagectl.api.result import Result, Sheet, frame
+from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.evaluation import evaluate, latched_reference
 from stagectl.kernels import rollout
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class MotionRecord(Result):
+class MotionRecord(PrintedResult):
     """Rows of a motion, simulated, run or logged: ``record["error"]`` is a column (n,) in SI and axis units.
 
     Axis units are rad and N m on a rotary axis, m and N on a linear one; `units` names the unit of each column.
@@ -123,7 +123,7 @@ class MotionRecord(Result):
         return export([self.recording], target.suffix.removeprefix("."), target)[0].path
 
 
-class RecordFolder(Sequence[MotionRecord], Result):
+class RecordFolder(Sequence[MotionRecord], PrintedResult):
     """The records of a folder, in their order."""
 
     def __init__(self, records: Sequence[MotionRecord]) -> None:

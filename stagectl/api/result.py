@@ -36,7 +36,7 @@ class Sheet(NamedTuple):
     notes: Sequence[str] = ()
 
 
-class Result(ABC):
+class PrintedResult(ABC):
     """Base of all results.  None of them prints or draws anything by itself."""
 
     @abstractmethod
@@ -62,7 +62,7 @@ class Result(ABC):
         return "\n".join(parts)
 
 
-class Report(Result):
+class ReportedResult(PrintedResult):
     """A result that has a JSON form and a page."""
 
     @abstractmethod

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stagectl.api.arguments import PathLike
-from stagectl.api.result import Result, Sheet, frame
+from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.config import stage_file
 from stagectl.config.loader import Lengths
 from stagectl.config.machine_file import text_of
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class DesignedStage(Result):
+class DesignedStage(PrintedResult):
     """A machine, its model and its controller.
 
     `setup` is what the rest of the package takes; `changes` is what an `apply` has changed, compared with the file.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stagectl.api.arguments import ArgumentError, PathLike
-from stagectl.api.result import Result, Sheet, frame
+from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage
 from stagectl.config import trajectory_file
 from stagectl.config.source import read_text
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class TrajectorySource(Result):
+class TrajectorySource(PrintedResult):
     """A trajectory as it was written: lengths and angles are converted by the axis that it runs on.
 
     `text` is the file's content, or the samples as CSV; `stage` is the stage it was loaded for, if any.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from stagectl.api.arguments import ArgumentError, PathLike, quantity
-from stagectl.api.result import Report, Sheet, frame
+from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, load_stage
 from stagectl.config.patch import Change, write
 from stagectl.tuning import families, sheet
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 _BANDWIDTH = Quantity("Hz", "[-inf, inf]", "bandwidth; the search knows its range")
 _MARGIN, _PEAK = Quantity("rad", "[0, 1.5]", "phase margin"), Quantity("", "(1, 100]", "peak of the sensitivity")
-Drawing = Literal["bode", "sensitivities", "nyquist", "step", "stiffness", "bandwidths"]
+TuningFigure = Literal["bode", "sensitivities", "nyquist", "step", "stiffness", "bandwidths"]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class TunedGains(Report):
+class TunedGains(ReportedResult):
     """A feedback that was designed for a stage; `with_margin`: its margin goes into the stage file, too."""
 
     stage: DesignedStage
@@ -68,7 +68,7 @@ class TunedGains(Report):
         headline = sheet.headline(setup, self.tuned)
         return Sheet(setup.file.name, headline, tables(setup, self.tuned), sheet.notes(self.tuned))
 
-    def plot(self, what: Drawing = "bode") -> Figure:
+    def plot(self, what: TuningFigure = "bode") -> Figure:
         """Bode plot, sensitivities, Nyquist plot, step, dynamic stiffness, or what other bandwidths would give.
 
         Raises ArgumentError for another name.

@@ -100,7 +100,7 @@ def compare(
     engine(simulate)
     import stagectl as sc
 
-    found = sc.compare(
+    comparison = sc.compare(
         sc.load_stage(stage).on_channel(channel),
         sc.load_trajectory(trajectory),
         *variants,
@@ -114,10 +114,10 @@ def compare(
         progress=True,
         say=console.print,
     )
-    for line in (*found.result["notes"], *found.verdict):
+    for line in (*comparison.result["notes"], *comparison.verdict):
         console.print(line)
-    written = write_page(found, found.folder / "report.html")
-    emit({**found.to_json(), "report": str(written)}, json)
+    written = write_page(comparison, comparison.folder / "report.html")
+    emit({**comparison.to_json(), "report": str(written)}, json)
 
 
 def engine(simulate: bool) -> None:

@@ -65,17 +65,17 @@ def diagnose(
     from stagectl.report.page import write
 
     model = None if stage is None else sc.load_stage(stage)
-    diagnosis = sc.diagnose(folder, stage=model, exclude=exclude or (), full=full, progress=True)
+    answer = sc.diagnose(folder, stage=model, exclude=exclude or (), full=full, progress=True)
     target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)
     target.mkdir(parents=True, exist_ok=True)
-    stored = save(diagnosis.found, target)
+    stored = save(answer.diagnosis, target)
     if predictions is not None:
-        diagnosis.save_predictions(predictions)
+        answer.save_predictions(predictions)
     path = report or target / "diagnosis.html"
     nominal = [place / "nominal.yaml" for place in folder if (place / "nominal.yaml").is_file()]
-    write(diagnosis.page(typed()), path, [*typed_files(), *nominal])
+    write(answer.page(typed()), path, [*typed_files(), *nominal])
     if json is not None:
-        emit(diagnosis.to_json(), json)
+        emit(answer.to_json(), json)
     if json is None or str(json) != "-":
-        show(diagnosis.found, target)
+        show(answer.diagnosis, target)
         console.print(f"{path}\n{stored}")

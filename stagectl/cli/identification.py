@@ -62,7 +62,7 @@ def identify(
     single_threaded_algebra()
     import stagectl as sc
 
-    found = sc.identify(
+    fit = sc.identify(
         sc.load_stage(stage),
         captures,
         method,
@@ -76,9 +76,9 @@ def identify(
         form=form,
         seed=seed,
     )
-    console.print(str(found))
-    write_page(found, report or fresh_page(f"identify-{method}"))
-    emit(found.to_json(), json)
+    console.print(str(fit))
+    write_page(fit, report or fresh_page(f"identify-{method}"))
+    emit(fit.to_json(), json)
     if write is not None:
         fresh = not write.exists()
-        show_changes(stage, write, fresh, found.write(write, doubtful=doubtful))
+        show_changes(stage, write, fresh, fit.write(write, doubtful=doubtful))

@@ -17,7 +17,7 @@ from stagectl.api.progress import terminal
 from stagectl.number_format import length
 
 if TYPE_CHECKING:
-    from stagectl.api.result import Report
+    from stagectl.api.result import ReportedResult
     from stagectl.config.patch import Change
 
 console = terminal()  # standard output is for results only
@@ -53,7 +53,7 @@ def fresh_page(name: str) -> Path:
     return next(path for name in names if not (path := Path("recordings") / f"{name}.html").exists())
 
 
-def write_page(result: Report, path: Path) -> Path:
+def write_page(result: ReportedResult, path: Path) -> Path:
     """Write the page of a result, with the configuration files that the command names."""
     from stagectl.report.page import write
 

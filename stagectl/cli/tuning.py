@@ -72,12 +72,12 @@ def tune(
 
     designed = sc.load_stage(stage, judged=False)
     with console.status("searching the gains over the families of machines"):
-        found = sc.tune(
+        tuned = sc.tune(
             designed, bandwidth, margin, peak=ms, law=law.value if law else None, own_ratios=start is Start.OWN
         )
-    console.print(str(found))
-    write_page(found, report or fresh_page(f"tune-{designed.path.stem}"))
-    emit(found.to_json(), json)
+    console.print(str(tuned))
+    write_page(tuned, report or fresh_page(f"tune-{designed.path.stem}"))
+    emit(tuned.to_json(), json)
     if write is not None:
         fresh = not write.exists()
-        show_changes(stage, write, fresh, found.write(write))
+        show_changes(stage, write, fresh, tuned.write(write))

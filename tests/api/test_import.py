@@ -48,7 +48,7 @@ def test_the_five_lines_run_as_printed(folder: Path, capsys: pytest.CaptureFixtu
     exec(AS_PRINTED, names)
     fit, answer = names["fit"], names["answer"]
     assert 0.0099 < fit["inertia"].value < 0.0101 and fit["inertia"].unit == "kg m^2"  # type: ignore[index]
-    assert [effect.name for effect in answer.found.named] == ["viscous_asymmetry"]  # type: ignore[attr-defined]
+    assert [effect.name for effect in answer.named] == ["viscous_asymmetry"]  # type: ignore[attr-defined]
     patched = answer.apply(stage)  # type: ignore[attr-defined]
     assert 0.09 < patched.setup.stage.mechanics.viscous_asymmetry < 0.11
     assert capsys.readouterr() == ("", "")  # quiet

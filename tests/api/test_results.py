@@ -51,7 +51,7 @@ def test_an_identification_changes_a_stage(fit: IdentifiedModel, stage: Designed
     assert "mechanics.inertia" in [change.name for change in fit.write("mine.yaml")]
     mine = sc.load_stage("mine.yaml")
     assert mine.setup.stage.mechanics.inertia == pytest.approx(fit["inertia"].value, rel=1e-6)
-    wrong = IdentifiedModel(fit.method, stage, fit.found, fit.captures, (), ("inertia is 11",))
+    wrong = IdentifiedModel(fit.method, stage, fit.estimate, fit.captures, (), ("inertia is 11",))
     with pytest.raises(StageError):
         wrong.apply(stage)
     assert wrong.apply(stage, doubtful=True).changes

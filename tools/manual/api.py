@@ -8,7 +8,7 @@ from typing import Any
 
 import stagectl
 from stagectl.api.comparison import LayerComparison
-from stagectl.api.diagnosis import GapDiagnosis, Where
+from stagectl.api.diagnosis import GapDiagnosis, GapLocation
 from stagectl.api.identification import IdentifiedModel
 from stagectl.api.record import MotionRecord, RecordFolder
 from stagectl.api.stage import DesignedStage
@@ -23,7 +23,7 @@ RESULTS = (
     RecordFolder,
     IdentifiedModel,
     GapDiagnosis,
-    Where,
+    GapLocation,
     TunedGains,
     LayerComparison,
 )
