@@ -12,6 +12,7 @@ from stagectl.cli.motion import LAYERS, Channel, Json, StageArgument, Trajectory
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, typed, typed_files
 from stagectl.cli.show import progress as bar
+from stagectl.extras import require
 from stagectl.units import StageError
 
 Simulate = Annotated[bool, typer.Option("--simulate", help="On the stage model, compiled, instead of the drive.")]
@@ -96,6 +97,7 @@ def compare(
 
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """
+    require("report", "the page")
     engine(simulate)
     from stagectl.report.comparison import page
     from stagectl.report.page import write

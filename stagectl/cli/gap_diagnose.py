@@ -11,6 +11,7 @@ import typer
 from stagectl.cli.motion import Json
 from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, progress, typed, typed_files
+from stagectl.extras import require
 
 Folder = Annotated[
     list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
@@ -60,6 +61,7 @@ def diagnose(
     Example: stagectl gap diagnose recordings/gap-ball-screw --json -
     """
     single_threaded_algebra()
+    require("report", "the page")
     from stagectl.cli.gap_show import show
     from stagectl.config.stage_file import load_stage
     from stagectl.gap import diagnose as pipeline

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from stagectl.cli.motion import Json, StageArgument
 from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, typed, typed_files
+from stagectl.cli.show import console, drawable, emit, typed, typed_files
 from stagectl.cli.show import progress as bar
 from stagectl.units import StageError
 
@@ -73,6 +72,7 @@ def identify(
     from stagectl.recording.columns import split
 
     methods.chosen(method)
+    with_page = drawable(report)
     setup = load_stage(stage)
     words = split(columns) if columns else None
     recordings = opened(captures, setup, words)
@@ -86,7 +86,8 @@ def identify(
     found = found._replace(notes=(*strange, *found.notes))
     result = methods.result(method, setup, used, found, left)
     _show(result)
-    _page(result, (found, used, setup), report or _fresh(method))
+    if with_page:
+        _page(result, (found, used, setup), report or _fresh(method))
     emit(result, json)
     if write is not None:
         _write(stage, write, found.changes, [] if doubtful else strange)
@@ -103,6 +104,8 @@ def _time(text: str | None) -> float | None:
 
 
 def _show(result: dict[str, Any]) -> None:
+    from rich.table import Table
+
     table = Table("parameter", "value", "95 % interval", "unit", title=f"{result['stage']}, {result['method']}")
     for name, one in result["parameters"].items():
         table.add_row(name, _digits(one["value"]), f"{_digits(one['low'])} to {_digits(one['high'])}", one["unit"])

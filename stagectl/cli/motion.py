@@ -10,9 +10,10 @@ from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli.process import without_compiler
+from stagectl.cli.process import single_threaded_algebra, without_compiler
 from stagectl.cli.show import console, emit, said, stream, summary, tell, typed
 from stagectl.cli.show import progress as bar
+from stagectl.extras import require
 from stagectl.units import StageError
 
 StageArgument = Annotated[Path, typer.Argument(metavar="STAGE.yaml", help="The machine.")]
@@ -36,6 +37,8 @@ State = Annotated[
 ]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
 LAYERS = ("ptc", "friction", "observer")
+# Rows of a motion that kernels go through interpreted, in the time that it takes to load them, or to compile them.
+_UNLOADED, _UNCOMPILED = 40_000, 200_000
 
 
 def register(app: typer.Typer) -> None:
@@ -121,15 +124,21 @@ def simulate(
 
     Example: stagectl simulate config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --json -
     """
-    from stagectl.kernels.jit import cold
+    single_threaded_algebra()  # for the margins alone: other threads would only wait, a third of a second each
+    from stagectl.kernels.jit import cold, interpret_first, interprets
     from stagectl.workflows.motion import prepare, pretend
 
-    if cold():
-        console.print("compiling the kernels, once for this version: up to a minute")
+    first = cold("rollout.closed_loop")
+    interpret_first(_UNCOMPILED if first else _UNLOADED)
     motion = prepare(_judged(stage), trajectory, layers_without(without), output, learned)
     machine = _load(plant) if plant else None
-    with console.status(f"simulating {len(motion.plan.setpoints) * motion.setup.dt:.4g} s of motion"):
+    if interprets((motion.plan.setpoints,)):
         result = pretend(motion, machine)
+    else:
+        if first:
+            console.print("compiling the kernels, once for this version: up to a minute")
+        with console.status(f"simulating {len(motion.plan.setpoints) * motion.setup.dt:.4g} s of motion"):
+            result = pretend(motion, machine)
     console.print(f"simulated: {summary(result)}")
     console.print(f"recorded: {result['recording']}")
     emit(result, json)
@@ -197,6 +206,7 @@ def demo(
     Example: stagectl demo -o demo
     """
     without_compiler()
+    require("report", "the demo's page")
     from stagectl.workflows.demo import demo as show
 
     found = show(output, console.print, bar)

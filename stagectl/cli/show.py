@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import shlex
@@ -10,15 +11,41 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
+from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
 
-# Standard output is for results only; names and paths appear as they are, whatever brackets they hold.
-console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.status import Status
+
+
+@functools.cache
+def terminal() -> Console:
+    """Rich's console, for tables, colours and what moves; loading it takes longer than most verbs that need none."""
+    from rich.console import Console
+
+    # Standard output is for results only; names and paths appear as they are, whatever brackets they hold.
+    return Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
+
+
+class _Plain:
+    """What is for people, on standard error: lines of text without rich, until something else needs it."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as rich would; once it is loaded, it prints, as a bar may be on the screen."""
+        if options or terminal.cache_info().currsize or not all(isinstance(one, str) for one in objects):
+            terminal().print(*objects, **options)
+        else:
+            print(*objects, file=sys.stderr)
+
+    def status(self, words: str) -> Status:
+        """A sign of life beside `words` while something is computed."""
+        return terminal().status(words)
+
+
+console = _Plain()
 
 
 def emit(result: dict[str, Any], target: str | None) -> None:
@@ -31,6 +58,21 @@ def emit(result: dict[str, Any], target: str | None) -> None:
     else:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         Path(target).write_text(text, encoding="utf-8")
+
+
+def drawable(report: Path | None) -> bool:
+    """Whether pages can be drawn on this machine; where not, that is said, and the result comes without one.
+
+    Raises MissingExtraError where the user asks for the page `report`.
+    """
+    try:
+        require("report", "the page")
+    except MissingExtraError as error:
+        if report is not None:
+            raise
+        console.print(f"no page: {error}")
+        return False
+    return True
 
 
 def typed() -> str:
@@ -77,13 +119,15 @@ def said(words: str) -> dict[str, Any]:
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Any]:
     """A bar with the time left; yields ``update(done, total)``, which may correct the total, and the title after it."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console) as bar:
+    with Progress(*columns, console=terminal()) as bar:
         task = bar.add_task(title, total=total)
 
         def update(done: float, total: float, words: str = title) -> None:

@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from stagectl.cli.motion import Json, StageArgument
-from stagectl.cli.show import console, emit, typed, typed_files
+from stagectl.cli.show import console, drawable, emit, typed, typed_files
 from stagectl.units import Quantity, StageError, UnitError, parse
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from stagectl.config.stage_file import Setup
     from stagectl.tuning.search import Tuned
 
@@ -82,6 +83,7 @@ def tune(
     from stagectl.tuning import families, sheet
     from stagectl.tuning import search as tuning
 
+    with_page = drawable(report)
     setup = load_stage(stage, judged=False)
     hertz = None if bandwidth is None else _read("--bandwidth", bandwidth, "Hz")
     control = setup.file.control
@@ -93,7 +95,8 @@ def tune(
         found = tuning.tuned(choice, tuning.Demand(least, peak), hertz)
     result = sheet.result(setup, found)
     _show(setup, found, result)
-    _page(setup, found, report or _fresh(setup.path.stem))
+    if with_page:
+        _page(setup, found, report or _fresh(setup.path.stem))
     emit(result, json)
     if write is not None:
         _write(stage, write, found, margin is not None)
@@ -115,6 +118,8 @@ def _within(option: str, text: str, quantity: Quantity) -> float:
 
 
 def _show(setup: Setup, found: Tuned, result: dict[str, Any]) -> None:
+    from rich.table import Table
+
     from stagectl.tuning import sheet
 
     console.print(f"{setup.file.name}: {result['answer']}")
@@ -132,6 +137,8 @@ def _show(setup: Setup, found: Tuned, result: dict[str, Any]) -> None:
 
 
 def _gains(setup: Setup, found: Tuned) -> Table:
+    from rich.table import Table
+
     from stagectl.tuning import sheet
 
     dt, control = found.control.period, found.control
