@@ -1,6 +1,7 @@
 # `make run` moves a virtual stage over a CAN bus, `make live` shows one in a browser, `make test` checks everything,
 # `make docs` builds the manual.
-# What they need goes into .venv of this checkout, what tests and manual need beyond it when they are first asked for;
+# What they need goes into .venv of this checkout: the core with the extra `run`, which is what every command of the README
+# needs. What tests and manual need beyond it follows when they are first asked for;
 # Debian without python3-venv is served, too.
 PYTHON ?= python3
 VENV := .venv
@@ -22,7 +23,7 @@ test: $(DEVELOPER)
 	tools/check
 
 docs: $(DEVELOPER)
-	$(BIN)/mkdocs build -q -f .mkdocs.yml
+	$(BIN)/mkdocs build -q -f mkdocs.yml
 	@echo "the manual: site/index.html"
 
 # The tests that want a real CAN interface, systemd and a real-time kernel, in a virtual machine (see tools/vm).

@@ -1,7 +1,8 @@
-"""A whole run in closed loop, compiled, faster than real time: the same law, the same rows as on a machine."""
+"""A whole run in closed loop, faster than real time: the same law, the same rows as on a machine."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.drives.simulated import Simulation, draw
 from stagectl.kernels import friction, law, plant_with_effects, rollout, stage, transmission
+from stagectl.kernels.jit import interpret_first, interprets
 from stagectl.kernels.law import Law
 from stagectl.plan import Plan
 from stagectl.units import StageError
@@ -31,8 +33,27 @@ def simulate(setup: Setup, plan: Plan, running: Law, plant: Setup | None = None,
     loop = rollout.Loop(running, machine.stage)
     inputs = (plan.setpoints, noise(machine.file.simulation, count, machine.stage.drive.jitter), rows)
     plant_state = stage.at_rest(machine.stage, 0.0, start)
-    rollout.closed_loop(loop, plant_state, inputs, setup.dt, machine.file.simulation.substeps)
+    _run(loop, plant_state, inputs, (setup.dt, machine.file.simulation.substeps))
     return structured(rows)
+
+
+def _run(loop: rollout.Loop, plant: stage.State, inputs: tuple[Any, Any, Any], steps: tuple[float, int]) -> None:
+    """Fill the rows: compiled, or interpreted where that is sooner done (see `kernels.jit`)."""
+    if interprets(inputs):
+        # What Python raises is infinity in compiled code: a loop that diverges is run again there.
+        with contextlib.suppress(ArithmeticError, ValueError):
+            setpoints, noises, rows = inputs
+            rollout.closed_loop(_listed(loop), _listed(plant), (setpoints.tolist(), noises, rows), *steps)
+            return
+        interpret_first(0)
+    rollout.closed_loop(loop, plant, inputs, *steps)
+
+
+def _listed(block: Any) -> Any:
+    """A parameter block whose arrays are lists: an interpreted kernel is slow with numpy's scalars."""
+    if isinstance(block, np.ndarray):
+        return block.tolist()
+    return type(block)(*map(_listed, block)) if hasattr(block, "_fields") else block
 
 
 def noise(p: Simulation, count: int, jitter: float = 0.0) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.cli.app import app
+from stagectl.cli.app import application
 from tests.conftest import ROOT
 
 
@@ -42,7 +42,7 @@ def test_the_demo_moves_the_stage_and_writes_its_page(tmp_path: Path) -> None:
     assert len(list((tmp_path / "demo").glob("*.h5"))) == 6
 
 
-@pytest.mark.parametrize("verb", [*(command.name for command in app.registered_commands), "config check"])
+@pytest.mark.parametrize("verb", [*(command.name for command in application().registered_commands), "config check"])
 def test_every_verb_has_help(verb: str) -> None:
     done = stagectl([*verb.split(), "--help"], ROOT)
     assert done.returncode == 0

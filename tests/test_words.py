@@ -9,7 +9,7 @@ import click
 import pytest
 import typer
 
-from stagectl.cli.app import app
+from stagectl.cli.app import application
 from tests.conftest import ROOT
 
 GLOSSARY = ROOT / "docs" / "glossary.md"
@@ -50,7 +50,7 @@ def _helps(command: click.Command, name: str) -> Iterator[tuple[str, str]]:
 def test_help() -> None:
     found = {
         where: words
-        for where, text in _helps(typer.main.get_command(app), "stagectl")
+        for where, text in _helps(typer.main.get_command(application()), "stagectl")
         if (words := retired().findall(text))
     }
     assert found == {}

@@ -51,6 +51,10 @@ class TrajectorySource(PrintedResult):
         experiment = trajectory_file.load_trajectory(self.path, axis_of(setup), self.text)
         return Commanded(self.path.name, self.text, experiment)
 
+    def duration(self, stage: DesignedStage) -> float:
+        """How long it takes on this stage (s)."""
+        return phases(self.bound(stage.setup).experiment).duration
+
     def sheet(self) -> Sheet:
         """What it does on its stage; its text where it was loaded for none."""
         from stagectl.report.page import Table

@@ -2,64 +2,108 @@
 
 Exit codes: 0 done; 1 the answer is no (a fault, a limit reached in motion, a check that failed); 2 it was not begun
 (wrong arguments, a motion beyond a limit) or could not be done.
-Each verb imports what it needs itself, so that ``stagectl --help`` is quick and a process that needs no compiler
-has none in its memory.
+Each verb imports what it needs itself, and only the module of the verb that was called is loaded: `stagectl status` is
+quick, and a process that needs no compiler has none in its memory.
 """
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import os
 import re
 import shlex
 import sys
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import typer
-from rich.console import Console
-from rich.text import Text
+from typer.core import TyperGroup
 
 from stagectl.api.arguments import ArgumentError
-from stagectl.cli import (
-    comparison,
-    configuration,
-    drive,
-    drive_dump,
-    faults,
-    gap,
-    identification,
-    installation,
-    motion,
-    records,
-    scope,
-    service,
-    studies,
-    tuning,
-)
 from stagectl.units import StageError
 
 _INTERRUPTED = 130  # typer's exit code for Ctrl-C
+# Modules of `stagectl.cli`, in the order of the help, with the verbs and groups that each registers.
+VERBS = {
+    "motion": ("run", "simulate", "virtual-drive", "demo"),
+    "records": ("report", "replay", "export", "import"),
+    "identification": ("identify",),
+    "comparison": ("learn", "compare"),
+    "tuning": ("tune",),
+    "studies": ("reproduce",),
+    "service": (
+        "serve",
+        "page",
+        "status",
+        "enable",
+        "disable",
+        "home",
+        "move",
+        "stop",
+        "follow",
+        "parameters",
+        "fault",
+    ),
+    "scope": ("scope", "record"),
+    "installation": ("doctor", "service"),
+    "faults": ("inject", "selftest"),
+    "configuration": ("config",),
+    "drive": ("drive",),
+    "gap": ("gap",),
+}
 
-app = typer.Typer(
-    name="stagectl",
-    help="Real-time control of a precision stage, its simulator, and the gap between the two.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-for group in (motion, records, identification, comparison, tuning, studies, service, scope, installation, faults):
-    group.register(app)
-app.add_typer(configuration.app, name="config")
-app.add_typer(drive.app, name="drive")
-app.add_typer(gap.app, name="gap")
-drive.app.command("dump")(drive_dump.dump)
+
+class Verbs(TyperGroup):
+    """A group whose help is a list in plain text: rich would take three times as long as all the rest."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Without a verb, show the help; typer would leave that to rich."""
+        if not args and self.no_args_is_help and not ctx.resilient_parsing:
+            typer.echo(ctx.get_help())
+            ctx.exit(2)
+        return super().parse_args(ctx, args)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Usage, purpose, options and verbs."""
+        super(TyperGroup, self).format_help(ctx, formatter)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Each verb with the whole first paragraph of its help."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [(name, inspect.cleandoc(one.help or "").split("\n\n")[0]) for name, one in commands if one]
+            )
+
+
+def application(word: str = "") -> typer.Typer:
+    """The command line; only the module that has the verb `word`, where there is one."""
+    app = typer.Typer(
+        name="stagectl",
+        cls=Verbs,
+        help="Real-time control of a precision stage, its simulator, and the gap between the two.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(_nothing)
+    for name in [name for name, verbs in VERBS.items() if word in verbs] or VERBS:
+        importlib.import_module(f"stagectl.cli.{name}").register(app)
+    for group in app.registered_groups:
+        group.cls = Verbs
+    return app
+
+
+def _nothing() -> None:
+    """Keep a single verb from becoming the whole command."""
 
 
 def main() -> None:
     """Entry of the command; a user's mistake never ends in a traceback."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # figures go into pages: no window, no toolkit in memory
     try:
-        app()
+        application(*sys.argv[1:2])()
     except ArgumentError as error:
         _fail(f"--{error}")
     except StageError as error:
@@ -76,6 +120,9 @@ def main() -> None:
 
 def _next(error: StageError) -> str:
     """What to type after a file was mended."""
+    if "stagectl.config.source" not in sys.modules:  # no file was read
+        return ""
+    from stagectl.cli import configuration
     from stagectl.config.source import ConfigError, UnreadableError
 
     named = re.search(r"\(([^()]+\.ya?ml):\d+\)$", str(error)) if isinstance(error, ConfigError) else None
@@ -87,6 +134,9 @@ def _next(error: StageError) -> str:
 
 
 def _fail(words: str) -> NoReturn:
+    from rich.console import Console
+    from rich.text import Text
+
     # Text, not markup: brackets and colons of a file must appear as they stand there.
     Console(stderr=True, soft_wrap=True).print(Text.assemble(("error:", "bold red"), f" {words}"), highlight=False)
     sys.exit(2)

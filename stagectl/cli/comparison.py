@@ -13,6 +13,7 @@ from stagectl.cli.motion import Channel, Json, StageArgument, TrajectoryArgument
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, write_page
 from stagectl.cli.show import progress as bar
+from stagectl.extras import require
 from stagectl.units import StageError
 
 Simulate = Annotated[bool, typer.Option("--simulate", help="On the stage model, compiled, instead of the drive.")]
@@ -97,6 +98,7 @@ def compare(
 
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """
+    require("report", "the page")
     engine(simulate)
     import stagectl as sc
 

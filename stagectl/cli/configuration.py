@@ -7,13 +7,17 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.text import Text
 
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
 app = typer.Typer(help="Check configuration files, export their JSON schema.", no_args_is_help=True)
+
+
+def register(root: typer.Typer) -> None:
+    """Add these verbs to the command line."""
+    root.add_typer(app, name="config")
 
 
 @app.command()
@@ -31,6 +35,8 @@ def check(
 
 
 def _check(path: Path) -> dict[str, Any]:
+    from rich.text import Text
+
     from stagectl.config.machine_file import axes_of
     from stagectl.config.source import UnreadableError
 

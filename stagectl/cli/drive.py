@@ -7,12 +7,19 @@ from typing import Annotated, Any
 
 import typer
 
+from stagectl.cli import drive_dump
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
 app = typer.Typer(help="Read a drive and propose lines for the stage file.", no_args_is_help=True)
+app.command("dump")(drive_dump.dump)
+
+
+def register(root: typer.Typer) -> None:
+    """Add these commands to the command line."""
+    root.add_typer(app, name="drive")
 
 
 @app.command()

@@ -11,6 +11,7 @@ import typer
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, progress, typed, typed_files
+from stagectl.extras import require
 from stagectl.units import StageError
 
 
@@ -71,6 +72,8 @@ def selftest(
     Example: stagectl selftest config/ball-screw.yaml --report selftest.html
     """
     without_compiler()
+    if report is not None:
+        require("report", "--report")
     from stagectl.selftest import result
     from stagectl.workflows.motion import drive_present
 

@@ -23,6 +23,11 @@ for verbs in (gap_diagnose, gap_apply, gap_next, gap_twin, gap_knock, gap_fleet)
 add_exam(app)
 
 
+def register(root: typer.Typer) -> None:
+    """Add these verbs to the command line."""
+    root.add_typer(app, name="gap")
+
+
 @app.command()
 def record(
     stage: StageArgument,

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.text import Text
 
 from stagectl.cli.motion import Json, StageArgument
 from stagectl.cli.show import console, emit
@@ -43,6 +42,8 @@ def apply(
 
     Example: stagectl gap apply captures/ config/ball-screw.yaml -o with-effects.yaml
     """
+    from rich.text import Text
+
     from stagectl.gap.result.patch import applied, patch_of
     from stagectl.gap.result.result_json import load
 

@@ -10,6 +10,7 @@ import typer
 from stagectl.cli.motion import Json
 from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, typed, typed_files
+from stagectl.extras import require
 
 Folder = Annotated[
     list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
@@ -59,6 +60,7 @@ def diagnose(
     Example: stagectl gap diagnose recordings/gap-ball-screw --json -
     """
     single_threaded_algebra()
+    require("report", "the page")
     import stagectl as sc
     from stagectl.cli.gap_show import show
     from stagectl.gap.result.result_json import save

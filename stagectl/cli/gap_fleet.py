@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from stagectl.cli.gap_diagnose import Exclude, Full
 from stagectl.cli.motion import Json
@@ -36,6 +35,8 @@ def fleet(
     Example: stagectl gap fleet captures/machine-*
     """
     single_threaded_algebra()
+    from rich.table import Table
+
     from stagectl.gap.effects.library_names import excluded
     from stagectl.gap.fleet import Machine, names_of
 

@@ -6,7 +6,6 @@ import enum
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from stagectl.cli.gap_diagnose import Folder, Full, StageFile
 from stagectl.cli.motion import Json
@@ -50,6 +49,8 @@ def knock(
     Example: stagectl gap knock DATA_EMPS.mat --stage config/emps.yaml
     """
     single_threaded_algebra()
+    from rich.table import Table
+
     from stagectl.config.stage_file import load_stage
     from stagectl.gap import diagnose as pipeline
     from stagectl.gap import knock_out

@@ -5,18 +5,19 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Group
-from rich.live import Live
-from rich.table import Table
-from rich.text import Text
 
 from stagectl.cli.motion import Json
-from stagectl.cli.show import console, emit, stream
+from stagectl.cli.show import console, emit, stream, terminal
 from stagectl.number_format import duration
 from stagectl.units import Quantity, StageError
+
+if TYPE_CHECKING:
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
 
 _POLL = 0.25  # s
 _SILENCE = 5.0  # s without a snapshot, after which the twin's process is looked for
@@ -43,15 +44,17 @@ def watch(
 
     Example: stagectl gap watch
     """
+    from rich.live import Live
+
     from stagectl.twin.start import newest, seen
 
     path = file or newest(Path("recordings"))
     if path is None:
         raise StageError("no run in recordings/ has a twin: start one with `stagectl run STAGE TRAJECTORY --twin`")
-    if once or json or not console.is_terminal:
+    if once or json or not terminal().is_terminal:
         console.print(_plain(path, once, json), end="")
         return
-    with Live(_table(seen(path)), console=console, refresh_per_second=4) as live:
+    with Live(_table(seen(path)), console=terminal(), refresh_per_second=4) as live:
         while not (ended := _ended(now := seen(path))):
             live.update(_table(now))
             time.sleep(_POLL)
@@ -95,6 +98,9 @@ def _lives(process: int) -> bool:
 
 
 def _table(now: dict[str, Any]) -> Group:
+    from rich.console import Group
+    from rich.table import Table
+
     effort = Quantity("N m | N", "", "").unit_for(now["kind"])
     cuts = Table(
         title=f"{now['name']}: {now['time']:.1f} s of the run, last {now['covered']:.0f} s", title_justify="left"
@@ -110,6 +116,8 @@ def _table(now: dict[str, Any]) -> Group:
 
 
 def _drifts(now: dict[str, Any]) -> Table:
+    from rich.table import Table
+
     table = Table(title="against the model", title_justify="left")
     for title in ("parameter", "now", "95 %", "model", "unit"):
         table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
@@ -124,6 +132,8 @@ def _drifts(now: dict[str, Any]) -> Table:
 
 
 def _below(now: dict[str, Any]) -> list[Text]:
+    from rich.text import Text
+
     words = [Text(now["words"], style=_STYLES.get(now["verdict"], "none"))]
     if now["form"]:
         words.append(Text(now["form"]))
@@ -146,6 +156,8 @@ def drift(
 
     Example: stagectl gap drift recordings/twin-ball-screw-stage-A.jsonl
     """
+    from rich.table import Table
+
     from stagectl.twin.drift import drift as found_in
     from stagectl.twin.record import read
 

@@ -9,7 +9,7 @@ import typer
 
 from stagectl.cli.motion import Json, StageArgument
 from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, emit, fresh_page, show_changes, write_page
+from stagectl.cli.show import console, drawable, emit, fresh_page, show_changes, write_page
 
 MethodArgument = Annotated[str, typer.Argument(metavar="METHOD", help="How; any wrong name lists them all.")]
 Captures = Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")]
@@ -62,6 +62,7 @@ def identify(
     single_threaded_algebra()
     import stagectl as sc
 
+    with_page = drawable(report)
     fit = sc.identify(
         sc.load_stage(stage),
         captures,
@@ -77,7 +78,8 @@ def identify(
         seed=seed,
     )
     console.print(str(fit))
-    write_page(fit, report or fresh_page(f"identify-{method}"))
+    if with_page:
+        write_page(fit, report or fresh_page(f"identify-{method}"))
     emit(fit.to_json(), json)
     if write is not None:
         fresh = not write.exists()

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stagectl.cli.process import without_compiler
+from stagectl.cli.process import single_threaded_algebra, without_compiler
 from stagectl.cli.show import console, emit, said, stream, summary, tell, typed
 from stagectl.cli.show import progress as bar
+from stagectl.extras import require
 
 if TYPE_CHECKING:
     from stagectl.api.stage import DesignedStage
@@ -37,6 +38,8 @@ State = Annotated[
     Path | None, typer.Option("--state", metavar="FILE", help="Slow record of the twin, for `gap drift`.")
 ]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
+# Rows of a motion that kernels go through interpreted, in the time that it takes to load them, or to compile them.
+_UNLOADED, _UNCOMPILED = 40_000, 200_000
 
 
 def register(app: typer.Typer) -> None:
@@ -103,14 +106,16 @@ def simulate(
 
     Example: stagectl simulate config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --json -
     """
+    single_threaded_algebra()  # for the margins alone: other threads would only wait, a third of a second each
     import stagectl as sc
-    from stagectl.kernels.jit import cold
+    from stagectl.kernels.jit import cold, interpret_first
 
-    if cold():
-        console.print("compiling the kernels, once for this version: up to a minute")
+    most = _UNCOMPILED if cold("rollout.closed_loop") else _UNLOADED
+    interpret_first(most)
     designed, motion = _noted(stage), sc.load_trajectory(trajectory)
-    with console.status("simulating"):
-        run = sc.simulate(designed, motion, plant=plant, without=without or (), learned=learned)
+    if most == _UNCOMPILED and motion.duration(designed) > most * designed.period:
+        console.print("compiling the kernels, once for this version: up to a minute")
+    run = sc.simulate(designed, motion, plant=plant, without=without or (), learned=learned)
     written = run.save(output)
     result = {**run.summary, "recording": str(written)}
     console.print(f"simulated: {summary(result)}")
@@ -180,6 +185,7 @@ def demo(
     Example: stagectl demo -o demo
     """
     without_compiler()
+    require("report", "the demo's page")
     from stagectl.workflows.demo import demo as show
 
     found = show(output, console.print, bar)

@@ -10,6 +10,7 @@ import typer
 
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, typed
+from stagectl.extras import require
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING.h5", help="A recording.")]
 Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING.h5...", help="Recordings.")]
@@ -40,6 +41,7 @@ def report(recording: RecordingArgument, output: Where = None, json: Json = None
 
     Example: stagectl report recordings/sine.h5 -o sine.html
     """
+    require("report", "the page")
     from stagectl.recording.hdf5 import open_recording
     from stagectl.report.page import write
     from stagectl.report.run import page

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from stagectl.cli.service import AxisName, Json, Socket, ask_service
-from stagectl.cli.show import console, emit, progress
+from stagectl.cli.show import console, emit, progress, terminal
 from stagectl.units import UnitError, parse
 
 _LOOK = 0.1  # s between two looks at a recording
@@ -57,7 +57,7 @@ def scope(
         "channels": names,
         "span": _number(span, "s", "--span"),
         "before": _number(before, "", "--before"),
-        "points": 100_000 if json is not None else 2 * max(console.width - 12, 20),
+        "points": 100_000 if json is not None else 2 * max(terminal().width - 12, 20),
         "trigger": read(trigger) if trigger else None,
         "mode": ("single" if trigger else "auto") if once else "normal" if trigger else "auto",
     }
@@ -77,13 +77,13 @@ def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | Non
     if once:
         machine, capture = next(seen)
         axis, about = _about(machine, axis)
-        console.print(Text("\n".join(lines(capture, names, about, console.width))))
+        console.print(Text("\n".join(lines(capture, names, about, terminal().width))))
         emit(_told(capture, names, axis, about), json)
         return
-    with Live(Text("waiting for the trigger; Ctrl-C ends"), console=console, refresh_per_second=10) as live:
+    with Live(Text("waiting for the trigger; Ctrl-C ends"), console=terminal(), refresh_per_second=10) as live:
         try:
             for machine, capture in seen:
-                live.update(Text("\n".join(lines(capture, names, _about(machine, axis)[1], console.width))))
+                live.update(Text("\n".join(lines(capture, names, _about(machine, axis)[1], terminal().width))))
         except KeyboardInterrupt:
             return
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,6 +11,7 @@ import typer
 from stagectl.cli.motion import Lines
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, said, stream
+from stagectl.extras import require
 from stagectl.service import shutdown_signals
 from stagectl.units import StageError
 
@@ -67,14 +67,12 @@ def serve(
     """
     shutdown_signals.hold_back()
     without_compiler()
-    try:
-        from stagectl.web.server import run
-    except ModuleNotFoundError as error:
-        raise StageError(f"{error.name} is not installed: `pip install 'stagectl[service]'`") from error
+    require("service", "the service")
     from stagectl import design
     from stagectl.service.machine import machine, together, virtual
     from stagectl.service.service import Service, Where
     from stagectl.web.client import own_socket
+    from stagectl.web.server import run
 
     folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
     runtime = os.environ.get("RUNTIME_DIRECTORY")
@@ -106,8 +104,7 @@ def _foxglove(text: str | None) -> tuple[str, int] | None:
     """Host and port of Foxglove's server."""
     if text is None:
         return None
-    if importlib.util.find_spec("foxglove") is None:
-        raise StageError("foxglove-sdk is not installed: `pip install 'stagectl[foxglove]'`")
+    require("foxglove", "--foxglove")
     return _address("--foxglove", text, 8765)
 
 

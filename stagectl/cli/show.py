@@ -14,13 +14,32 @@ from typing import TYPE_CHECKING, Any
 
 from stagectl.api.progress import progress as progress
 from stagectl.api.progress import terminal
+from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
 
 if TYPE_CHECKING:
+    from rich.status import Status
+
     from stagectl.api.result import ReportedResult
     from stagectl.config.patch import Change
 
-console = terminal()  # standard output is for results only
+
+class _Plain:
+    """What is for people, on standard error: lines of text without rich, until something else needs it."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as rich would; once it is loaded, it prints, as a bar may be on the screen."""
+        if options or terminal.cache_info().currsize or not all(isinstance(one, str) for one in objects):
+            terminal().print(*objects, **options)
+        else:
+            print(*objects, file=sys.stderr)
+
+    def status(self, words: str) -> Status:
+        """A sign of life beside `words` while something is computed."""
+        return terminal().status(words)
+
+
+console = _Plain()
 
 
 def emit(result: dict[str, Any], target: str | None) -> None:
@@ -33,6 +52,21 @@ def emit(result: dict[str, Any], target: str | None) -> None:
     else:
         Path(target).parent.mkdir(parents=True, exist_ok=True)
         Path(target).write_text(text, encoding="utf-8")
+
+
+def drawable(report: Path | None) -> bool:
+    """Whether pages can be drawn on this machine; where not, that is said, and the result comes without one.
+
+    Raises MissingExtraError where the user asks for the page `report`.
+    """
+    try:
+        require("report", "the page")
+    except MissingExtraError as error:
+        if report is not None:
+            raise
+        console.print(f"no page: {error}")
+        return False
+    return True
 
 
 def typed() -> str:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli.motion import Json, StageArgument
-from stagectl.cli.show import console, emit, fresh_page, show_changes, write_page
+from stagectl.cli.show import console, drawable, emit, fresh_page, show_changes, write_page
 
 
 class Law(enum.StrEnum):
@@ -70,13 +70,15 @@ def tune(
     """
     import stagectl as sc
 
+    with_page = drawable(report)
     designed = sc.load_stage(stage, judged=False)
     with console.status("searching the gains over the families of machines"):
         tuned = sc.tune(
             designed, bandwidth, margin, peak=ms, law=law.value if law else None, own_ratios=start is Start.OWN
         )
     console.print(str(tuned))
-    write_page(tuned, report or fresh_page(f"tune-{designed.path.stem}"))
+    if with_page:
+        write_page(tuned, report or fresh_page(f"tune-{designed.path.stem}"))
     emit(tuned.to_json(), json)
     if write is not None:
         fresh = not write.exists()

@@ -2,9 +2,12 @@
 
 The same source runs in two ways and gives the same bits:
 
-* **compiled** by numba, for simulator, identification and gap: fast in loops, a second to start;
+* **compiled** by numba, for simulator, identification and gap: fast in loops, a second to load at the first call of a
+  kernel, and on a new machine longer to compile;
 * **interpreted**, for the daemon's real-time process: no numba in memory, starts at once, and one law step
   of plain floats costs a few microseconds.  ``STAGECTL_KERNELS=interpreted`` selects it.
+
+A process may also begin interpreted and load numba when that pays (`interpret_first`).
 
 Kernels are NamedTuple in, NamedTuple out.  They use `math` only, multiply instead of `**`, and keep floats
 float: an int in a float's place would compile a second version, in the middle of a cycle.  Arrays come from the
@@ -16,9 +19,11 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import sys
+import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, ClassVar, ParamSpec, TypeVar, cast
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -48,9 +53,16 @@ if INTERPRETED:
         """`count` zeroed floats that a kernel changes in place."""
         return [0.0] * count
 
-    def cold() -> bool:
+    def cold(name: str = "") -> bool:
         """Whether the first use will have to compile: never."""
         return False
+
+    def interpret_first(rows: int) -> None:
+        """Interpret kernels at first: always so here."""
+
+    def interprets(values: Any) -> bool:
+        """Whether a kernel that is given these `values` will be interpreted: always."""
+        return True
 
 else:
     _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stagectl" / source_hash()
@@ -61,17 +73,74 @@ else:
     except OSError:  # a service without a home: compile at each start
         _cached = False
 
-    import numba  # after its cache directory is known
     import numpy
 
-    # Two rollouts run side by side in two threads (nogil).  No kernel allocates: without reference counts and with
-    # every call inlined, a period costs a third.
-    _compile = functools.partial(numba.njit, cache=_cached, nogil=True, forceinline=True, _nrt=False)
+    class _Process:
+        """How kernels are called in this process."""
+
+        interpreting = False  # inside an interpreted kernel: what it calls is interpreted, too
+        rows = 0  # that may still be interpreted before numba is loaded
+        loaded = False
+        lock = threading.Lock()
+        kernels: ClassVar[list[Any]] = []
 
     def kernel(function: Callable[P, R]) -> Callable[P, R]:
         """Compiled by numba at the first call, kept on disk under the hash of all kernels."""
-        compiled: Any = _compile(function)
-        return cast("Callable[P, R]", compiled)
+
+        @functools.wraps(function)
+        def call(*values: Any) -> Any:
+            if _Process.interpreting:
+                return function(*values)  # type: ignore[call-arg]
+            if not (_Process.rows and interprets(values)):
+                return dispatcher(call)(*values)
+            _Process.rows -= _rows(values)
+            _Process.interpreting = True
+            try:
+                return function(*values)  # type: ignore[call-arg]
+            finally:
+                _Process.interpreting = False
+
+        _Process.kernels.append(call)
+        return cast("Callable[P, R]", call)
+
+    def dispatcher(call: Any) -> Any:
+        """The compiled form of a kernel, under which other kernels find it, too."""
+        try:
+            return call.compiled
+        except AttributeError:
+            _compile()
+            return call.compiled
+
+    def _compile() -> None:
+        """Make numba know all kernels; each is compiled, or read from disk, at its first call."""
+        import numba  # after its cache directory is known
+
+        # Two rollouts run side by side in two threads (nogil).  No kernel allocates: without reference counts and with
+        # every call inlined, a period costs a third.
+        compiler: Any = functools.partial(numba.njit, cache=_cached, nogil=True, forceinline=True, _nrt=False)
+        with _Process.lock:
+            for call in _Process.kernels:
+                call.compiled = compiler(call.__wrapped__)
+                call._numba_type_ = call.compiled._numba_type_
+                names = vars(sys.modules[call.__module__])
+                if call.__name__ in names and names[call.__name__] is call:  # from now on without the way round
+                    names[call.__name__] = call.compiled
+            _Process.rows, _Process.loaded = 0, True
+            _Process.kernels.clear()
+
+    def interpret_first(rows: int) -> None:
+        """Interpret kernels until they have gone through `rows`: a short motion is done before numba is loaded."""
+        _Process.rows = 0 if _Process.loaded else rows
+
+    def interprets(values: Any) -> bool:
+        """Whether a kernel that is given these `values` will be interpreted."""
+        return _Process.rows > 0 and _rows(values) <= _Process.rows
+
+    def _rows(values: Any) -> int:
+        """Length of the longest array or list among `values`, and in their parts; at least 1."""
+        if isinstance(values, tuple):
+            return max((_rows(value) for value in values), default=1)
+        return len(values) if isinstance(values, list | numpy.ndarray) else 1
 
     def table(values: Iterable[float]) -> Any:
         """Constant floats that a kernel indexes."""
@@ -81,6 +150,6 @@ else:
         """`count` zeroed floats that a kernel changes in place."""
         return numpy.zeros(count)
 
-    def cold() -> bool:
-        """Whether the first use will have to compile: nothing of this version is on disk yet."""
-        return not any(_CACHE.rglob("*.nbi"))
+    def cold(name: str = "") -> bool:
+        """Whether the first use of kernels whose `name` begins so has to compile: none of this version is on disk."""
+        return not any(_CACHE.rglob(f"{name}*.nbi"))

@@ -10,12 +10,12 @@ through the reference is another curve than the motion's own formula.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pyarrow
-import pyarrow.csv
 
 from stagectl.kernels.law import Setpoint
+from stagectl.recording.arrow import arrow
 from stagectl.recording.columns import Array
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
@@ -60,10 +60,10 @@ def injection(path: Path, time: Array) -> Array:
     return _held(path, _numbers(path, table, "time_s"), current, time)
 
 
-def _table(path: Path) -> pyarrow.Table:
+def _table(path: Path) -> Any:
     try:
-        return pyarrow.csv.read_csv(path, read_options=pyarrow.csv.ReadOptions(use_threads=False))
-    except (pyarrow.ArrowInvalid, OSError) as error:
+        return arrow().csv.read_csv(path, read_options=arrow().csv.ReadOptions(use_threads=False))
+    except (arrow().ArrowInvalid, OSError) as error:
         raise RecordingError(f"{path} cannot be read as a CSV beside a capture: {error}") from error
 
 
@@ -87,10 +87,10 @@ def _scale(name: str) -> float | None:
         return None
 
 
-def _numbers(path: Path, table: pyarrow.Table, name: str) -> Array:
+def _numbers(path: Path, table: Any, name: str) -> Array:
     try:
-        values = np.array(table[name].cast(pyarrow.float64()).to_numpy(), dtype=np.float64)
-    except pyarrow.ArrowInvalid as error:
+        values = np.array(table[name].cast(arrow().float64()).to_numpy(), dtype=np.float64)
+    except arrow().ArrowInvalid as error:
         raise RecordingError(f"{name} in {path} does not hold numbers: {error}") from error
     if not np.all(finite := np.isfinite(values)):
         raise RecordingError(f"{path} has no {name} in row {int(np.argmin(finite)) + 1} of its numbers")

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow
-import pyarrow.csv
 
 from stagectl.config.stage_file import Setup
+from stagectl.recording.arrow import arrow
 from stagectl.recording.columns import (
     EXAMPLE,
     Array,
@@ -155,15 +154,15 @@ def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:
 
 def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict[str, Array]:
     """The wanted columns, (n,) each; an empty cell is NaN."""
-    reading = pyarrow.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=how.skipped)
-    converting = pyarrow.csv.ConvertOptions(
-        column_types=dict.fromkeys(wanted, pyarrow.float64()),
+    reading = arrow().csv.ReadOptions(use_threads=False, column_names=names, skip_rows=how.skipped)
+    converting = arrow().csv.ConvertOptions(
+        column_types=dict.fromkeys(wanted, arrow().float64()),
         include_columns=list(dict.fromkeys(wanted)),
         decimal_point=how.decimal,
     )
-    parsing = pyarrow.csv.ParseOptions(delimiter=how.separator)
+    parsing = arrow().csv.ParseOptions(delimiter=how.separator)
     try:
-        table = pyarrow.csv.read_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
-    except (pyarrow.ArrowInvalid, pyarrow.ArrowKeyError, OSError) as error:
+        table = arrow().csv.read_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
+    except (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError) as error:
         raise RecordingError(f"{path}: {error}") from error
     return {name: np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted}

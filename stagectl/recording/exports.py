@@ -15,15 +15,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow
-import pyarrow.csv
-import pyarrow.parquet
 import yaml
 from numpy.typing import NDArray
-from scipy.io import savemat
 
 from stagectl.kernels.law import Setpoint
 from stagectl.recording import mcap_log
+from stagectl.recording.arrow import arrow
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.nominal_yaml import nominal_of
 from stagectl.trajectories import Recorded
@@ -101,10 +98,10 @@ def header(name: str, unit: str) -> str:
 
 def write_columns(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """A CSV file with these columns; each number in the fewest digits that give the same bits again."""
-    table = pyarrow.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
+    table = arrow().table({name: np.ascontiguousarray(values) for name, values in columns.items()})
     with path.open("wb") as file:
         file.write((",".join(columns) + "\n").encode())
-        pyarrow.csv.write_csv(table, file, pyarrow.csv.WriteOptions(include_header=False))
+        arrow().csv.write_csv(table, file, arrow().csv.WriteOptions(include_header=False))
 
 
 def write_csv(recording: Recording, path: Path) -> list[str]:
@@ -117,16 +114,18 @@ def write_parquet(recording: Recording, path: Path) -> list[str]:
     """All columns as Parquet; unit and meaning in each field's metadata, the recording's own under ``stagectl``."""
     known, found = quantities(), units(recording)
     fields = [
-        pyarrow.field(name, pyarrow.float64(), metadata={"unit": unit, "meaning": known[name].meaning})
+        arrow().field(name, arrow().float64(), metadata={"unit": unit, "meaning": known[name].meaning})
         for name, unit in found.items()
     ]
-    schema = pyarrow.schema(fields, metadata={"stagectl": json.dumps(recording.meta)})
-    pyarrow.parquet.write_table(pyarrow.table([recording.column(name) for name in found], schema=schema), path)
+    schema = arrow().schema(fields, metadata={"stagectl": json.dumps(recording.meta)})
+    arrow().parquet.write_table(arrow().table([recording.column(name) for name in found], schema=schema), path)
     return []
 
 
 def write_mat(recording: Recording, path: Path) -> list[str]:
     """A MATLAB file: struct ``samples`` of columns, struct ``units`` with the same names, ``meta`` as JSON."""
+    from scipy.io import savemat
+
     found = units(recording)
     content = {
         "samples": {name: recording.column(name) for name in found},

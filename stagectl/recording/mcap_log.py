@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.recording.hdf5 import Recording, RecordingError
+from stagectl.extras import require
+from stagectl.recording.hdf5 import Recording
 
 TOPIC, DEFINITION = "/axis", "stagectl_msgs/msg/Period"
 CDR = b"\x00\x01\x00\x00"  # little-endian; what follows is aligned to its end
@@ -24,12 +25,11 @@ CDR = b"\x00\x01\x00\x00"  # little-endian; what follows is aligned to its end
 def write(recording: Recording, path: Path, fields: dict[str, tuple[str, str]]) -> None:
     """Write it; `fields` are the columns in their order: name with unit, and meaning.
 
-    Raises RecordingError where the package `mcap` is not installed.
+    Raises MissingExtraError where the package `mcap` is not installed.
     """
-    try:
-        from mcap.writer import Writer
-    except ModuleNotFoundError as error:
-        raise RecordingError(f"{error.name} is not installed: `pip install 'stagectl[mcap]'`") from error
+    require("mcap", "an MCAP file")
+    from mcap.writer import Writer
+
     times = _times(recording)
     with path.open("wb") as file:
         writer: Any = Writer(file)

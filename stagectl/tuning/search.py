@@ -83,10 +83,7 @@ def as_designed(family: Family) -> Tuned:
     Raises DesignError where its gains cannot be realised.
     """
     control = family.control
-    if isinstance(control, design.Control):
-        bandwidth = control.bandwidth
-    else:
-        bandwidth = control.position_gain / (2.0 * math.pi)
+    bandwidth = control.bandwidth if isinstance(control, design.Control) else control.position_gain / (2.0 * math.pi)
     return Tuned(control, bandwidth, reached(family.stage, control), family, Demand(control.margin))
 
 

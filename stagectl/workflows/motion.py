@@ -26,7 +26,6 @@ from stagectl.recording.file_lock import sweep
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair, save
 from stagectl.recording.learned_current import Learned, check, load, nothing
 from stagectl.recording.metadata import describe
-from stagectl.service import virtual_drive
 from stagectl.service.single_motion import Ended, Motion, Progress, move
 from stagectl.service.virtual_timeouts import HELD_UP, waits_for_sync
 from stagectl.trajectories import Experiment
@@ -245,6 +244,8 @@ def _conditions(ended: Ended) -> list[str]:
 @contextlib.contextmanager
 def drive_present(setup: Setup, say: Say) -> Iterator[None]:
     """Make sure that the embedded bus has a drive: a virtual one where none answers."""
+    from stagectl.service import virtual_drive  # a node with its object dictionary, which a simulation need not load
+
     wire = setup.file.drive.wire
     if not isinstance(wire, Canopen) or wire.interface != "embedded" or virtual_drive.answers(wire):
         yield

@@ -17,13 +17,13 @@ from typing import Any
 import pytest
 import typer
 
-from stagectl.cli.app import app
+from stagectl.cli.app import application
 from stagectl.units import StageError
 from stagectl.web.client import ask
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG, SOURCES
 
-ROOT: Any = typer.main.get_command(app)
+ROOT: Any = typer.main.get_command(application())
 
 
 def verbs(group: Any = ROOT, name: str = "") -> Iterator[tuple[str, Any]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from stagectl.cli.app import app
+from stagectl.cli.app import application
 from stagectl.gap.fleet import Machine, diagnosed, drift, names_of
 from stagectl.gap.result import result_json
 from stagectl.gap.result.diagnosis import Gap
@@ -49,7 +49,9 @@ def test_an_error_of_ours_takes_no_other_line(blind: Path, monkeypatch: pytest.M
 def test_a_line_for_every_machine(blind: Path, tmp_path: Path) -> None:
     (tmp_path / "machine-2").mkdir()
     target = tmp_path / "fleet.json"
-    done = CliRunner().invoke(app, ["gap", "fleet", str(tmp_path / "machine-2"), str(blind), "--json", str(target)])
+    done = CliRunner().invoke(
+        application(), ["gap", "fleet", str(tmp_path / "machine-2"), str(blind), "--json", str(target)]
+    )
     assert done.exit_code == 1
     first, second = json.loads(target.read_text())["machines"]
     assert (first["machine"], first["verdict"], first["gap"]) == ("machine-1", "not-identifiable", None)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from stagectl.cli.app import app
+from stagectl.cli.app import application
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import IdentificationError
 from stagectl.identification.captures import load, prepared
@@ -27,7 +27,7 @@ EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_
 
 def stagectl(*arguments: object) -> str:
     """A command as a user types it; it must succeed."""
-    result = CliRunner().invoke(app, [str(one) for one in arguments], catch_exceptions=False)
+    result = CliRunner().invoke(application(), [str(one) for one in arguments], catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.stdout
 

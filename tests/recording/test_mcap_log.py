@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
+from stagectl.extras import MissingExtraError
 from stagectl.recording.exports import export
-from stagectl.recording.hdf5 import Recording, RecordingError, open_recording
+from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.workflows.motion import prepare, pretend
 from tests.conftest import CONFIG
 
@@ -56,6 +57,7 @@ def test_it_says_what_it_is(sine: Recording, tmp_path: Path) -> None:
 def test_without_the_package_it_says_how_to_get_it(
     sine: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
-    with pytest.raises(RecordingError, match=r"pip install 'stagectl\[mcap\]'"):
+    monkeypatch.setitem(__import__("sys").modules, "mcap", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'stagectl\[mcap\]'") as caught:
         export([sine], "mcap", tmp_path / "sine.mcap")
+    assert (caught.value.package, caught.value.extra) == ("mcap", "mcap")

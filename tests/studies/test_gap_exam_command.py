@@ -9,7 +9,7 @@ from stagectl_studies.exam import exam as exams
 from stagectl_studies.exam import ledger
 from typer.testing import CliRunner
 
-from stagectl.cli.app import app
+from stagectl.cli.app import application
 from stagectl.units import StageError
 from tests.studies.made import records
 
@@ -29,7 +29,8 @@ def entered(folder: Path) -> list[dict[str, Any]]:
 
 
 def held(folder: Path, *words: str) -> None:
-    CliRunner().invoke(app, ["gap", "exam", "--trials", "60", *words, "-o", str(folder)], catch_exceptions=False)
+    asked = ["gap", "exam", "--trials", "60", *words, "-o", str(folder)]
+    CliRunner().invoke(application(), asked, catch_exceptions=False)
 
 
 def test_page_scores_and_ledger(tmp_path: Path) -> None:

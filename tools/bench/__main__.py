@@ -60,7 +60,12 @@ def _promises(chosen: argparse.Namespace) -> None:
     rounds = 5 if chosen.quick else 25
     table = simulator.tracking()
     factors = simulator.speed(4 * rounds)
-    rows = [*simulator.rows(factors, table), *engines.rows(rounds), *_on_the_bus(2 if chosen.quick else 5)]
+    rows = [
+        *simulator.rows(factors, table),
+        *engines.rows(rounds),
+        *processes.starts(rounds),
+        *_on_the_bus(2 if chosen.quick else 5),
+    ]
     with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
         rows += identification.rows(Path(folder), 1 if chosen.quick else 3, memory=not chosen.quick)
         rows += gap.rows(Path(folder) / "gap", 3 if chosen.quick else 9)

@@ -1,18 +1,20 @@
-"""The loop's process and the recorder's, as they really run: start, memory, CPU, size of the file."""
+"""Processes as they really run: what a command takes to start; the loop's and the recorder's memory, CPU and file."""
 
 from __future__ import annotations
 
 import json
 import os
 import pickle
+import resource
 import select
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from measure import Row, scaled
+from measure import Row, Wanted, scaled
 from scene import STAGE, job, scene, trajectory
 
 from stagectl.kernels import rollout
@@ -21,6 +23,15 @@ from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
 
 _MOTION = "sine-1.6hz"
+_SIMULATE = ("-m", "stagectl", "simulate", str(STAGE), str(STAGE.parent / "trajectories" / f"{_MOTION}.yaml"))
+# What is typed, its arguments, the most CPU that it may take (s), and whether the machine is a new one.
+_STARTS = (
+    ("import stagectl", ("-c", "import stagectl"), 0.15, False),
+    ("stagectl --help", ("-m", "stagectl", "--help"), 0.25, False),
+    ("stagectl status", ("-m", "stagectl", "status"), 0.3, False),
+    ("stagectl simulate", (*_SIMULATE, "--json", "-"), 1.5, False),
+    ("stagectl simulate, the first on a new machine", (*_SIMULATE, "--json", "-"), 8.0, True),
+)
 
 
 class Facts(NamedTuple):
@@ -46,6 +57,28 @@ def rows(channel: str, folder: Path, rounds: int) -> list[Row]:
         ("recording per hour at 2 kHz", [hour * r.row for r in runs], "MiB", f"{rollout.WIDTH} float64 columns"),
     )
     return [Row(what, scaled(values, 1.0), unit, None, f"{live}; {remark}") for what, values, unit, remark in lines]
+
+
+def starts(rounds: int) -> list[Row]:
+    """What a command takes, from its start to its end; each in turn."""
+    with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
+        taken = [[_start(start, Path(folder) / str(number)) for start in _STARTS] for number in range(rounds + 1)][1:]
+    method = "a process, all its threads and children; the first round reads the disk and is left out; no service runs"
+    return [
+        Row(what, scaled(list(values), 1.0), "s", Wanted(most, False), method)
+        for (what, _, most, _), values in zip(_STARTS, zip(*taken, strict=True), strict=True)
+    ]
+
+
+def _start(start: tuple[str, tuple[str, ...], float, bool], folder: Path) -> float:
+    """CPU time (s); a new machine has neither compiled kernels nor compiled modules."""
+    _, arguments, _, fresh = start
+    folder.mkdir(exist_ok=True)
+    new = {"XDG_CACHE_HOME": str(folder), "PYTHONPYCACHEPREFIX": str(folder)} if fresh else {}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *arguments], cwd=folder, env={**os.environ, **new}, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def _run(channel: str, path: Path) -> Facts:

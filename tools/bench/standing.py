@@ -27,6 +27,7 @@ _MEASURED = (
 )
 _EDS = str(STAGE.parent / "drives" / "stagectl-virtual.eds")
 _SPEAKS = f"import stagectl.drives.canopen.drive, stagectl.drives.canopen.network as wire; wire.load_eds({_EDS!r}, 1)"
+_SIMULATES = "import stagectl.simulation, numba"  # as a long motion needs it; a short one goes without numba
 # What the two of a pair are there for: (what, peer, the module it needs, ours, theirs)
 _PAIRS = (
     ("a command's help", "moteus", "moteus", ["-m", "stagectl", "--help"], ["-m", "moteus.moteus_tool", "--help"]),
@@ -44,12 +45,12 @@ _PAIRS = (
         ["-c", _SPEAKS],
         ["-c", "import moteus"],
     ),
-    ("simulator", "MuJoCo", "mujoco", ["-c", "import stagectl.simulation"], ["-c", "import mujoco"]),
+    ("simulator", "MuJoCo", "mujoco", ["-c", _SIMULATES], ["-c", "import mujoco"]),
     (
         "simulator",
         "scipy",
         "scipy",
-        ["-c", "import stagectl.simulation"],
+        ["-c", _SIMULATES],
         ["-c", "import scipy.integrate"],
     ),
 )

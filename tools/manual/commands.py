@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from stagectl.cli.app import app
+from stagectl.cli.app import application
 
 HEAD = """# Commands
 
@@ -28,7 +28,7 @@ Completion in the shell: `stagectl --install-completion`, once for bash, zsh or 
 
 def pages() -> dict[str, str]:
     """Markdown by file name."""
-    root = typer.main.get_command(app)
+    root = typer.main.get_command(application())
     return {"reference/commands.md": HEAD + "".join(_all(root, "stagectl"))}
 
 

@@ -1,6 +1,6 @@
 #!/bin/sh
 # The guest's own service: up and warm, it waits for a checkout to appear on /dev/vdb, and does what that says.
-python3 -c "import can, canopen, fastapi, h5py, numpy, pint, pytest, rich, scipy.linalg, scipy.signal, typer, uvicorn, yaml"
+python3 -c "import can, canopen, fastapi, h5py, numpy, pytest, rich, scipy.linalg, scipy.signal, typer, uvicorn, yaml"
 udevadm settle
 echo "guest: ready"
 # Read past the page cache: what is on the disk has changed since this machine was frozen.

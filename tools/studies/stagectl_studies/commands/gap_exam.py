@@ -6,15 +6,14 @@ import json as texts
 import time
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
-from rich.table import Table
 
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, progress
+from stagectl.extras import require
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -84,8 +83,10 @@ def exam(
     from stagectl_studies.exam.workers import workers_and_threads
 
     names = tuple(name.strip() for text in strata or () for name in text.split(",") if name.strip())
-    if baselines and find_spec("sklearn") is None:
-        raise StageError("--baselines: the trees need scikit-learn, which is not here: pip install 'stagectl[exam]'")
+    require("tables", "an exam")
+    require("report", "an exam's page")
+    if baselines:
+        require("exam", "--baselines")
     count, threads = workers_and_threads(workers)
     asked = Asked(trials, _seed(output, resume, seed), names)
     manner = Manner(short, full, keep, baselines, threads)
@@ -179,6 +180,8 @@ def _entered(path: Path, result: Mapping[str, Any], seconds: Mapping[str, Sequen
 
 
 def _show(found: Mapping[str, Any], seconds: Mapping[str, Sequence[float]]) -> None:
+    from rich.table import Table
+
     from stagectl_studies.exam.page import HEAD, answer, cells
 
     table = Table(*HEAD)

@@ -11,6 +11,7 @@ import typer
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
 from stagectl.cli.show import progress as bar
+from stagectl.extras import require
 
 Paper = Annotated[str, typer.Argument(metavar="PAPER", help="ball-screw or slider.")]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the page and its numbers.")]
@@ -28,6 +29,7 @@ def reproduce(paper: Paper, output: Output = Path("reproduced"), json: Json = No
 
     Example: stagectl reproduce ball-screw -o reproduced
     """
+    require("report", "the page")
     from stagectl.kernels.jit import cold
     from stagectl_studies.reproduction import papers
 
