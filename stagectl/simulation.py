@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.simulated import Simulation, draw
+from stagectl.drives.drive import Simulation
+from stagectl.drives.simulated import draw
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.law import Law
 from stagectl.plan import Plan

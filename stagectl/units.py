@@ -5,8 +5,8 @@ Inside the package every number is SI and a field's name is bare.  A field of a 
     inertia: Annotated[float, Quantity("kg m^2 | kg", "(0, inf)", "all that moves, seen at the motor")]
 
 and configuration, error messages, the JSON schema and the manual all read that one declaration.  Where a
-rotary and a linear axis differ, the unit names both, rotary first.  Units are parsed by pint with a registry
-of our own in which the angle is a dimension: 1 Hz is not 1 rad/s, and 1 N m is not 1 N m/rad.
+rotary and a linear axis differ, the unit names both, rotary first.  The angle is a dimension: 1 Hz is not
+1 rad/s, and 1 N m is not 1 N m/rad.
 """
 
 from __future__ import annotations
@@ -14,18 +14,36 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
+
+from stagectl.problem import Problem, ProblemKind
 
 ROTARY, LINEAR = "rotary", "linear"
 
 
 class StageError(Exception):
-    """Root of every error that stagectl raises on purpose: what happened, where, and what to do next."""
+    """Root of every error that stagectl raises on purpose: `problems` say what happened, where, and what to do next.
+
+    A plain text becomes a problem that has this text as its reason.
+    """
+
+    kind = ProblemKind.OTHER  # of a plain text
+
+    def __init__(self, *problems: Problem | str) -> None:
+        super().__init__(*problems)
+        self.problems = tuple(entry if isinstance(entry, Problem) else Problem(entry, self.kind) for entry in problems)
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.problems))
 
 
 class UnitError(StageError):
     """A value whose unit is missing, unknown or of another dimension."""
+
+    kind = ProblemKind.UNIT
 
 
 class Quantity(NamedTuple):
@@ -60,49 +78,47 @@ def quantity_of(hint: Any) -> Quantity | None:
     return next((extra for extra in get_args(hint)[1:] if isinstance(extra, Quantity)), None)
 
 
-# A registry of our own: only what a motion system needs, and the angle is a dimension.
-_DEFINITIONS = """
-micro- = 1e-6 = u- = µ- = μ-
-nano- = 1e-9 = n-
-milli- = 1e-3 = m-
-kilo- = 1e3 = k-
-mega- = 1e6 = M-
-metre = [length] = m
-second = [time] = s
-kilogram = [mass] = kg
-gram = 1e-3 kg = g
-ampere = [current] = A
-radian = [angle] = rad
-count = [count] = count = counts
-bit = [information] = bit
-minute = 60 s = min
-hour = 3600 s = h
-revolution = 6.283185307179586 rad = rev
-degree = 0.017453292519943295 rad = deg = °
-arcminute = 2.908882086657216e-4 rad = arcmin
-arcsecond = 4.84813681109536e-6 rad = arcsec
-hertz = 1 / s = Hz
-rpm = rev / min
-newton = kg * m / s ** 2 = N
-volt = kg * m ** 2 / A / s ** 3 = V
-ohm = V / A = Ohm = Ω
-percent = 0.01 = %
-permille = 0.001 = ‰
-"""
+# Only what a motion system needs, and the angle is a dimension.
+_PREFIXES = {
+    **dict.fromkeys(("micro", "u", "µ", "μ"), 1e-6),
+    **dict.fromkeys(("nano", "n"), 1e-9),
+    **dict.fromkeys(("milli", "m"), 1e-3),
+    **dict.fromkeys(("kilo", "k"), 1e3),
+    **dict.fromkeys(("mega", "M"), 1e6),
+}
+_BASE = ("metre m", "second s", "kilogram kg", "ampere A", "radian rad", "count counts", "bit")
+_DERIVED = {  # names: scale and what it scales
+    "gram g": (1e-3, "kg"),
+    "minute min": (60.0, "s"),
+    "hour h": (3600.0, "s"),
+    "revolution rev": (6.283185307179586, "rad"),
+    "degree deg °": (0.017453292519943295, "rad"),
+    "arcminute arcmin": (2.908882086657216e-4, "rad"),
+    "arcsecond arcsec": (4.84813681109536e-6, "rad"),
+    "hertz Hz": (1.0, "1/s"),
+    "rpm": (1.0, "rev/min"),
+    "newton N": (1.0, "kg m/s^2"),
+    "volt V": (1.0, "kg m^2/A/s^3"),
+    "ohm Ohm Ω": (1.0, "V/A"),
+    "percent %": (0.01, ""),
+    "permille ‰": (0.001, ""),
+}
+# Each name: the first of its names, its scale and what it scales; a base unit has scale 0.
+_NAMED = {
+    name: (names.split()[0], *definition)
+    for names, definition in (*((names, (0.0, "")) for names in _BASE), *_DERIVED.items())
+    for name in names.split()
+}
 # ASCII digits only: a look-alike from another script must not move an axis.
 _VALUE = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)(?![0-9.,_])(.*)", re.DOTALL)
-_POWER = r"[A-Za-zµμ°Ω%‰]+(?:(?:\^|\*\*)-?[0-9])?"
+_POWER = r"[A-Za-zµμ°Ω%‰]+(?:(?:\^|\*\*)-?[1-9])?"
 _UNIT = re.compile(rf"(?:1(?= ?/)|{_POWER})(?:(?: ?[*·/] ?| ){_POWER}){{0,8}}")
+_FACTOR = re.compile(r"(/ ?)?([A-Za-zµμ°Ω%‰]+)(?:(?:\^|\*\*)(-?[1-9]))?")
 _LONGEST = 80  # characters of a value; no expression may keep the parsers busy
 
 
-@functools.cache
-def _registry() -> Any:
-    import pint  # a third of a second: only where configuration is read
-
-    registry: Any = pint.UnitRegistry(None)
-    registry.load_definitions(_DEFINITIONS.strip().splitlines())
-    return registry
+class _UnknownUnitError(Exception):
+    """A name that is in no table."""
 
 
 @functools.lru_cache(maxsize=1024)
@@ -111,44 +127,96 @@ def factor(unit: str, to: str) -> float:
 
     Raises UnitError where the unit is unknown, of another dimension, or beyond what a float holds.
     """
-    import pint
-
-    registry = _registry()
+    ratio = Counter(_powers(unit))
+    ratio.subtract(_powers(to))
     try:
-        found = float(registry.Quantity(1.0, _spelled(unit)).to(_spelled(to)).magnitude)
-    except UnitError:
-        raise
-    except pint.errors.UndefinedUnitError as error:
+        scales, bases = _expanded(ratio)
+    except _UnknownUnitError as error:
         raise UnitError(f"unknown unit {unit!r}") from error
-    except pint.errors.DimensionalityError as error:
-        raise UnitError(f"{unit!r} does not measure {to or 'a pure number'}") from error
-    except Exception as error:  # pint raises many kinds on text that is no unit at all
-        raise UnitError(f"{unit!r} is not a unit") from error
-    if not 0.0 < found < math.inf:
+    if any(bases.values()):
+        raise UnitError(f"{unit!r} does not measure {to or 'a pure number'}")
+    value = _product(scales)
+    if not 0.0 < value < math.inf:
         raise UnitError(f"{unit!r} is out of all proportion")
-    return found
+    return value
 
 
-def _spelled(unit: str) -> str:
+def _powers(unit: str) -> dict[str, int]:
+    """Exponent of each name in `unit`, in the order of their appearance."""
     tidy = " ".join(unit.split())
     if len(tidy) > _LONGEST or (tidy and not _UNIT.fullmatch(tidy)):
         raise UnitError(f"{unit[:_LONGEST]!r} is not a unit")
-    return tidy.replace("·", "*") or "dimensionless"
+    powers: dict[str, int] = {}
+    for divided, name, exponent in _FACTOR.findall(tidy):
+        powers[name] = powers.get(name, 0) + int(exponent or 1) * (-1 if divided else 1)
+    return powers
+
+
+def _expanded(powers: Mapping[str, int]) -> tuple[list[tuple[float, int]], Counter[str]]:
+    """Scales with their exponents, and the exponents of the base units."""
+    scales: list[tuple[float, int]] = []
+    bases: Counter[str] = Counter()
+    for name, exponent in powers.items():
+        for scale, power in _scales(name)[0] if exponent else ():
+            scales.append((scale, power * exponent))
+        for base, power in _scales(name)[1].items():
+            bases[base] += power * exponent
+    return scales, bases
+
+
+@functools.cache
+def _scales(name: str) -> tuple[tuple[tuple[float, int], ...], Mapping[str, int]]:
+    """Scales of one unit, outermost first, and its base units."""
+    prefix, stem = _split(name)
+    canonical, scale, of = _NAMED[stem]
+    scales, bases = _expanded(_powers(of)) if scale else ([], Counter({canonical: 1}))
+    outer = [(value, 1) for value in (_PREFIXES.get(prefix), scale) if value]
+    return (*outer, *scales), bases
+
+
+def _split(name: str) -> tuple[str, str]:
+    """Prefix and unit; a unit of more than one letter may have a plural s.
+
+    Raises _UnknownUnitError.
+    """
+    for plural in ("", "s"):
+        for prefix in ("", *_PREFIXES):
+            stem = name.removeprefix(prefix).removesuffix(plural)
+            if f"{prefix}{stem}{plural}" == name and stem in _NAMED and (len(stem) > 1 or not plural):
+                return prefix, stem
+    raise _UnknownUnitError(name)
+
+
+def _product(scales: Iterable[tuple[float, int]]) -> float:
+    """Powers of equal scales are added first: ``mm/mm`` is 1 exactly."""
+    above: Counter[float] = Counter()
+    below: Counter[float] = Counter()
+    for scale, exponent in scales:
+        (above if exponent > 0 else below)[scale] += exponent
+    value = 1.0
+    try:
+        for scale in above:
+            value *= scale ** max(above[scale] + below[scale], 0)
+        for scale in below:
+            value *= scale ** min(above[scale] + below[scale], 0)
+    except OverflowError:
+        return math.inf
+    return value
 
 
 def parse(text: str, to: str) -> float:
     """``parse("12 mm", "m") == 0.012``; the unit must be there unless `to` is a pure number.
 
-    Raises UnitError saying what is wrong with the text.
+    Raises UnitError with the reason.
     """
     match = _VALUE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
     if match is None:
-        raise UnitError(f"not a number{' with a unit' if to else ''}")
+        raise UnitError(Problem(f"not a number{' with a unit' if to else ''}", ProblemKind.VALUE))
     number, unit = match[1], match[2].strip()
     if unit == "" and to != "":
         raise UnitError("the unit is missing")
     # In decimal, so that 12 mm is the double nearest to 0.012, as a person would write it.
     value = float(Decimal(number) * Decimal(repr(factor(unit, to))))
     if math.isinf(value):
-        raise UnitError("too large for a number")
+        raise UnitError(Problem("too large for a number", ProblemKind.VALUE))
     return value

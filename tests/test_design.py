@@ -218,8 +218,8 @@ def test_the_loop_with_an_observer(ball_screw: Setup, nd: int, nm: int) -> None:
     z = np.exp(2j * np.pi * np.array([1.0, 10.0, 40.0, 200.0, 999.0]) * 5e-4)
     measured, told = observer.transfer(watching, z)
     expected = (controller.at(z) + measured) / (1.0 + told)
-    np.testing.assert_allclose(design.observed(controller, watching).at(z), expected, rtol=1e-6)
-    assert design.observed(controller, observer.ABSENT) is controller
+    np.testing.assert_allclose(design.with_observer(controller, watching).at(z), expected, rtol=1e-6)
+    assert design.with_observer(controller, observer.ABSENT) is controller
 
 
 def test_margins_with_an_observer_hold_in_the_running_loop(ball_screw: Setup) -> None:
@@ -229,7 +229,7 @@ def test_margins_with_an_observer_hold_in_the_running_loop(ball_screw: Setup) ->
     reached = design.margins(p, gains, control.period, watching)
     assert reached.stable
     assert math.degrees(reached.phase) == pytest.approx(21.8, abs=0.1)
-    closed = design.observed(design.compensator(gains, control.period), watching)
+    closed = design.with_observer(design.compensator(gains, control.period), watching)
     plant = design.plant(p, control.period)
     for share, stable in ((0.98, True), (1.02, False)):
         poles = np.roots(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stagectl import design
-from stagectl.config.loader import ConfigError
+from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.evaluation import evaluate

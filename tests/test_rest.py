@@ -39,13 +39,13 @@ def standing(setup: Setup) -> Any:
 
 
 def swinging(setup: Setup) -> float | None:
-    return design.swings(setup.stage, *design.unjudged(setup.stage, setup.file.control))
+    return design.limit_cycle_frequency(setup.stage, *design.loop_parts(setup.stage, setup.file.control))
 
 
 @pytest.mark.parametrize("path", STAGES, ids=lambda path: path.stem + path.suffix)
 def test_every_shipped_stage_comes_to_rest(path: Path) -> None:
     setup = load_stage(path)
-    assert design.unrest(setup.stage, setup.file.control) == ""
+    assert design.limit_cycle_warning(setup.stage, setup.file.control) == ""
 
 
 @pytest.mark.parametrize(("axis", "bandwidth"), [("x", 8.0), ("y", 9.0)])

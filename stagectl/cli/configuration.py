@@ -59,7 +59,7 @@ def _words(path: Path) -> str:
 
     from stagectl.config.machine_file import split
     from stagectl.config.source import compose
-    from stagectl.config.stage_file import StageFile
+    from stagectl.config.stage_blocks import StageFile
     from stagectl.config.trajectory_file import load_free
     from stagectl.trajectories import phases
 
@@ -78,9 +78,9 @@ def _stage_words(path: Path) -> str:
     setup = load_stage(path)
     control = setup.file.control
     observing = "observer" in control.layers
-    reached = design.margins(setup.stage, *design.unjudged(setup.stage, control))  # it was judged as it was read
+    reached = design.margins(setup.stage, *design.loop_parts(setup.stage, control))  # it was judged as it was read
     name, value, unit = design.speed(control)
-    restless = design.unrest(setup.stage, control)
+    restless = design.limit_cycle_warning(setup.stage, control)
     return (
         f"{setup.file.name}, {name.replace('_', ' ')} {value:g} {unit} at {setup.dt * 1e3:g} ms; phase margin "
         f"{math.degrees(reached.phase):.1f} deg, gain margin {20 * math.log10(reached.gain):.1f} dB, "

@@ -221,7 +221,7 @@ def _judged(path: Path) -> Any:
     from stagectl import design
 
     setup = _load(path)
-    if restless := design.unrest(setup.stage, setup.file.control):
+    if restless := design.limit_cycle_warning(setup.stage, setup.file.control):
         console.print(f"note: {restless}")
     return setup
 

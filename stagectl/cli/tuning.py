@@ -82,7 +82,7 @@ def tune(
     from stagectl.tuning import families, sheet
     from stagectl.tuning import search as tuning
 
-    setup = load_stage(stage, judged=False)
+    setup = load_stage(stage, designed=False)
     hertz = None if bandwidth is None else _read("--bandwidth", bandwidth, "Hz")
     control = setup.file.control
     least = control.margin if margin is None else _within("--margin", margin, _MARGIN)
@@ -163,7 +163,7 @@ def _write(stage: Path, target: Path, found: Tuned, with_margin: bool) -> None:
     from stagectl.tuning.families import law_of
 
     fresh = not target.exists()
-    before = load_stage(stage if fresh else target, judged=False).file.control
+    before = load_stage(stage if fresh else target, designed=False).file.control
     changes = _changes(found, law_of(before), with_margin)
     made = write(stage, target, changes)
     console.print(

@@ -21,12 +21,3 @@ class Homing(NamedTuple):
         11
     )
     position: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "what the found place is called")] = 0.0
-
-    @property
-    def wrong(self) -> str:
-        """What is missing, in words; empty where it can be done."""
-        if self.method in ("none", "here"):
-            return ""
-        if self.speed == 0.0 or self.distance == 0.0:
-            return f"homing.method = {self.method} needs a speed, signed, and a distance"
-        return "homing.method = current needs the current" if self.method == "current" and self.current == 0.0 else ""

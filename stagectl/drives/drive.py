@@ -143,3 +143,17 @@ class Odrive(NamedTuple):
     watchdog: Annotated[float, Quantity("s", "[0, 10]", "silence after which the drive stops; 0: off")] = 0.1
     feedback_timeout: Annotated[float, Quantity("s", "(0, 60]", "longest wait for an answer")] = 0.05
     line_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of a period that the line may take")] = 0.8
+
+
+class Simulation(NamedTuple):
+    """How the stage model is run where it stands in for a machine."""
+
+    substeps: Annotated[int, Quantity("", "[1, 10000]", "number of integration steps per control period")] = 10
+    current_noise: Annotated[float, Quantity("A", "[0, 100]", "rms noise on the motor current, one draw a period")] = (
+        0.0
+    )
+    encoder_noise: Annotated[float, Quantity("rad | m", "[0, 1]", "rms noise before the encoder rounds")] = 0.0
+    seed: Annotated[int, Quantity("", "[0, 2147483647]", "seed of that noise")] = 1
+    clock: Annotated[Literal["sync", "wall"], "what moves a virtual drive's plant: each SYNC by Ts, or the clock"] = (
+        "sync"
+    )

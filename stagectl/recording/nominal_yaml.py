@@ -12,8 +12,9 @@ from typing import Any
 import yaml
 
 from stagectl.config.friction_laws import Dahl, Lugre
-from stagectl.config.loader import Lengths, Reader
-from stagectl.config.stage_file import StageFile
+from stagectl.config.lengths import Lengths
+from stagectl.config.loader import Reader
+from stagectl.config.stage_blocks import StageFile
 from stagectl.design import Control
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import friction_bristle

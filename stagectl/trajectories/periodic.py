@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import random
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from stagectl.trajectories.motion import Array, Motion, contained, product, wind
 from stagectl.units import Quantity
 
 Flat = Literal["position", "velocity", "acceleration"]
+FLAT: tuple[str, ...] = get_args(Flat)
 
 
 class Sine(NamedTuple):

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.drives.bus.frames import Bus, open_bus
@@ -61,7 +60,7 @@ def prepare(
     setup: Setup, trajectory: Path, without: frozenset[str], recording: Path | None, learned: Path | None = None
 ) -> Motion:
     """Read, check and lay out a motion, with the current that was `learned` for it; nothing moves yet."""
-    controller = design.design(setup.stage, setup.file.control, without)
+    controller = setup.controller.without(without)
     laid_out = plan(setup, load_trajectory(trajectory, axis_of(setup)), controller.feedforward)
     layers = sorted(frozenset(setup.file.control.layers) - without)
     meta = {**describe(setup, laid_out, controller, trajectory), "without": sorted(without), "layers": layers}

@@ -11,8 +11,9 @@ import pytest
 import yaml
 
 from stagectl.config import patch
-from stagectl.config.loader import ConfigError, Lengths
+from stagectl.config.lengths import Lengths
 from stagectl.config.schema import SCHEMAS
+from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import effects, stage
@@ -95,7 +96,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def setup(path: Path) -> Setup:
-    return load_stage(path, judged=False)
+    return load_stage(path, designed=False)
 
 
 def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:

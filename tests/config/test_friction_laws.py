@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.config.loader import ConfigError
+from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.kernels import stage
 from stagectl.kernels.friction_bristle import Bristle

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.config.loader import ConfigError
-from stagectl.config.stage_file import Rolling, Setup, load_stage
+from stagectl.config.friction_laws import Rolling
+from stagectl.config.source import ConfigError
+from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.trajectories import Sine
 from tests.conftest import CONFIG

@@ -9,7 +9,7 @@ import pytest
 from stagectl.config.machine_file import axes_of, coupled, text_of
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
-from stagectl.drives.bus import frames
+from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.machine import machine, named, together
@@ -28,7 +28,7 @@ def test_the_shipped_machine_has_two_axes_on_one_bus() -> None:
     assert (x.mechanics.inertia, y.mechanics.inertia) == (0.010, 0.008)
     assert x.control.period == y.control.period == 1e-3
     assert y.limits.travel[1] == pytest.approx(0.8 * x.limits.travel[1], rel=1e-12)
-    assert frames.load(1e3, 1e6, (0, 8, 8, 8, 8)) == pytest.approx(0.595)  # as its comment says: 55 + 4 x 135 bits
+    assert bus_load(1e3, 1e6, (0, 8, 8, 8, 8)) == pytest.approx(0.595)  # as its comment says: 55 + 4 x 135 bits
     assert y._replace(name=x.name, mechanics=x.mechanics, limits=x.limits, drive=x.drive) == x
 
 

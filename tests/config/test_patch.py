@@ -13,10 +13,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stagectl.config.loader import Lengths
+from stagectl.config.friction_laws import Operators, Rolling
+from stagectl.config.lengths import Lengths
 from stagectl.config.patch import patched, write
 from stagectl.config.source import ConfigError
-from stagectl.config.stage_file import Operators, Rolling, StageFile, load_stage
+from stagectl.config.stage_blocks import StageFile
+from stagectl.config.stage_file import load_stage
 from stagectl.units import ROTARY
 from tests.conftest import CONFIG
 

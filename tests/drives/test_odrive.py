@@ -14,9 +14,9 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.drives import odrive
 from stagectl.drives.bus.virtual_time import Timeline
-from stagectl.drives.drive import DriveError, Fault, Odrive
+from stagectl.drives.drive import DriveError, Fault, Odrive, Simulation
 from stagectl.drives.odrive import OdriveDrive, open_odrive
-from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
 from stagectl.units import StageError
 from tests.conftest import CONFIG

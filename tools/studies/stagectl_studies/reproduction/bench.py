@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl import design
-from stagectl.config.stage_file import OWN, Operators, Setup
+from stagectl.config.friction_laws import Operators
+from stagectl.config.stage_file import Setup
+from stagectl.config.wire_checks import OWN
 from stagectl.identification.capture import Capture
 from stagectl.identification.captures import prepared
 from stagectl.identification.result import Characteristic
