@@ -41,7 +41,7 @@ class LimitError(TrajectoryError):
 
     def __init__(self, problem: Problem, needed: float = math.nan, allowed: float = math.nan) -> None:
         super().__init__(problem)
-        self.needed, self.allowed = needed, allowed  # in the unit of the problem
+        self.needed, self.allowed = needed, allowed  # in the unit of the problem; of a travel downwards, its length
 
 
 class Plan(NamedTuple):
@@ -149,8 +149,9 @@ def _check_open(setup: Setup, currents: NDArray[np.float64]) -> None:
         reason = f"by the model the current would move the axis over [{low * scale:.4g}, {high * scale:.4g}] {unit}"
         travel = f"[{limits.travel[0] * scale:g}, {limits.travel[1] * scale:g}] {unit}"
         problem = _unmoved(Problem(reason, ProblemKind.LIMIT, "limits.travel", travel, unit), remedy)
-        upwards = high > limits.travel[1]
-        raise LimitError(problem, (high if upwards else low) * scale, limits.travel[upwards] * scale)
+        if high > limits.travel[1]:
+            raise LimitError(problem, high * scale, limits.travel[1] * scale)
+        raise LimitError(problem, -low * scale, -limits.travel[0] * scale)
     if speed > limits.speed:
         reason = f"by the model the current would move the axis at {speed * scale:.4g} {unit}/s"
         allowed = limits.speed * scale

@@ -8,10 +8,8 @@ has none in its memory.
 
 from __future__ import annotations
 
-import re
 import shlex
 import sys
-from pathlib import Path
 from typing import NoReturn
 
 import typer
@@ -70,15 +68,16 @@ def main() -> None:
 
 
 def _next(error: StageError) -> str:
-    """What to type after a file was mended."""
-    from stagectl.config.source import ConfigError, UnreadableError
+    """The command to type once the file is corrected; empty where no YAML file is at fault."""
+    from stagectl.config.source import ConfigError
 
-    named = re.search(r"\(([^()]+\.ya?ml):\d+\)$", str(error)) if isinstance(error, ConfigError) else None
-    if named is None or isinstance(error, UnreadableError):
+    problem = error.problems[-1]
+    file = problem.file if isinstance(error, ConfigError) and problem.line else None
+    if file is None or file.suffix not in (".yaml", ".yml"):
         return ""
-    if kind := configuration.kind(Path(named[1])):
-        return f"\n{named[1]} is a good {kind} file, but another kind is wanted here: the stage file comes first"
-    return f"\nmend it, then: stagectl config check {shlex.quote(named[1])}"
+    if kind := configuration.kind(file):
+        return f"\n{file} is a valid {kind} file, but another kind is expected here: the stage file comes first"
+    return f"\ncorrect it, then: stagectl config check {shlex.quote(str(file))}"
 
 
 def _fail(words: str) -> NoReturn:

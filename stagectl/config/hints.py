@@ -22,7 +22,7 @@ def plain(hint: Any) -> Any:
     return get_args(hint)[0] if get_origin(hint) is Annotated else hint
 
 
-def annotations(hint: Any) -> tuple[Any, ...]:
+def extras_of(hint: Any) -> tuple[Any, ...]:
     """What is annotated beside the type."""
     return get_args(hint)[1:] if get_origin(hint) is Annotated else ()
 
@@ -40,12 +40,12 @@ def without_none(hint: Any) -> Any:
 
 def tag_of(hint: Any) -> Tagged | None:
     """How the blocks of a tagged union are distinguished; None where `hint` is none."""
-    return next((extra for extra in annotations(hint) if isinstance(extra, Tagged)), None)
+    return next((extra for extra in extras_of(hint) if isinstance(extra, Tagged)), None)
 
 
 def meaning_of(hint: Any) -> str:
     """The meaning of a field that has no `Quantity`; empty where none is annotated."""
-    return next((extra for extra in annotations(hint) if isinstance(extra, str)), "")
+    return next((extra for extra in extras_of(hint) if isinstance(extra, str)), "")
 
 
 def fields_of(hint: Any) -> dict[str, Any]:

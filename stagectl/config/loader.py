@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 import yaml
 
 from stagectl.config.bounds import DEEPEST_BLOCK, LONGEST_LIST, LONGEST_SHOWN, LONGEST_TEXT, MOST_PROBLEMS
-from stagectl.config.hints import Tagged, annotations, fields_of, is_union, meaning_of, plain, tag_of, without_none
+from stagectl.config.hints import Tagged, extras_of, fields_of, is_union, meaning_of, plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, compose
 from stagectl.problem import Problem, ProblemKind
@@ -114,7 +114,7 @@ class Reader:
     def _optional(self, hint: Any, node: yaml.Node, name: str) -> Any:
         if isinstance(node, yaml.ScalarNode) and node.tag.endswith(":null"):
             return None
-        inner, extras = without_none(hint), annotations(hint)
+        inner, extras = without_none(hint), extras_of(hint)
         return self.value(Annotated[inner, *extras] if extras else inner, node, name)
 
     def _list(self, hint: Any, node: yaml.Node, name: str) -> Any:
