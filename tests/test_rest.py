@@ -82,4 +82,4 @@ def test_a_loop_that_would_swing_is_told_before_it_moves(command: Command, tmp_p
     assert code == 0
     assert "the loop oscillates at 80.3 Hz" in " ".join(err.split())
     _, _, err = command("simulate", path, CONFIG / "trajectories" / "sine-2um.yaml", "-o", tmp_path / "a.h5")
-    assert "note: when it stands" in " ".join(err.split())
+    assert "note: at standstill" in " ".join(err.split())

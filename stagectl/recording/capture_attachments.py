@@ -16,6 +16,7 @@ import pyarrow
 import pyarrow.csv
 
 from stagectl.kernels.law import Setpoint
+from stagectl.problem import ProblemKind
 from stagectl.recording.columns import Array
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
@@ -37,7 +38,10 @@ def setpoints(path: Path, rows: int, kind: str) -> dict[str, Array]:
     if absent or len(table) != rows:
         what = f"lacks the column {absent[0]}" if absent else f"has {len(table)} rows, its capture {rows}"
         raise RecordingError(
-            f"{path} {what}; without setpoints, they are recomputed: take the key out of captures.yaml"
+            f"{path} {what}; without setpoints, they are recomputed: take the key out of captures.yaml",
+            file=path,
+            kind=ProblemKind.CONFLICT,
+            column=absent[0] if absent else "",
         )
     return {name: _numbers(path, table, label) for name, label in names.items()}
 
@@ -54,7 +58,9 @@ def injection(path: Path, time: Array) -> Array:
         if len(current) != len(time):
             raise RecordingError(
                 f"{path} has {len(current)} rows and no time_s, its capture has {len(time)}; it must have as many, or "
-                "a time"
+                "a time",
+                file=path,
+                kind=ProblemKind.CONFLICT,
             )
         return current
     return _held(path, _numbers(path, table, "time_s"), current, time)
@@ -64,7 +70,9 @@ def _table(path: Path) -> pyarrow.Table:
     try:
         return pyarrow.csv.read_csv(path, read_options=pyarrow.csv.ReadOptions(use_threads=False))
     except (pyarrow.ArrowInvalid, OSError) as error:
-        raise RecordingError(f"{path} cannot be read as a CSV beside a capture: {error}") from error
+        raise RecordingError(
+            f"{path} cannot be read as a CSV beside a capture: {error}", file=path, kind=ProblemKind.FILE
+        ) from error
 
 
 def _column(path: Path, names: list[str]) -> tuple[str, float]:
@@ -73,7 +81,10 @@ def _column(path: Path, names: list[str]) -> tuple[str, float]:
     chosen = [name for name in currents if name.startswith("injection")] or currents
     if len(chosen) != 1:
         raise RecordingError(
-            f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)"
+            f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)",
+            file=path,
+            kind=ProblemKind.MISSING,
+            column=NAME,
         )
     scale = _scale(chosen[0])
     assert scale is not None
@@ -91,16 +102,29 @@ def _numbers(path: Path, table: pyarrow.Table, name: str) -> Array:
     try:
         values = np.array(table[name].cast(pyarrow.float64()).to_numpy(), dtype=np.float64)
     except pyarrow.ArrowInvalid as error:
-        raise RecordingError(f"{name} in {path} does not hold numbers: {error}") from error
+        raise RecordingError(
+            f"{name} in {path} does not hold numbers: {error}", file=path, kind=ProblemKind.VALUE, column=name
+        ) from error
     if not np.all(finite := np.isfinite(values)):
-        raise RecordingError(f"{path} has no {name} in row {int(np.argmin(finite)) + 1} of its numbers")
+        raise RecordingError(
+            f"{path} has no {name} in row {int(np.argmin(finite)) + 1} of its numbers",
+            file=path,
+            kind=ProblemKind.MISSING,
+            column=name,
+            row=int(np.argmin(finite)) + 1,
+        )
     return values
 
 
 def _held(path: Path, begins: Array, current: Array, time: Array) -> Array:
     """`current` (m,) A, each from its time in `begins` (m,) s on, at the rows' `time` (n,) s; 0 outside."""
     if len(begins) < 2 or np.any(np.diff(begins) <= 0.0):
-        raise RecordingError(f"{path}: time_s must have at least two rows and increase strictly")
+        raise RecordingError(
+            f"{path}: time_s must have at least two rows and increase strictly",
+            file=path,
+            kind=ProblemKind.CONFLICT,
+            column="time_s",
+        )
     step = float(np.median(np.diff(begins)))
     late = _EARLY * min(step, float(np.median(np.diff(time))))
     at = np.searchsorted(begins, time + late, side="right") - 1
@@ -108,6 +132,9 @@ def _held(path: Path, begins: Array, current: Array, time: Array) -> Array:
     if not np.any(inside):
         raise RecordingError(
             f"{path} covers {begins[0]:g} s to {begins[-1]:g} s, its capture {time[0]:g} s to {time[-1]:g} s: none of "
-            "it was added in this capture"
+            "it was added in this capture",
+            file=path,
+            kind=ProblemKind.CONFLICT,
+            column="time_s",
         )
     return np.where(inside, current[np.maximum(at, 0)], 0.0)

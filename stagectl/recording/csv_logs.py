@@ -11,6 +11,7 @@ import pyarrow
 import pyarrow.csv
 
 from stagectl.config.stage_file import Setup
+from stagectl.problem import ProblemKind
 from stagectl.recording.columns import (
     EXAMPLE,
     Array,
@@ -21,7 +22,7 @@ from stagectl.recording.columns import (
     meaning,
     of_choices,
     parsed,
-    told_scales,
+    scales_by_unit,
 )
 from stagectl.recording.csv_layout import WORDS, Layout, layout
 from stagectl.recording.exports import header
@@ -42,10 +43,12 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
     if not names:
         raise RecordingError(
             f"{path} has no header, its first row is numbers; say which of its {how.width} columns is which, counting "
-            f"from 1: {EXAMPLE}"
+            f"from 1: {EXAMPLE}",
+            file=path,
+            kind=ProblemKind.MISSING,
         )
     if how.skipped > 1:
-        raise RecordingError(f"{path} {_preamble(how)}")
+        raise RecordingError(f"{path} {_preamble(how)}", file=path, kind=ProblemKind.MISSING)
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
     scales = _scales(path, names, setup, (nominal, beside))
@@ -100,21 +103,33 @@ def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
         there = (
             f"its columns are {', '.join(names)}" if names else f"it has no header, so give a number from 1 to {count}"
         )
-        raise RecordingError(f"{path} has no column {choice.name} for the {choice.quantity}: {there}")
+        raise RecordingError(
+            f"{path} has no column {choice.name} for the {choice.quantity}: {there}",
+            file=path,
+            kind=ProblemKind.UNKNOWN,
+            column=choice.name,
+        )
     if not 1 <= int(choice.name) <= count:
-        raise RecordingError(f"column {choice.name} of {path}; must be 1 to {count}, the first is 1")
+        raise RecordingError(
+            f"column {choice.name} of {path}; must be 1 to {count}, the first is 1",
+            file=path,
+            kind=ProblemKind.UNKNOWN,
+            column=choice.name,
+        )
     return int(choice.name) - 1
 
 
 def _scales(path: Path, names: list[str], setup: Setup | None, nominal: tuple[dict[str, Any], Path]) -> Scales:
-    """From the stage file, else from nominal.yaml, else what the position's own unit tells."""
+    """From the stage file, else from nominal.yaml, else by the unit of the position."""
     values, beside = nominal
     told = scales_of_nominal(values, beside) if values else None
     if setup is not None:
         return scales_of_stage(setup, told.amplifier if told else 0.0)
     if told is not None:
         return told
-    return told_scales((name.rsplit("_", 1)[1] for name in names if name.startswith(("position_", "measured_"))), path)
+    return scales_by_unit(
+        (name.rsplit("_", 1)[1] for name in names if name.startswith(("position_", "measured_"))), path
+    )
 
 
 def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:
@@ -128,7 +143,9 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
             found = ((own[name], 1.0) if name in own else None) if exported else _meaning(name, scales)
         except StageError as error:
             if name.startswith(("time_", "position_")):
-                raise RecordingError(f"{name} in {path}: {error}") from error
+                raise RecordingError(
+                    f"{name} in {path}: {error}", file=path, kind=ProblemKind.UNIT, column=name
+                ) from error
             notes.append(f"{name} is left out: {error}")
             continue
         if found is None:
@@ -136,14 +153,22 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
                 f"{name or 'a column without a name'} is left out: it is no quantity with a unit that is known"
             )
         elif found[0] in [ours for ours, _ in known.values()]:
-            raise RecordingError(f"{path} has two columns for {found[0]}, the second is {name}: remove one")
+            raise RecordingError(
+                f"{path} has two columns for {found[0]}, the second is {name}: remove one",
+                file=path,
+                kind=ProblemKind.REPEATED,
+                column=found[0],
+            )
         else:
             known[name] = found
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
     if absent:
         raise RecordingError(
             f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say which are "
-            "they: --columns time=NAME,position=NAME:mm"
+            "they: --columns time=NAME,position=NAME:mm",
+            file=path,
+            kind=ProblemKind.MISSING,
+            column=sorted(absent)[0],
         )
     return known, notes
 
@@ -165,5 +190,5 @@ def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict
     try:
         table = pyarrow.csv.read_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
     except (pyarrow.ArrowInvalid, pyarrow.ArrowKeyError, OSError) as error:
-        raise RecordingError(f"{path}: {error}") from error
+        raise RecordingError(f"{path}: {error}", file=path, kind=ProblemKind.VALUE) from error
     return {name: np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted}

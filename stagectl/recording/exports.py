@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from stagectl.kernels.law import Setpoint
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import mcap_log
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.nominal_yaml import nominal_of
@@ -48,33 +49,36 @@ class Exported(NamedTuple):
 
 
 def export(recordings: list[Recording], to: str, path: Path | None) -> list[Exported]:
-    """Write `recordings` in the format `to` of FORMATS, each beside its recording where no `path` is given.
+    """Write `recordings` in the format `to` of FORMATS, each next to its recording where no `path` is given.
 
     A folder takes all of them together.  Raises RecordingError where the recordings do not fit the format.
     """
     if to not in FORMATS:
-        raise RecordingError(f"format {to}; must be one of {', '.join(FORMATS)}")
-    if empty := next((one for one in recordings if not len(one.samples)), None):
-        raise RecordingError(f"{empty.path} holds no rows: there is nothing to export")
+        raise RecordingError(Problem("", ProblemKind.VALUE, "format", to, choices=FORMATS))
+    for recording in recordings:
+        if not len(recording.samples):
+            reason = f"{recording.path} holds no rows: there is nothing to export"
+            raise RecordingError(reason, file=recording.path, kind=ProblemKind.MISSING)
     if to == FOLDER:
         return [write_folder(recordings, path or recordings[0].path.with_suffix(""))]
     if path is not None and len(recordings) > 1:
-        raise RecordingError(f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder")
+        reason = f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder"
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
     suffix = ".yaml" if to == "trajectory" else f".{to}"
-    targets = [path or one.path.with_suffix(suffix) for one in recordings]
-    if own := [
-        one.path for one, target in zip(recordings, targets, strict=True) if target.resolve() == one.path.resolve()
-    ]:
-        raise RecordingError(f"{own[0]} is the recording itself: choose another file with -o")
-    return [_write(to, one, target) for one, target in zip(recordings, targets, strict=True)]
+    return [_write(to, recording, path or recording.path.with_suffix(suffix)) for recording in recordings]
 
 
 def _write(to: str, recording: Recording, path: Path) -> Exported:
+    if path.resolve() == recording.path.resolve():
+        reason = f"{path} is the recording itself: choose another file with -o"
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         notes = WRITERS[to](recording, path)
     except OSError as error:
-        raise RecordingError(f"{path} cannot be written: {error.strerror or error}") from error
+        raise RecordingError(
+            f"{path} cannot be written: {error.strerror or error}", file=path, kind=ProblemKind.FILE
+        ) from error
     return Exported(path, [*notes, *_losses(recording)])
 
 
@@ -187,7 +191,10 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
         if difference := _difference(nominal, nominal_of(other)):
             raise RecordingError(
                 f"{other.path} differs from {recordings[0].path} in {difference}; the captures of a folder share "
-                "one nominal.yaml: export them to folders of their own"
+                "one nominal.yaml: export them to folders of their own",
+                file=other.path,
+                kind=ProblemKind.CONFLICT,
+                column=difference.split(" ")[0],
             )
     captures, notes = [], []
     try:
@@ -198,7 +205,9 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
         _dump(folder / "captures.yaml", {"captures": captures})
         _dump(folder / "nominal.yaml", nominal)
     except OSError as error:
-        raise RecordingError(f"{folder} cannot be written: {error.strerror or error}") from error
+        raise RecordingError(
+            f"{folder} cannot be written: {error.strerror or error}", file=folder, kind=ProblemKind.FILE
+        ) from error
     return Exported(folder, notes)
 
 
@@ -250,13 +259,11 @@ def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:
     found = []
     for recording in recordings:
         known: dict[str, Any] = dict(recording.meta.get("capture", {}))
-        name = re.sub(
-            r"[^\w.+-]", "_", str(known.get("experiment", recording.meta["trajectory"]))
-        )  # also a file's name
+        name = re.sub(r"[^\w.+-]", "_", str(known.get("experiment", recording.meta["trajectory"])))  # of a file, too
         repeats[name] += 1
         entry = {"file": f"{name}-{repeats[name]}.csv", "experiment": name, "repeat": repeats[name], "use": "diagnose"}
         if "law" in recording.meta:  # the date of an import is not that of its capture
-            entry["start_s"] = _seconds(recording) - min(_seconds(one) for one in recordings)
+            entry["start_s"] = _seconds(recording) - min(map(_seconds, recordings))
         entry.update({key: known[key] for key in ("repeat", "use", "start_s") if key in known})
         found.append(entry)
     return found

@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 from typing import IO
 
+from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
 BEGUN = ".begun"  # behind the name of a file that cannot be read yet
@@ -25,8 +26,23 @@ _WHOLE_FILE = struct.pack("hhqqi0q", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)  # str
 _TRIES, _PAUSE = 20, 0.01  # s between them: who discards holds the lock for a moment
 
 
-class RecordingError(StageError):
-    """A file that is no recording, or one that lacks what was asked for."""
+class DataFileError(StageError):
+    """A file of data that cannot be used.  A plain text becomes a problem of this `file` and `kind`."""
+
+    def __init__(
+        self,
+        *problems: Problem | str,
+        file: Path | None = None,
+        kind: ProblemKind = ProblemKind.OTHER,
+        column: str = "",
+        row: int = 0,
+    ) -> None:
+        super().__init__(*(Problem(text, kind, file=file) if isinstance(text, str) else text for text in problems))
+        self.column, self.row = column, row  # what it is about; the first row of numbers is 1, and 0 is none
+
+
+class RecordingError(DataFileError):
+    """A file that is not a recording, or a recording without something that is needed."""
 
 
 def beginning(path: Path) -> Path:
@@ -92,11 +108,15 @@ def _first(path: Path) -> IO[bytes]:
 
 
 def _unwritable(path: Path, error: OSError) -> RecordingError:
-    return RecordingError(f"{path} cannot be written: {error.strerror}; choose another file with -o")
+    return RecordingError(
+        f"{path} cannot be written: {error.strerror}; choose another file with -o", file=path, kind=ProblemKind.FILE
+    )
 
 
 def _taken(path: Path) -> RecordingError:
-    return RecordingError(f"{path} is being written by another run: choose another file with -o")
+    return RecordingError(
+        f"{path} is being written by another run: choose another file with -o", file=path, kind=ProblemKind.CONFLICT
+    )
 
 
 def _locks(file: IO[bytes]) -> bool:

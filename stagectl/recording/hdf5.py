@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import law, rollout
+from stagectl.problem import ProblemKind
 from stagectl.recording.file_lock import RecordingError as RecordingError
 from stagectl.recording.file_lock import beginning, being_written, claimed
 from stagectl.units import Quantity, quantity_of
@@ -62,7 +63,10 @@ class Recording(NamedTuple):
         """
         if name not in (self.samples.dtype.names or ()):
             raise RecordingError(
-                f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
+                f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}",
+                file=self.path,
+                kind=ProblemKind.UNKNOWN,
+                column=name,
             )
         return np.asarray(self.samples[name], dtype=np.float64)
 
@@ -91,7 +95,11 @@ class Writer:
         self.path = path
         self._dtype = np.dtype([(name, "<f8") for name in columns])
         if path.is_file() and path.stat().st_size and not _ours(path):
-            raise RecordingError(f"{path} is no recording and is left as it is: choose another file with -o")
+            raise RecordingError(
+                f"{path} is not a recording and is left as it is: choose another file with -o",
+                file=path,
+                kind=ProblemKind.CONFLICT,
+            )
         place = path.resolve()  # a link stays one
         self._held, self._room = claimed(place), 0
         try:
@@ -128,10 +136,12 @@ class Writer:
             self._samples[size:] = block
             self._samples.flush()
         except (OSError, RuntimeError) as error:
-            raise DamagedError(f"{self.path}: the disk failed while it was written to: {error}") from error
+            raise DamagedError(
+                f"{self.path}: the disk failed while it was written to: {error}", file=self.path, kind=ProblemKind.FILE
+            ) from error
 
     def close(self, ended: str, lost_rows: int, complete: bool = True, gaps: Gaps = ()) -> None:
-        """Finish the file, with the reason it ended and what it lacks; in place, as there may be no room for more.
+        """Finish the file, with the reason of its end and what is lost; in place, as there may be no room for more.
 
         Raises DamagedError.
         """
@@ -140,7 +150,9 @@ class Writer:
                 self._file.attrs.modify(name, value)
             self._file.close()
         except (OSError, RuntimeError) as error:
-            raise DamagedError(f"{self.path}: the disk failed while it was closed: {error}") from error
+            raise DamagedError(
+                f"{self.path}: the disk failed while it was closed: {error}", file=self.path, kind=ProblemKind.FILE
+            ) from error
         self._held.close()
 
     def _reserve(self, more: int) -> None:
@@ -149,7 +161,9 @@ class Writer:
             os.posix_fallocate(self._held.fileno(), self._room, more)
         except OSError as error:
             raise RecordingError(
-                f"{self.path} cannot be written: {error.strerror}; make room, or choose another disk"
+                f"{self.path} cannot be written: {error.strerror}; make room, or choose another disk",
+                file=self.path,
+                kind=ProblemKind.FILE,
             ) from error
         self._room += more
 
@@ -196,11 +210,13 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         file = h5py.File(path, "r")
     except OSError as first:
         if not path.is_file():
-            raise RecordingError(f"{path}: no such recording") from first
+            raise RecordingError(f"{path}: no such recording", file=path, kind=ProblemKind.FILE) from first
         try:
             file = h5py.File(path, "r", libver="latest", swmr=True)
         except OSError as error:
-            raise RecordingError(f"{path} is no HDF5 file, or it is damaged: {error}") from error
+            raise RecordingError(
+                f"{path} is not an HDF5 file, or it is damaged: {error}", file=path, kind=ProblemKind.SYNTAX
+            ) from error
     try:
         yield file
     finally:
@@ -210,11 +226,13 @@ def _opened(path: Path) -> Iterator[h5py.File]:
 def open_recording(path: Path, only: Collection[str] = ()) -> Recording:
     """Read a recording, also one whose writer was killed or is still at work; of the columns those named in `only`.
 
-    Raises RecordingError where the file is no recording of ours.
+    Raises RecordingError where the file is not a recording of ours.
     """
     with _opened(path) as file:
         if file.attrs.get("format") != FORMAT or "samples" not in file:
-            raise RecordingError(f"{path} {_strange(str(file.attrs.get('format', '')))}")
+            raise RecordingError(
+                f"{path} {_strange(str(file.attrs.get('format', '')))}", file=path, kind=ProblemKind.SYNTAX
+            )
         complete = bool(file.attrs.get("complete", False))
         ended = file.attrs.get("ended", _CUT_OFF)
         ended = ended.decode(errors="ignore") if isinstance(ended, bytes) else str(ended)
@@ -242,7 +260,7 @@ def _strange(written: str) -> str:
             f"is a recording of format {written.partition('/')[2]}; this stagectl reads format {version}: with the "
             "version that wrote it, `stagectl export FILE --to csv`, then here `stagectl import FILE.csv`"
         )
-    return "is no stagectl recording; `stagectl import` brings other logs in"
+    return "is not a stagectl recording; `stagectl import` reads other logs"
 
 
 def repair(path: Path) -> bool:

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import law
+from stagectl.problem import ProblemKind
+from stagectl.recording.file_lock import DataFileError
 from stagectl.recording.metadata import versions, written
-from stagectl.units import StageError
 
 FORMAT = "stagectl-learned/1"
 NEAR = 0.01  # encoder counts by which a reference may differ: another computer's rounding
@@ -32,7 +33,7 @@ ALIKE = 1e-6  # share of the largest current by which what is known beforehand m
 _ARRAYS = ("learned", "reference", "known")
 
 
-class LearnedError(StageError):
+class LearnedError(DataFileError):
     """A learned current that cannot be read, or that belongs to something else."""
 
 
@@ -66,18 +67,24 @@ def claim(path: Path) -> None:
     Raises LearnedError where it cannot, or another kind of file is there.
     """
     if path.exists() and not _ours(path):
-        raise LearnedError(f"{path} is no learned current and is left as it is: choose another file with -o")
+        raise LearnedError(
+            f"{path} is not a learned current and is left as it is: choose another file with -o",
+            file=path,
+            kind=ProblemKind.CONFLICT,
+        )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("ab").close()
     except OSError as error:
-        raise LearnedError(f"{path} cannot be written: {error.strerror}; choose another file with -o") from error
+        raise LearnedError(
+            f"{path} cannot be written: {error.strerror}; choose another file with -o", file=path, kind=ProblemKind.FILE
+        ) from error
     if not path.stat().st_size:
         path.unlink()
 
 
 def save(path: Path, learned: Learned) -> None:
-    """Write `learned`; a file that is no learned current is left as it is.
+    """Write `learned`; a file that is not a learned current is left as it is.
 
     Raises LearnedError where it cannot be written.
     """
@@ -89,7 +96,9 @@ def save(path: Path, learned: Learned) -> None:
             for name, values in zip(_ARRAYS, learned[:3], strict=True):
                 file[name] = values
     except OSError as error:
-        raise LearnedError(f"{path} cannot be written: {error}; choose another file with -o") from error
+        raise LearnedError(
+            f"{path} cannot be written: {error}; choose another file with -o", file=path, kind=ProblemKind.FILE
+        ) from error
 
 
 def load(path: Path) -> Learned:
@@ -98,9 +107,11 @@ def load(path: Path) -> Learned:
     Raises LearnedError where the file is none.
     """
     if not path.is_file():
-        raise LearnedError(f"{path}: no such file; `stagectl learn` writes one")
+        raise LearnedError(f"{path}: no such file; `stagectl learn` writes one", file=path, kind=ProblemKind.FILE)
     if not _ours(path):
-        raise LearnedError(f"{path} is no learned current; `stagectl learn` writes one")
+        raise LearnedError(
+            f"{path} is not a learned current; `stagectl learn` writes one", file=path, kind=ProblemKind.SYNTAX
+        )
     with h5py.File(path, "r") as file:
         current, reference, known = (file[name][:] for name in _ARRAYS)
         return Learned(current, reference, known, json.loads(file.attrs["meta"]))
@@ -123,7 +134,9 @@ def check(path: Path, learned: Learned, here: Learned) -> None:
     if wrong:
         raise LearnedError(
             f"{path} was learned {wrong}; nothing has moved: a learned current fits only what it was learned on.  "
-            "Learn again with `stagectl learn`, or run without --learned"
+            "Learn again with `stagectl learn`, or run without --learned",
+            file=path,
+            kind=ProblemKind.CONFLICT,
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.io import loadmat
 
 from stagectl.config.stage_file import Setup
+from stagectl.problem import ProblemKind
 from stagectl.recording.columns import Array, Choice, Log, axis_of, choices, of_choices, parsed
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.scales import Scales, scales_of_stage
@@ -21,7 +22,7 @@ _EMPS_STEP = 5e-8  # m a count, of the motor's encoder seen at the load
 
 
 def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Log:
-    """The log in a MATLAB file; `words` name its variables where they do not tell themselves.
+    """The log in a MATLAB file; `words` name its variables where their names do not.
 
     Raises RecordingError naming the variables that there are.
     """
@@ -32,23 +33,30 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Lo
         return _ours(path, found)
     if "t" in found and "qm" in found:
         return _emps(path, found, setup)
-    told = {name: what for name in _names(found) if (what := parsed(name.rsplit(".", 1)[-1]))}
-    absent = [one for one in ("time", "position") if one not in [quantity for quantity, _ in told.values()]]
+    named = {name: what for name in _names(found) if (what := parsed(name.rsplit(".", 1)[-1]))}
+    absent = [one for one in ("time", "position") if one not in [quantity for quantity, _ in named.values()]]
     if absent:
         raise RecordingError(
             f"{path} has no {' and no '.join(absent)} by that name; it holds {', '.join(_names(found)) or 'nothing'}: "
-            "say which is which, such as --columns time=t,position=q:mm,current=i"
+            "say which is which, such as --columns time=t,position=q:mm,current=i",
+            file=path,
+            kind=ProblemKind.MISSING,
+            column=absent[0],
         )
-    return _chosen(path, found, setup, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in told.items()])
+    return _chosen(path, found, setup, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()])
 
 
 def _variables(path: Path) -> dict[str, Any]:
     try:
         content = loadmat(path, simplify_cells=True)
     except NotImplementedError as error:
-        raise RecordingError(f"{path} is a MATLAB 7.3 file; save it with -v7 and import that") from error
+        raise RecordingError(
+            f"{path} is a MATLAB 7.3 file; save it with -v7 and import that", file=path, kind=ProblemKind.SYNTAX
+        ) from error
     except Exception as error:  # scipy raises many kinds on a file that is damaged
-        raise RecordingError(f"{path} cannot be read as a MATLAB file: {error}") from error
+        raise RecordingError(
+            f"{path} cannot be read as a MATLAB file: {error}", file=path, kind=ProblemKind.SYNTAX
+        ) from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 
@@ -78,19 +86,34 @@ def _vector(path: Path, found: Mapping[str, Any], choice: Choice) -> Array:
     value: Any = found
     for word in choice.name.split("."):
         if not isinstance(value, dict) or word not in value:
-            raise RecordingError(f"{path} has no {choice.name}; it holds {', '.join(_names(found)) or 'nothing'}")
+            raise RecordingError(
+                f"{path} has no {choice.name}; it holds {', '.join(_names(found)) or 'nothing'}",
+                file=path,
+                kind=ProblemKind.UNKNOWN,
+                column=choice.name,
+            )
         value = value[word]
     try:
         values = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise RecordingError(f"{choice.name} in {path} does not hold numbers") from error
+        raise RecordingError(
+            f"{choice.name} in {path} does not hold numbers", file=path, kind=ProblemKind.VALUE, column=choice.name
+        ) from error
     if choice.number:
         if values.ndim != 2 or choice.number > values.shape[1]:
-            raise RecordingError(f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}")
+            raise RecordingError(
+                f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}",
+                file=path,
+                kind=ProblemKind.UNKNOWN,
+                column=choice.name,
+            )
         return np.ascontiguousarray(values[:, choice.number - 1])
     if values.ndim > 1:
         raise RecordingError(
-            f"{choice.name} in {path} is a table of shape {values.shape}: say which column, {choice.name}[1] the first"
+            f"{choice.name} in {path} is a table of shape {values.shape}: say which column, {choice.name}[1] the first",
+            file=path,
+            kind=ProblemKind.SHAPE,
+            column=choice.name,
         )
     return values.ravel()
 
@@ -98,7 +121,7 @@ def _vector(path: Path, found: Mapping[str, Any], choice: Choice) -> Array:
 def _log(path: Path, scales: Scales, columns: dict[str, Array], notes: list[str], about: dict[str, Any]) -> Log:
     if len({len(column) for column in columns.values()}) > 1:
         sizes = ", ".join(f"{name} {len(column)}" for name, column in columns.items())
-        raise RecordingError(f"{path}: its columns differ in length ({sizes})")
+        raise RecordingError(f"{path}: its columns differ in length ({sizes})", file=path, kind=ProblemKind.SHAPE)
     return Log(path, scales, columns, notes, about)
 
 
@@ -108,7 +131,11 @@ def _ours(path: Path, found: dict[str, Any]) -> Log:
         axis = json.loads(found["meta"])["axis"]
         kind, per_unit, unit = axis["kind"], axis["travel_per_unit"], axis["travel_unit"]
     except (ValueError, KeyError, TypeError) as error:
-        raise RecordingError(f"{path} has samples and meta as our exports do, but its meta cannot be read") from error
+        raise RecordingError(
+            f"{path} has samples and meta as our exports do, but its meta cannot be read",
+            file=path,
+            kind=ProblemKind.SYNTAX,
+        ) from error
     known = quantities()
     columns = {name: np.ravel(values) for name, values in found["samples"].items() if name in known}
     return _log(path, Scales(kind, per_unit, unit, axis.get("encoder_step") or 0.0), columns, [], {})
@@ -118,7 +145,7 @@ def _emps(path: Path, found: dict[str, Any], setup: Setup | None) -> Log:
     """The benchmark's file: an amplifier of 1 A/V is taken, so that its volts are our amperes."""
     columns = {ours: np.ravel(found[name]).astype(np.float64) for name, ours in _EMPS.items() if name in found}
     if len({len(column) for column in columns.values()}) > 1:
-        raise RecordingError(f"{path}: t, qg, qm and vir differ in length")
+        raise RecordingError(f"{path}: t, qg, qm and vir differ in length", file=path, kind=ProblemKind.SHAPE)
     gain = _scalar(found, "gtau") or 0.0
     scales = scales_of_stage(setup, 1.0) if setup else Scales(LINEAR, 1.0, "m", _EMPS_STEP, gain, 1.0)
     notes = [

@@ -19,6 +19,7 @@ from stagectl.design import Control
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import friction_bristle
 from stagectl.kernels.effects import TURN
+from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.units import LINEAR, ROTARY
 
@@ -88,7 +89,9 @@ def carried_stage(recording: Recording) -> StageFile:
     name, text = (recording.meta["files"]["stage"][part] for part in ("name", "text"))
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     if root is None:
-        raise RecordingError(f"{recording.path} carries an empty stage file {name}")
+        raise RecordingError(
+            f"{recording.path} carries an empty stage file {name}", file=recording.path, kind=ProblemKind.SYNTAX
+        )
     reader = Reader(Path(name), Lengths(axis["kind"], lead))
     file: StageFile = reader.value(StageFile, root, "")
     reader.finish()
