@@ -25,7 +25,7 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     if not len(samples) or samples["time"][-1] < meta["steady"][1] - 1.5 * meta["dt"]:
         inside[:] = False  # the run ended within its window: no figure is better than one of another window
     error = (latched_reference(samples, meta) - samples["measured"]) * scale
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "stage": meta["name"],
         "trajectory": meta["trajectory"],
         "unit": meta["axis"]["travel_unit"],
@@ -43,8 +43,8 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     }
     true = (samples["reference"] - samples["true_position"]) * scale
     if np.all(np.isfinite(true)):
-        found["tracking_error_true"] = size(true[inside])
-    return found
+        result["tracking_error_true"] = size(true[inside])
+    return result
 
 
 def closed(samples: NDArray[Any]) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""How lengths and angles convert on an axis: a ball screw is a rotary axis whose positions may be written as lengths."""
+"""Conversion of lengths and angles on an axis: positions of a ball screw, a rotary axis, may be written as lengths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The blocks of a stage file: one machine, from its mechanics to its bus, with unit, range and meaning of every entry."""
+"""The blocks of a stage file, from the mechanics to the bus, with unit, range and meaning of every entry."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _POSITIVE = "(0, 1e6]"
 
 
 class Axis(NamedTuple):
-    """What a position is: an angle at the motor, or a length."""
+    """The kind of axis: positions are angles of the motor, or lengths."""
 
-    kind: Annotated[Literal["rotary", "linear"], "rotary (a ball screw is: it has a lead) or linear"]
+    kind: Annotated[Literal["rotary", "linear"], "rotary, as is a ball screw with its lead, or linear"]
     lead: Annotated[float, Quantity("m", "[0, 10]", "table travel per revolution; 0: none")] = 0.0
 
     @property
@@ -55,7 +55,7 @@ class Drive(NamedTuple):
     """The servo drive and how it is reached."""
 
     current_lag: Annotated[float, Quantity("s", "[0, 0.1]", "time constant of the current loop")]
-    current_limit: Annotated[float, Quantity("A", "(0, 1e4]", "largest current, of drive and law alike")]
+    current_limit: Annotated[float, Quantity("A", "(0, 1e4]", "largest current of the drive and of the control law")]
     wire: Annotated[
         Canopen | Odrive | InProcess, Tagged("kind", {"canopen": Canopen, "odrive": Odrive, "simulated": InProcess})
     ]
@@ -72,17 +72,17 @@ class Drive(NamedTuple):
 
 
 class Realtime(NamedTuple):
-    """How the loop's process asks the kernel for punctuality; what is not permitted is said, not hidden."""
+    """Scheduling of the loop's process; a request that the kernel refuses is reported."""
 
     priority: Annotated[int, Quantity("", "[0, 99]", "SCHED_FIFO priority; 0: ordinary scheduling")] = 80
     cpu: Annotated[int | None, Quantity("", "[0, 4095]", "number of the CPU the loop is pinned to")] = None
     late_limit: Annotated[int, Quantity("", "[1, 1000000]", "late cycles in a row that cause a quick stop")] = 10
-    spin: Annotated[float, Quantity("s", "[0, 1e-3]", "how long before each period the loop stays awake")] = 0.0
-    feedback_age: Annotated[int, Quantity("", "[1, 1000]", "control periods that a position may be old")] = 3
+    spin: Annotated[float, Quantity("s", "[0, 1e-3]", "time before each period in which the loop stays awake")] = 0.0
+    feedback_age: Annotated[int, Quantity("", "[1, 1000]", "largest age of a position, in control periods")] = 3
 
 
 class VirtualDrive(NamedTuple):
-    """What a virtual drive does that a sound one does not; a real drive reads none of it."""
+    """Faults of a virtual drive; a real drive ignores this block."""
 
     faults: Annotated[
         tuple[Annotated[Any, Tagged("fault", BLOCKS)], ...], "what fails, counted from Operation enabled on"
@@ -90,48 +90,49 @@ class VirtualDrive(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What no trajectory may exceed and no motion leave."""
+    """Limits that no trajectory and no motion may exceed."""
 
     travel: Annotated[tuple[float, float], Quantity("rad | m", "[-1e6, 1e6]", "lowest and highest position")]
     speed: Annotated[float, Quantity("rad/s | m/s", _POSITIVE, "largest speed")]
     acceleration: Annotated[float, Quantity("rad/s^2 | m/s^2", _POSITIVE, "largest acceleration")]
     following_error: Annotated[float, Quantity("rad | m", _POSITIVE, "largest error before a quick stop")]
     following_error_at_rest: Annotated[
-        float | None, Quantity("rad | m", _POSITIVE, "the same at standstill, from where it ramps up to limits.speed")
+        float | None, Quantity("rad | m", _POSITIVE, "the same at standstill; it rises linearly up to limits.speed")
     ] = None
     following_error_time: Annotated[
-        float, Quantity("s", "[0, 10]", "time that it may be beyond; twice the limit stops at once")
+        float, Quantity("s", "[0, 10]", "time for which it may be exceeded; twice the limit stops at once")
     ] = 0.0
     deceleration: Annotated[
-        float | None, Quantity("rad/s^2 | m/s^2", _POSITIVE, "with which the axis can be braked; else from the model")
+        float | None,
+        Quantity("rad/s^2 | m/s^2", _POSITIVE, "deceleration with which the axis can brake; absent: from the model"),
     ] = None
-    current: Annotated[float | None, Quantity("A", "(0, 1e4]", "largest measured current; else 1.5 times drive's")] = (
-        None
-    )
+    current: Annotated[
+        float | None, Quantity("A", "(0, 1e4]", "largest measured current; absent: 1.5 times drive.current_limit")
+    ] = None
     continuous_current: Annotated[float | None, Quantity("A", "(0, 1e4]", "current that may flow forever (I2t)")] = None
     thermal_time: Annotated[float, Quantity("s", "(0, 1e4]", "time constant of the motor's warming (I2t)")] = 10.0
     encoder_jump: Annotated[
         float | None,
-        Quantity("rad | m", _POSITIVE, "change that no motion explains; else a quarter of following_error"),
+        Quantity("rad | m", _POSITIVE, "change that no motion explains; absent: a quarter of following_error"),
     ] = None
     encoder_freeze: Annotated[
-        float | None, Quantity("rad | m", _POSITIVE, "way without any new count; else half of following_error")
+        float | None, Quantity("rad | m", _POSITIVE, "motion without a new count; absent: half of following_error")
     ] = None
 
 
 class Residual(NamedTuple):
-    """A data-based effort that opposes the motor, over one coordinate: straight between its values, flat beyond."""
+    """An effort that opposes the motor, as a table over one coordinate: linear between values, constant beyond."""
 
-    coordinate: Annotated[effects.Coordinate, "what the table is entered with"]
+    coordinate: Annotated[effects.Coordinate, "quantity over which the table is given"]
     start: Annotated[float, Quantity("", "[-1e9, 1e9]", "coordinate of the first value, in its SI unit")]
-    step: Annotated[float, Quantity("", "(0, 1e9]", "between values, in the coordinate's SI unit")]
+    step: Annotated[float, Quantity("", "(0, 1e9]", "distance between values, in the coordinate's SI unit")]
     values: Annotated[tuple[float, ...], Quantity("N m | N", "[-1e6, 1e6]", "effort")]
 
 
 class StageFile(NamedTuple):
     """The whole file."""
 
-    name: Annotated[str, "what the machine is called"]
+    name: Annotated[str, "name of the machine"]
     axis: Axis
     motor: stage.Motor
     mechanics: stage.Mechanics

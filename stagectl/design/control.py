@@ -26,15 +26,15 @@ class DesignError(StageError):
 Layer = Literal["ptc", "friction", "observer"]
 _PERIOD = Quantity("s", "[1e-5, 0.1]", "control period Ts")
 _MARGIN = Quantity("rad", "[0, 1.5]", "least phase margin that is accepted")
-_LAYERS = "what acts beside the feedback: ptc, friction, observer"
-_OBSERVER = Quantity("Hz", "(0, 2000]", "where the disturbance observer's three poles are placed")
+_LAYERS = "layers that act together with the feedback: ptc, friction, observer"
+_OBSERVER = Quantity("Hz", "(0, 2000]", "frequency at which the disturbance observer's three poles are placed")
 
 
 class Control(NamedTuple):
     """PID by pole placement."""
 
     period: Annotated[float, _PERIOD]
-    bandwidth: Annotated[float, Quantity("Hz", "(0, 2000]", "where all four closed-loop poles are placed")]
+    bandwidth: Annotated[float, Quantity("Hz", "(0, 2000]", "frequency at which all four closed-loop poles are placed")]
     margin: Annotated[float, _MARGIN] = math.radians(20)
     layers: Annotated[tuple[Layer, ...], _LAYERS] = ("ptc", "friction")
     observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
@@ -44,8 +44,12 @@ class CascadeControl(NamedTuple):
     """P position, PI velocity, force filter and velocity feedforward."""
 
     period: Annotated[float, _PERIOD]
-    position_gain: Annotated[float, Quantity("1/s", "(0, 1e5]", "Kp, velocity asked for per position error")]
-    velocity_bandwidth: Annotated[float, Quantity("Hz", "(0, 1e4]", "of the velocity loop: Kv = inertia x 2 pi this")]
+    position_gain: Annotated[
+        float, Quantity("1/s", "(0, 1e5]", "Kp, velocity reference for each unit of position error")
+    ]
+    velocity_bandwidth: Annotated[
+        float, Quantity("Hz", "(0, 1e4]", "bandwidth of the velocity loop; Kv = inertia x 2 pi bandwidth")
+    ]
     integral_time: Annotated[float, Quantity("s", "[0, 100]", "Ti of the velocity loop; 0: no integrator")] = 0.0
     force_filter: Annotated[float, Quantity("s", "[0, 1]", "Tf, time constant of the force filter; 0: none")] = 0.0
     velocity_feedforward: Annotated[float, Quantity("", "[0, 2]", "share of the reference velocity, FF")] = 1.0

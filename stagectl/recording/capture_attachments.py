@@ -18,12 +18,12 @@ import pyarrow.csv
 from stagectl.kernels.law import Setpoint
 from stagectl.problem import ProblemKind
 from stagectl.recording.columns import Array
+from stagectl.recording.constants import EARLY
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.units import StageError, factor
 
 NAME = "injection_A"
-_EARLY = 0.5  # of a row's duration: a row belongs to the value that begins up to this much after it
 
 
 def setpoints(path: Path, rows: int, kind: str) -> dict[str, Array]:
@@ -126,7 +126,7 @@ def _held(path: Path, begins: Array, current: Array, time: Array) -> Array:
             column="time_s",
         )
     step = float(np.median(np.diff(begins)))
-    late = _EARLY * min(step, float(np.median(np.diff(time))))
+    late = EARLY * min(step, float(np.median(np.diff(time))))
     at = np.searchsorted(begins, time + late, side="right") - 1
     inside = (at >= 0) & (time + late < begins[-1] + step)
     if not np.any(inside):

@@ -64,7 +64,7 @@ def choices(words: Mapping[str, str] | None) -> list[Choice]:
 
     Raises RecordingError where it cannot be understood.
     """
-    found = []
+    columns = []
     for quantity, where in (words or {}).items():
         match = _CHOICE.fullmatch(f"{quantity}={where}")
         if match is None or quantity not in CHOICES:
@@ -74,8 +74,8 @@ def choices(words: Mapping[str, str] | None) -> list[Choice]:
                 kind=ProblemKind.SYNTAX,
                 column=quantity,
             )
-        found.append(Choice(match[1], match[2], int(match[3] or 0), match[4] or ""))
-    return found
+        columns.append(Choice(match[1], match[2], int(match[3] or 0), match[4] or ""))
+    return columns
 
 
 def split(text: str) -> dict[str, str]:
@@ -83,16 +83,16 @@ def split(text: str) -> dict[str, str]:
 
     Raises RecordingError where an entry is not ``quantity=column``, or is written twice.
     """
-    found: dict[str, str] = {}
+    words: dict[str, str] = {}
     for entry in text.split(","):
         quantity, equals, where = (part.strip() for part in entry.partition("="))
-        if not equals or not where or quantity in found:
+        if not equals or not where or quantity in words:
             raise RecordingError(
                 f"--columns {text}: {entry!r} must be QUANTITY=COLUMN, each quantity once, such as {EXAMPLE}",
                 kind=ProblemKind.SYNTAX,
             )
-        found[quantity] = where
-    return found
+        words[quantity] = where
+    return words
 
 
 def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:
@@ -137,7 +137,7 @@ def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tu
 
     Raises RecordingError where time or position is not among them.
     """
-    found: dict[str, tuple[Choice, float]] = {}
+    known: dict[str, tuple[Choice, float]] = {}
     for choice in chosen:
         try:
             ours, scale = meaning(choice.quantity, choice.unit, scales)
@@ -148,27 +148,27 @@ def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tu
                 kind=ProblemKind.UNIT,
                 column=choice.name,
             ) from error
-        if ours in found:
+        if ours in known:
             raise RecordingError(
-                f"{path} has two columns for {ours}, {found[ours][0].name} and {choice.name}: name one",
+                f"{path} has two columns for {ours}, {known[ours][0].name} and {choice.name}: name one",
                 file=path,
                 kind=ProblemKind.REPEATED,
                 column=ours,
             )
-        found[ours] = (choice, scale)
+        known[ours] = (choice, scale)
     for ours, quantity in (("time", "time"), ("measured", "position")):
-        if ours not in found:
+        if ours not in known:
             raise RecordingError(
                 f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}",
                 file=path,
                 kind=ProblemKind.MISSING,
                 column=ours,
             )
-    return found
+    return known
 
 
 def axis_of(chosen: list[Choice], setup: Any, path: Path) -> Scales:
     """The scales of the stage, else those that follow from the units of the positions."""
     if setup is not None:
         return scales_of_stage(setup, 0.0)
-    return scales_by_unit((one.unit for one in chosen if one.quantity == "position"), path)
+    return scales_by_unit((choice.unit for choice in chosen if choice.quantity == "position"), path)

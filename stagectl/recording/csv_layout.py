@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.problem import ProblemKind
+from stagectl.recording.constants import HEADER_LINES
 from stagectl.recording.hdf5 import RecordingError
 
-LOOKED_AT = 100  # lines
 SEPARATORS = (",", ";", "\t")
 WORDS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 
@@ -37,7 +37,7 @@ def layout(path: Path) -> Layout:
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = list(itertools.islice(file, LOOKED_AT))
+            lines = list(itertools.islice(file, HEADER_LINES))
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path} is not CSV text: {error}", file=path, kind=ProblemKind.SYNTAX) from error
     if not any(line.strip() for line in lines):
@@ -47,7 +47,7 @@ def layout(path: Path) -> Layout:
             kind=ProblemKind.MISSING,
         )
     tried = [(separator, _split(lines, separator, path)) for separator in SEPARATORS]
-    separator, rows = max(tried, key=lambda one: sum(_numbers(row, one[0]) for row in one[1]))
+    separator, rows = max(tried, key=lambda candidate: sum(_numbers(row, candidate[0]) for row in candidate[1]))
     first = next((k for k, row in enumerate(rows) if _numbers(row, separator)), 1)
     numbers = [row for row in rows if _numbers(row, separator)]
     comma = separator != "," and any("," in cell for row in numbers for cell in row)

@@ -51,7 +51,7 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
         raise RecordingError(f"{path} {_preamble(how)}", file=path, kind=ProblemKind.MISSING)
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
-    scales = _scales(path, names, setup, (nominal, beside))
+    scales = _scales(path, names, setup, scales_of_nominal(nominal, beside) if nominal else None)
     known, notes = _known(path, names, scales)
     table = _table(path, names, list(known), how)
     columns = {ours: table[name] * scale for name, (ours, scale) in known.items()}
@@ -61,8 +61,8 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
 
 def _headed(how: Layout, chosen: list[Choice]) -> Layout:
     """The first line is the header where it has a name that is understood or asked for, whatever follows it."""
-    asked = {choice.name for choice in chosen}
-    if how.skipped > 1 and any(parsed(name) is not None or name in asked for name in how.rows[0]):
+    named = {choice.name for choice in chosen}
+    if how.skipped > 1 and any(parsed(name) is not None or name in named for name in how.rows[0]):
         return how._replace(rows=how.rows[:1], skipped=1)
     return how
 
@@ -83,16 +83,16 @@ def _preamble(how: Layout) -> str:
 
 def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) -> Log:
     scales = axis_of(chosen, setup, path)
-    found = {
+    places = {
         ours: (_column(path, how.names, how.width, choice), scale)
         for ours, (choice, scale) in of_choices(chosen, scales, path).items()
     }
     labels = [f"column {number}" for number in range(1, how.width + 1)]
-    table = _table(path, labels, [labels[at] for at, _ in found.values()], how)
-    columns = {ours: table[labels[at]] * scale for ours, (at, scale) in found.items()}
+    table = _table(path, labels, [labels[at] for at, _ in places.values()], how)
+    columns = {ours: table[labels[at]] * scale for ours, (at, scale) in places.items()}
     notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
-    spoken = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in found.items()}
-    return Log(path, scales, columns, notes, {}, spoken)
+    labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
+    return Log(path, scales, columns, notes, {}, labelled)
 
 
 def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
@@ -119,14 +119,12 @@ def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
     return int(choice.name) - 1
 
 
-def _scales(path: Path, names: list[str], setup: Setup | None, nominal: tuple[dict[str, Any], Path]) -> Scales:
+def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales | None) -> Scales:
     """From the stage file, else from nominal.yaml, else by the unit of the position."""
-    values, beside = nominal
-    told = scales_of_nominal(values, beside) if values else None
     if setup is not None:
-        return scales_of_stage(setup, told.amplifier if told else 0.0)
-    if told is not None:
-        return told
+        return scales_of_stage(setup, nominal.amplifier if nominal else 0.0)
+    if nominal is not None:
+        return nominal
     return scales_by_unit(
         (name.rsplit("_", 1)[1] for name in names if name.startswith(("position_", "measured_"))), path
     )
@@ -140,7 +138,7 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
     notes = []
     for name in names:
         try:
-            found = ((own[name], 1.0) if name in own else None) if exported else _meaning(name, scales)
+            ours_and_factor = ((own[name], 1.0) if name in own else None) if exported else _meaning(name, scales)
         except StageError as error:
             if name.startswith(("time_", "position_")):
                 raise RecordingError(
@@ -148,19 +146,19 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
                 ) from error
             notes.append(f"{name} is left out: {error}")
             continue
-        if found is None:
+        if ours_and_factor is None:
             notes.append(
                 f"{name or 'a column without a name'} is left out: it is no quantity with a unit that is known"
             )
-        elif found[0] in [ours for ours, _ in known.values()]:
+        elif ours_and_factor[0] in [ours for ours, _ in known.values()]:
             raise RecordingError(
-                f"{path} has two columns for {found[0]}, the second is {name}: remove one",
+                f"{path} has two columns for {ours_and_factor[0]}, the second is {name}: remove one",
                 file=path,
                 kind=ProblemKind.REPEATED,
-                column=found[0],
+                column=ours_and_factor[0],
             )
         else:
-            known[name] = found
+            known[name] = ours_and_factor
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
     if absent:
         raise RecordingError(
@@ -174,8 +172,8 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
 
 
 def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:
-    told = parsed(name)
-    return meaning(*told, scales) if told and told[1] else None
+    header_parts = parsed(name)
+    return meaning(*header_parts, scales) if header_parts and header_parts[1] else None
 
 
 def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict[str, Array]:

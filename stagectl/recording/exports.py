@@ -25,6 +25,7 @@ from scipy.io import savemat
 from stagectl.kernels.law import Setpoint
 from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import mcap_log
+from stagectl.recording.constants import AT_REST, RUN
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.nominal_yaml import nominal_of
 from stagectl.trajectories import Recorded
@@ -37,8 +38,6 @@ CAPTURE = {
     "current_command": "command",
     "current": "measured_current",
 }
-RUN = 0.3  # s, run-up and run-out of an exported trajectory that begins or ends in motion
-AT_REST = 1e-3  # of the largest speed: slower than this is standing
 
 
 class Exported(NamedTuple):
@@ -119,22 +118,22 @@ def write_csv(recording: Recording, path: Path) -> list[str]:
 
 def write_parquet(recording: Recording, path: Path) -> list[str]:
     """All columns as Parquet; unit and meaning in each field's metadata, the recording's own under ``stagectl``."""
-    known, found = quantities(), units(recording)
+    known, unit_by_name = quantities(), units(recording)
     fields = [
         pyarrow.field(name, pyarrow.float64(), metadata={"unit": unit, "meaning": known[name].meaning})
-        for name, unit in found.items()
+        for name, unit in unit_by_name.items()
     ]
     schema = pyarrow.schema(fields, metadata={"stagectl": json.dumps(recording.meta)})
-    pyarrow.parquet.write_table(pyarrow.table([recording.column(name) for name in found], schema=schema), path)
+    pyarrow.parquet.write_table(pyarrow.table([recording.column(name) for name in unit_by_name], schema=schema), path)
     return []
 
 
 def write_mat(recording: Recording, path: Path) -> list[str]:
     """A MATLAB file: struct ``samples`` of columns, struct ``units`` with the same names, ``meta`` as JSON."""
-    found = units(recording)
+    unit_by_name = units(recording)
     content = {
-        "samples": {name: recording.column(name) for name in found},
-        "units": found,
+        "samples": {name: recording.column(name) for name in unit_by_name},
+        "units": unit_by_name,
         "meta": json.dumps(recording.meta),
     }
     savemat(str(path), content, appendmat=False, oned_as="column")
@@ -147,10 +146,10 @@ def write_mcap(recording: Recording, path: Path) -> list[str]:
     return []
 
 
-def described(found: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+def described(unit_by_name: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     """Of each column, by name and unit: its name with the unit, and what it means."""
     known = quantities()
-    return {name: (header(name, unit), known[name].meaning) for name, unit in found.items()}
+    return {name: (header(name, unit), known[name].meaning) for name, unit in unit_by_name.items()}
 
 
 def write_trajectory(recording: Recording, path: Path) -> list[str]:
@@ -160,8 +159,8 @@ def write_trajectory(recording: Recording, path: Path) -> list[str]:
     fastest = AT_REST * float(np.abs(np.gradient(reference, time)).max(initial=0.0))
     ends = {"run_up": abs(curve.initial_velocity) > fastest, "run_out": abs(curve.final_velocity) > fastest}
     table = path.with_name(f"{path.stem}-samples.csv")  # never over an export of all columns
-    found = units(recording)
-    write_columns(table, {header(name, found[name]): recording.column(name) for name in ("time", "reference")})
+    unit = units(recording)
+    write_columns(table, {header(name, unit[name]): recording.column(name) for name in ("time", "reference")})
     lines = [f"# The reference of {recording.path.name} ({recording.meta['name']}).", "type: csv"]
     lines += [f"file: {json.dumps(table.name)}"]
     lines += [f"{name}: {RUN:g} s   # the record is in motion here" for name, moving in ends.items() if moving]
@@ -214,17 +213,17 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
 def _beside(recording: Recording, path: Path) -> dict[str, Any]:
     """Keys of captures.yaml for what its CSV has no column for; the added current goes into a CSV of its own."""
     names, rows = recording.samples.dtype.names or (), _kept(recording)
-    found: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     added = sum((recording.column(name)[rows] for name in ("learned", "injection") if name in names), np.zeros(1))
     if np.any(added):
         beside = path.with_name(f"{path.stem}-injection.csv")
         write_columns(beside, {"time_s": recording.column("time")[rows], "injection_A": added})
-        found["injection"] = beside.name
+        keys["injection"] = beside.name
     if set(Setpoint._fields) <= set(names):
         beside, unit = path.with_name(f"{path.stem}-setpoints.csv"), units(recording)
         write_columns(beside, {header(name, unit[name]): recording.column(name)[rows] for name in Setpoint._fields})
-        found["setpoints"] = beside.name
-    return found
+        keys["setpoints"] = beside.name
+    return keys
 
 
 def _kept(recording: Recording) -> slice:
@@ -233,13 +232,13 @@ def _kept(recording: Recording) -> slice:
 
 
 def _write_capture(recording: Recording, path: Path) -> list[str]:
-    found, columns, notes = units(recording), {}, _losses(recording)
+    unit, columns, notes = units(recording), {}, _losses(recording)
     rows = _kept(recording)
     if rows.stop:
         notes.append(f"its last {-rows.stop} rows are left out: what they looked ahead to is not in the recording")
     for name, ours in CAPTURE.items():
-        if ours in found and not np.all(np.isnan(recording.column(ours))):
-            columns[header(name, found[ours])] = recording.column(ours)[rows]
+        if ours in unit and not np.all(np.isnan(recording.column(ours))):
+            columns[header(name, unit[ours])] = recording.column(ours)[rows]
         else:
             notes.append(f"there is no {name}")
     write_columns(path, columns)
@@ -256,7 +255,7 @@ def _foresight(recording: Recording) -> int:
 def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:
     """Entries of captures.yaml; the session's clock starts with the first recording."""
     repeats: Counter[str] = Counter()
-    found = []
+    entries = []
     for recording in recordings:
         known: dict[str, Any] = dict(recording.meta.get("capture", {}))
         name = re.sub(r"[^\w.+-]", "_", str(known.get("experiment", recording.meta["trajectory"])))  # of a file, too
@@ -265,21 +264,21 @@ def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:
         if "law" in recording.meta:  # the date of an import is not that of its capture
             entry["start_s"] = _seconds(recording) - min(map(_seconds, recordings))
         entry.update({key: known[key] for key in ("repeat", "use", "start_s") if key in known})
-        found.append(entry)
-    return found
+        entries.append(entry)
+    return entries
 
 
 def _seconds(recording: Recording) -> float:
     return datetime.datetime.strptime(recording.meta["created"], "%Y-%m-%dT%H:%M:%S%z").timestamp()
 
 
-def _difference(one: Any, other: Any, place: str = "") -> str:
+def _difference(a: Any, b: Any, place: str = "") -> str:
     """Where two nested blocks first differ; an empty string where they are equal."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        keys = dict.fromkeys([*one, *other])
-        differing = (_difference(one.get(key), other.get(key), f"{place}.{key}".lstrip(".")) for key in keys)
-        return next((found for found in differing if found), "")
-    return "" if one == other else f"{place} ({one} and {other})"
+    if isinstance(a, dict) and isinstance(b, dict):
+        keys = dict.fromkeys([*a, *b])
+        differing = (_difference(a.get(key), b.get(key), f"{place}.{key}".lstrip(".")) for key in keys)
+        return next((difference for difference in differing if difference), "")
+    return "" if a == b else f"{place} ({a} and {b})"
 
 
 def _dump(path: Path, values: Any) -> None:

@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import IO
 
 from stagectl.problem import Problem, ProblemKind
+from stagectl.recording.constants import LOCK_PAUSE, LOCK_TRIES
 from stagectl.units import StageError
 
 BEGUN = ".begun"  # behind the name of a file that cannot be read yet
 _WHOLE_FILE = struct.pack("hhqqi0q", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)  # struct flock
-_TRIES, _PAUSE = 20, 0.01  # s between them: who discards holds the lock for a moment
 
 
 class DataFileError(StageError):
@@ -95,7 +95,7 @@ def sweep(folder: Path) -> None:
 
 
 def _first(path: Path) -> IO[bytes]:
-    for _ in range(_TRIES):
+    for _ in range(LOCK_TRIES):
         try:
             file = os.fdopen(os.open(beginning(path), os.O_RDWR | os.O_CREAT, 0o666), "r+b")
         except OSError as error:
@@ -103,7 +103,7 @@ def _first(path: Path) -> IO[bytes]:
         if _locks(file) and _still(beginning(path), file):
             return file
         file.close()
-        time.sleep(_PAUSE)
+        time.sleep(LOCK_PAUSE)
     raise _taken(path)
 
 

@@ -29,15 +29,12 @@ from numpy.typing import NDArray
 
 from stagectl.kernels import law, rollout
 from stagectl.problem import ProblemKind
+from stagectl.recording.constants import BLOCK, GAPS, LONGEST_REASON, ROOM_AT_ONCE, ROOM_PER_BLOCK
 from stagectl.recording.file_lock import RecordingError as RecordingError
 from stagectl.recording.file_lock import beginning, being_written, claimed
 from stagectl.units import Quantity, quantity_of
 
 FORMAT = "stagectl-recording/1"
-BLOCK = 512  # rows: chunk size, and what a crash costs at most
-GAPS = 32  # that a file can mark; further ones are added to the last
-_MARGIN, _EACH = 1 << 14, 256  # bytes of room for what HDF5 keeps beside the rows: at once, and with each block
-_LONGEST = 480  # bytes of the reason of the end
 _CUT_OFF = "the recorder was cut off: the rows end at its last block"
 
 
@@ -73,13 +70,13 @@ class Recording(NamedTuple):
 
 def quantities() -> dict[str, Quantity]:
     """Unit and meaning of every column, as declared beside the kernels' fields."""
-    found = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
+    known = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
     for block in (law.Setpoint, law.Output, rollout.Observed):
         for name, hint in _hints(block).items():
             quantity = quantity_of(hint)
             assert quantity is not None
-            found[name] = quantity
-    return found
+            known[name] = quantity
+    return known
 
 
 def _hints(block: type) -> dict[str, Any]:
@@ -112,7 +109,7 @@ class Writer:
 
     def _lay_out(self, place: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
         """All that makes it a file that can be read, and room for the first rows."""
-        self._reserve(_MARGIN)
+        self._reserve(ROOM_AT_ONCE)
         self._file = h5py.File(place, "w", libver="latest")
         self._file.attrs.update({"format": FORMAT, "created": meta["created"], "meta": json.dumps(meta)})
         self._file.attrs.update(_ending(_CUT_OFF, False, 0, ()))
@@ -121,7 +118,7 @@ class Writer:
         self._file.flush()
         self._file.swmr_mode = True
         self._room = os.fstat(self._held.fileno()).st_size
-        self._reserve(_MARGIN)
+        self._reserve(ROOM_AT_ONCE)
 
     def append(self, rows: bytes) -> None:
         """Add whole rows (float64, column after column) and push them to the disk's cache.
@@ -130,7 +127,7 @@ class Writer:
         """
         block = np.frombuffer(rows, dtype=self._dtype)
         size = self._samples.shape[0]
-        self._reserve(len(rows) + _EACH * (1 + len(block) // BLOCK))
+        self._reserve(len(rows) + ROOM_PER_BLOCK * (1 + len(block) // BLOCK))
         try:
             self._samples.resize((size + len(block),))
             self._samples[size:] = block
@@ -177,7 +174,7 @@ def _ending(ended: str, complete: bool, lost_rows: int, gaps: Gaps) -> dict[str,
     if gaps:
         marked[: len(gaps[:GAPS])] = gaps[:GAPS]
     marked[-1, 1] += sum(count for _, count in gaps[GAPS:])
-    text = np.array(ended.encode()[:_LONGEST], dtype=f"S{_LONGEST}")
+    text = np.array(ended.encode()[:LONGEST_REASON], dtype=f"S{LONGEST_REASON}")
     return {"complete": np.bool_(complete), "ended": text, "lost_rows": np.int64(lost_rows), "gaps": marked}
 
 

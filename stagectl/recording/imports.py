@@ -56,7 +56,7 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
 def store(recordings: list[Recording], source: Path, output: Path | None) -> list[Path]:
     """Write imported recordings; those of a folder go into a folder."""
     base = output or Path("recordings") / (source.name if source.is_dir() else f"{source.stem}.h5")
-    targets = [base / f"{one.path.stem}.h5" if source.is_dir() else base for one in recordings]
+    targets = [base / f"{recording.path.stem}.h5" if source.is_dir() else base for recording in recordings]
     if there := [target for target in targets if target.exists()]:
         raise RecordingError(
             f"{there[0]} exists and is left as it is: choose another place with -o",
@@ -140,7 +140,7 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
             kind=ProblemKind.SHAPE,
         )
     nominal = read_values(folder / "nominal.yaml") if (folder / "nominal.yaml").is_file() else {}
-    found = []
+    recordings = []
     for number, entry in enumerate(entries):
         if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
             raise RecordingError(
@@ -156,8 +156,8 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
         if nominal and path.parent == folder:  # read once for all of them
             about["nominal"] = nominal
-        found.append(_recording(_with_beside(csv_logs.read(path, setup, about), entry)))
-    return found
+        recordings.append(_recording(_with_beside(csv_logs.read(path, setup, about), entry)))
+    return recordings
 
 
 def _with_beside(log: Log, entry: Mapping[str, Any]) -> Log:

@@ -24,12 +24,11 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import law
 from stagectl.problem import ProblemKind
+from stagectl.recording.constants import ALIKE, NEAR
 from stagectl.recording.file_lock import DataFileError
 from stagectl.recording.metadata import versions, written
 
 FORMAT = "stagectl-learned/1"
-NEAR = 0.01  # encoder counts by which a reference may differ: another computer's rounding
-ALIKE = 1e-6  # share of the largest current by which what is known beforehand may differ
 _ARRAYS = ("learned", "reference", "known")
 
 
@@ -46,10 +45,11 @@ class Learned(NamedTuple):
     meta: dict[str, Any]
 
 
-def nothing(setup: Setup, running: law.Law, setpoints: NDArray[np.float64], what: tuple[str, list[str]]) -> Learned:
-    """No current yet, and what one would belong to: `setpoints` (n, fields), `what` = (trajectory, layers)."""
+def nothing(
+    setup: Setup, running: law.Law, setpoints: NDArray[np.float64], trajectory: str, layers: list[str]
+) -> Learned:
+    """No current yet, and what one would belong to: `setpoints` (n, fields) of a `trajectory` under `layers`."""
     column = dict(zip(law.Setpoint._fields, setpoints.T, strict=True))
-    trajectory, layers = what
     meta = {
         "stage": setup.file.name,
         "trajectory": trajectory,

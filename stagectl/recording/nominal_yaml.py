@@ -44,8 +44,8 @@ def nominal_of(recording: Recording) -> dict[str, Any]:
     """All that a recording knows of its stage and controller, in the words of nominal.yaml."""
     meta = recording.meta
     if "nominal" in meta:  # it came from such a file
-        found: dict[str, Any] = meta["nominal"]
-        return found
+        nominal: dict[str, Any] = meta["nominal"]
+        return nominal
     if "law" not in meta:
         return {"stage": {"name": meta["name"], **_axis(meta["axis"])}}
     file = carried_stage(recording)
@@ -54,7 +54,7 @@ def nominal_of(recording: Recording) -> dict[str, Any]:
         "friction": _friction(file),
         "drive": _drive(file),
         "controller": _controller(file, meta),
-        **({"effects": found} if (found := effects_of(file)) else {}),
+        **({"effects": nominal} if (nominal := effects_of(file)) else {}),
     }
 
 

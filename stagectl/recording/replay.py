@@ -37,11 +37,11 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
     if not len(recording.samples):
         raise RecordingError(f"{recording.path} holds no rows", file=recording.path, kind=ProblemKind.MISSING)
     p = read_law(recording.meta["law"])
-    state, found = law.AT_REST, []
+    state, rows = law.AT_REST, []
     for *setpoint, measured in recording.samples[[*law.Setpoint._fields, "measured"]].tolist():
         output, state = law.step(p, state, law.Setpoint(*setpoint), measured)
-        found.append(output)
-    return np.array(found)
+        rows.append(output)
+    return np.array(rows)
 
 
 def replay(recording: Recording) -> dict[str, Any]:

@@ -108,23 +108,23 @@ def read_values(path: Path) -> dict[str, Any]:
     """
     node = compose(path)
     try:
-        found = json.loads(json.dumps(yaml.SafeLoader("").construct_document(node), default=str))
+        values = json.loads(json.dumps(yaml.SafeLoader("").construct_document(node), default=str))
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         raise RecordingError(
             f"{path} holds something other than plain values: {error}", file=path, kind=ProblemKind.VALUE
         ) from error
-    if not isinstance(found, dict):
+    if not isinstance(values, dict):
         raise RecordingError(f"{path} must be a block of `key: value` lines", file=path, kind=ProblemKind.SHAPE)
-    return found
+    return values
 
 
 def _block(nominal: dict[str, Any], name: str, place: Path) -> dict[str, Any]:
-    found = nominal.get(name) or {}
-    if not isinstance(found, dict):
+    block = nominal.get(name) or {}
+    if not isinstance(block, dict):
         raise RecordingError(
-            f"{name} = {found!r}; must be a block of values ({place})", file=place, kind=ProblemKind.SHAPE, column=name
+            f"{name} = {block!r}; must be a block of values ({place})", file=place, kind=ProblemKind.SHAPE, column=name
         )
-    return found
+    return block
 
 
 def _positive(block: dict[str, Any], key: str, place: Path) -> float:

@@ -7,3 +7,4 @@ MOST_PERIODS = 2e5  # of a multisine's fastest line within its base: what one ev
 BLOCK = 65536  # samples that are evaluated at once
 LEAST_ROWS = 6  # of a recorded motion: what a polynomial of degree 5 needs
 LEAST_STEP = 1e-4  # shortest step of time over the longest; below, the spline's equations lose their digits
+ROUNDING = 1e-9  # of a period: so much less than a whole one still counts as whole

@@ -82,8 +82,7 @@ def _with_learned(motion: Motion, path: Path) -> Motion:
 
 def blank(motion: Motion) -> Learned:
     """What a current that is learned on `motion` belongs to; the current is 0 still."""
-    what = (motion.meta["trajectory"], motion.meta["layers"])
-    return nothing(motion.setup, motion.law, motion.plan.setpoints, what)
+    return nothing(motion.setup, motion.law, motion.plan.setpoints, motion.meta["trajectory"], motion.meta["layers"])
 
 
 def with_current(motion: Motion, current: NDArray[np.float64]) -> Motion:

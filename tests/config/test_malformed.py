@@ -14,7 +14,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stagectl.config.source import LARGEST_FILE, ConfigError, UnreadableError, compose
+from stagectl.config.bounds import LARGEST_FILE
+from stagectl.config.source import ConfigError, UnreadableError, compose
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.units import StageError

@@ -202,7 +202,7 @@ def test_the_sentences_for_review(error_of: Callable[[str, str], StageError]) ->
 
 
 def test_a_problem_is_one_sentence() -> None:
-    place = {"file": Path("a.yaml"), "line": 3}
+    place: dict[str, Any] = {"file": Path("a.yaml"), "line": 3}
     for problem, sentence in (
         (Problem("is missing", key="a.b", remedy="a length", **place), "a.b is missing: a length (a.yaml:3)"),
         (

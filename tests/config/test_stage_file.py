@@ -36,6 +36,7 @@ def test_a_stage_is_designed_once(designs: list[design.Settings]) -> None:
 
 def test_a_changed_stage_is_designed_anew(designs: list[design.Settings]) -> None:
     setup = load_stage(CONFIG / "ball-screw.yaml")
+    assert isinstance(setup.file.control, design.Control)
     slower = setup.file.control._replace(bandwidth=20.0)
     changed = setup._replace(file=setup.file._replace(control=slower))
     assert isinstance(changed, Setup)

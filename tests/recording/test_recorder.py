@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 
 from stagectl.problem import ProblemKind
-from stagectl.recording.hdf5 import BLOCK, RecordingError, open_recording, quantities, repair, save
+from stagectl.recording.constants import BLOCK
+from stagectl.recording.hdf5 import RecordingError, open_recording, quantities, repair, save
 from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
 from tests.problems import refused
