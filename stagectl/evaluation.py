@@ -80,7 +80,7 @@ def size(error: NDArray[np.float64]) -> dict[str, float | None]:
 def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
     """Whether the run ended without a fault, standing within the window for the whole dwell.
 
-    Where the loop is open at the end there is no position to be in: then whether it ran to its end without a fault.
+    Where the loop is open at the end there is no target position: then whether the run ended without a fault.
     """
     last = slice(-max(1, round(DWELL / meta["dt"])), None)
     allowed = WINDOW_COUNTS * (meta["axis"]["encoder_step"] or 1e-9)

@@ -1,4 +1,4 @@
-"""Quantities: unit, admissible range and meaning, declared once, beside the field that holds them.
+"""Quantities: unit, admissible range and meaning, declared once, at the field that holds them.
 
 Inside the package every number is SI and a field's name is bare.  A field of a parameter block reads
 

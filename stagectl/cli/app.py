@@ -1,6 +1,6 @@
 """The verbs, and what they have in common: errors in words, exit codes, ``--json``.
 
-Exit codes: 0 done; 1 the answer is no (a fault, a limit reached in motion, a check that failed); 2 it was not begun
+Exit codes: 0 done; 1 a negative result (a fault, a limit reached in motion, a check that failed); 2 it was not begun
 (wrong arguments, a motion beyond a limit) or could not be done.
 Each verb imports what it needs itself, so that ``stagectl --help`` is quick and a process that needs no compiler
 has none in its memory.
@@ -81,6 +81,6 @@ def _next(error: StageError) -> str:
 
 
 def _fail(words: str) -> NoReturn:
-    # Text, not markup: brackets and colons of a file must appear as they stand there.
+    # Text, not markup: brackets and colons of a file must appear unchanged.
     Console(stderr=True, soft_wrap=True).print(Text.assemble(("error:", "bold red"), f" {words}"), highlight=False)
     sys.exit(2)

@@ -107,7 +107,7 @@ EFFECTS = ("lag", "asymmetry", "dwell", "load", "along", "lead", "ball_pass", "w
 
 
 def friction_of(law: Rolling | Operators | Dahl | Lugre) -> stage.Friction:
-    """The plant's friction: a bundle of stop operators, or a bristle beside one that carries nothing."""
+    """The plant's friction: a bundle of stop operators, or a bristle with a bundle that carries nothing."""
     if isinstance(law, Rolling | Operators):
         friction_ = stage.Friction(law.operators(), law.stribeck)
     else:

@@ -1,4 +1,4 @@
-"""What the type hint beside a field says: the schema of configuration files is made of nothing else."""
+"""Reads the type hints of fields, which are the whole schema of configuration files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def plain(hint: Any) -> Any:
 
 
 def extras_of(hint: Any) -> tuple[Any, ...]:
-    """What is annotated beside the type."""
+    """The annotations next to the type."""
     return get_args(hint)[1:] if get_origin(hint) is Annotated else ()
 
 
@@ -49,7 +49,7 @@ def meaning_of(hint: Any) -> str:
 
 
 def fields_of(hint: Any) -> dict[str, Any]:
-    """Hints of a block's fields; a `Quantity` beside the block itself is that of its first field.
+    """Hints of a block's fields; a `Quantity` next to the block itself is that of its first field.
 
     So a harmonic of an effort and one of a position are the same block, with different units.
     """

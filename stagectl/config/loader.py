@@ -1,6 +1,6 @@
 """YAML to NamedTuples, strictly: the type hints are the schema.
 
-Every value is checked against the `Quantity` beside its field.  Every problem has its file, line and key, the value
+Every value is checked against the `Quantity` of its field.  Every problem has its file, line and key, the value
 that was found and what is admissible.  All problems of a file are reported together.  Unknown keys are errors.
 """
 

@@ -12,7 +12,7 @@ import yaml
 from stagectl.config.source import ConfigError, node_at
 from stagectl.problem import Problem, ProblemKind
 
-_BETWEEN = re.compile(r"\s*:\s*(#[^\r\n]*\s*)*")  # key and value, where neither anchor nor alias nor tag stands
+_BETWEEN = re.compile(r"\s*:\s*(#[^\r\n]*\s*)*")  # key and value, without an anchor, alias or tag
 _COMMENT = re.compile(r"(?:^|(?<=\s))#[^\r\n]*", re.MULTILINE)
 _BEHIND = re.compile(r"([ \t]+)(#[^\r\n]*)")
 

@@ -157,7 +157,7 @@ def law_of(designed: Feedback, dt: float, current_limit: float) -> law.Law:
 class _Advice(NamedTuple):
     """A slower loop that is accepted."""
 
-    share: float  # of the bandwidth that was asked for
+    share: float  # of the refused bandwidth
     bandwidth: float  # Hz
     phase: float  # rad, its margin
 

@@ -108,7 +108,7 @@ def gains(p: stage.Stage, control: Control) -> feedback.Gains:
 
 @contextlib.contextmanager
 def computable(p: stage.Stage) -> Iterator[None]:
-    """Raise DesignError where the numbers of `p` leave what floats can hold."""
+    """Raise DesignError where the numbers of `p` exceed what floats can hold."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             yield
@@ -144,7 +144,7 @@ def slower(control: Settings, share: float) -> Settings:
 
 
 def observer_bandwidth(control: Settings) -> float:
-    """Where the disturbance observer's poles are placed (Hz): as asked for, or as fast as the position loop."""
+    """Frequency of the disturbance observer's poles (Hz): that of `control`, or else that of the position loop."""
     if control.observer_bandwidth is not None:
         return control.observer_bandwidth
     return control.bandwidth if isinstance(control, Control) else control.position_gain / (2.0 * math.pi)

@@ -1,6 +1,6 @@
 """Parameters and state of the plant, block by block; `stage` moves it.
 
-All that stands after the first fields of a block is an effect: neutral by default, and then it vanishes bit for bit.
+Every field after the first ones of a block is an effect: neutral by default, and then it vanishes bit for bit.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from stagectl.units import Quantity
 # A delay line of whole control periods, newest first.
 Line = tuple[float, float, float, float, float, float, float, float]
 
-# Fields that a stage file has in blocks of its own, too: declared here, once.
+# Fields that a stage file has in other blocks, too: declared here, once.
 DeadTime = Annotated[
     float, Quantity("s", "[0, 0.1]", "further delay after nd Ts; both together are at most 7 control periods")
 ]

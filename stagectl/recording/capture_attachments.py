@@ -1,4 +1,4 @@
-"""What captures.yaml names beside a capture: the current that was added to its command, and its setpoints.
+"""Files that captures.yaml names for a capture: the current that was added to its command, and its setpoints.
 
 The header of an injection has ``injection_A`` (or one other column in A or mA) and, where its rows are not those of the
 capture, ``time_s``: then a value holds from its time on, as a controller adds it, and none was added outside.
@@ -36,7 +36,7 @@ def setpoints(path: Path, rows: int, kind: str) -> dict[str, Array]:
     names = {name: header(name, known[name].unit_for(kind)) for name in Setpoint._fields}
     absent = [label for label in names.values() if label not in table.column_names]
     if absent or len(table) != rows:
-        what = f"lacks the column {absent[0]}" if absent else f"has {len(table)} rows, its capture {rows}"
+        what = f"has no column {absent[0]}" if absent else f"has {len(table)} rows, its capture {rows}"
         raise RecordingError(
             f"{path} {what}; without setpoints, they are recomputed: take the key out of captures.yaml",
             file=path,
@@ -71,7 +71,7 @@ def _table(path: Path) -> pyarrow.Table:
         return pyarrow.csv.read_csv(path, read_options=pyarrow.csv.ReadOptions(use_threads=False))
     except (pyarrow.ArrowInvalid, OSError) as error:
         raise RecordingError(
-            f"{path} cannot be read as a CSV beside a capture: {error}", file=path, kind=ProblemKind.FILE
+            f"{path} cannot be read as the CSV of a capture: {error}", file=path, kind=ProblemKind.FILE
         ) from error
 
 

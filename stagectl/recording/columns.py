@@ -35,7 +35,7 @@ EXAMPLE = "--columns time=1,position=2:mm,current=14"
 WITHOUT = {
     "reference": "no reference: it has neither a tracking error nor a trajectory",
     "command": "no command: the output of the controller is not known",
-    "measured_current": "no measured current: where a current is needed, the command stands in",
+    "measured_current": "no measured current: the command is used in its place",
 }
 
 

@@ -60,7 +60,7 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
 
 
 def _headed(how: Layout, chosen: list[Choice]) -> Layout:
-    """The first line is the header where it has a name that is understood or asked for, whatever follows it."""
+    """The first line is the header where it has a known name or one of `chosen`, whatever follows it."""
     named = {choice.name for choice in chosen}
     if how.skipped > 1 and any(parsed(name) is not None or name in named for name in how.rows[0]):
         return how._replace(rows=how.rows[:1], skipped=1)
@@ -148,7 +148,7 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
             continue
         if ours_and_factor is None:
             notes.append(
-                f"{name or 'a column without a name'} is left out: it is no quantity with a unit that is known"
+                f"{name or 'a column without a name'} is left out: it is not a quantity with a known unit"
             )
         elif ours_and_factor[0] in [ours for ours, _ in known.values()]:
             raise RecordingError(

@@ -1,7 +1,7 @@
 """Recordings for other programs: CSV, Parquet, MAT, MCAP, a trajectory, or a folder of captures.
 
-Every number keeps all its digits.  Units stand in the CSV's header (``reference_rad``), in the Parquet fields'
-metadata, and beside the samples in the MAT file.
+Every number keeps all its digits.  Units are in the CSV's header (``reference_rad``), in the Parquet fields'
+metadata, and next to the samples in the MAT file.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def units(recording: Recording) -> dict[str, str]:
 
 
 def units_of(columns: Iterable[str], kind: str) -> dict[str, str]:
-    """SI units of these columns, of an axis of this kind; a column that is no quantity is left out."""
+    """SI units of these columns, of an axis of this kind; a column that is not a quantity is left out."""
     known = quantities()
     return {name: known[name].unit_for(kind) for name in columns if name in known}
 
@@ -153,7 +153,7 @@ def described(unit_by_name: Mapping[str, str]) -> dict[str, tuple[str, str]]:
 
 
 def write_trajectory(recording: Recording, path: Path) -> list[str]:
-    """The reference as a trajectory file of ``type: csv``, its samples in a CSV beside it."""
+    """The reference as a trajectory file of ``type: csv``, its samples in a CSV next to it."""
     time, reference = recording.column("time"), recording.column("reference")
     curve = Recorded(time, reference)
     fastest = AT_REST * float(np.abs(np.gradient(reference, time)).max(initial=0.0))
@@ -211,7 +211,7 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
 
 
 def _beside(recording: Recording, path: Path) -> dict[str, Any]:
-    """Keys of captures.yaml for what its CSV has no column for; the added current goes into a CSV of its own."""
+    """Keys of captures.yaml for what its CSV has no column for; the added current goes into a separate CSV."""
     names, rows = recording.samples.dtype.names or (), _kept(recording)
     keys: dict[str, Any] = {}
     added = sum((recording.column(name)[rows] for name in ("learned", "injection") if name in names), np.zeros(1))

@@ -69,7 +69,7 @@ class Recording(NamedTuple):
 
 
 def quantities() -> dict[str, Quantity]:
-    """Unit and meaning of every column, as declared beside the kernels' fields."""
+    """Unit and meaning of every column, as declared with the kernels' fields."""
     known = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
     for block in (law.Setpoint, law.Output, rollout.Observed):
         for name, hint in _hints(block).items():

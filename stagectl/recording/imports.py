@@ -33,7 +33,7 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
     if path.is_dir():
         if columns:
             raise RecordingError(
-                f"{path} is a folder of captures, whose headers name the columns: leave --columns out",
+                f"{path} is a folder of captures, whose headers name the columns: leave out --columns",
                 file=path,
                 kind=ProblemKind.CONFLICT,
             )
@@ -161,7 +161,7 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
 
 
 def _with_beside(log: Log, entry: Mapping[str, Any]) -> Log:
-    """The log with what captures.yaml names beside it: the current added to its command, its setpoints."""
+    """The log with the files that captures.yaml names: the current added to its command, its setpoints."""
     paths = {key: log.path.parent / str(entry[key]) for key in ("injection", "setpoints") if entry.get(key) is not None}
     for key, path in paths.items():
         if not path.is_file():

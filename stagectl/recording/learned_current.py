@@ -4,8 +4,8 @@
 
     /               format, meta: JSON - stage, trajectory, layers, dt, model (stage and law), trials, created, versions
     /learned   (n,) A, added to the command period by period
-    /reference (n,) rad | m, the motion it belongs to, from where the axis stands
-    /known     (n,) A, feedforward and friction compensation beside it
+    /reference (n,) rad | m, the motion it belongs to, from the axis' position at the start
+    /known     (n,) A, feedforward and friction compensation that act with it
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def _beforehand(learned: Learned, here: Learned) -> str:
     """Feedforward and friction compensation may come from another friction than the stage's own."""
     apart = float(np.max(np.abs(learned.known - here.known), initial=0.0))
     if apart > ALIKE * float(np.max(np.abs(here.known), initial=0.0)):
-        return f"beside another feedforward or friction compensation, by up to {apart:.3g} A"
+        return f"with another feedforward or friction compensation, by up to {apart:.3g} A"
     return ""
 
 

@@ -57,7 +57,7 @@ def of_axis(setup: Setup, running: Controller, text: str) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Of this program, its kernels, what it stands on, and the machine it ran on."""
+    """Versions of this program, its kernels, the packages it needs, and the machine."""
     return dict(_versions())
 
 

@@ -59,7 +59,7 @@ def nominal_of(recording: Recording) -> dict[str, Any]:
 
 
 def effects_of(file: StageFile) -> dict[str, Any]:
-    """The effects that act in this stage, by block and field as in its file, SI; what is neutral stands nowhere."""
+    """The effects that act in this stage, by block and field as in its file, SI; neutral ones are absent."""
     blocks = {name: _acting(getattr(file, name)) for name in ("motor", "mechanics", "friction", "encoder", "drive")}
     blocks["encoder"].pop("step", None)  # of its counts; that of the friction is an effect
     known = {name: block for name, block in blocks.items() if block}
@@ -69,7 +69,7 @@ def effects_of(file: StageFile) -> dict[str, Any]:
 
 
 def _acting(block: Any) -> dict[str, Any]:
-    """Fields of a block that stand elsewhere in nominal.yaml left out."""
+    """Fields of a block that are not neutral, without those that are elsewhere in nominal.yaml."""
     changed = {
         name: value
         for name, value in block._asdict().items()
@@ -145,7 +145,7 @@ def _plain(bristle: friction_bristle.Bristle) -> dict[str, Any]:
 
 
 def _bristle(file: StageFile, compensated: bool) -> dict[str, Any]:
-    """The bristle that a compensation by the stage's own model runs beside its stop operators."""
+    """The bristle that a compensation by the stage's own model runs in addition to its stop operators."""
     if not compensated or not isinstance(file.friction, Dahl | Lugre):
         return {}
     return {"friction_bristle": _plain(file.friction.bristle())}
@@ -220,7 +220,7 @@ def _observer(meta: dict[str, Any]) -> dict[str, Any]:
 
 
 def _anticipation(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
-    """What the command holds beside the feedback."""
+    """The parts of the command other than the feedback."""
     ahead, dt = meta["feedforward"], meta["dt"]
     advance = file.drive.current_lag + meta["nd"] * dt
     form = meta["compensation"]["form"]

@@ -30,7 +30,7 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
         )
     if recording.lost_rows:
         raise RecordingError(
-            f"{recording.path} lacks {recording.lost_rows} rows: the law's memory cannot be followed",
+            f"{recording.path} has lost {recording.lost_rows} rows: the law's state cannot be followed",
             file=recording.path,
             kind=ProblemKind.MISSING,
         )

@@ -1,4 +1,4 @@
-"""Scales of a log's columns, from a stage file or a ``nominal.yaml`` beside it.
+"""Scales of a log's columns, from a stage file or a ``nominal.yaml`` next to it.
 
 What is not known is 0, never guessed.
 """
@@ -65,7 +65,7 @@ class Scales(NamedTuple):
     def _known(self, value: float, what: str, key: str) -> float:
         if value == 0.0:
             raise RecordingError(
-                f"{what} has no scale: write {key} in nominal.yaml beside the log, or give --stage",
+                f"{what} has no scale: write {key} in nominal.yaml next to the log, or give --stage",
                 kind=ProblemKind.MISSING,
                 column=key,
             )
@@ -81,7 +81,7 @@ def scales_of_stage(setup: Setup, amplifier: float = 0.0) -> Scales:
 def scales_of_nominal(nominal: dict[str, Any], place: Path) -> Scales:
     """The scales that a nominal.yaml at `place` gives.
 
-    Raises RecordingError where the axis is not told or a scale is no positive number.
+    Raises RecordingError where the axis is not known or a scale is not a positive number.
     """
     stage, drive = _block(nominal, "stage", place), _block(nominal, "drive", place)
     unit = stage.get("position_unit") or ("m" if stage.get("kind") == LINEAR else "rad")

@@ -65,7 +65,7 @@ def check(trajectory: Trajectory, place: str = "") -> None:
 
 
 def check_intervals(trajectory: Any, place: str) -> None:
-    """Every number of a block against the interval beside its field.
+    """Every number of a block against the interval of its field.
 
     Raises TrajectoryError.
     """

@@ -61,7 +61,7 @@ class Trapezoid(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Where it stands afterwards (m)."""
+        """Position afterwards (m)."""
         return _end(self)
 
     @property
@@ -103,7 +103,7 @@ class SCurve(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Where it stands afterwards (m)."""
+        """Position afterwards (m)."""
         return _end(self)
 
     @property

@@ -15,7 +15,7 @@ from stagectl.units import Quantity
 
 
 class Recorded(NamedTuple):
-    r"""Quintic spline (not-a-knot) through recorded positions, moved so that the axis stands at 0 at t = 0.
+    r"""Quintic spline (not-a-knot) through recorded positions, shifted so that the axis is at 0 at t = 0.
 
     ::
 
@@ -43,7 +43,7 @@ class Recorded(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Where it stands afterwards (m)."""
+        """Position afterwards (m)."""
         first, last = self._end_velocities() if self.run_up or self.run_out else (0.0, 0.0)
         return 0.5 * first * self.run_up + self._distance + 0.5 * last * self.run_out
 
@@ -54,7 +54,7 @@ class Recorded(NamedTuple):
 
     @property
     def initial_velocity(self) -> float:
-        """Velocity that the axis is asked for at once at t = 0 (m/s); what is small, the caller decides."""
+        """Velocity that is demanded at once at t = 0 (m/s); the caller decides whether it is small."""
         return 0.0 if self.run_up else self._end_velocities()[0]
 
     @property

@@ -15,7 +15,7 @@ class Samples(NamedTuple):
     """One value a row, all (n,)."""
 
     time: Array  # s
-    position: Array  # m of travel (rad where it is an angle), relative to where the axis stands
+    position: Array  # m of travel (rad where it is an angle), relative to the axis' position at the start
     current: Array  # A, to be added to the command
 
 
