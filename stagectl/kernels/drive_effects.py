@@ -74,7 +74,7 @@ def heated(p: Drive, heat: float, current: float, dt: float) -> float:
 
 @kernel
 def limited(p: Drive, target: float, limit: float, velocity: float) -> float:
-    """`target` (A) within +-`limit`, plus the offset, within the limit that the voltage sets: ``|R i + K_e v| <= U``."""
+    """`target` (A) within +-`limit`, plus the offset, within the limit of the voltage: ``|R i + K_e v| <= U``."""
     target = min(max(target, -limit), limit) + p.offset
     if p.voltage_limit == math.inf:
         return target

@@ -147,9 +147,7 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
             notes.append(f"{name} is left out: {error}")
             continue
         if ours_and_factor is None:
-            notes.append(
-                f"{name or 'a column without a name'} is left out: it is not a quantity with a known unit"
-            )
+            notes.append(f"{name or 'a column without a name'} is left out: it is not a quantity with a known unit")
         elif ours_and_factor[0] in [ours for ours, _ in known.values()]:
             raise RecordingError(
                 f"{path} has two columns for {ours_and_factor[0]}, the second is {name}: remove one",
