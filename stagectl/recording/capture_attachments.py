@@ -37,12 +37,8 @@ def setpoints(path: Path, rows: int, kind: str) -> dict[str, Array]:
     absent = [label for label in names.values() if label not in table.column_names]
     if absent or len(table) != rows:
         what = f"has no column {absent[0]}" if absent else f"has {len(table)} rows, its capture {rows}"
-        raise RecordingError(
-            f"{path} {what}; without setpoints, they are recomputed: take the key out of captures.yaml",
-            file=path,
-            kind=ProblemKind.CONFLICT,
-            column=absent[0] if absent else "",
-        )
+        reason = f"{path} {what}; without setpoints, they are recomputed: take the key out of captures.yaml"
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT, column=absent[0] if absent else "")
     return {name: _numbers(path, table, label) for name, label in names.items()}
 
 
@@ -56,12 +52,11 @@ def injection(path: Path, time: Array) -> Array:
     current = scale * _numbers(path, table, name)
     if "time_s" not in table.column_names:
         if len(current) != len(time):
-            raise RecordingError(
+            reason = (
                 f"{path} has {len(current)} rows and no time_s, its capture has {len(time)}; it must have as many, or "
-                "a time",
-                file=path,
-                kind=ProblemKind.CONFLICT,
+                "a time"
             )
+            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
         return current
     return _held(path, _numbers(path, table, "time_s"), current, time)
 
@@ -80,12 +75,8 @@ def _column(path: Path, names: list[str]) -> tuple[str, float]:
     currents = [name for name in names if name != "time_s" and _scale(name) is not None]
     chosen = [name for name in currents if name.startswith("injection")] or currents
     if len(chosen) != 1:
-        raise RecordingError(
-            f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)",
-            file=path,
-            kind=ProblemKind.MISSING,
-            column=NAME,
-        )
+        reason = f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)"
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=NAME)
     scale = _scale(chosen[0])
     assert scale is not None
     return chosen[0], scale
@@ -106,35 +97,24 @@ def _numbers(path: Path, table: pyarrow.Table, name: str) -> Array:
             f"{name} in {path} does not hold numbers: {error}", file=path, kind=ProblemKind.VALUE, column=name
         ) from error
     if not np.all(finite := np.isfinite(values)):
-        raise RecordingError(
-            f"{path} has no {name} in row {int(np.argmin(finite)) + 1} of its numbers",
-            file=path,
-            kind=ProblemKind.MISSING,
-            column=name,
-            row=int(np.argmin(finite)) + 1,
-        )
+        reason = f"{path} has no {name} in row {int(np.argmin(finite)) + 1} of its numbers"
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=name, row=int(np.argmin(finite)) + 1)
     return values
 
 
 def _held(path: Path, begins: Array, current: Array, time: Array) -> Array:
     """`current` (m,) A, each from its time in `begins` (m,) s on, at the rows' `time` (n,) s; 0 outside."""
     if len(begins) < 2 or np.any(np.diff(begins) <= 0.0):
-        raise RecordingError(
-            f"{path}: time_s must have at least two rows and increase strictly",
-            file=path,
-            kind=ProblemKind.CONFLICT,
-            column="time_s",
-        )
+        reason = f"{path}: time_s must have at least two rows and increase strictly"
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT, column="time_s")
     step = float(np.median(np.diff(begins)))
     late = EARLY * min(step, float(np.median(np.diff(time))))
     at = np.searchsorted(begins, time + late, side="right") - 1
     inside = (at >= 0) & (time + late < begins[-1] + step)
     if not np.any(inside):
-        raise RecordingError(
+        reason = (
             f"{path} covers {begins[0]:g} s to {begins[-1]:g} s, its capture {time[0]:g} s to {time[-1]:g} s: none of "
-            "it was added in this capture",
-            file=path,
-            kind=ProblemKind.CONFLICT,
-            column="time_s",
+            "it was added in this capture"
         )
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT, column="time_s")
     return np.where(inside, current[np.maximum(at, 0)], 0.0)

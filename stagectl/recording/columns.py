@@ -68,12 +68,11 @@ def choices(words: Mapping[str, str] | None) -> list[Choice]:
     for quantity, where in (words or {}).items():
         match = _CHOICE.fullmatch(f"{quantity}={where}")
         if match is None or quantity not in CHOICES:
-            raise RecordingError(
+            reason = (
                 f"--columns {quantity}={where}; must be QUANTITY=COLUMN or QUANTITY=COLUMN:UNIT with a quantity of "
-                f"{', '.join(CHOICES)}, such as {EXAMPLE}",
-                kind=ProblemKind.SYNTAX,
-                column=quantity,
+                f"{', '.join(CHOICES)}, such as {EXAMPLE}"
             )
+            raise RecordingError(reason, kind=ProblemKind.SYNTAX, column=quantity)
         columns.append(Choice(match[1], match[2], int(match[3] or 0), match[4] or ""))
     return columns
 
@@ -87,10 +86,8 @@ def split(text: str) -> dict[str, str]:
     for entry in text.split(","):
         quantity, equals, where = (part.strip() for part in entry.partition("="))
         if not equals or not where or quantity in words:
-            raise RecordingError(
-                f"--columns {text}: {entry!r} must be QUANTITY=COLUMN, each quantity once, such as {EXAMPLE}",
-                kind=ProblemKind.SYNTAX,
-            )
+            reason = f"--columns {text}: {entry!r} must be QUANTITY=COLUMN, each quantity once, such as {EXAMPLE}"
+            raise RecordingError(reason, kind=ProblemKind.SYNTAX)
         words[quantity] = where
     return words
 
@@ -125,11 +122,8 @@ def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
         if unit in ("m", "mm", "um", "nm"):
             return Scales(LINEAR)
     what = f"a position in {known[0]}" if known else "no column position_<unit>"
-    raise RecordingError(
-        f"{path}: the kind of the axis is not known from {what}; give --stage, or write nominal.yaml next to it",
-        file=path,
-        kind=ProblemKind.UNIT,
-    )
+    reason = f"{path}: the kind of the axis is not known from {what}; give --stage, or write nominal.yaml next to it"
+    raise RecordingError(reason, file=path, kind=ProblemKind.UNIT)
 
 
 def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tuple[Choice, float]]:
@@ -142,28 +136,16 @@ def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tu
         try:
             ours, scale = meaning(choice.quantity, choice.unit, scales)
         except StageError as error:
-            raise RecordingError(
-                f"--columns {choice.quantity}={choice.name}:{choice.unit}: {error}",
-                file=path,
-                kind=ProblemKind.UNIT,
-                column=choice.name,
-            ) from error
+            reason = f"--columns {choice.quantity}={choice.name}:{choice.unit}: {error}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.UNIT, column=choice.name) from error
         if ours in known:
-            raise RecordingError(
-                f"{path} has two columns for {ours}, {known[ours][0].name} and {choice.name}: name one",
-                file=path,
-                kind=ProblemKind.REPEATED,
-                column=ours,
-            )
+            reason = f"{path} has two columns for {ours}, {known[ours][0].name} and {choice.name}: name one"
+            raise RecordingError(reason, file=path, kind=ProblemKind.REPEATED, column=ours)
         known[ours] = (choice, scale)
     for ours, quantity in (("time", "time"), ("measured", "position")):
         if ours not in known:
-            raise RecordingError(
-                f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}",
-                file=path,
-                kind=ProblemKind.MISSING,
-                column=ours,
-            )
+            reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=ours)
     return known
 
 

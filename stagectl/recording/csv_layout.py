@@ -41,11 +41,8 @@ def layout(path: Path) -> Layout:
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path} is not CSV text: {error}", file=path, kind=ProblemKind.SYNTAX) from error
     if not any(line.strip() for line in lines):
-        raise RecordingError(
-            f"{path} is empty; must have a header (time_s,position_mm,...) and a row for each sample",
-            file=path,
-            kind=ProblemKind.MISSING,
-        )
+        reason = f"{path} is empty; must have a header (time_s,position_mm,...) and a row for each sample"
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING)
     tried = [(separator, _split(lines, separator, path)) for separator in SEPARATORS]
     separator, rows = max(tried, key=lambda candidate: sum(_numbers(row, candidate[0]) for row in candidate[1]))
     first = next((k for k, row in enumerate(rows) if _numbers(row, separator)), 1)

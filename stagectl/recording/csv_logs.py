@@ -41,12 +41,11 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
         return _chosen(path, how, setup, choices(words))
     names = how.names
     if not names:
-        raise RecordingError(
+        reason = (
             f"{path} has no header, its first row is numbers; say which of its {how.width} columns is which, counting "
-            f"from 1: {EXAMPLE}",
-            file=path,
-            kind=ProblemKind.MISSING,
+            f"from 1: {EXAMPLE}"
         )
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING)
     if how.skipped > 1:
         raise RecordingError(f"{path} {_preamble(how)}", file=path, kind=ProblemKind.MISSING)
     beside = path.parent / "nominal.yaml"
@@ -103,19 +102,11 @@ def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
         there = (
             f"its columns are {', '.join(names)}" if names else f"it has no header, so give a number from 1 to {count}"
         )
-        raise RecordingError(
-            f"{path} has no column {choice.name} for the {choice.quantity}: {there}",
-            file=path,
-            kind=ProblemKind.UNKNOWN,
-            column=choice.name,
-        )
+        reason = f"{path} has no column {choice.name} for the {choice.quantity}: {there}"
+        raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
     if not 1 <= int(choice.name) <= count:
-        raise RecordingError(
-            f"column {choice.name} of {path}; must be 1 to {count}, the first is 1",
-            file=path,
-            kind=ProblemKind.UNKNOWN,
-            column=choice.name,
-        )
+        reason = f"column {choice.name} of {path}; must be 1 to {count}, the first is 1"
+        raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
     return int(choice.name) - 1
 
 
@@ -149,23 +140,17 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
         if ours_and_factor is None:
             notes.append(f"{name or 'a column without a name'} is left out: it is not a quantity with a known unit")
         elif ours_and_factor[0] in [ours for ours, _ in known.values()]:
-            raise RecordingError(
-                f"{path} has two columns for {ours_and_factor[0]}, the second is {name}: remove one",
-                file=path,
-                kind=ProblemKind.REPEATED,
-                column=ours_and_factor[0],
-            )
+            reason = f"{path} has two columns for {ours_and_factor[0]}, the second is {name}: remove one"
+            raise RecordingError(reason, file=path, kind=ProblemKind.REPEATED, column=ours_and_factor[0])
         else:
             known[name] = ours_and_factor
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
     if absent:
-        raise RecordingError(
+        reason = (
             f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say which are "
-            "they: --columns time=NAME,position=NAME:mm",
-            file=path,
-            kind=ProblemKind.MISSING,
-            column=sorted(absent)[0],
+            "they: --columns time=NAME,position=NAME:mm"
         )
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=sorted(absent)[0])
     return known, notes
 
 

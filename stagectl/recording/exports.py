@@ -188,13 +188,11 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
     nominal = nominal_of(recordings[0])
     for other in recordings[1:]:
         if difference := _difference(nominal, nominal_of(other)):
-            raise RecordingError(
+            reason = (
                 f"{other.path} differs from {recordings[0].path} in {difference}; the captures of a folder share "
-                "one nominal.yaml: export them to folders of their own",
-                file=other.path,
-                kind=ProblemKind.CONFLICT,
-                column=difference.split(" ")[0],
+                "one nominal.yaml: export them to folders of their own"
             )
+            raise RecordingError(reason, file=other.path, kind=ProblemKind.CONFLICT, column=difference.split(" ")[0])
     captures, notes = [], []
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -59,12 +59,8 @@ class Recording(NamedTuple):
         Raises RecordingError naming the columns there are.
         """
         if name not in (self.samples.dtype.names or ()):
-            raise RecordingError(
-                f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}",
-                file=self.path,
-                kind=ProblemKind.UNKNOWN,
-                column=name,
-            )
+            reason = f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
+            raise RecordingError(reason, file=self.path, kind=ProblemKind.UNKNOWN, column=name)
         return np.asarray(self.samples[name], dtype=np.float64)
 
 
@@ -92,11 +88,8 @@ class Writer:
         self.path = path
         self._dtype = np.dtype([(name, "<f8") for name in columns])
         if path.is_file() and path.stat().st_size and not _ours(path):
-            raise RecordingError(
-                f"{path} is not a recording and is left as it is: choose another file with -o",
-                file=path,
-                kind=ProblemKind.CONFLICT,
-            )
+            reason = f"{path} is not a recording and is left as it is: choose another file with -o"
+            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
         place = path.resolve()  # a link stays one
         self._held, self._room = claimed(place), 0
         try:
@@ -157,11 +150,8 @@ class Writer:
         try:
             os.posix_fallocate(self._held.fileno(), self._room, more)
         except OSError as error:
-            raise RecordingError(
-                f"{self.path} cannot be written: {error.strerror}; make room, or choose another disk",
-                file=self.path,
-                kind=ProblemKind.FILE,
-            ) from error
+            reason = f"{self.path} cannot be written: {error.strerror}; make room, or choose another disk"
+            raise RecordingError(reason, file=self.path, kind=ProblemKind.FILE) from error
         self._room += more
 
 

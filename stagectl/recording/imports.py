@@ -32,11 +32,8 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
     """
     if path.is_dir():
         if columns:
-            raise RecordingError(
-                f"{path} is a folder of captures, whose headers name the columns: leave out --columns",
-                file=path,
-                kind=ProblemKind.CONFLICT,
-            )
+            reason = f"{path} is a folder of captures, whose headers name the columns: leave out --columns"
+            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
         return _folder(path, setup)
     if not path.is_file():
         raise RecordingError(f"{path}: no such file or folder", file=path, kind=ProblemKind.FILE)
@@ -45,12 +42,11 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
         return [_recording(csv_logs.read(path, setup, {}, columns))]
     if kind == ".mat":
         return [_recording(mat_logs.read(path, setup, columns))]
-    raise RecordingError(
+    reason = (
         f"{path} cannot be imported; these can: .csv with a header of quantities and units "
-        "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml",
-        file=path,
-        kind=ProblemKind.SHAPE,
+        "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
     )
+    raise RecordingError(reason, file=path, kind=ProblemKind.SHAPE)
 
 
 def store(recordings: list[Recording], source: Path, output: Path | None) -> list[Path]:
@@ -58,11 +54,8 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
     base = output or Path("recordings") / (source.name if source.is_dir() else f"{source.stem}.h5")
     targets = [base / f"{recording.path.stem}.h5" if source.is_dir() else base for recording in recordings]
     if there := [target for target in targets if target.exists()]:
-        raise RecordingError(
-            f"{there[0]} exists and is left as it is: choose another place with -o",
-            file=there[0],
-            kind=ProblemKind.CONFLICT,
-        )
+        reason = f"{there[0]} exists and is left as it is: choose another place with -o"
+        raise RecordingError(reason, file=there[0], kind=ProblemKind.CONFLICT)
     for recording, target in zip(recordings, targets, strict=True):
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -111,22 +104,16 @@ def _checked(log: Log) -> Array:
     for name in ("time", "measured"):
         if not np.all(finite := np.isfinite(log.columns[name])):
             row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)
-            raise RecordingError(
-                f"{log.path} has no {own} in row {row} of its numbers: cut the log there",
-                file=log.path,
-                kind=ProblemKind.MISSING,
-                column=own,
-                row=row,
-            )
+            reason = f"{log.path} has no {own} in row {row} of its numbers: cut the log there"
+            raise RecordingError(reason, file=log.path, kind=ProblemKind.MISSING, column=own, row=row)
     if np.any(backwards := np.diff(time) <= 0.0):
         row = int(np.argmax(backwards)) + 1
-        raise RecordingError(
+        reason = (
             f"{log.path}: time {time[row]:.9g} s in row {row + 1} follows {time[row - 1]:.9g} s; times must increase "
-            "strictly: remove repeated rows or sort the log",
-            file=log.path,
-            kind=ProblemKind.CONFLICT,
-            column=log.labels.get("time", "time"),
-            row=row + 1,
+            "strictly: remove repeated rows or sort the log"
+        )
+        raise RecordingError(
+            reason, file=log.path, kind=ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=row + 1
         )
     return time
 
@@ -134,20 +121,14 @@ def _checked(log: Log) -> Array:
 def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
     entries = read_values(folder / "captures.yaml").get("captures")
     if not isinstance(entries, list) or not entries:
-        raise RecordingError(
-            f"{folder / 'captures.yaml'} must hold a list `captures:` with at least one entry",
-            file=folder / "captures.yaml",
-            kind=ProblemKind.SHAPE,
-        )
+        reason = f"{folder / 'captures.yaml'} must hold a list `captures:` with at least one entry"
+        raise RecordingError(reason, file=folder / "captures.yaml", kind=ProblemKind.SHAPE)
     nominal = read_values(folder / "nominal.yaml") if (folder / "nominal.yaml").is_file() else {}
     recordings = []
     for number, entry in enumerate(entries):
         if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
-            raise RecordingError(
-                f"captures[{number}] needs `file:`, the name of its CSV ({folder / 'captures.yaml'})",
-                file=folder / "captures.yaml",
-                kind=ProblemKind.MISSING,
-            )
+            reason = f"captures[{number}] needs `file:`, the name of its CSV ({folder / 'captures.yaml'})"
+            raise RecordingError(reason, file=folder / "captures.yaml", kind=ProblemKind.MISSING)
         path = folder / entry["file"]
         if not path.is_file():
             raise RecordingError(
@@ -165,11 +146,8 @@ def _with_beside(log: Log, entry: Mapping[str, Any]) -> Log:
     paths = {key: log.path.parent / str(entry[key]) for key in ("injection", "setpoints") if entry.get(key) is not None}
     for key, path in paths.items():
         if not path.is_file():
-            raise RecordingError(
-                f"{log.path} has the {key} {entry[key]}; no such file in {log.path.parent}",
-                file=path,
-                kind=ProblemKind.FILE,
-            )
+            reason = f"{log.path} has the {key} {entry[key]}; no such file in {log.path.parent}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.FILE)
     columns, time = dict(log.columns), log.columns["time"]
     if "injection" in paths:
         columns["injection"] = capture_attachments.injection(paths["injection"], time)

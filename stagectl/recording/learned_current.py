@@ -67,11 +67,8 @@ def claim(path: Path) -> None:
     Raises LearnedError where it cannot, or another kind of file is there.
     """
     if path.exists() and not _ours(path):
-        raise LearnedError(
-            f"{path} is not a learned current and is left as it is: choose another file with -o",
-            file=path,
-            kind=ProblemKind.CONFLICT,
-        )
+        reason = f"{path} is not a learned current and is left as it is: choose another file with -o"
+        raise LearnedError(reason, file=path, kind=ProblemKind.CONFLICT)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("ab").close()
@@ -132,12 +129,11 @@ def check(path: Path, learned: Learned, here: Learned) -> None:
     """
     wrong = _motion(learned, here) or _circumstances(learned.meta, here.meta) or _beforehand(learned, here)
     if wrong:
-        raise LearnedError(
+        reason = (
             f"{path} was learned {wrong}; nothing has moved: a learned current fits only what it was learned on.  "
-            "Learn again with `stagectl learn`, or run without --learned",
-            file=path,
-            kind=ProblemKind.CONFLICT,
+            "Learn again with `stagectl learn`, or run without --learned"
         )
+        raise LearnedError(reason, file=path, kind=ProblemKind.CONFLICT)
 
 
 def _motion(learned: Learned, here: Learned) -> str:

@@ -37,14 +37,12 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Lo
     present = {quantity for quantity, _ in named.values()}
     absent = [quantity for quantity in ("time", "position") if quantity not in present]
     if absent:
-        raise RecordingError(
+        reason = (
             f"{path} has no {' and no '.join(absent)} by that name; it holds "
             f"{', '.join(_names(variables)) or 'nothing'}: say which is which, such as "
-            "--columns time=t,position=q:mm,current=i",
-            file=path,
-            kind=ProblemKind.MISSING,
-            column=absent[0],
+            "--columns time=t,position=q:mm,current=i"
         )
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=absent[0])
     return _chosen(
         path, variables, setup, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()]
     )
@@ -90,12 +88,8 @@ def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
     value: Any = variables
     for word in choice.name.split("."):
         if not isinstance(value, dict) or word not in value:
-            raise RecordingError(
-                f"{path} has no {choice.name}; it holds {', '.join(_names(variables)) or 'nothing'}",
-                file=path,
-                kind=ProblemKind.UNKNOWN,
-                column=choice.name,
-            )
+            reason = f"{path} has no {choice.name}; it holds {', '.join(_names(variables)) or 'nothing'}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
         value = value[word]
     try:
         values = np.asarray(value, dtype=np.float64)
@@ -105,20 +99,14 @@ def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
         ) from error
     if choice.number:
         if values.ndim != 2 or choice.number > values.shape[1]:
-            raise RecordingError(
-                f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}",
-                file=path,
-                kind=ProblemKind.UNKNOWN,
-                column=choice.name,
-            )
+            reason = f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
         return np.ascontiguousarray(values[:, choice.number - 1])
     if values.ndim > 1:
-        raise RecordingError(
-            f"{choice.name} in {path} is a table of shape {values.shape}: say which column, {choice.name}[1] the first",
-            file=path,
-            kind=ProblemKind.SHAPE,
-            column=choice.name,
+        reason = (
+            f"{choice.name} in {path} is a table of shape {values.shape}: say which column, {choice.name}[1] the first"
         )
+        raise RecordingError(reason, file=path, kind=ProblemKind.SHAPE, column=choice.name)
     return values.ravel()
 
 
@@ -135,11 +123,8 @@ def _ours(path: Path, variables: dict[str, Any]) -> Log:
         axis = json.loads(variables["meta"])["axis"]
         kind, per_unit, unit = axis["kind"], axis["travel_per_unit"], axis["travel_unit"]
     except (ValueError, KeyError, TypeError) as error:
-        raise RecordingError(
-            f"{path} has samples and meta as our exports do, but its meta cannot be read",
-            file=path,
-            kind=ProblemKind.SYNTAX,
-        ) from error
+        reason = f"{path} has samples and meta as our exports do, but its meta cannot be read"
+        raise RecordingError(reason, file=path, kind=ProblemKind.SYNTAX) from error
     known = quantities()
     columns = {name: np.ravel(values) for name, values in variables["samples"].items() if name in known}
     return _log(path, Scales(kind, per_unit, unit, axis.get("encoder_step") or 0.0), columns, [], {})

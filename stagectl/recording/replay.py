@@ -23,17 +23,11 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
             f"{recording.path} was imported: it holds no law to replay", file=recording.path, kind=ProblemKind.MISSING
         )
     if not {"cascade", "observer"} <= set(recording.meta["law"]):
-        raise RecordingError(
-            f"{recording.path} was recorded by a version whose law was another: run it again",
-            file=recording.path,
-            kind=ProblemKind.CONFLICT,
-        )
+        reason = f"{recording.path} was recorded by a version whose law was another: run it again"
+        raise RecordingError(reason, file=recording.path, kind=ProblemKind.CONFLICT)
     if recording.lost_rows:
-        raise RecordingError(
-            f"{recording.path} has lost {recording.lost_rows} rows: the law's state cannot be followed",
-            file=recording.path,
-            kind=ProblemKind.MISSING,
-        )
+        reason = f"{recording.path} has lost {recording.lost_rows} rows: the law's state cannot be followed"
+        raise RecordingError(reason, file=recording.path, kind=ProblemKind.MISSING)
     if not len(recording.samples):
         raise RecordingError(f"{recording.path} holds no rows", file=recording.path, kind=ProblemKind.MISSING)
     p = read_law(recording.meta["law"])

@@ -64,11 +64,8 @@ class Scales(NamedTuple):
 
     def _known(self, value: float, what: str, key: str) -> float:
         if value == 0.0:
-            raise RecordingError(
-                f"{what} has no scale: write {key} in nominal.yaml next to the log, or give --stage",
-                kind=ProblemKind.MISSING,
-                column=key,
-            )
+            reason = f"{what} has no scale: write {key} in nominal.yaml next to the log, or give --stage"
+            raise RecordingError(reason, kind=ProblemKind.MISSING, column=key)
         return value
 
 
