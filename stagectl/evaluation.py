@@ -25,7 +25,7 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     if not len(samples) or samples["time"][-1] < meta["steady"][1] - 1.5 * meta["dt"]:
         inside[:] = False  # the run ended within its window: no figure is better than one of another window
     error = (latched_reference(samples, meta) - samples["measured"]) * scale
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "stage": meta["name"],
         "trajectory": meta["trajectory"],
         "unit": meta["axis"]["travel_unit"],
@@ -43,8 +43,8 @@ def evaluate(samples: NDArray[Any], meta: dict[str, Any]) -> dict[str, Any]:
     }
     true = (samples["reference"] - samples["true_position"]) * scale
     if np.all(np.isfinite(true)):
-        found["tracking_error_true"] = size(true[inside])
-    return found
+        result["tracking_error_true"] = size(true[inside])
+    return result
 
 
 def closed(samples: NDArray[Any]) -> NDArray[np.bool_]:
@@ -80,7 +80,7 @@ def size(error: NDArray[np.float64]) -> dict[str, float | None]:
 def in_position(samples: NDArray[Any], meta: dict[str, Any]) -> bool:
     """Whether the run ended without a fault, standing within the window for the whole dwell.
 
-    Where the loop is open at the end there is no position to be in: then whether it ran to its end without a fault.
+    Where the loop is open at the end there is no target position: then whether the run ended without a fault.
     """
     last = slice(-max(1, round(DWELL / meta["dt"])), None)
     allowed = WINDOW_COUNTS * (meta["axis"]["encoder_step"] or 1e-9)

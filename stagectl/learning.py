@@ -46,7 +46,7 @@ class Settings(NamedTuple):
     """How an axis learns from trial to trial."""
 
     cutoff: Annotated[
-        float, Quantity("Hz", "(0, 1e4]", "of what is learned: from where the model is not to be trusted")
+        float, Quantity("Hz", "(0, 1e4]", "cutoff of the learned current: the model is not trusted above")
     ] = 200.0
     gain: Annotated[float, Quantity("", "(0, 1]", "share of the model's answer that a trial learns")] = 0.8
 

@@ -23,19 +23,31 @@ from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
 from stagectl.kernels.jit import table
 from stagectl.kernels.law import Setpoint
+from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories import Experiment, Phases, Span, Trajectory, TrajectoryError, peaks, phases
 from stagectl.trajectories.motion import Array
 
-LONGEST = 10_000_000  # control periods, 83 minutes at 2 kHz: what a memory holds
-_COLUMN = {name: number for number, name in enumerate(Setpoint._fields)}
-_ARTICLE = {"travel": "a", "speed": "a", "acceleration": "an"}
+# Chosen, not derived:
+LONGEST = 10_000_000  # control periods of a trajectory, 83 minutes at 2 kHz: what a memory holds
 SETTLE = 0.1  # s of standstill after the motion, in which the axis must come into position
+LIMIT_SLACK = 1e-9  # of a limit by which a trajectory may exceed it: rounding of its own peaks
+JUMP_SLACK = 1e-6  # of the largest change of velocity in a period: rounding of a difference of velocities
+
+_COLUMN = {name: number for number, name in enumerate(Setpoint._fields)}
+
+
+class LimitError(TrajectoryError):
+    """A motion that exceeds a limit of its stage; nothing has moved."""
+
+    def __init__(self, problem: Problem, needed: float = math.nan, allowed: float = math.nan) -> None:
+        super().__init__(problem)
+        self.needed, self.allowed = needed, allowed  # in the unit of the problem; of a travel downwards, its length
 
 
 class Plan(NamedTuple):
-    """What is about to run."""
+    """A motion laid out period by period."""
 
-    setpoints: NDArray[np.float64]  # (n, 8), fields of kernels.law.Setpoint, relative to where the axis stands
+    setpoints: NDArray[np.float64]  # (n, 8), fields of kernels.law.Setpoint, relative to the axis' position
     steady: tuple[float, float]  # s, window of the tracking error
     duration: float  # s, without the standstill at its end
     excitation: tuple[Span, ...] = ()  # steady parts of an injected current
@@ -52,14 +64,10 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, stops: 
 
     `stops` are the friction operators as an earlier motion left them, relaxed if there was none; they are moved on.
 
-    Raises TrajectoryError with value, limit and the field to change; nothing has moved then.
+    Raises LimitError with value, limit and the field to change; nothing has moved then.
     """
     parts = phases(experiment)
-    if parts.duration > LONGEST * setup.dt:
-        raise TrajectoryError(
-            f"the trajectory takes {parts.duration:g} s; must be at most {LONGEST * setup.dt:g} s, {LONGEST} "
-            "control periods: nothing has moved; run fewer periods or cycles at a time"
-        )
+    _check_duration(parts.duration, setup.dt)
     _within_limits(setup, parts.motion)
     seen = foresee(setup, parts.motion, parts.duration)
     _check_jumps(setup, seen)
@@ -110,33 +118,45 @@ def _excitation(parts: Phases) -> tuple[Span, ...]:
     return tuple(span._replace(start=span.start + parts.start, end=span.end + parts.start) for span in spans)
 
 
+def _check_duration(duration: float, dt: float) -> None:
+    longest = LONGEST * dt
+    if duration > longest:
+        reason = f"must be at most {longest:g} s, {LONGEST} control periods"
+        problem = Problem(reason, ProblemKind.LIMIT, "duration", f"{duration:g} s", "s")
+        raise LimitError(_unmoved(problem, "run fewer periods or cycles at a time"), duration, longest)
+
+
 def _check_current(setup: Setup, amplitude: float) -> None:
     limit = setup.file.drive.current_limit
     if amplitude > limit:
-        raise TrajectoryError(
-            f"the experiment's amplitude is {amplitude:g} A; drive.current_limit of {setup.file.name} allows {limit:g} "
-            "A: nothing has moved; lower the amplitude"
-        )
+        reason = f"the experiment's amplitude is {amplitude:g} A"
+        problem = Problem(reason, ProblemKind.LIMIT, "drive.current_limit", f"{limit:g} A", "A")
+        raise LimitError(_unmoved(problem, "lower the amplitude"), amplitude, limit)
+
+
+def _unmoved(problem: Problem, remedy: str) -> Problem:
+    return problem._replace(remedy=f"nothing has moved; {remedy}")
 
 
 def _check_open(setup: Setup, currents: NDArray[np.float64]) -> None:
-    """No loop holds an axis that a current moves: the model says beforehand where it would go."""
+    """No loop holds an axis that a current moves: the model predicts where it would go."""
     p, limits, axis = setup.stage, setup.file.limits, setup.file.axis
     # One call for the whole motion: an interrupt between thousands of compiled ones has crashed the interpreter.
     low, high, speed = rollout.carried(p, stage.at_rest(p), table(currents), setup.dt)
     scale, unit = axis.travel_per_unit, axis.travel_unit
+    remedy = "lower the amplitude or raise the frequency"
     if low < limits.travel[0] or high > limits.travel[1]:
-        raise TrajectoryError(
-            f"by the model the current would move the axis over [{low * scale:.4g}, {high * scale:.4g}] {unit}; "
-            f"limits.travel of {setup.file.name} is [{limits.travel[0] * scale:g}, {limits.travel[1] * scale:g}] "
-            f"{unit}: nothing has moved; lower the amplitude or raise the frequency"
-        )
+        reason = f"by the model the current would move the axis over [{low * scale:.4g}, {high * scale:.4g}] {unit}"
+        travel = f"[{limits.travel[0] * scale:g}, {limits.travel[1] * scale:g}] {unit}"
+        problem = _unmoved(Problem(reason, ProblemKind.LIMIT, "limits.travel", travel, unit), remedy)
+        if high > limits.travel[1]:
+            raise LimitError(problem, high * scale, limits.travel[1] * scale)
+        raise LimitError(problem, -low * scale, -limits.travel[0] * scale)
     if speed > limits.speed:
-        raise TrajectoryError(
-            f"by the model the current would move the axis at {speed * scale:.4g} {unit}/s; limits.speed of "
-            f"{setup.file.name} allows {limits.speed * scale:g} {unit}/s: nothing has moved; lower the amplitude or "
-            "raise the frequency"
-        )
+        reason = f"by the model the current would move the axis at {speed * scale:.4g} {unit}/s"
+        allowed = limits.speed * scale
+        problem = Problem(reason, ProblemKind.LIMIT, "limits.speed", f"{allowed:g} {unit}/s", f"{unit}/s")
+        raise LimitError(_unmoved(problem, remedy), speed * scale, allowed)
 
 
 def foresee(setup: Setup, trajectory: Trajectory, duration: float | None = None) -> Foreseen:
@@ -155,34 +175,53 @@ def _at(setup: Setup, trajectory: Trajectory, t: Array) -> Array:
     return np.ascontiguousarray(np.stack(motion[:2], axis=1) / setup.file.axis.travel_per_unit)
 
 
+class _Need(NamedTuple):
+    """What a trajectory needs of a limit, in units of travel."""
+
+    limit: str  # entry of the block `limits`
+    needed: float
+    allowed: float
+    unit: str
+    direction: str = ""  # of the travel
+
+
 def _within_limits(setup: Setup, trajectory: Trajectory) -> None:
     limits, axis = setup.file.limits, setup.file.axis
     scale, unit = axis.travel_per_unit, axis.travel_unit
-    found = peaks(trajectory, setup.dt)
+    extremes = peaks(trajectory, setup.dt)
     low, high = limits.travel[0] * scale, limits.travel[1] * scale
-    for name, value, limit, of in (
-        ("travel", found.highest, high, f"{unit} upwards"),
-        ("travel", -found.lowest, -low, f"{unit} downwards"),
-        ("speed", found.speed, limits.speed * scale, f"{unit}/s"),
-        ("acceleration", found.acceleration, limits.acceleration * scale, f"{unit}/s^2"),
+    for need in (
+        _Need("travel", extremes.highest, high, unit, " upwards"),
+        _Need("travel", -extremes.lowest, -low, unit, " downwards"),
+        _Need("speed", extremes.speed, limits.speed * scale, f"{unit}/s"),
+        _Need("acceleration", extremes.acceleration, limits.acceleration * scale, f"{unit}/s^2"),
     ):
-        if not value <= limit * (1.0 + 1e-9):
-            raise TrajectoryError(
-                f"the trajectory needs {_ARTICLE[name]} {name} of {value:.6g} {of}; limits.{name} of "
-                f"{setup.file.name} allows {limit:.6g} {of}: nothing has moved; lower the trajectory's "
-                f"amplitude, speed or frequency, or raise the limit in {setup.path} and try it: stagectl simulate "
-                f"{shlex.quote(str(setup.path))} TRAJECTORY"
-            )
+        if not need.needed <= need.allowed * (1.0 + LIMIT_SLACK):
+            raise LimitError(_beyond(setup, need), need.needed, need.allowed)
+
+
+def _beyond(setup: Setup, need: _Need) -> Problem:
+    unit = f"{need.unit}{need.direction}"
+    reason, value = f"the trajectory needs {need.needed:.6g} {unit}", f"{need.allowed:.6g} {unit}"
+    remedy = (
+        "lower the trajectory's amplitude, speed or frequency, or raise the limit in "
+        f"{setup.path} and try it: stagectl simulate {shlex.quote(str(setup.path))} TRAJECTORY"
+    )
+    return _unmoved(Problem(reason, ProblemKind.LIMIT, f"limits.{need.limit}", value, need.unit), remedy)
 
 
 def _check_jumps(setup: Setup, seen: Foreseen) -> None:
     """Velocity that changes at once, as where a record begins or ends in motion; no acceleration shows it."""
     change = np.abs(np.diff(seen.late[:, 1], prepend=0.0))
     worst, allowed = int(np.argmax(change)), setup.file.limits.acceleration * setup.dt
-    if change[worst] > allowed * (1.0 + 1e-6):
+    if change[worst] > allowed * (1.0 + JUMP_SLACK):
         scale, unit = setup.file.axis.travel_per_unit, f"{setup.file.axis.travel_unit}/s"
-        raise TrajectoryError(
-            f"the trajectory's speed jumps by {change[worst] * scale:.4g} {unit} at {worst * setup.dt:.6g} s; "
-            f"limits.acceleration of {setup.file.name} allows {allowed * scale:.4g} {unit} in a period: nothing has "
-            "moved; let it begin and end at rest (a csv trajectory takes run_up and run_out)"
+        jump, largest = float(change[worst]) * scale, allowed * scale
+        reason = (
+            f"the trajectory's speed jumps by {jump:.4g} {unit} at {worst * setup.dt:.6g} s, and {largest:.4g} {unit} "
+            "in a period is allowed"
         )
+        value = f"{setup.file.limits.acceleration * scale:.6g} {unit}^2"
+        problem = Problem(reason, ProblemKind.LIMIT, "limits.acceleration", value, f"{unit}^2")
+        remedy = "let it begin and end at rest (a csv trajectory takes run_up and run_out)"
+        raise LimitError(_unmoved(problem, remedy), jump, largest)

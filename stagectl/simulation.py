@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.simulated import Simulation, draw
+from stagectl.drives.drive import Simulation
+from stagectl.drives.simulated import draw
 from stagectl.kernels import friction, law, plant_with_effects, rollout, stage, transmission
 from stagectl.kernels.jit import interpret_first, interprets
 from stagectl.kernels.law import Law

@@ -1,4 +1,4 @@
-"""Quantities: unit, admissible range and meaning, declared once, beside the field that holds them.
+"""Quantities: unit, admissible range and meaning, declared once, at the field that holds them.
 
 Inside the package every number is SI and a field's name is bare.  A field of a parameter block reads
 
@@ -19,15 +19,31 @@ from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
+from stagectl.problem import Problem, ProblemKind
+
 ROTARY, LINEAR = "rotary", "linear"
 
 
 class StageError(Exception):
-    """Root of every error that stagectl raises on purpose: what happened, where, and what to do next."""
+    """Root of every error that stagectl raises on purpose: `problems` say what happened, where, and what to do next.
+
+    A plain text becomes a problem that has this text as its reason.
+    """
+
+    kind = ProblemKind.OTHER  # of a plain text
+
+    def __init__(self, *problems: Problem | str) -> None:
+        super().__init__(*problems)
+        self.problems = tuple(entry if isinstance(entry, Problem) else Problem(entry, self.kind) for entry in problems)
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.problems))
 
 
 class UnitError(StageError):
     """A value whose unit is missing, unknown or of another dimension."""
+
+    kind = ProblemKind.UNIT
 
 
 class Quantity(NamedTuple):
@@ -191,16 +207,16 @@ def _product(scales: Iterable[tuple[float, int]]) -> float:
 def parse(text: str, to: str) -> float:
     """``parse("12 mm", "m") == 0.012``; the unit must be there unless `to` is a pure number.
 
-    Raises UnitError saying what is wrong with the text.
+    Raises UnitError with the reason.
     """
     match = _VALUE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
     if match is None:
-        raise UnitError(f"not a number{' with a unit' if to else ''}")
+        raise UnitError(Problem(f"not a number{' with a unit' if to else ''}", ProblemKind.VALUE))
     number, unit = match[1], match[2].strip()
     if unit == "" and to != "":
         raise UnitError("the unit is missing")
     # In decimal, so that 12 mm is the double nearest to 0.012, as a person would write it.
     value = float(Decimal(number) * Decimal(repr(factor(unit, to))))
     if math.isinf(value):
-        raise UnitError("too large for a number")
+        raise UnitError(Problem("too large for a number", ProblemKind.VALUE))
     return value

@@ -112,7 +112,7 @@ class Run:
     def __init__(self, setup: Setup, trajectory: Trajectory, without: frozenset[str] = frozenset()) -> None:
         control = setup.file.control._replace(margin=0.15)  # nd = 2 is below what the daemon accepts
         self.setup = setup
-        self.law, self.feedforward = design.design(setup.stage, control, without)
+        self.law, self.feedforward = design.design(setup.stage, control).without(without)
         self.plan = plan(setup, trajectory, self.feedforward)
         self.samples = simulate(setup, self.plan, self.law)
 

@@ -64,7 +64,7 @@ def test_the_lines_below_each_picture_play_its_effect(ball_screw: Setup, tmp_pat
             continue
         path = tmp_path / f"{name}.yaml"
         path.write_text(maker.changed(ball_screw, scene))
-        found, base = load_stage(path, judged=False).stage, ball_screw.stage
+        found, base = load_stage(path, designed=False).stage, ball_screw.stage
         meant = scene.change(scene.base(base))
         wanted = dict(fields_of(scene.base(base), meant))
         assert wanted and fields_of(base, found), name

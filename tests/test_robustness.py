@@ -203,7 +203,7 @@ def test_the_step_is_that_of_the_law_that_runs(path: Path) -> None:
         mechanics=p.mechanics._replace(bias=0.0),
     )
     designed = design.designed_feedback(bare, setup.file.control)
-    running = design.running(designed, dt, 1e300)
+    running = design.law_of(designed, dt, 1e300)
     setpoints, rows = np.zeros((200, rollout.SETPOINTS)), np.zeros((200, rollout.WIDTH))
     names = law.Setpoint._fields
     setpoints[:, names.index("target")] = 1e-3

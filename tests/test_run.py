@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from stagectl.kernels import law
-from stagectl.recording.hdf5 import BLOCK, RecordingError, open_recording, repair
+from stagectl.recording.constants import BLOCK
+from stagectl.recording.hdf5 import RecordingError, open_recording, repair
 from stagectl.recording.replay import replay
 from tests.conftest import CONFIG, ROOT, movable
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import Any
 
-import click
 import pytest
 import typer
 
@@ -39,7 +39,7 @@ def test_pages(page: object) -> None:
     assert sorted(set(retired().findall(prose(text)))) == []
 
 
-def _helps(command: click.Command, name: str) -> Iterator[tuple[str, str]]:
+def _helps(command: Any, name: str) -> Iterator[tuple[str, str]]:
     yield name, command.help or ""
     for option in command.params:
         yield f"{name} {option.name}", getattr(option, "help", None) or ""

@@ -48,7 +48,8 @@ class Soak:
     def __init__(self, folder: Path, wall: bool) -> None:
         import subprocess
 
-        from stagectl.config.stage_file import InProcess, load_stage
+        from stagectl.config.stage_blocks import InProcess
+        from stagectl.config.stage_file import load_stage
         from stagectl.realtime.axes import Post
         from stagectl.recording.recorder import Order
         from stagectl.service.axis_controller import COLUMNS, Manned

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from stagectl.api.arguments import PathLike
 from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.config import stage_file
-from stagectl.config.loader import Lengths
+from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
 from stagectl.config.patch import Change, check_values, patched, replace_file
 
@@ -66,16 +66,14 @@ class DesignedStage(PrintedResult):
     @cached_property
     def margins(self) -> Margins:
         """Margins of the running loop: phase (rad), gain (factor), crossover (Hz), delay (s)."""
-        from stagectl import design
-
-        return design.margins(self.setup.stage, *design.unjudged(self.setup.stage, self.setup.file.control))
+        return self.setup.margins
 
     @property
     def unrest(self) -> str:
         """Why the loop would not come to rest on an axis that friction holds; empty where it does."""
         from stagectl import design
 
-        return design.unrest(self.setup.stage, self.setup.file.control)
+        return design.limit_cycle_warning(self.setup.stage, self.setup.file.control)
 
     def sheet(self) -> Sheet:
         """Gains and margins."""

@@ -1,6 +1,6 @@
 """The verbs, and what they have in common: errors in words, exit codes, ``--json``.
 
-Exit codes: 0 done; 1 the answer is no (a fault, a limit reached in motion, a check that failed); 2 it was not begun
+Exit codes: 0 done; 1 a negative result (a fault, a limit reached in motion, a check that failed); 2 it was not begun
 (wrong arguments, a motion beyond a limit) or could not be done.
 Each verb imports what it needs itself, and only the module of the verb that was called is loaded: `stagectl status` is
 quick, and a process that needs no compiler has none in its memory.
@@ -11,10 +11,8 @@ from __future__ import annotations
 import importlib
 import inspect
 import os
-import re
 import shlex
 import sys
-from pathlib import Path
 from typing import Any, NoReturn
 
 import typer
@@ -119,24 +117,25 @@ def main() -> None:
 
 
 def _next(error: StageError) -> str:
-    """What to type after a file was mended."""
+    """The command to type once the file is corrected; empty where no YAML file is at fault."""
     if "stagectl.config.source" not in sys.modules:  # no file was read
         return ""
     from stagectl.cli import configuration
-    from stagectl.config.source import ConfigError, UnreadableError
+    from stagectl.config.source import ConfigError
 
-    named = re.search(r"\(([^()]+\.ya?ml):\d+\)$", str(error)) if isinstance(error, ConfigError) else None
-    if named is None or isinstance(error, UnreadableError):
+    problem = error.problems[-1]
+    file = problem.file if isinstance(error, ConfigError) and problem.line else None
+    if file is None or file.suffix not in (".yaml", ".yml"):
         return ""
-    if kind := configuration.kind(Path(named[1])):
-        return f"\n{named[1]} is a good {kind} file, but another kind is wanted here: the stage file comes first"
-    return f"\nmend it, then: stagectl config check {shlex.quote(named[1])}"
+    if kind := configuration.kind(file):
+        return f"\n{file} is a valid {kind} file, but another kind is expected here: the stage file comes first"
+    return f"\ncorrect it, then: stagectl config check {shlex.quote(str(file))}"
 
 
 def _fail(words: str) -> NoReturn:
     from rich.console import Console
     from rich.text import Text
 
-    # Text, not markup: brackets and colons of a file must appear as they stand there.
+    # Text, not markup: brackets and colons of a file must appear unchanged.
     Console(stderr=True, soft_wrap=True).print(Text.assemble(("error:", "bold red"), f" {words}"), highlight=False)
     sys.exit(2)

@@ -10,6 +10,7 @@ import typer
 
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit
+from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
 app = typer.Typer(help="Check configuration files, export their JSON schema.", no_args_is_help=True)
@@ -29,9 +30,9 @@ def check(
 
     Example: stagectl config check config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml
     """
-    found = [_check(path) for path in files]
-    emit({"files": [{"file": str(path), **one} for path, one in zip(files, found, strict=True)]}, json)
-    raise typer.Exit(max(one["code"] for one in found))
+    results = [{"file": str(path), **_check(path)} for path in files]
+    emit({"files": results}, json)
+    raise typer.Exit(max(result["code"] for result in results))
 
 
 def _check(path: Path) -> dict[str, Any]:
@@ -42,8 +43,8 @@ def _check(path: Path) -> dict[str, Any]:
 
     try:
         words = {str(axis): _words(axis) for axis in axes_of(path)}
-        for axis, said in words.items():
-            console.print(Text.assemble(("good", "green"), f"  {axis}: {said}"))
+        for axis, summary in words.items():
+            console.print(Text.assemble(("good", "green"), f"  {axis}: {summary}"))
         return {"code": 0, "words": "; ".join(words.values()), "errors": []}
     except StageError as error:
         for line in str(error).splitlines():
@@ -53,7 +54,7 @@ def _check(path: Path) -> dict[str, Any]:
 
 
 def kind(path: Path) -> str:
-    """What a good file is, stage or trajectory; empty where it is none."""
+    """Whether a valid file is a stage or a trajectory; empty where it is neither."""
     try:
         return "trajectory" if _words(path).startswith("trajectory") else "stage"
     except StageError:
@@ -65,7 +66,7 @@ def _words(path: Path) -> str:
 
     from stagectl.config.machine_file import split
     from stagectl.config.source import compose
-    from stagectl.config.stage_file import StageFile
+    from stagectl.config.stage_blocks import StageFile
     from stagectl.config.trajectory_file import load_free
     from stagectl.trajectories import phases
 
@@ -83,16 +84,15 @@ def _stage_words(path: Path) -> str:
 
     setup = load_stage(path)
     control = setup.file.control
-    observing = "observer" in control.layers
-    reached = design.margins(setup.stage, *design.unjudged(setup.stage, control))  # it was judged as it was read
+    reached = setup.margins
     name, value, unit = design.speed(control)
-    restless = design.unrest(setup.stage, control)
+    warning = design.limit_cycle_warning(setup.stage, control)
     return (
         f"{setup.file.name}, {name.replace('_', ' ')} {value:g} {unit} at {setup.dt * 1e3:g} ms; phase margin "
         f"{math.degrees(reached.phase):.1f} deg, gain margin {20 * math.log10(reached.gain):.1f} dB, "
-        f"crossover {reached.crossover:.1f} Hz{', with the observer' if observing else ''} "
+        f"crossover {reached.crossover:.1f} Hz{', with the observer' if 'observer' in control.layers else ''} "
         f"(nd {setup.stage.drive.delay_samples}, nm {setup.stage.encoder.delay_samples})"
-        f"{'; but ' + restless if restless else ''}"
+        f"{'; but ' + warning if warning else ''}"
     )
 
 
@@ -105,5 +105,5 @@ def schema(what: Annotated[str, typer.Argument(help="stage or trajectory")] = "s
     from stagectl.config.schema import SCHEMAS
 
     if what not in SCHEMAS:
-        raise StageError(f"no schema {what}; there are {', '.join(SCHEMAS)}")
+        raise StageError(Problem("", ProblemKind.VALUE, "schema", what, choices=tuple(SCHEMAS)))
     emit(SCHEMAS[what](), json)

@@ -47,7 +47,7 @@ def probe(
     from stagectl.drives.canopen.probe import probe as ask
     from stagectl.workflows.motion import line_of, on_channel
 
-    setup = on_channel(load_stage(stage, judged=False), channel)
+    setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print) as (wire, line):
         found = ask(wire, line, _chosen(preset), _current(rated))
     _show(found)
@@ -128,6 +128,6 @@ def _written(stage: Path, values: dict[str, float | int]) -> list[Any]:
 
     if split(stage)[1]:
         raise StageError(f"{stage} is one axis of several: write the lines above into its entry under `axes`")
-    wire = load_stage(stage, judged=False).file.drive.wire
+    wire = load_stage(stage, designed=False).file.drive.wire
     news = {f"drive.wire.{name}": value for name, value in values.items() if getattr(wire, name) != value}
     return write(stage, stage, news) if news else []

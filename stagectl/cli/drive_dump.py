@@ -34,7 +34,7 @@ def dump(
     from stagectl.drives.canopen.dump import write_dcf
     from stagectl.workflows.motion import line_of, on_channel
 
-    setup = on_channel(load_stage(stage, judged=False), channel)
+    setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print) as (wire, line), progress(f"node {wire.node}", 1) as update:
         found = read(wire, line, update)
     for one in found:

@@ -47,7 +47,7 @@ def inject(
 
     if stage is None or clear == (fault is not None):
         raise StageError("give STAGE.yaml, and either the name of a fault (see --list) or --clear")
-    wire = canopen(on_channel(load_stage(stage, judged=False), channel))
+    wire = canopen(on_channel(load_stage(stage, designed=False), channel))
     block = read_fault(fault, parameters or []) if fault else None
     request = {"do": "add", "fault": block._asdict()} if block else {"do": "clear"}
     answer = ask(doorway(wire.interface, wire.channel, wire.node), request)

@@ -92,7 +92,7 @@ def _commands(one: Next, place: Path, path: Path) -> list[str]:
 
 def _sampled(found: Found, trajectory: Path, rate: float, path: Path) -> None:
     """The reference in axis units, from 0 where the axis stands, and the current to be injected."""
-    from stagectl.config.loader import Lengths
+    from stagectl.config.lengths import Lengths
     from stagectl.config.trajectory_file import Axis, load_trajectory
     from stagectl.plan import SETTLE
     from stagectl.recording.exports import write_columns

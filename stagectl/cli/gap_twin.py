@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from stagectl.api.progress import terminal
 from stagectl.cli.motion import Json
-from stagectl.cli.show import console, emit, stream, terminal
+from stagectl.cli.show import console, emit, stream
 from stagectl.number_format import duration
 from stagectl.units import Quantity, StageError
 

@@ -8,8 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
+from stagectl.api.progress import terminal
 from stagectl.cli.service import AxisName, Json, Socket, ask_service
-from stagectl.cli.show import console, emit, progress, terminal
+from stagectl.cli.show import console, emit, progress
 from stagectl.units import UnitError, parse
 
 _LOOK = 0.1  # s between two looks at a recording

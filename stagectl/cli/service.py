@@ -85,7 +85,7 @@ def serve(
         write(said(words))
 
     for name, axis in axes.items():
-        if restless := design.unrest(axis.setup.stage, axis.control):
+        if restless := design.limit_cycle_warning(axis.setup.stage, axis.control):
             say(f"{name}: {restless}")
     service = Service(axes, Where(place, folder, _foxglove(foxglove)), coupled, say)
     run(service, _port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))

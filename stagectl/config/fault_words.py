@@ -7,8 +7,11 @@ from typing import Annotated, Any
 
 import yaml
 
-from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged
+from stagectl.config.hints import Tagged
+from stagectl.config.lengths import Lengths
+from stagectl.config.loader import Reader
 from stagectl.drives.faults import BLOCKS, ROWS
+from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
 
@@ -18,19 +21,19 @@ def read_fault(name: str, words: list[str]) -> Any:
     Raises StageError with the known names, parameters and ranges.
     """
     if name in ROWS and name not in BLOCKS:
-        raise StageError(f"{name} happens in the controller, not in a drive: `stagectl selftest` provokes it")
+        reason = "happens in the controller, not in a drive"
+        raise StageError(Problem(reason, ProblemKind.VALUE, name, remedy="`stagectl selftest` provokes it"))
     node: Any = yaml.compose(yaml.safe_dump({"fault": name, **dict(map(_pair, words))}), Loader=yaml.SafeLoader)
-    reader = Reader(Path("command line"), Lengths())
+    reader = Reader(Path(), Lengths())
     block = reader.value(Annotated[Any, Tagged("fault", BLOCKS)], node, "fault")
-    try:
-        reader.finish()
-    except ConfigError as error:
-        raise StageError(str(error).replace(" (command line:1)", "")) from error
+    if reader.problems:  # a command line has no file and no lines
+        raise StageError(*(problem._replace(file=None, line=0) for problem in reader.problems))
     return block
 
 
 def _pair(word: str) -> tuple[str, str]:
     key, equals, value = word.partition("=")
     if not equals:
-        raise StageError(f"{word!r} is no parameter; write it as key=value, such as duration=0.5s")
+        remedy = "write it as key=value, such as duration=0.5s"
+        raise StageError(Problem(f"{word!r} is not a parameter", ProblemKind.SYNTAX, remedy=remedy))
     return key, value

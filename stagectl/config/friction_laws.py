@@ -11,7 +11,7 @@ from stagectl.units import Quantity
 
 
 class Rolling(NamedTuple):
-    """Rolling friction by its picture: equal elements whose slips are spaced geometrically."""
+    """Rolling friction: equal elements whose slips are spaced geometrically."""
 
     coulomb: Annotated[float, Quantity("N m | N", "[0, 1e6]", "friction when all elements slip, T_c")]
     shortest: Annotated[float, Quantity("rad | m", "(0, 1e3]", "slip of the stiffest element")]
@@ -40,7 +40,7 @@ class Operators(NamedTuple):
     """Rolling friction element by element, as an identification writes it."""
 
     weight: Annotated[tuple[float, ...], Quantity("N m | N", "[0, 1e6]", "force at which each element slips")]
-    slip: Annotated[tuple[float, ...], Quantity("rad | m", "(0, 1e3]", "displacement at which each slips")]
+    slip: Annotated[tuple[float, ...], Quantity("rad | m", "(0, 1e3]", "displacement at which each element slips")]
     stribeck: friction.Stribeck = friction.Stribeck()
     lag: plant.Lag = 0.0
     asymmetry: plant.Asymmetry = 0.0
@@ -58,7 +58,7 @@ class Operators(NamedTuple):
 
 
 class Dahl(NamedTuple):
-    """Dahl's friction: one bristle that bends further and further the way the axis moves."""
+    """Dahl's friction: one bristle that bends towards its limit as the axis moves."""
 
     coulomb: Annotated[float, Quantity("N m | N", "(0, 1e6]", "friction at speed, T_c")]
     range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "T_c over the stiffness at rest, sigma_0")]
@@ -79,11 +79,11 @@ class Dahl(NamedTuple):
 
 
 class Lugre(NamedTuple):
-    """LuGre friction: a bristle whose limit follows Stribeck's curve, with damping of its own."""
+    """LuGre friction: a damped bristle whose limit follows Stribeck's curve."""
 
     coulomb: Annotated[float, Quantity("N m | N", "(0, 1e6]", "friction at speed, T_c")]
     range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "T_c over the stiffness at rest, sigma_0")]
-    damping: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e9]", "of the bristle, sigma_1")] = 0.0
+    damping: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e9]", "damping of the bristle, sigma_1")] = 0.0
     stribeck: friction.Stribeck = friction.Stribeck()
     lag: plant.Lag = 0.0
     asymmetry: plant.Asymmetry = 0.0
@@ -107,12 +107,12 @@ EFFECTS = ("lag", "asymmetry", "dwell", "load", "along", "lead", "ball_pass", "w
 
 
 def friction_of(law: Rolling | Operators | Dahl | Lugre) -> stage.Friction:
-    """The plant's friction: a bundle of stop operators, or a bristle beside one that carries nothing."""
+    """The plant's friction: a bundle of stop operators, or a bristle with a bundle that carries nothing."""
     if isinstance(law, Rolling | Operators):
-        found = stage.Friction(law.operators(), law.stribeck)
+        friction_ = stage.Friction(law.operators(), law.stribeck)
     else:
-        found = stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), law.bristle())
-    return found._replace(**effects_of(law))
+        friction_ = stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), law.bristle())
+    return friction_._replace(**effects_of(law))
 
 
 def effects_of(law: Rolling | Operators | Dahl | Lugre) -> dict[str, Any]:

@@ -8,25 +8,18 @@ from stagectl.units import Quantity
 
 
 class Homing(NamedTuple):
-    """How the axis finds where it is after power-on."""
+    """How the axis finds its position after power-on."""
 
     method: Annotated[
         Literal["none", "here", "limit", "index", "current"],
-        "none: positions are absolute; here: where it stands; limit: a switch; index: a mark; current: an end stop",
+        "none: positions are absolute; here: the present position; limit: switch; index: mark; current: end stop",
     ] = "none"
-    speed: Annotated[float, Quantity("rad/s | m/s", "[-1e6, 1e6]", "of the search, signed: its direction")] = 0.0
-    distance: Annotated[float, Quantity("rad | m", "[0, 1e6]", "longest way of the search")] = 0.0
-    current: Annotated[float, Quantity("A", "[0, 1e4]", "that tells an end stop")] = 0.0
-    bit: Annotated[int, Quantity("", "[0, 15]", "of the statusword that shows switch or index; 11: internal limit")] = (
-        11
-    )
-    position: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "what the found place is called")] = 0.0
-
-    @property
-    def wrong(self) -> str:
-        """What is missing, in words; empty where it can be done."""
-        if self.method in ("none", "here"):
-            return ""
-        if self.speed == 0.0 or self.distance == 0.0:
-            return f"homing.method = {self.method} needs a speed, signed, and a distance"
-        return "homing.method = current needs the current" if self.method == "current" and self.current == 0.0 else ""
+    speed: Annotated[
+        float, Quantity("rad/s | m/s", "[-1e6, 1e6]", "speed of the search; its sign is the direction")
+    ] = 0.0
+    distance: Annotated[float, Quantity("rad | m", "[0, 1e6]", "longest distance of the search")] = 0.0
+    current: Annotated[float, Quantity("A", "[0, 1e4]", "current at which an end stop is recognised")] = 0.0
+    bit: Annotated[
+        int, Quantity("", "[0, 15]", "bit of the statusword that shows switch or index; 11: internal limit")
+    ] = 11
+    position: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "position that is assigned to the place found")] = 0.0

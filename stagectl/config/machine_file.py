@@ -1,4 +1,4 @@
-"""Several axes in one stage file: what they share stands where it always does, what is each axis' own under `axes`.
+"""Several axes in one stage file: the shared entries at their usual places, and the entries of each axis under `axes`.
 
 ::
 
@@ -6,7 +6,7 @@
       x: {drive.wire.node: 5}
       y: {drive.wire.node: 6, mechanics.inertia: 0.014 kg m^2}
 
-``machine.yaml#x`` is the stage file of the axis x wherever a stage file is asked for.
+``machine.yaml#x`` is the stage file of the axis x wherever a stage file is expected.
 """
 
 from __future__ import annotations
@@ -17,15 +17,17 @@ from typing import Any
 
 import yaml
 
-from stagectl.config.loader import Lengths, Reader, load
+from stagectl.config.bounds import MOST_AXES
+from stagectl.config.lengths import Lengths
+from stagectl.config.loader import Reader, load
 from stagectl.config.source import ConfigError, compose, read_text
+from stagectl.problem import Problem, ProblemKind
 
 AXES, COUPLED = "axes", "coupled"
-_MOST = 16  # axes
 
 
 def split(path: Path) -> tuple[Path, str]:
-    """The file, and the name of the axis in it; empty where it is the only one."""
+    """The file, and the name of the axis in it; empty where the file describes one axis only."""
     name, _, axis = path.name.partition("#")
     return (path.with_name(name), axis) if name and axis and not path.exists() else (path, "")
 
@@ -33,14 +35,26 @@ def split(path: Path) -> tuple[Path, str]:
 def load_axis(path: Path, read: Callable[[Reader, yaml.Node], Any], text: str | None = None) -> Any:
     """Read the stage file, or the axis of one, with `read`; `text` is that of one axis, as `text_of` gives it.
 
-    Raises ConfigError with every error found.
+    Raises ConfigError with every problem.
     """
     file, axis = split(path) if text is None else (path, "")
     return load(file, lambda reader, root: read(reader, chosen(reader, root, axis)), text=text)
 
 
+def composed(path: Path) -> tuple[Path, yaml.Node]:
+    """The file, and the nodes of the stage that `path` names.
+
+    Raises ConfigError.
+    """
+    file, axis = split(path)
+    reader = Reader(file, Lengths())
+    root = chosen(reader, compose(file), axis)
+    reader.finish()
+    return file, root
+
+
 def axes_of(path: Path) -> list[Path]:
-    """A reference to each axis of a file; the file itself where it has one only.
+    """A reference to each axis of a file; the file itself where it describes one axis only.
 
     Raises ConfigError.
     """
@@ -52,23 +66,21 @@ def axes_of(path: Path) -> list[Path]:
 
 
 def coupled(path: Path) -> bool:
-    """Whether a fault of one axis stops the others: unless ``coupled: false`` stands beside `axes`."""
+    """Whether a fault of one axis stops the others; true without ``coupled: false`` next to `axes`."""
     return getattr(_value(compose(split(path)[0]), COUPLED), "value", "true") != "false"
 
 
 def text_of(path: Path) -> str:
-    """The text of a stage file; of an axis among several, what is its own filled in."""
+    """The text of a stage file; of one axis among several, with the entries of that axis filled in."""
     file, axis = split(path)
     if not axis:
         return read_text(file)
-    reader = Reader(path, Lengths())
-    text: str = yaml.serialize(chosen(reader, compose(file), axis), allow_unicode=True)
-    reader.finish()
+    text: str = yaml.serialize(composed(path)[1], allow_unicode=True)
     return text
 
 
 def chosen(reader: Reader, root: yaml.Node, axis: str) -> yaml.Node:
-    """The stage file of this `axis`; as it stands where it names no axes.
+    """The nodes of this `axis`; `root` unchanged where it names no axes.
 
     Raises ConfigError where there is no such axis.
     """
@@ -84,25 +96,29 @@ def chosen(reader: Reader, root: yaml.Node, axis: str) -> yaml.Node:
     return root
 
 
-def _which(path: Path, axis: str, there: list[str]) -> str:
-    file = split(path)[0]
-    if not there:
-        return f"{path}: {file.name} has no block `axes`, it is one axis: leave #{axis} away"
-    named = f"there is no axis {axis}" if axis else "it has several axes"
-    return f"{path}: {named}: take one of {', '.join(f'{file}#{name}' for name in there)}"
+def _which(path: Path, axis: str, names: list[str]) -> Problem:
+    if not names:
+        reason = f"{path} has no block `axes`, it describes one axis"
+        return Problem(reason, ProblemKind.UNKNOWN, remedy=f"leave out #{axis}", file=path)
+    reason = f"{path} has no axis {axis}" if axis else f"{path} has several axes"
+    references = ", ".join(f"{path}#{name}" for name in names)
+    return Problem(reason, ProblemKind.UNKNOWN, remedy=f"take one of {references}", file=path)
 
 
 def _check(reader: Reader, root: yaml.Node, entries: dict[str, yaml.Node]) -> None:
     for name, block in entries.items():
         if not name.isidentifier():
-            reader.refuse(block, f"axes.{name}: the name of an axis must be a word, such as x")
+            problem = Problem("the name of an axis must be a word, such as x", ProblemKind.VALUE)
+            reader.refuse(block, problem._replace(key=AXES, value=ascii(name)))
         if not isinstance(block, yaml.MappingNode):
-            reader.refuse(block, f"axes.{name} must be a block such as {{drive.wire.node: 6}}")
-    if len(entries) > _MOST:
-        reader.refuse(root, f"axes has {len(entries)} entries; must have 1 to {_MOST}")
-    said = _value(root, COUPLED)
-    if said is not None and getattr(said, "value", "") not in ("true", "false"):
-        reader.refuse(said, f"{COUPLED} must be true or false")
+            reason = "must be a block such as {drive.wire.node: 6}"
+            reader.refuse(block, Problem(reason, ProblemKind.SHAPE, f"{AXES}.{name}"))
+    if len(entries) > MOST_AXES:
+        reason = f"has {len(entries)} entries; must have 1 to {MOST_AXES}"
+        reader.refuse(root, Problem(reason, ProblemKind.SHAPE, AXES))
+    coupling = _value(root, COUPLED)
+    if coupling is not None and getattr(coupling, "value", "") not in ("true", "false"):
+        reader.refuse(coupling, Problem("must be true or false", ProblemKind.VALUE, COUPLED))
 
 
 def _entries(root: yaml.Node) -> list[tuple[yaml.Node, yaml.Node]]:
@@ -117,17 +133,20 @@ def _value(root: yaml.Node, name: str) -> yaml.Node | None:
 
 
 def _put(reader: Reader, root: yaml.Node, key: yaml.Node, value: yaml.Node) -> None:
-    """Put a value under its dotted name, over the one that is there; what no stage file knows is refused later."""
+    """Put a value under its dotted name in place of the one that is there; unknown names are refused later."""
     *blocks, last = str(key.value).split(".")
     node = root
     for word in blocks:
         inner = _value(node, word)
         if inner is None:
             inner = yaml.MappingNode("tag:yaml.org,2002:map", [], key.start_mark, key.end_mark)
-            node.value.append((yaml.ScalarNode("tag:yaml.org,2002:str", word, key.start_mark, key.end_mark), inner))
+            node.value.append((_word(word, key), inner))
         if not isinstance(inner, yaml.MappingNode):
-            reader.refuse(key, f"{key.value}: {word} is no block")
+            reader.refuse(key, Problem(f"{word} is not a block", ProblemKind.SHAPE, str(key.value)))
             return
         node = inner
-    name = yaml.ScalarNode("tag:yaml.org,2002:str", last, key.start_mark, key.end_mark)
-    node.value = [entry for entry in node.value if entry[0].value != last] + [(name, value)]
+    node.value = [entry for entry in node.value if entry[0].value != last] + [(_word(last, key), value)]
+
+
+def _word(word: str, place: yaml.Node) -> yaml.ScalarNode:
+    return yaml.ScalarNode("tag:yaml.org,2002:str", word, place.start_mark, place.end_mark)

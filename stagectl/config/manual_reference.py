@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import inspect
 import math
-import types
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
-from stagectl.config.loader import Tagged, fields_of
-from stagectl.config.stage_file import StageFile
+from stagectl.config.hints import fields_of, meaning_of, tag_of, without_none
+from stagectl.config.stage_blocks import StageFile
 from stagectl.config.trajectory_file import EXPERIMENTS, Entry
 from stagectl.units import Quantity, quantity_of
 
@@ -27,7 +26,7 @@ class Row(NamedTuple):
 
 
 class Block(NamedTuple):
-    """One block, by the dotted name under which it stands."""
+    """One block, by its dotted name."""
 
     name: str  # empty: the file itself
     choice: str  # ``law: rolling`` where the block is one of several
@@ -42,14 +41,11 @@ def stage_blocks() -> list[Block]:
 
 def trajectory_blocks() -> list[Block]:
     """All types of a trajectory file."""
-    found = []
-    for name, kind in EXPERIMENTS.items():
-        found += list(_blocks(kind, "", f"type: {name}", _summary(kind)))
-    return found
+    return [block for name, kind in EXPERIMENTS.items() for block in _blocks(kind, "", f"type: {name}", _summary(kind))]
 
 
 def _blocks(hint: Any, name: str, choice: str, meaning: str) -> Iterator[Block]:
-    kind, quantity = _inner(hint), quantity_of(hint)
+    kind, quantity = without_none(hint), quantity_of(hint)
     hints = fields_of(Annotated[kind, quantity] if quantity else kind)
     rows = tuple(_row(field, hints[field], kind._field_defaults) for field in kind._fields)
     yield Block(name, choice, meaning, rows)
@@ -62,33 +58,31 @@ def _within(hint: Any, name: str) -> Iterator[Block]:
     if hint == Entry:
         return
     item = _item(hint)
-    tag = _tag(item)
+    tag = tag_of(item)
     if tag is not None:
         for chosen, kind in tag.blocks.items():
             if tag.key != "type" or kind not in EXPERIMENTS.values():
                 yield from _blocks(kind, name, f"{tag.key}: {chosen}", _summary(kind))
-    elif hasattr(_inner(item), "_fields"):
-        yield from _blocks(item, name, "", _summary(_inner(item)))
+    elif hasattr(without_none(item), "_fields"):
+        yield from _blocks(item, name, "", _summary(without_none(item)))
 
 
 def _item(hint: Any) -> Any:
     """What a list holds; anything else is itself."""
-    plain = _inner(hint)
+    plain = without_none(hint)
     return get_args(plain)[0] if get_origin(plain) is tuple else hint
 
 
 def _row(field: str, hint: Any, defaults: dict[str, Any]) -> Row:
     quantity = quantity_of(hint)
-    words = next((extra for extra in _extras(hint) if isinstance(extra, str)), "")
-    if not words and hasattr(_inner(hint), "_fields"):
-        words = _summary(hint)
+    words = meaning_of(hint) or (_summary(hint) if hasattr(without_none(hint), "_fields") else "")
     default = _shown(defaults[field], quantity) if field in defaults else REQUIRED
     interval = f"{quantity.interval}" if quantity else ""
     return Row(field, _takes(hint, quantity), interval, default, quantity.meaning if quantity else words)
 
 
 def _takes(hint: Any, quantity: Quantity | None) -> str:
-    plain, tag = _inner(hint), _tag(hint)
+    plain, tag = without_none(hint), tag_of(hint)
     if hint == Entry or (tag is not None and tag.key == "type"):
         return "a motion or a current, see the trajectory file"
     if get_origin(plain) is tuple:
@@ -119,7 +113,7 @@ def _shown(value: Any, quantity: Quantity | None) -> str:
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         return "block of defaults"
     if isinstance(value, tuple):
-        return "[" + ", ".join(f"{one:#x}" if isinstance(one, int) else str(one) for one in value) + "]"
+        return "[" + ", ".join(f"{entry:#x}" if isinstance(entry, int) else str(entry) for entry in value) + "]"
     if isinstance(value, int) and value > 0xFFFF:
         return f"{value:#x}"
     unit = quantity.unit.split("|")[0].strip() if quantity else ""
@@ -127,21 +121,4 @@ def _shown(value: Any, quantity: Quantity | None) -> str:
 
 
 def _summary(kind: Any) -> str:
-    return (inspect.getdoc(_inner(kind)) or "").split("\n")[0].replace("``", "`")
-
-
-def _extras(hint: Any) -> tuple[Any, ...]:
-    return get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-
-
-def _tag(hint: Any) -> Tagged | None:
-    return next((extra for extra in _extras(hint) if isinstance(extra, Tagged)), None)
-
-
-def _inner(hint: Any) -> Any:
-    """The type itself, without what stands beside it, and without None."""
-    plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    if get_origin(plain) in (Union, types.UnionType):
-        kinds = [kind for kind in get_args(plain) if kind is not type(None)]
-        plain = _inner(kinds[0]) if len(kinds) == 1 else kinds[0]
-    return plain
+    return (inspect.getdoc(without_none(kind)) or "").split("\n")[0].replace("``", "`")

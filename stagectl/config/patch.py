@@ -1,7 +1,7 @@
 """Values into a stage file that somebody wrote by hand: its comments, order and formatting stay.
 
 Only the characters of a value change.  A block that becomes another one (rolling friction, then stop operators) is
-changed entry by entry; what the comments of its removed entries said is kept, with the value that it was said of.
+changed entry by entry; the comments of its removed entries are kept, each with the value that it was about.
 The file is replaced in one step, and only after the new one has been read and its loop designed: a stage that would
 be refused is never written.
 """
@@ -9,6 +9,7 @@ be refused is never written.
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import shutil
 import tempfile
@@ -19,19 +20,22 @@ from typing import Any, NamedTuple
 import yaml
 
 from stagectl.config import yaml_edit
-from stagectl.config.loader import Lengths
+from stagectl.config.bounds import LONGEST_SHOWN, SAME_VALUE
+from stagectl.config.hints import tag_of
+from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, node_at, read_text
-from stagectl.config.stage_file import StageFile, load_stage
-from stagectl.config.unit_format import hint_at, tag_of, worded
+from stagectl.config.stage_blocks import StageFile
+from stagectl.config.stage_file import load_stage
+from stagectl.config.unit_format import hint_at, worded
+from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
-CLOSE = 1e-6  # relative difference between what was to be written and what is read back
-KEPT: Any = object()  # for the value of an entry that stays as it stands while its block becomes another one
+KEPT: Any = object()  # the value of an entry that stays as it is while its block becomes another one
 _MARK = b"\xef\xbb\xbf"
 
 
 class Change(NamedTuple):
-    """What stood at a name, and what stands there now; an empty text where nothing did or does."""
+    """The old and the new text of an entry; empty where there was or is none."""
 
     name: str
     old: str
@@ -43,10 +47,19 @@ class Change(NamedTuple):
 
 
 class Patched(NamedTuple):
-    """A text on its way, and what has been changed in it."""
+    """A text that is being changed, and the changes so far."""
 
     text: str
     changes: tuple[Change, ...] = ()
+
+
+class Entry(NamedTuple):
+    """A value that is to be written."""
+
+    name: str  # dotted
+    value: Any  # SI
+    hint: Any  # type hint that describes it
+    lengths: Lengths
 
 
 def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]:
@@ -56,119 +69,122 @@ def write(source: Path, target: Path, values: Mapping[str, Any]) -> list[Change]
     was.
     """
     base = target if target.exists() else source
-    axis = load_stage(base, judged=False).file.axis  # what is refused today may be what the patch mends
-    found = patched(read_text(base), values, Lengths(axis.kind, axis.lead))
+    axis = load_stage(base, designed=False).file.axis  # the patch may be what makes a refused loop run
+    result = patched(read_text(base), values, Lengths(axis.kind, axis.lead))
     with base.open("rb") as file:
         mark = _MARK if file.read(3) == _MARK else b""
-    replace_file(target, mark + found.text.encode(), lambda path: check_values(load_stage(path).file, values))
-    return list(found.changes)
+    replace_file(target, mark + result.text.encode(), lambda path: check_values(load_stage(path).file, values))
+    return list(result.changes)
 
 
 def patched(text: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
     """The text of a stage file with SI values set by dotted name, and what has changed.
 
-    A mapping replaces a block: entries that it does not name are removed, those that are `KEPT` stay as they stand.
+    A mapping replaces a block: entries that it does not name are removed, those that are `KEPT` stay as they are.
     Raises ConfigError where there is no such entry.
     """
-    found = Patched(text)
+    result = Patched(text)
     for name, value in values.items():
-        hint = hint_at(StageFile, name, yaml_edit.root_of(found.text))
-        found = (
-            _block(found, name, value, lengths)
-            if isinstance(value, Mapping)
-            else _value(found, name, (value, hint), lengths)
-        )
-    return found
+        hint = hint_at(StageFile, name, yaml_edit.root_of(result.text))
+        if isinstance(value, Mapping):
+            result = _with_block(result, name, value, lengths)
+        else:
+            result = _with_value(result, Entry(name, value, hint, lengths))
+    return result
 
 
-def _block(found: Patched, name: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
-    root = yaml_edit.root_of(found.text)
+def _with_block(before: Patched, name: str, values: Mapping[str, Any], lengths: Lengths) -> Patched:
+    root, result = yaml_edit.root_of(before.text), before
     tag = tag_of(hint_at(StageFile, name, root))
-    before = node_at(root, name) if yaml_edit.holds(root, name) else None
-    old = [key.value for key, _ in before.value] if isinstance(before, yaml.MappingNode) else []
-    if tag is not None:  # first: it says which entries there are
-        found = _value(found, f"{name}.{tag.key}", (values[tag.key], str), lengths, dated=True)
-    named = {key: value for key, value in values.items() if value is not KEPT}
-    rest = {f"{name}.{key}": value for key, value in named.items() if tag is None or key != tag.key}
-    inner = patched(found.text, rest, lengths)
-    found = Patched(inner.text, found.changes + inner.changes)
+    block = node_at(root, name) if yaml_edit.holds(root, name) else None
+    old = [key.value for key, _ in block.value] if isinstance(block, yaml.MappingNode) else []
+    if tag is not None:  # first: it decides which entries there are
+        result = _with_value(result, Entry(f"{name}.{tag.key}", values[tag.key], str, lengths), dated=True)
+    written = {key: value for key, value in values.items() if value is not KEPT}
+    rest = {f"{name}.{key}": value for key, value in written.items() if tag is None or key != tag.key}
+    inner = patched(result.text, rest, lengths)
+    result = Patched(inner.text, result.changes + inner.changes)
     for key in old:
         if key not in values:
-            found = _removed(found, f"{name}.{key}")
-    return found
+            result = _without(result, f"{name}.{key}")
+    return result
 
 
-def _value(found: Patched, name: str, wanted: tuple[Any, Any], lengths: Lengths, dated: bool = False) -> Patched:
-    """With one value and the hint that describes it; where a tag changes, its comment is `dated`."""
-    text, root = found.text, yaml_edit.root_of(found.text)
-    if not yaml_edit.holds(root, name):
-        return _added(found, name, wanted, lengths)
-    place = yaml_edit.place_of(text, root, name)
+def _with_value(before: Patched, entry: Entry, dated: bool = False) -> Patched:
+    """With one value; `dated`: the comment of the old value says that it was about the old value."""
+    text, root = before.text, yaml_edit.root_of(before.text)
+    if not yaml_edit.holds(root, entry.name):
+        return _with_new(before, entry)
+    place = yaml_edit.place_of(text, root, entry.name)
     old = text[place.begin : place.end]
-    new = worded(*wanted, lengths, old, yaml_edit.column(text, place.colon) + 1)
+    new = worded(entry.value, entry.hint, entry.lengths, old, yaml_edit.column(text, place.colon) + 1)
     if " ".join(old.split()) == " ".join(new.split()):
-        return found
+        return before
     if dated:
         text = yaml_edit.dated(text, place.end, old)
-    text = yaml_edit.with_value(text, place, node_at(root, name), new)
-    return Patched(text, (*found.changes, Change(name, old, new)))
+    text = yaml_edit.with_value(text, place, node_at(root, entry.name), new)
+    return Patched(text, (*before.changes, Change(entry.name, old, new)))
 
 
-def _added(found: Patched, name: str, wanted: tuple[Any, Any], lengths: Lengths) -> Patched:
-    """With a new entry at the end of its block; blocks that are missing on the way are added, too."""
-    root, words = yaml_edit.root_of(found.text), name.split(".")
+def _with_new(before: Patched, entry: Entry) -> Patched:
+    """With a new entry at the end of its block; missing blocks on the way are added, too."""
+    root, words = yaml_edit.root_of(before.text), entry.name.split(".")
     depth = next(n for n in range(len(words) - 1, -1, -1) if n == 0 or yaml_edit.holds(root, ".".join(words[:n])))
     parent = node_at(root, ".".join(words[:depth])) if depth else root
     if not isinstance(parent, yaml.MappingNode):
-        raise ConfigError(f"{'.'.join(words[:depth])} is no block of `key: value` lines, so {name} has no place")
-    new = worded(*wanted, lengths, "", 2 * len(words) + len(words[-1]))
-    text = yaml_edit.with_entry(found.text, parent, words[depth:], new)
-    return Patched(text, (*found.changes, Change(name, "", new)))
+        reason = f"is not a block of `key: value` lines, so {entry.name} has no place"
+        raise ConfigError(Problem(reason, ProblemKind.SHAPE, ".".join(words[:depth])))
+    new = worded(entry.value, entry.hint, entry.lengths, "", 2 * len(words) + len(words[-1]))
+    text = yaml_edit.with_entry(before.text, parent, words[depth:], new)
+    return Patched(text, (*before.changes, Change(entry.name, "", new)))
 
 
-def _removed(found: Patched, name: str) -> Patched:
-    root = yaml_edit.root_of(found.text)
-    place = yaml_edit.place_of(found.text, root, name)
-    old = found.text[place.begin : place.end]
-    return Patched(yaml_edit.without_entry(found.text, root, name), (*found.changes, Change(name, old, "")))
+def _without(before: Patched, name: str) -> Patched:
+    root = yaml_edit.root_of(before.text)
+    place = yaml_edit.place_of(before.text, root, name)
+    old = before.text[place.begin : place.end]
+    return Patched(yaml_edit.without_entry(before.text, root, name), (*before.changes, Change(name, old, "")))
 
 
 def _short(text: str) -> str:
     words = " ".join(text.split())
-    return words if len(words) <= 60 else f"{words[:40].rsplit(',', 1)[0]}, ... {words.rsplit(',', 1)[-1].strip()}"
+    return (
+        words
+        if len(words) <= LONGEST_SHOWN
+        else f"{words[:40].rsplit(',', 1)[0]}, ... {words.rsplit(',', 1)[-1].strip()}"
+    )
 
 
 def check_values(file: StageFile, values: Mapping[str, Any]) -> None:
     """Raise ConfigError where a stage file that was patched with `values` does not give them."""
     for name, wanted in values.items():
-        found: Any = file
-        for word in name.split("."):
-            found = getattr(found, word)
-        if not _close(found, wanted):
-            raise ConfigError(f"{name} would be read back as {found!r}, not as {wanted!r}")
+        read: Any = functools.reduce(getattr, name.split("."), file)
+        if not _close(read, wanted):
+            reason = f"would be read back as {read!r}, not as {wanted!r}"
+            raise ConfigError(Problem(reason, ProblemKind.VALUE, name))
 
 
-def _close(found: Any, wanted: Any) -> bool:
+def _close(read: Any, wanted: Any) -> bool:
     if wanted is KEPT:
         return True
     if isinstance(wanted, Mapping):
-        return all(_close(getattr(found, key), value) for key, value in wanted.items() if hasattr(found, key))
+        return all(_close(getattr(read, key), value) for key, value in wanted.items() if hasattr(read, key))
     if isinstance(wanted, float):
-        return bool(abs(found - wanted) <= CLOSE * abs(wanted))
+        return bool(abs(read - wanted) <= SAME_VALUE * abs(wanted))
     if isinstance(wanted, Sequence) and not isinstance(wanted, str):
-        return len(found) == len(wanted) and all(_close(a, float(b)) for a, b in zip(found, wanted, strict=True))
-    return bool(found == wanted)
+        return len(read) == len(wanted) and all(_close(a, float(b)) for a, b in zip(read, wanted, strict=True))
+    return bool(read == wanted)
 
 
 def replace_file(target: Path, content: bytes, check: Callable[[Path], object]) -> None:
-    """Write beside `target`, check that, and put it in the place of `target` in one step."""
+    """Write a new file next to `target`, check it, and replace `target` by it in one step."""
     real = target.resolve()
     try:
         if real.exists() and not os.access(real, os.W_OK):
-            raise ConfigError(f"{target} is protected against writing")
+            raise ConfigError(_unwritten(target, "is protected against writing"))
         handle, name = tempfile.mkstemp(suffix=".yaml", prefix=f".{real.stem}-", dir=real.parent)
     except OSError as error:
-        raise ConfigError(f"{target} cannot be written: {error.strerror or error}") from error
+        raise ConfigError(_unwritten(target, f"cannot be written: {error.strerror or error}")) from error
     fresh = Path(name)
     try:
         _write(handle, content)
@@ -176,13 +192,18 @@ def replace_file(target: Path, content: bytes, check: Callable[[Path], object]) 
         check(fresh)
         os.replace(fresh, real)
     except OSError as error:
-        raise ConfigError(f"{target} cannot be written: {error.strerror or error}; it is as it was") from error
+        reason = f"cannot be written: {error.strerror or error}; it is as it was"
+        raise ConfigError(_unwritten(target, reason)) from error
     except StageError as error:
-        reason = str(error).replace(str(fresh), str(target))
-        raise ConfigError(f"nothing is written: with what was found the stage would be refused.\n{reason}") from error
+        reasons = (p._replace(file=target) if p.file == fresh else p for p in error.problems)
+        raise ConfigError("nothing is written, as the changed stage would be refused:", *reasons) from error
     finally:
         with contextlib.suppress(FileNotFoundError):
             fresh.unlink()
+
+
+def _unwritten(target: Path, reason: str) -> Problem:
+    return Problem(f"{target} {reason}", ProblemKind.FILE, file=target)
 
 
 def _write(handle: int, content: bytes) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import types
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
-from stagectl.config.loader import Tagged, fields_of
-from stagectl.config.stage_file import StageFile
+from stagectl.config.hints import fields_of, is_union, meaning_of, plain, tag_of, without_none
+from stagectl.config.stage_blocks import StageFile
 from stagectl.config.trajectory_file import BLOCKS, EXPERIMENTS, Entry
 from stagectl.units import Quantity, quantity_of
 
@@ -36,35 +35,29 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {"stage": stage_schema, "traj
 def _of(hint: Any) -> dict[str, Any]:
     if hint == Entry:
         return {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in BLOCKS]}
-    extras = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-    plain = get_args(hint)[0] if extras else hint
-    tag = next((extra for extra in extras if isinstance(extra, Tagged)), None)
+    tag, words = tag_of(hint), meaning_of(hint)
     if tag is not None:
         return {"oneOf": [_block(kind, tag.key, name, name == tag.default) for name, kind in tag.blocks.items()]}
-    words = next((extra for extra in extras if isinstance(extra, str)), None)
     described = {"description": words} if words else {}
-    return {**_plain(plain, quantity_of(hint)), **described}
+    return {**_described(plain(hint), quantity_of(hint)), **described}
 
 
-def _plain(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
-    if hasattr(plain, "_fields"):
-        return _block(Annotated[plain, quantity] if quantity else plain)
-    if get_origin(plain) is tuple:
-        return _list(plain, quantity)
-    if get_origin(plain) in (Union, types.UnionType):
-        inner = next(kind for kind in get_args(plain) if kind is not type(None))
-        return {"anyOf": [_plain(inner, quantity), {"type": "null"}]}
-    if get_origin(plain) is Literal:
-        return {"enum": list(get_args(plain))}
-    if plain is str:
-        return {"type": "string"}
-    if plain is bool:
-        return {"type": "boolean"}
-    return _number(plain, quantity)
+def _described(kind: Any, quantity: Quantity | None) -> dict[str, Any]:
+    if hasattr(kind, "_fields"):
+        return _block(Annotated[kind, quantity] if quantity else kind)
+    if get_origin(kind) is tuple:
+        return _list(kind, quantity)
+    if is_union(kind):
+        return {"anyOf": [_described(without_none(kind), quantity), {"type": "null"}]}
+    if get_origin(kind) is Literal:
+        return {"enum": list(get_args(kind))}
+    if kind in (str, bool):
+        return {"type": "string" if kind is str else "boolean"}
+    return _number(kind, quantity)
 
 
-def _list(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
-    kinds = get_args(plain)
+def _list(whole: Any, quantity: Quantity | None) -> dict[str, Any]:
+    kinds = get_args(whole)
     kind = Annotated[kinds[0], quantity] if quantity else kinds[0]
     bounds = (
         {"minItems": int(get_origin(kinds[0]) is not Literal)}
@@ -75,20 +68,20 @@ def _list(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
     return {"type": "array", "items": _of(kind), **bounds, **described}
 
 
-def _number(plain: Any, quantity: Quantity | None) -> dict[str, Any]:
+def _number(number: Any, quantity: Quantity | None) -> dict[str, Any]:
     """A pure number is a number, or text such as ``5 %``; one with a unit is text that begins with a number."""
     if quantity is None:
         return {"type": "integer"}
     described = {"description": f"{quantity.meaning}; {quantity.interval} {quantity.unit}".rstrip()}
     if quantity.unit:
         return {"type": "string", "pattern": f"{_NUMBER}{_UNIT}$", **described}
-    if plain is int:
+    if number is int:
         return {"type": "integer", **_bounds(quantity), **described}
     return {"type": ["number", "string"], "pattern": f"{_NUMBER}({_UNIT})?$", **_bounds(quantity), **described}
 
 
 def _bounds(quantity: Quantity) -> dict[str, float]:
-    """The interval in JSON schema's words; an infinite end is none."""
+    """The interval in the words of JSON schema, which has none for an infinite end."""
     low, high = quantity.bounds()
     least = "exclusiveMinimum" if quantity.interval[0] == "(" else "minimum"
     most = "exclusiveMaximum" if quantity.interval[-1] == ")" else "maximum"
@@ -96,8 +89,7 @@ def _bounds(quantity: Quantity) -> dict[str, float]:
 
 
 def _block(hint: Any, tag: str = "", name: str = "", optional: bool = False) -> dict[str, Any]:
-    kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    hints = fields_of(hint)
+    kind, hints = plain(hint), fields_of(hint)
     properties = {field: _of(hints[field]) for field in kind._fields}
     required = [field for field in kind._fields if field not in kind._field_defaults]
     if tag:

@@ -12,51 +12,65 @@ from pathlib import Path
 
 import yaml
 
+from stagectl.config.bounds import DEEPEST_BRACKETS, LARGEST_FILE, MOST_PROBLEMS
+from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
-LARGEST_FILE = 256_000  # bytes; a configuration is text written by hand, and YAML is slow to parse
-DEEPEST = 50  # brackets within each other on one line
 _HIDDEN = re.compile("[\x85\u2028\u2029]")  # YAML 1.1 breaks lines there, no editor shows it
 
 
 class ConfigError(StageError):
-    """A configuration file that cannot be used; the message lists every reason with its place."""
+    """A configuration file that cannot be used; `problems` holds everything that is wrong, each with file and line."""
+
+    def __str__(self) -> str:
+        """The first problems, a line each, and how many more there are."""
+        shown = list(map(str, self.problems[:MOST_PROBLEMS]))
+        if (more := len(self.problems) - MOST_PROBLEMS) > 0:
+            shown.append(f"and {more} more errors ({self.problems[-1].file})")
+        return "\n".join(shown)
 
 
 class UnreadableError(ConfigError):
-    """No such file, not permitted, or no file at all: nothing is known of its content."""
+    """A file that is absent, not permitted, or no regular file: nothing is known of its content."""
+
+    kind = ProblemKind.FILE
+
+
+def malformed(path: Path, reason: str, line: int = 1) -> ConfigError:
+    """The error for a file that cannot be parsed at `line`."""
+    return ConfigError(Problem(reason, ProblemKind.SYNTAX, file=path, line=line))
 
 
 def compose(path: Path, text: str | None = None) -> yaml.Node:
     """The file's YAML node tree; `text` is the file's content where that is in memory already.
 
-    Raises UnreadableError where there is no file to read, ConfigError where it is no YAML.
+    Raises UnreadableError where there is no file to read, ConfigError where it is not YAML.
     """
     text = read_text(path) if text is None else text
     _check_brackets(path, text)
     hidden = _HIDDEN.search(text)
     if hidden:
-        raise ConfigError(_forbidden(path, text, hidden.start()))
+        raise _forbidden(path, text, hidden.start())
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.YAMLError as error:
-        raise ConfigError(_words(path, text, error)) from error
+        raise _syntax_error(path, text, error) from error
     except RecursionError as error:
-        raise ConfigError(f"blocks are nested too deep ({path}:1)") from error
+        raise malformed(path, "blocks are nested too deep") from error
     except Exception as error:  # PyYAML lets several other kinds out on malformed escapes and directives
-        raise ConfigError(f"not usable as YAML: {type(error).__name__} while parsing ({path}:1)") from error
+        raise malformed(path, f"not usable as YAML: {type(error).__name__} while parsing") from error
     if node is None:
-        raise ConfigError(f"the file is empty ({path}:1)")
+        raise malformed(path, "the file is empty")
     return node
 
 
 def _check_brackets(path: Path, text: str) -> None:
     """PyYAML takes a second for every line of a thousand brackets within each other."""
     for number, line in enumerate(text.split("\n"), 1):
-        if line.count("[") + line.count("{") > DEEPEST:
+        if line.count("[") + line.count("{") > DEEPEST_BRACKETS:
             depth = max(accumulate((letter in "[{") - (letter in "]}") for letter in line))
-            if depth > DEEPEST:
-                raise ConfigError(f"brackets are nested too deep ({path}:{number})")
+            if depth > DEEPEST_BRACKETS:
+                raise malformed(path, "brackets are nested too deep", number)
 
 
 def node_at(node: yaml.Node, name: str) -> yaml.Node:
@@ -64,45 +78,59 @@ def node_at(node: yaml.Node, name: str) -> yaml.Node:
     for word in re.findall(r"[^.\[\]]+", name):
         entries = node.value if isinstance(node, yaml.MappingNode) else []
         items = enumerate(node.value) if isinstance(node, yaml.SequenceNode) else []
-        found = [value for key, value in entries if key.value == word] + [item for j, item in items if str(j) == word]
-        if not found:
+        inner = [value for key, value in entries if key.value == word] + [item for j, item in items if str(j) == word]
+        if not inner:
             break
-        node = found[0]
+        node = inner[0]
     return node
+
+
+def placed(problem: Problem, path: Path, root: yaml.Node) -> Problem:
+    """`problem` with the file and the line of its key."""
+    return problem._replace(file=path, line=node_at(root, problem.key).start_mark.line + 1)
 
 
 def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
     """Text of a regular file of at most `largest` bytes; a byte order mark is no part of it.
 
-    Raises UnreadableError where there is no file to read, ConfigError where it is no text.
+    Raises UnreadableError where there is no file to read, ConfigError where it is not text.
     """
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):  # reading a pipe or a device might never end
-            raise UnreadableError(f"{path} is not a file: give the path of a text file")
-        with path.open("rb") as file:
-            raw = file.read(largest + 1)
-    except OSError as error:
-        raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise UnreadableError(f"{str(path)!r} cannot be the path of a file: {error}") from error
+    raw = _read(path, largest)
     if len(raw) > largest:
-        raise ConfigError(f"larger than {largest} bytes: not a file of this kind ({path}:1)")
+        raise malformed(path, f"larger than {largest} bytes: not a file of this kind")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise ConfigError(f"not UTF-8 text: byte {error.start} is {raw[error.start]:#04x} ({path}:{line})") from error
+        raise malformed(path, f"not UTF-8 text: byte {error.start} is {raw[error.start]:#04x}", line) from error
 
 
-def _words(path: Path, text: str, error: yaml.YAMLError) -> str:
+def _read(path: Path, largest: int) -> bytes:
+    """At most one byte more than `largest`."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):  # reading a pipe or a device might never end
+            raise UnreadableError(_unreadable(path, "is not a file: give the path of a text file"))
+        with path.open("rb") as file:
+            return file.read(largest + 1)
+    except OSError as error:
+        raise UnreadableError(_unreadable(path, f"cannot be read: {error.strerror}")) from error
+    except ValueError as error:
+        raise UnreadableError(f"{str(path)!r} cannot be the path of a file: {error}") from error
+
+
+def _unreadable(path: Path, reason: str) -> Problem:
+    return Problem(f"{path} {reason}", ProblemKind.FILE, file=path)
+
+
+def _syntax_error(path: Path, text: str, error: yaml.YAMLError) -> ConfigError:
     if isinstance(error, yaml.reader.ReaderError):
         return _forbidden(path, text, error.position)
     mark = getattr(error, "problem_mark", None)
-    line = mark.line + 1 if mark is not None else 1
-    problem = getattr(error, "problem", None) or "not YAML"
-    return f"{problem}; check indentation, quotes and colons around this line ({path}:{line})"
+    reason = getattr(error, "problem", None) or "not YAML"
+    advice = "check indentation, quotes and colons around this line"
+    return malformed(path, f"{reason}; {advice}", mark.line + 1 if mark is not None else 1)
 
 
-def _forbidden(path: Path, text: str, position: int) -> str:
-    line = text.count("\n", 0, position) + 1
-    return f"character U+{ord(text[position]):04X} is not allowed here: delete it ({path}:{line})"
+def _forbidden(path: Path, text: str, position: int) -> ConfigError:
+    reason = f"character U+{ord(text[position]):04X} is not allowed here: delete it"
+    return malformed(path, reason, text.count("\n", 0, position) + 1)

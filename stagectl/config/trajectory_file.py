@@ -12,14 +12,16 @@ from typing import Annotated, Any, NamedTuple
 import yaml
 
 from stagectl import trajectories
-from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged, load
-from stagectl.config.source import compose, node_at, read_text
+from stagectl.config.bounds import DEEPEST_PARTS, LARGEST_CSV, MOST_PARTS
+from stagectl.config.hints import Tagged
+from stagectl.config.lengths import Lengths
+from stagectl.config.loader import Reader, load
+from stagectl.config.source import ConfigError, compose, malformed, placed, read_text
 from stagectl.config.stage_file import Setup
+from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories.experiments import AT, START, WATCH
 from stagectl.units import LINEAR, ROTARY, Quantity, factor
 
-MOST_PARTS = 1000
-LARGEST_CSV = 200_000_000  # bytes
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,2})?")
 
 
@@ -76,7 +78,7 @@ Root = Annotated[Any, Tagged("type", EXPERIMENTS)]
 
 
 class Axis(NamedTuple):
-    """What of a stage its trajectories depend on."""
+    """The properties of a stage that its trajectories depend on."""
 
     lengths: Lengths
     encoder_step: float  # m of travel (rad where travel is an angle); 0 where it is not known
@@ -100,25 +102,27 @@ def load_trajectory(path: Path, axis: Axis, text: str | None = None) -> trajecto
     try:
         trajectories.check(trajectory)
     except trajectories.TrajectoryError as error:
-        place = node_at(compose(path, text), str(error).split(" ")[0].partition(".")[2])
-        raise trajectories.TrajectoryError(f"{error} ({path}:{place.start_mark.line + 1})") from error
+        root = compose(path, text)
+        error.problems = tuple(placed(problem, path, root) for problem in error.problems)
+        raise
     return trajectory
 
 
 def _read(reader: Reader, root: yaml.Node) -> Any:
     if _count(root, 0) > MOST_PARTS:
-        reader.refuse(root, f"parts: more than {MOST_PARTS} trajectories; write several files")
+        reason = f"holds more than {MOST_PARTS} trajectories"
+        reader.refuse(root, Problem(reason, ProblemKind.SHAPE, "parts", remedy="write several files"))
         return None
     return reader.value(Root, root, "")
 
 
 def _count(node: yaml.Node, depth: int) -> int:
-    """Blocks below `node`, aliases expanded; stops counting past the limit."""
+    """Number of blocks below `node`, aliases expanded; stops counting past the limit."""
     inner = [value for _, value in node.value] if isinstance(node, yaml.MappingNode) else []
     inner = node.value if isinstance(node, yaml.SequenceNode) else inner
     total = 1
     for child in inner:
-        if total > 20 * MOST_PARTS or depth > 40:
+        if total > 20 * MOST_PARTS or depth > DEEPEST_PARTS:
             return 20 * MOST_PARTS
         total += _count(child, depth + 1) if not isinstance(child, yaml.ScalarNode) else 0
     return total
@@ -143,48 +147,61 @@ def _resolved(entry: Any, path: Path, axis: Axis) -> trajectories.Trajectory:
         return trajectories.Sequence(tuple(_resolved(part, path, axis) for part in entry.parts))
     if isinstance(entry, Together):
         return trajectories.Sum(tuple(_resolved(part, path, axis) for part in entry.parts))
-    found: trajectories.Trajectory = entry
-    return found
+    trajectory: trajectories.Trajectory = entry
+    return trajectory
 
 
 def _recorded(path: Path, entry: Csv, axis: Axis) -> trajectories.Recorded:
-    header, rows = _table(path)
+    header, *rows = _table(path)
     try:
-        where = trajectories.columns(header)
+        columns = trajectories.columns(header.cells)
     except trajectories.TrajectoryError as error:
-        raise ConfigError(f"{error} ({path}:1)") from error
-    scale = _scale(where.unit, axis, path)
-    times, positions = [], []
-    for number, row in rows:
-        cells = [row[column].strip() if column < len(row) else "" for column in (where.time, where.position)]
-        if not all(map(_NUMBER.fullmatch, cells)):
-            raise ConfigError(f"a row must hold numbers for time and position, not {cells} ({path}:{number})")
-        times.append(float(cells[0]))
-        positions.append(float(cells[1]) * scale)
-    first, last = _part(entry.part, times, path)
-    return trajectories.Recorded(times[first:last], positions[first:last], entry.run_up, entry.run_out)
+        raise ConfigError(*(problem._replace(file=path, line=1) for problem in error.problems)) from error
+    scale = _scale(columns.unit, axis, path)
+    samples = [_sample(row, columns, path) for row in rows]
+    run = _part(entry.part, [time for time, _ in samples], path)
+    times, positions = [time for time, _ in samples[run]], [position * scale for _, position in samples[run]]
+    return trajectories.Recorded(times, positions, entry.run_up, entry.run_out)
 
 
-def _part(part: tuple[float, float] | None, times: list[float], path: Path) -> tuple[int, int]:
-    """Numbers of the first row to run and of the one after the last."""
+def _sample(row: Row, columns: trajectories.Columns, path: Path) -> tuple[float, float]:
+    """Time (s) and position in the file's unit."""
+    cells = [row.cells[j].strip() if j < len(row.cells) else "" for j in (columns.time, columns.position)]
+    if not all(map(_NUMBER.fullmatch, cells)):
+        raise malformed(path, f"a row must hold numbers for time and position, not {cells}", row.line)
+    return float(cells[0]), float(cells[1])
+
+
+def _part(part: tuple[float, float] | None, times: list[float], path: Path) -> slice:
+    """The rows to run."""
     if part is None:
-        return 0, len(times)
+        return slice(None)
     inside = [row for row, time in enumerate(times) if part[0] <= time <= part[1]]
     if not inside:
-        held = f"{min(times):g} s to {max(times):g} s" if times else "no rows"
-        raise ConfigError(f"csv.part = [{part[0]:g} s, {part[1]:g} s] holds no row; the file holds {held} ({path})")
-    return inside[0], inside[-1] + 1
+        span = f"{min(times):g} s to {max(times):g} s" if times else "no rows"
+        value = f"[{part[0]:g} s, {part[1]:g} s]"
+        problem = Problem(f"holds no row; {path} holds {span}", ProblemKind.CONFLICT, "part", value, "s")
+        raise ConfigError(problem._replace(file=path, line=1))
+    return slice(inside[0], inside[-1] + 1)
 
 
-def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+class Row(NamedTuple):
+    """One row of a CSV file that is not empty."""
+
+    line: int  # from 1
+    cells: list[str]
+
+
+def _table(path: Path) -> list[Row]:
+    """The header and all other rows."""
     text = read_text(path, LARGEST_CSV)
     try:
-        lines = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), 1) if row]
+        rows = [Row(line, cells) for line, cells in enumerate(csv.reader(text.splitlines()), 1) if cells]
     except csv.Error as error:
-        raise ConfigError(f"no CSV text: {error} ({path}:1)") from error
-    if not lines:
-        raise ConfigError(f"the file is empty ({path}:1)")
-    return lines[0][1], lines[1:]
+        raise malformed(path, f"not CSV text: {error}") from error
+    if not rows:
+        raise malformed(path, "the file is empty")
+    return rows
 
 
 def _scale(unit: str, axis: Axis, path: Path) -> float:
@@ -192,15 +209,18 @@ def _scale(unit: str, axis: Axis, path: Path) -> float:
     lengths = axis.lengths
     if unit == "counts":
         if not axis.encoder_step:
-            raise ConfigError(f"positions in counts need the stage file, for the encoder's step ({path}:1)")
+            raise _unit_error(path, "positions in counts need the stage file, for the encoder's step")
         return axis.encoder_step
     if (unit == "rad") == lengths.angular:
         return factor(unit, "rad" if lengths.angular else "m")
     if unit == "rad" and lengths.axis == ROTARY:
         return lengths.lead / (2.0 * math.pi)
-    raise ConfigError(
-        f"positions in {unit} do not fit this axis, whose travel is in {'rad' if lengths.angular else 'm'} ({path}:1)"
-    )
+    travel = "rad" if lengths.angular else "m"
+    raise _unit_error(path, f"positions in {unit} do not fit this axis, whose travel is in {travel}")
+
+
+def _unit_error(path: Path, reason: str) -> ConfigError:
+    return ConfigError(Problem(reason, ProblemKind.UNIT, file=path, line=1))
 
 
 FREE = (Axis(Lengths(LINEAR), 0.0), Axis(Lengths(ROTARY, 0.0, True), 0.0))  # without a stage: a length, or an angle

@@ -1,29 +1,27 @@
-"""A value as the user of a configuration file would write it: in the unit that stands there, or one that reads well."""
+"""A value as the user of a configuration file would write it: in the unit of the old text, or one that reads well."""
 
 from __future__ import annotations
 
 import json
-import math
 import re
-import types
 from collections.abc import Sequence
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any
 
 import yaml
 
-from stagectl.config.loader import Lengths, Tagged, fields_of
+from stagectl.config.bounds import LINE_WIDTH, READABLE, WRITTEN_DIGITS
+from stagectl.config.hints import fields_of, tag_of, without_none
+from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, node_at
-from stagectl.units import ROTARY, UnitError, factor, quantity_of
+from stagectl.problem import Problem, ProblemKind
+from stagectl.units import UnitError, factor, quantity_of
 
-WIDTH = 120  # characters of a line
-DIGITS = 7  # significant: half a millionth at worst, narrower than the interval of any identification
-_READABLE = (0.01, 1e4)  # what a number in a chosen unit lies in
 _PREFIXED = {"m": (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0)), "s": (("us", 1e-6), ("ms", 1e-3), ("s", 1.0))}
 _PLAIN = re.compile(r"[A-Za-z][\w-]*")
 
 
 def hint_at(hint: Any, name: str, root: yaml.Node) -> Any:
-    """The type hint of a dotted `name` below `hint`; a tagged block is the one whose tag stands in `root`.
+    """The type hint of a dotted `name` below `hint`; a tagged block is the one that `root` names.
 
     Raises ConfigError where there is no such entry.
     """
@@ -31,50 +29,38 @@ def hint_at(hint: Any, name: str, root: yaml.Node) -> Any:
     for depth, word in enumerate(words):
         kind = block_of(hint, node_at(root, ".".join(words[:depth])) if depth else root)
         if word not in getattr(kind, "_fields", ()):
-            raise ConfigError(f"{name} is not an entry of such a file: there is no {word} here")
+            reason = f"is not an entry of such a file: there is no {word} here"
+            raise ConfigError(Problem(reason, ProblemKind.UNKNOWN, name))
         quantity = quantity_of(hint)
         hint = fields_of(Annotated[kind, quantity] if quantity else kind)[word]
     return hint
-
-
-def tag_of(hint: Any) -> Tagged | None:
-    """How the blocks of a tagged union are told apart."""
-    extras = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-    return next((extra for extra in extras if isinstance(extra, Tagged)), None)
 
 
 def block_of(hint: Any, node: yaml.Node) -> Any:
     """The NamedTuple that describes a block: of a tagged union the one that `node` names."""
     tag = tag_of(hint)
     if tag is None:
-        return _inner(hint)
+        return without_none(hint)
     entries = node.value if isinstance(node, yaml.MappingNode) else []
     chosen = next((value.value for key, value in entries if key.value == tag.key), tag.default)
     return tag.blocks.get(chosen)
 
 
-def _inner(hint: Any) -> Any:
-    plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    if get_origin(plain) in (Union, types.UnionType):
-        plain = next(kind for kind in get_args(plain) if kind is not type(None))
-    return plain
-
-
 def worded(value: Any, hint: Any, lengths: Lengths, like: str = "", column: int = 0) -> str:
-    """`value` (SI) as text for the place that `hint` describes; `like` is what stood there.
+    """`value` (SI) as text for the place that `hint` describes; `like` is the text that it replaces.
 
     A list is written in one unit and broken into lines below its first entry, which begins at `column`.
     """
     quantity = quantity_of(hint)
     unit = quantity.unit_for(lengths.axis) if quantity else ""
     if quantity is not None and "|" not in quantity.unit:
-        lengths = Lengths(lengths.axis)  # an angle that is no position, such as a phase, is no travel
+        lengths = Lengths(lengths.axis)  # an angle that is not a position, such as a phase, is not travel
     if isinstance(value, str):
         return value if _PLAIN.fullmatch(value) else json.dumps(value, ensure_ascii=False)
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Sequence):
-        return _list([float(one) for one in value], unit, lengths, like.strip("[ \n").split(",")[0], column)
+        return _list([float(entry) for entry in value], unit, lengths, like.strip("[ \n").split(",")[0], column)
     if isinstance(value, int):
         return str(value)
     return _with_unit(float(value), *_chosen(abs(float(value)), unit, lengths, like))
@@ -86,7 +72,7 @@ def _list(values: list[float], unit: str, lengths: Lengths, like: str, column: i
     lines, line = [], "["
     for number, value in enumerate(values):
         entry = _with_unit(value, *chosen) + ("]" if number == len(values) - 1 else ",")
-        if len(line) > 1 and column + len(line) + len(entry) + 1 > WIDTH:
+        if len(line) > 1 and column + len(line) + len(entry) + 1 > LINE_WIDTH:
             lines.append(line)
             line = " " * (column + 1) + entry
         else:
@@ -95,15 +81,15 @@ def _list(values: list[float], unit: str, lengths: Lengths, like: str, column: i
 
 
 def _with_unit(value: float, unit: str, scale: float) -> str:
-    return f"{value / scale:.{DIGITS}g} {unit}".rstrip()
+    return f"{value / scale:.{WRITTEN_DIGITS}g} {unit}".rstrip()
 
 
 def _chosen(size: float, unit: str, lengths: Lengths, like: str) -> tuple[str, float]:
-    """Unit to write in and its scale (SI): the one that stood there, where the number still reads well in it."""
+    """Unit to write in and its scale (SI): that of the old text, where the number still reads well in it."""
     known = _unit_of(like, unit, lengths)
-    if known and (size == 0.0 or _READABLE[0] <= size / known[1] < _READABLE[1]):
+    if known and (size == 0.0 or READABLE[0] <= size / known[1] < READABLE[1]):
         return known
-    through = _through_lead(unit, lengths)
+    through = lengths.angle_per_length(unit)
     family, scale = ("m", through) if through and unit == "rad" else (unit, 1.0)
     for name, prefix in _PREFIXED.get(family, ()):
         if size / scale < 1e3 * prefix or prefix == 1.0:
@@ -112,23 +98,16 @@ def _chosen(size: float, unit: str, lengths: Lengths, like: str) -> tuple[str, f
 
 
 def _unit_of(text: str, unit: str, lengths: Lengths) -> tuple[str, float] | None:
-    """The unit of a value that stands in a file, and its scale to `unit`; None where it has none of this kind."""
-    found = re.fullmatch(r"[^A-Za-zµμ°Ω%‰/]*?(?:[eE][+-]?[0-9]+)?\s+([^0-9].*)", text.strip())
-    if unit == "" or found is None:
+    """The unit of a value in a file, and its scale to `unit`; None where it has none of this kind."""
+    match = re.fullmatch(r"[^A-Za-zµμ°Ω%‰/]*?(?:[eE][+-]?[0-9]+)?\s+([^0-9].*)", text.strip())
+    if unit == "" or match is None:
         return None
-    name = found[1].strip().rstrip("]").strip()
+    name = match[1].strip().rstrip("]").strip()
     try:
         return name, factor(name, unit)
     except UnitError:
-        through = _through_lead(unit, lengths)
+        through = lengths.angle_per_length(unit)
     try:
         return (name, factor(name, unit.replace("rad", "m", 1)) * through) if through else None
     except UnitError:
         return None
-
-
-def _through_lead(unit: str, lengths: Lengths) -> float:
-    """An angle in rad that a metre of table travel is; 0 where no lead converts."""
-    if unit.split("/")[0] != "rad" or lengths.axis != ROTARY or not lengths.lead:
-        return 0.0
-    return 2.0 * math.pi / lengths.lead

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import yaml
 
 from stagectl.config.source import ConfigError, node_at
+from stagectl.problem import Problem, ProblemKind
 
-_BETWEEN = re.compile(r"\s*:\s*(#[^\r\n]*\s*)*")  # key and value, where neither anchor nor alias nor tag stands
+_BETWEEN = re.compile(r"\s*:\s*(#[^\r\n]*\s*)*")  # key and value, without an anchor, alias or tag
 _COMMENT = re.compile(r"(?:^|(?<=\s))#[^\r\n]*", re.MULTILINE)
 _BEHIND = re.compile(r"([ \t]+)(#[^\r\n]*)")
 
@@ -34,10 +35,10 @@ def root_of(text: str) -> yaml.Node:
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.YAMLError as error:
-        words = f"the file cannot be changed without taking it apart ({error}): write the values yourself"
-        raise ConfigError(words) from error
+        reason = f"the file cannot be changed without damage ({error}): write the values yourself"
+        raise ConfigError(Problem(reason, ProblemKind.SYNTAX)) from error
     if root is None:
-        raise ConfigError("the file is empty")
+        raise ConfigError(Problem("the file is empty", ProblemKind.SYNTAX))
     return root
 
 
@@ -54,19 +55,17 @@ def holds(root: yaml.Node, name: str) -> bool:
 
 
 def place_of(text: str, root: yaml.Node, name: str) -> Place:
-    """Where the entry `name` stands.
+    """The place of the entry `name`.
 
-    Raises ConfigError where a change of it would be one elsewhere, too.
+    Raises ConfigError where a change of it would change something else, too.
     """
     words = name.split(".")
     parent = node_at(root, ".".join(words[:-1])) if len(words) > 1 else root
     key, value = next(entry for entry in parent.value if entry[0].value == words[-1])
     begin, behind = value.start_mark.index, key.end_mark.index
     if begin < behind or not _BETWEEN.fullmatch(text[behind:begin]) or text[begin : begin + 1] in ("&", "*", "!"):
-        raise ConfigError(
-            f"{name} is written with an anchor, an alias or a tag, so that a change of it would be one elsewhere: "
-            "write its value out"
-        )
+        reason = "is written with an anchor, an alias or a tag, so that a change of it would change something else"
+        raise ConfigError(Problem(reason, ProblemKind.SHAPE, name, remedy="write its value out"))
     return Place(key.start_mark.index, text.index(":", behind) + 1, begin, end_of(text, value))
 
 
@@ -104,10 +103,10 @@ def _spliced(text: str, begin: int, end: int, new: str) -> str:
 
 
 def above(text: str, at: int, comments: Sequence[str]) -> str:
-    """With comments in lines of their own above the line of character `at`."""
+    """With comments in separate lines above the line of character `at`."""
     start = _line_start(text, at)
     indent = re.compile(" *").match(text, start)
-    lines = "".join(f"{indent[0] if indent else ''}{one}\n" for one in comments)
+    lines = "".join(f"{indent[0] if indent else ''}{comment}\n" for comment in comments)
     return text[:start] + own_breaks(lines, text) + text[start:]
 
 
@@ -133,7 +132,7 @@ def with_entry(text: str, parent: yaml.MappingNode, words: Sequence[str], new: s
 
 
 def without_entry(text: str, root: yaml.Node, name: str) -> str:
-    """Without an entry; what its comments said is kept in lines of their own."""
+    """Without an entry; its comments are kept in separate lines."""
     place, node = place_of(text, root, name), node_at(root, name)
     parent, word = node_at(root, name.rsplit(".", 1)[0]), name.rsplit(".", 1)[-1]
     if isinstance(parent, yaml.MappingNode) and parent.flow_style:
@@ -148,10 +147,10 @@ def without_entry(text: str, root: yaml.Node, name: str) -> str:
 
 def _kept(line: str, indent: int, label: str) -> str:
     """What remains of a line of a removed entry: its comment."""
-    found = _COMMENT.search(line)
-    if found is None or line.strip().startswith("#"):
-        return line if found else ""
-    return f"{' ' * indent}# before, {label}: {found[0].lstrip('# ')}"
+    comment = _COMMENT.search(line)
+    if comment is None or line.strip().startswith("#"):
+        return line if comment else ""
+    return f"{' ' * indent}# before, {label}: {comment[0].lstrip('# ')}"
 
 
 def _flow_span(text: str, parent: yaml.MappingNode, word: str) -> tuple[int, int]:

@@ -1,11 +1,13 @@
-"""From the stage and the control settings to the law that runs: gains, margins, and what is refused."""
+"""From the stage and the control settings to the law that runs: gains, margins, and the refusal of unsafe loops."""
 
 from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Set
 from typing import NamedTuple
 
+from stagectl.design.constants import SHARES
 from stagectl.design.control import (
     CascadeControl,
     Control,
@@ -20,8 +22,9 @@ from stagectl.design.control import (
     slower,
     speed,
 )
-from stagectl.design.margins import Margins, Rational, compensator, margins, observed, plant, swings
+from stagectl.design.margins import Margins, Rational, compensator, limit_cycle_frequency, margins, plant, with_observer
 from stagectl.kernels import feedback, feedforward, law, observer, stage
+from stagectl.problem import Problem, ProblemKind
 
 __all__ = [
     "CascadeControl",
@@ -37,20 +40,18 @@ __all__ = [
     "compensator",
     "design",
     "designed_feedback",
+    "designed_observer",
     "gains",
+    "law_of",
+    "limit_cycle_frequency",
+    "limit_cycle_warning",
+    "loop_parts",
     "margins",
-    "observed",
     "observer_bandwidth",
     "plant",
-    "running",
     "speed",
-    "swings",
-    "unjudged",
-    "unrest",
-    "watched",
+    "with_observer",
 ]
-
-_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)  # of what is too fast: what is advised instead
 
 
 class Controller(NamedTuple):
@@ -59,18 +60,28 @@ class Controller(NamedTuple):
     law: law.Law
     feedforward: feedforward.Feedforward
 
+    def without(self, layers: Set[str]) -> Controller:
+        """The same with these `layers` switched off."""
+        ahead = self.feedforward
+        ahead = ahead._replace(
+            with_ptc=ahead.with_ptc and "ptc" not in layers,
+            with_friction=ahead.with_friction and "friction" not in layers,
+        )
+        watching = observer.ABSENT if "observer" in layers else self.law.observer
+        return Controller(self.law._replace(observer=watching), ahead)
 
-def design(p: stage.Stage, control: Settings, without: frozenset[str] = frozenset()) -> Controller:
-    """The controller for this stage; `without` names layers of ``control.layers`` that are switched off.
+
+def design(p: stage.Stage, control: Settings) -> Controller:
+    """The controller for this stage, with the layers of ``control.layers``.
 
     Raises DesignError where the phase margin is below ``control.margin``.
     """
     designed = designed_feedback(p, control)
     reached = margins(p, designed, control.period)
-    if not reached.stable or reached.phase < control.margin:
-        raise DesignError(_refusal(p, control, reached))
-    layers = frozenset(control.layers) - without
-    watching = watched(p, control, designed) if "observer" in layers else observer.ABSENT
+    if not _accepted(reached, control):
+        raise _refusal(p, control, reached)
+    layers = control.layers
+    watching = designed_observer(p, control, designed) if "observer" in layers else observer.ABSENT
     anticipation = feedforward.Feedforward(
         feedforward.held(p.mechanics, p.motor.force_constant, control.period),
         p.friction.operators,
@@ -78,105 +89,129 @@ def design(p: stage.Stage, control: Settings, without: frozenset[str] = frozense
         "ptc" in layers,
         "friction" in layers,
     )
-    feeding = running(designed, control.period, p.drive.current_limit)
-    return Controller(feeding._replace(observer=watching), anticipation)
+    running = law_of(designed, control.period, p.drive.current_limit)
+    return Controller(running._replace(observer=watching), anticipation)
 
 
-def watched(p: stage.Stage, control: Settings, designed: Feedback) -> observer.Observer:
-    """The disturbance observer that `control` asks for, beside this feedback.
+def designed_observer(p: stage.Stage, control: Settings, designed: Feedback) -> observer.Observer:
+    """The disturbance observer that `control` demands, together with this feedback.
 
     Raises DesignError where the two together fall below ``control.margin``, or the delay is too long to observe.
     """
     bandwidth, dt = observer_bandwidth(control), control.period
-    found = _observing(p, control)
-    reached = margins(p, designed, dt, found)
-    if reached.stable and reached.phase >= control.margin:
-        return found
+    watching = _observer(p, control)
+    reached = margins(p, designed, dt, watching)
+    if _accepted(reached, control):
+        return watching
     alone = math.degrees(margins(p, designed, dt).phase)
-    state = f"{math.degrees(reached.phase):.1f} deg" if reached.stable else "none: the sampled loop is unstable"
-    raise DesignError(
-        f"control.observer_bandwidth = {bandwidth:g} Hz leaves a phase margin of {state} ({alone:.1f} deg without the "
-        f"observer); at least {math.degrees(control.margin):g} deg are asked for.  {_calmer(p, control, designed)}"
-    )
+    reason = f"{_reached(reached, control)}; without the observer it is {alone:.1f} deg"
+    problem = Problem(reason, ProblemKind.LOOP, "control.observer_bandwidth", f"{bandwidth:g} Hz", "Hz")
+    slower_one = _slower_observer(p, control, designed)
+    remedy, advised = "switch the layer observer off, or take a lower bandwidth for the feedback", None
+    if slower_one is not None:
+        phase, advised = math.degrees(slower_one.phase), slower_one.bandwidth
+        remedy = f"take {advised:.3g} Hz ({phase:.1f} deg), or switch the layer observer off"
+    raise DesignError(problem._replace(remedy=remedy), phase=reached.phase, advised=advised)
 
 
-def unrest(p: stage.Stage, control: Settings) -> str:
-    """What is wrong with this control on an axis that friction holds, in words; empty where it comes to rest.
+def limit_cycle_warning(p: stage.Stage, control: Settings) -> str:
+    """A warning where the loop would oscillate on an axis that friction holds; empty where it comes to rest.
 
     Raises DesignError where its gains cannot be realised.
     """
-    frequency = swings(p, *unjudged(p, control))
+    frequency = limit_cycle_frequency(p, *loop_parts(p, control))
     if frequency is None:
         return ""
     return (
-        f"when it stands, and friction is a spring, the loop swings by itself at {frequency:.3g} Hz, about as wide as "
-        f"the friction's shortest slip: {_quieter(p, control)} or a shorter period"
+        f"at standstill, where friction acts as a spring, the loop oscillates at {frequency:.3g} Hz, about as wide as "
+        f"the friction's shortest slip: {_calmer(p, control)} or a shorter period"
     )
 
 
-def _quieter(p: stage.Stage, control: Settings) -> str:
+def _calmer(p: stage.Stage, control: Settings) -> str:
     name, _, unit = speed(control)
-    for share in _SHARES:
+    for share in SHARES:
         lower = slower(control, share)
         with contextlib.suppress(DesignError):
-            if swings(p, *unjudged(p, lower)) is None:
+            if limit_cycle_frequency(p, *loop_parts(p, lower)) is None:
                 return f"take {name} = {speed(lower)[1]:.3g} {unit}"
     return "take less delay"
 
 
-def unjudged(p: stage.Stage, control: Settings) -> tuple[Feedback, float, observer.Observer]:
+def loop_parts(p: stage.Stage, control: Settings) -> tuple[Feedback, float, observer.Observer]:
     """Feedback, period (s) and observer of a control, whatever its margin.
 
     Raises DesignError where they cannot be realised.
     """
     designed = designed_feedback(p, control)
-    return designed, control.period, _observing(p, control) if "observer" in control.layers else observer.ABSENT
+    return designed, control.period, _observer(p, control) if "observer" in control.layers else observer.ABSENT
 
 
-def _observing(p: stage.Stage, control: Settings) -> observer.Observer:
-    try:
-        return observer.designed(p, control.period, observer_bandwidth(control))
-    except observer.DelayError as error:
-        raise DesignError(f"control.layers holds observer: {error}") from error
-
-
-def _calmer(p: stage.Stage, control: Settings, designed: Feedback) -> str:
-    for share in _SHARES:
-        lower = share * observer_bandwidth(control)
-        reached = margins(p, designed, control.period, observer.designed(p, control.period, lower))
-        if reached.stable and reached.phase >= control.margin:
-            return f"Take {lower:.3g} Hz ({math.degrees(reached.phase):.1f} deg), or switch the layer observer off"
-    return "Switch the layer observer off, or take a lower bandwidth for the feedback"
-
-
-def running(designed: Feedback, dt: float, current_limit: float) -> law.Law:
+def law_of(designed: Feedback, dt: float, current_limit: float) -> law.Law:
     """The law with this feedback, at the period `dt` (s)."""
     if isinstance(designed, feedback.Gains):
         return law.Law(feedback.discretised(designed, dt), current_limit)
     return law.Law(feedback.ABSENT, current_limit, designed, True)
 
 
-def _refusal(p: stage.Stage, control: Settings, reached: Margins) -> str:
-    margin = f"a phase margin of {math.degrees(reached.phase):.1f} deg" if math.isfinite(reached.phase) else "no margin"
-    state = "" if reached.stable else " and the sampled loop is unstable"
-    name, value, unit = speed(control)
-    return (
-        f"control.{name} = {value:g} {unit} leaves {margin}{state}; at least "
-        f"{math.degrees(control.margin):g} deg are asked for.  Period {control.period * 1e3:g} ms, nd "
-        f"{p.drive.delay_samples}, nm {p.encoder.delay_samples}, current lag {p.drive.current_lag * 1e3:.3g} ms.  "
-        f"{_advice(p, control)}"
-    )
+class _Advice(NamedTuple):
+    """A slower loop that is accepted."""
+
+    share: float  # of the refused bandwidth
+    bandwidth: float  # Hz
+    phase: float  # rad, its margin
 
 
-def _advice(p: stage.Stage, control: Settings) -> str:
-    for share in _SHARES:
-        lower = slower(control, share)
-        try:
+def _observer(p: stage.Stage, control: Settings) -> observer.Observer:
+    try:
+        return observer.designed(p, control.period, observer_bandwidth(control))
+    except observer.DelayError as error:
+        reason = f"holds observer: {error}"
+        raise DesignError(Problem(reason, ProblemKind.LOOP, "control.layers")) from error
+
+
+def _slower_observer(p: stage.Stage, control: Settings, designed: Feedback) -> _Advice | None:
+    for share in SHARES:
+        lower = share * observer_bandwidth(control)
+        reached = margins(p, designed, control.period, observer.designed(p, control.period, lower))
+        if _accepted(reached, control):
+            return _Advice(share, lower, reached.phase)
+    return None
+
+
+def _slower_feedback(p: stage.Stage, control: Settings) -> _Advice | None:
+    with contextlib.suppress(DesignError):
+        for share in SHARES:
+            lower = slower(control, share)
             reached = margins(p, designed_feedback(p, lower), control.period)
-        except DesignError:
-            break
-        if reached.stable and reached.phase >= control.margin:
-            also = "" if isinstance(control, Control) else f" with position_gain and 1/integral_time x {share:g}"
-            value = speed(lower)[1]
-            return f"Take {value:.3g} Hz{also} ({math.degrees(reached.phase):.1f} deg) or a shorter period"
-    return "Take a shorter period or remove delay: no lower bandwidth helps"
+            if _accepted(reached, control):
+                return _Advice(share, speed(lower)[1], reached.phase)
+    return None
+
+
+def _accepted(reached: Margins, control: Settings) -> bool:
+    return reached.stable and reached.phase >= control.margin
+
+
+def _reached(reached: Margins, control: Settings) -> str:
+    """The margin that is reached, and the one that is demanded."""
+    phase = f"{math.degrees(reached.phase):.1f} deg" if math.isfinite(reached.phase) else "none"
+    unstable = "" if reached.stable else ", as the sampled loop is unstable"
+    return f"the phase margin is {phase}{unstable}; it must be at least {math.degrees(control.margin):g} deg"
+
+
+def _refusal(p: stage.Stage, control: Settings, reached: Margins) -> DesignError:
+    name, value, unit = speed(control)
+    reason = (
+        f"{_reached(reached, control)} (period {control.period * 1e3:g} ms, nd {p.drive.delay_samples}, "
+        f"nm {p.encoder.delay_samples}, current lag {p.drive.current_lag * 1e3:.3g} ms)"
+    )
+    problem = Problem(reason, ProblemKind.LOOP, f"control.{name}", f"{value:g} {unit}", unit)
+    advice = _slower_feedback(p, control)
+    if advice is None:
+        remedy = "take a shorter period or remove delay, as no lower bandwidth helps"
+        return DesignError(problem._replace(remedy=remedy), phase=reached.phase)
+    also = "" if isinstance(control, Control) else f" with position_gain and 1/integral_time x {advice.share:g}"
+    phase = math.degrees(advice.phase)
+    remedy = f"take {advice.bandwidth:.3g} Hz{also} ({phase:.1f} deg) or a shorter period"
+    return DesignError(problem._replace(remedy=remedy), phase=reached.phase, advised=advice.bandwidth)

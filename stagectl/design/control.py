@@ -1,4 +1,4 @@
-"""What the user asks of the controller, and the feedback that follows: PID by pole placement, or a cascade."""
+"""The control settings of a stage file, and the feedback that follows: PID by pole placement, or a cascade."""
 
 from __future__ import annotations
 
@@ -10,25 +10,31 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from stagectl.kernels import cascade, feedback, stage
+from stagectl.problem import Problem, ProblemKind
 from stagectl.units import Quantity, StageError
 
 
 class DesignError(StageError):
     """A control design that would be unstable or too close to it."""
 
+    def __init__(self, *problems: Problem | str, phase: float = math.nan, advised: float | None = None) -> None:
+        super().__init__(*problems)
+        self.phase = phase  # rad, phase margin of the refused loop; NaN where it has none or cannot be computed
+        self.advised = advised  # Hz, the bandwidth that would be accepted; None where no lower one helps
+
 
 Layer = Literal["ptc", "friction", "observer"]
 _PERIOD = Quantity("s", "[1e-5, 0.1]", "control period Ts")
 _MARGIN = Quantity("rad", "[0, 1.5]", "least phase margin that is accepted")
-_LAYERS = "what acts beside the feedback: ptc, friction, observer"
-_OBSERVER = Quantity("Hz", "(0, 2000]", "where the disturbance observer's three poles are placed")
+_LAYERS = "layers that act together with the feedback: ptc, friction, observer"
+_OBSERVER = Quantity("Hz", "(0, 2000]", "frequency at which the disturbance observer's three poles are placed")
 
 
 class Control(NamedTuple):
-    """PID by pole placement: what the user asks of the controller."""
+    """PID by pole placement."""
 
     period: Annotated[float, _PERIOD]
-    bandwidth: Annotated[float, Quantity("Hz", "(0, 2000]", "where all four closed-loop poles are placed")]
+    bandwidth: Annotated[float, Quantity("Hz", "(0, 2000]", "frequency at which all four closed-loop poles are placed")]
     margin: Annotated[float, _MARGIN] = math.radians(20)
     layers: Annotated[tuple[Layer, ...], _LAYERS] = ("ptc", "friction")
     observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
@@ -38,8 +44,12 @@ class CascadeControl(NamedTuple):
     """P position, PI velocity, force filter and velocity feedforward."""
 
     period: Annotated[float, _PERIOD]
-    position_gain: Annotated[float, Quantity("1/s", "(0, 1e5]", "Kp, velocity asked for per position error")]
-    velocity_bandwidth: Annotated[float, Quantity("Hz", "(0, 1e4]", "of the velocity loop: Kv = inertia x 2 pi this")]
+    position_gain: Annotated[
+        float, Quantity("1/s", "(0, 1e5]", "Kp, velocity reference for each unit of position error")
+    ]
+    velocity_bandwidth: Annotated[
+        float, Quantity("Hz", "(0, 1e4]", "bandwidth of the velocity loop; Kv = inertia x 2 pi bandwidth")
+    ]
     integral_time: Annotated[float, Quantity("s", "[0, 100]", "Ti of the velocity loop; 0: no integrator")] = 0.0
     force_filter: Annotated[float, Quantity("s", "[0, 1]", "Tf, time constant of the force filter; 0: none")] = 0.0
     velocity_feedforward: Annotated[float, Quantity("", "[0, 2]", "share of the reference velocity, FF")] = 1.0
@@ -66,7 +76,7 @@ def cascaded(p: stage.Stage, control: CascadeControl) -> cascade.Cascade:
     dt, ti, tf = control.period, control.integral_time, control.force_filter
     velocity = p.mechanics.inertia * 2.0 * math.pi * control.velocity_bandwidth / p.motor.force_constant
     if not (math.isfinite(velocity) and velocity > 0.0):
-        raise DesignError(incomputable(p))
+        raise incomputable(p)
     return cascade.Cascade(
         control.position_gain,
         velocity,
@@ -86,37 +96,33 @@ def gains(p: stage.Stage, control: Control) -> feedback.Gains:
     with computable(p):
         designed = feedback.place_poles(p.mechanics, p.motor.force_constant, control.bandwidth)
     if not all(math.isfinite(gain) for gain in designed):
-        raise DesignError(incomputable(p))
+        raise incomputable(p)
     if min(designed) <= 0.0:
         least = p.mechanics.viscous / p.mechanics.inertia / (8.0 * math.pi)
-        raise DesignError(
-            f"control.bandwidth = {control.bandwidth:g} Hz is too low for this axis: the placement asks for "
-            f"{_listed(designed)}; the damping D/J needs more than {least:.3g} Hz at the very least"
-        )
+        gains_needed = ", ".join(f"{name} {value:.4g}" for name, value in designed._asdict().items())
+        reason = f"is too low for this axis, as a gain would be negative ({gains_needed})"
+        problem = Problem(reason, ProblemKind.LOOP, "control.bandwidth", f"{control.bandwidth:g} Hz", "Hz")
+        raise DesignError(problem._replace(remedy=f"the damping D/J needs more than {least:.3g} Hz"))
     return designed
-
-
-def _listed(designed: feedback.Gains) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in designed._asdict().items())
 
 
 @contextlib.contextmanager
 def computable(p: stage.Stage) -> Iterator[None]:
-    """Say it in words where the numbers of `p` leave what floats can hold."""
+    """Raise DesignError where the numbers of `p` exceed what floats can hold."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             yield
     except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
-        raise DesignError(incomputable(p)) from error
+        raise incomputable(p) from error
 
 
-def incomputable(p: stage.Stage) -> str:
-    """Which numbers to look at where a loop cannot be computed."""
-    return (
-        f"the loop of this stage is beyond computing: mechanics.inertia = {p.mechanics.inertia:g}, mechanics.viscous = "
-        f"{p.mechanics.viscous:g}, motor.force_constant = {p.motor.force_constant:g} (SI); check their units and "
-        f"powers of ten"
+def incomputable(p: stage.Stage) -> DesignError:
+    """The error where a loop cannot be computed; it names the numbers to look at."""
+    reason = (
+        f"the loop of this stage cannot be computed with mechanics.inertia = {p.mechanics.inertia:g}, "
+        f"mechanics.viscous = {p.mechanics.viscous:g}, motor.force_constant = {p.motor.force_constant:g} (SI)"
     )
+    return DesignError(Problem(reason, ProblemKind.LOOP, remedy="check their units and powers of ten"))
 
 
 def speed(control: Settings) -> tuple[str, float, str]:
@@ -138,7 +144,7 @@ def slower(control: Settings, share: float) -> Settings:
 
 
 def observer_bandwidth(control: Settings) -> float:
-    """Where the disturbance observer's poles are placed (Hz): as asked for, or as fast as the position loop."""
+    """Frequency of the disturbance observer's poles (Hz): that of `control`, or else that of the position loop."""
     if control.observer_bandwidth is not None:
         return control.observer_bandwidth
     return control.bandwidth if isinstance(control, Control) else control.position_gain / (2.0 * math.pi)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from stagectl.design.constants import FREQUENCIES, LOWEST, SHORTEST_LAG
 from stagectl.design.control import Feedback, computable
 from stagectl.kernels import cascade, feedback, observer, stage
 
@@ -33,11 +34,11 @@ def margins(p: stage.Stage, designed: Feedback, dt: float, watching: observer.Ob
     Raises DesignError where the stage's numbers are too extreme to compute with.
     """
     with computable(p):
-        return _margins(p, observed(compensator(designed, dt), watching), dt)
+        return _margins(p, with_observer(compensator(designed, dt), watching), dt)
 
 
 def _margins(p: stage.Stage, controller: Rational, dt: float) -> Margins:
-    frequency = np.geomspace(1e-5 / dt, 0.5 / dt, 20_000)
+    frequency = np.geomspace(LOWEST / dt, 0.5 / dt, FREQUENCIES)
     loop = _open_loop(p, controller, dt, np.exp(2j * np.pi * frequency * dt))
     phase = np.unwrap(np.angle(loop))
     phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
@@ -48,24 +49,25 @@ def _margins(p: stage.Stage, controller: Rational, dt: float) -> Margins:
     return Margins(margin, gain, crossover, delay, stable)
 
 
-def swings(
+def limit_cycle_frequency(
     p: stage.Stage, designed: Feedback, dt: float, watching: observer.Observer = observer.ABSENT
 ) -> float | None:
-    """Frequency (Hz) at which the loop swings by itself on an axis that friction holds; None where it comes to rest.
+    """Frequency (Hz) at which the loop oscillates on an axis that friction holds; None where it comes to rest.
 
-    Until anything slips, friction is a spring of `stage.stiffness`, with the damping of a bristle.  What grows in this
-    linear loop is caught by the elements that then slip: a limit cycle of about the shortest slip, for as long as there
-    is power.  Simulated ones begin at the bandwidth that this gives, and have its frequency (tests/test_rest.py).
+    Until anything slips, friction is a spring of `stage.stiffness`, with the damping of a bristle.  An oscillation
+    that grows in this linear loop is bounded by the elements that then slip: a limit cycle of about the shortest slip,
+    for as long as there is power.  Simulated limit cycles begin at this bandwidth and have this frequency
+    (tests/test_rest.py).
     """
     with computable(p):
-        poles = _poles(_plant(p, dt, held=True), observed(compensator(designed, dt), watching))
+        poles = _poles(_plant(p, dt, held=True), with_observer(compensator(designed, dt), watching))
     worst = poles[np.argmax(np.abs(poles))]
     return float(abs(np.angle(worst))) / (2.0 * np.pi * dt) if abs(worst) >= 1.0 else None
 
 
 def _sampled(p: stage.Stage, dt: float, held: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Plant with current loop, (position, velocity, current), sampled under zero-order hold; `held`: by friction."""
-    lag = max(p.drive.current_lag, 1e-9)  # a current loop this fast is none
+    lag = max(p.drive.current_lag, SHORTEST_LAG)
     spring, damping = (stage.stiffness(p.friction), p.friction.bristle.damping) if held else (0.0, 0.0)
     rates = -np.array([spring, p.mechanics.viscous + damping, -p.motor.force_constant]) / p.mechanics.inertia
     a = np.array([[0, 1, 0], rates, [0, 0, -1 / lag]])
@@ -83,8 +85,8 @@ class Rational(NamedTuple):
 
     def at(self, z: NDArray[Any]) -> NDArray[Any]:
         """Its values at `z` (n,)."""
-        found: NDArray[Any] = np.polyval(self.numerator, z) / np.polyval(self.denominator, z)
-        return found
+        values: NDArray[Any] = np.polyval(self.numerator, z) / np.polyval(self.denominator, z)
+        return values
 
 
 def compensator(designed: Feedback, dt: float) -> Rational:
@@ -94,7 +96,7 @@ def compensator(designed: Feedback, dt: float) -> Rational:
     return _cascade(designed)
 
 
-def observed(controller: Rational, p: observer.Observer) -> Rational:
+def with_observer(controller: Rational, p: observer.Observer) -> Rational:
     """The controller together with a disturbance observer: ``(C + M) / (1 + U)``, see `observer.transfer`."""
     if not p.active:
         return controller
@@ -161,12 +163,12 @@ def _poles(moved: Rational, controller: Rational) -> NDArray[Any]:
 
 def _phase_margin(frequency: NDArray[Any], level: NDArray[Any], phase: NDArray[Any]) -> tuple[float, float]:
     """Smallest margin over all frequencies at which the loop's gain passes 1: (Hz, rad)."""
-    found = [(0.0, math.inf)]
+    crossings = [(0.0, math.inf)]
     for k in np.flatnonzero(np.diff(np.sign(level))):
         part = level[k] / (level[k] - level[k + 1])
         there = frequency[k] + part * (frequency[k + 1] - frequency[k])
-        found.append((float(there), float(np.pi + phase[k] + part * (phase[k + 1] - phase[k]))))
-    return min(found, key=lambda pair: pair[1])
+        crossings.append((float(there), float(np.pi + phase[k] + part * (phase[k + 1] - phase[k]))))
+    return min(crossings, key=lambda pair: pair[1])
 
 
 def _gain_margin(size: NDArray[Any], phase: NDArray[Any]) -> float:

@@ -104,7 +104,7 @@ class Canopen(NamedTuple):
 
     eds: Annotated[str, "EDS or DCF file, relative to the stage file (or to the config folder of the checkout)"]
     node: Annotated[int, Quantity("", "[1, 126]", "CANopen node id of the drive")]
-    rated_current: Annotated[float, Quantity("A", "(0, 1000]", "current that 1000 per mille stand for")]
+    rated_current: Annotated[float, Quantity("A", "(0, 1000]", "rated current of the drive, which is 1000 per mille")]
     command_scale: Annotated[float, Quantity("A", "(0, 10]", "current of one count of the command object")]
     current_scale: Annotated[float, Quantity("A", "(0, 10]", "current of one count of the current object")]
     quick_stop_deceleration: Annotated[
@@ -125,7 +125,7 @@ class Canopen(NamedTuple):
     heartbeat_timeout: Annotated[float, Quantity("s", "[0.002, 60]", "silence after which a partner is lost")] = 0.5
     rpdo_timeout: Annotated[float, Quantity("s", "[0, 60]", "silence of the RPDO that stops the drive; 0: off")] = 0.5
     feedback_timeout: Annotated[float, Quantity("s", "(0, 60]", "longest wait for the answer to SYNC")] = 0.5
-    reset: Annotated[Literal["none", "communication", "node"], "what the drive resets when we connect (NMT)"] = "none"
+    reset: Annotated[Literal["none", "communication", "node"], "reset of the drive when we connect (NMT)"] = "none"
     bus_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of the bus that the cycle may take")] = 0.8
     deceleration_scale: Annotated[
         float,
@@ -137,9 +137,27 @@ class Odrive(NamedTuple):
     """An ODrive in torque mode over its ASCII protocol, on a serial line or USB."""
 
     port: Annotated[str, "serial port, such as /dev/ttyACM0; a virtual drive makes it"]
-    torque_constant: Annotated[float, Quantity("N m/A", "(0, 1e3]", "of the drive's own motor configuration")]
-    baud: Annotated[float, Quantity("bit/s", "[9600, 12e6]", "of the line; USB runs at its own speed")] = 115200.0
-    axis: Annotated[int, Quantity("", "[0, 1]", "which of the drive's axes")] = 0
+    torque_constant: Annotated[
+        float, Quantity("N m/A", "(0, 1e3]", "torque constant in the drive's own motor configuration")
+    ]
+    baud: Annotated[float, Quantity("bit/s", "[9600, 12e6]", "baud rate of the line; USB runs at its own speed")] = (
+        115200.0
+    )
+    axis: Annotated[int, Quantity("", "[0, 1]", "number of the axis in the drive")] = 0
     watchdog: Annotated[float, Quantity("s", "[0, 10]", "silence after which the drive stops; 0: off")] = 0.1
     feedback_timeout: Annotated[float, Quantity("s", "(0, 60]", "longest wait for an answer")] = 0.05
     line_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of a period that the line may take")] = 0.8
+
+
+class Simulation(NamedTuple):
+    """How the stage model is run in place of a machine."""
+
+    substeps: Annotated[int, Quantity("", "[1, 10000]", "number of integration steps per control period")] = 10
+    current_noise: Annotated[
+        float, Quantity("A", "[0, 100]", "rms noise of the motor current, drawn once a period")
+    ] = 0.0
+    encoder_noise: Annotated[float, Quantity("rad | m", "[0, 1]", "rms noise before the encoder rounds")] = 0.0
+    seed: Annotated[int, Quantity("", "[0, 2147483647]", "seed of that noise")] = 1
+    clock: Annotated[
+        Literal["sync", "wall"], "clock of a virtual drive's plant: Ts at each SYNC, or the wall clock"
+    ] = "sync"

@@ -20,11 +20,11 @@ Lasting = Annotated[float, Quantity("s", "[0, 1e6]", "how long it lasts; 0 s: un
 Share = Annotated[float, Quantity("", "(0, 1]", "share of the frames that it hits")]
 Delay = Annotated[float, Quantity("s", "(0, 1]", "how much later")]
 Code = Annotated[int, Quantity("", "[256, 65535]", "emergency error code (CiA 301, CiA 402)")]
-Factor = Annotated[float, Quantity("", "[-100, 100]", "what is there for one unit of what should be")]
+Factor = Annotated[float, Quantity("", "[-100, 100]", "actual value for one unit of the true value")]
 
 
 class Plain(NamedTuple):
-    """A fault that is there or is not."""
+    """A fault without parameters."""
 
     fault: Name
     after: After = 0.0
@@ -69,7 +69,7 @@ class Jump(NamedTuple):
 
 
 class Wrong(NamedTuple):
-    """A value that is not what it says."""
+    """A value with a wrong factor."""
 
     fault: Name
     factor: Factor = -1.0
@@ -78,7 +78,7 @@ class Wrong(NamedTuple):
 
 
 class Weak(NamedTuple):
-    """A current that is not all there."""
+    """A current that is too small."""
 
     fault: Name
     factor: Factor = 0.3

@@ -26,9 +26,6 @@ from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError, Fault, Feedback, Odrive, Power
 
 IDLE, CLOSED_LOOP, TORQUE_CONTROL, PASSTHROUGH = 1, 8, 1, 1  # of the ODrive's own enumerations
-# Characters at most: "c 0 ...", "turns turns/s", "f 0", and the state both ways.
-COMMAND, ANSWER, REQUEST, STATE = 17, 32, 4, 26
-_BITS = 10  # of a character
 _STATE_EVERY = 8  # cycles
 _ENABLE_TIME = 5.0  # s
 _MOST = 9999.0  # N m that fit the command
@@ -43,24 +40,6 @@ def open_odrive(settings: Odrive, dt: float, clock: Clock = WALL) -> OdriveDrive
     except DriveError:
         line.close()
         raise
-
-
-def cycle(baud: float) -> float:
-    """Time (s) that the longest cycle takes on the line: question, answer, command, and the question for the state."""
-    return (COMMAND + ANSWER + REQUEST + STATE) * _BITS / baud
-
-
-def refused(wire: Odrive, period: float) -> list[str]:
-    """Why the line cannot carry a cycle every `period` (s), with figures."""
-    takes = cycle(wire.baud)
-    if takes <= wire.line_load_limit * period:
-        return []
-    return [
-        f"drive.wire.baud = {wire.baud:g} bit/s; question, answer, command and state, up to "
-        f"{COMMAND + ANSWER + REQUEST + STATE} characters, take {takes * 1e3:.3g} ms of a period of {period * 1e3:g} "
-        f"ms, the limit is {100 * wire.line_load_limit:.0f} %: raise the baud rate in the drive and here, or take "
-        f"control.period of at least {takes / wire.line_load_limit * 1e3:.3g} ms"
-    ]
 
 
 class Line:

@@ -4,27 +4,11 @@ from __future__ import annotations
 
 import math
 import random
-from typing import Annotated, Literal, NamedTuple
 
-from stagectl.drives.drive import Fault, Feedback, Power
+from stagectl.drives.drive import Fault, Feedback, Power, Simulation
 from stagectl.kernels import stage
-from stagectl.units import Quantity
 
 OPERATION_ENABLED, SWITCHED_ON = 0x0027, 0x0023
-
-
-class Simulation(NamedTuple):
-    """How the stage model is run where it stands in for a machine."""
-
-    substeps: Annotated[int, Quantity("", "[1, 10000]", "number of integration steps per control period")] = 10
-    current_noise: Annotated[float, Quantity("A", "[0, 100]", "rms noise on the motor current, one draw a period")] = (
-        0.0
-    )
-    encoder_noise: Annotated[float, Quantity("rad | m", "[0, 1]", "rms noise before the encoder rounds")] = 0.0
-    seed: Annotated[int, Quantity("", "[0, 2147483647]", "seed of that noise")] = 1
-    clock: Annotated[Literal["sync", "wall"], "what moves a virtual drive's plant: each SYNC by Ts, or the clock"] = (
-        "sync"
-    )
 
 
 def draw(p: Simulation, periods: int, jitter: float = 0.0) -> list[stage.Noise]:

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.response.sampling import check
 from stagectl.identification.result import Characteristic, Found, Parameter

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stagectl.config.stage_file import Setup, StageFile
+from stagectl.config.stage_blocks import StageFile
+from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.result import Characteristic, Found, Progress
 from stagectl.units import LINEAR

@@ -11,7 +11,7 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.least_squares import Model, Result, estimated, least_squares
 from stagectl.identification.result import Found, Parameter

@@ -1,4 +1,4 @@
-"""What a drive does beside its current loop: dead time, its limits of heat and voltage, and what it reports."""
+"""Effects of a drive apart from its current loop: dead time, limits of heat and voltage, and the reported current."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def heated(p: Drive, heat: float, current: float, dt: float) -> float:
 
 @kernel
 def limited(p: Drive, target: float, limit: float, velocity: float) -> float:
-    """`target` (A) within +-`limit`, plus the offset, within what the voltage leaves: ``|R i + K_e v| <= U``."""
+    """`target` (A) within +-`limit`, plus the offset, within the limit of the voltage: ``|R i + K_e v| <= U``."""
     target = min(max(target, -limit), limit) + p.offset
     if p.voltage_limit == math.inf:
         return target

@@ -31,7 +31,7 @@ class Harmonic(NamedTuple):
 
     amplitude: Annotated[float, Quantity("", "[-1e6, 1e6]", "amplitude; 0 is neutral")] = 0.0
     order: Annotated[float, Quantity("", "(0, 1e6]", "periods per pitch")] = 1.0
-    phase: Annotated[float, Quantity("rad", "[-1e3, 1e3]", "at position 0")] = 0.0
+    phase: Annotated[float, Quantity("rad", "[-1e3, 1e3]", "phase at position 0")] = 0.0
 
 
 class Warming(NamedTuple):

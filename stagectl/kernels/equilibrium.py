@@ -31,7 +31,7 @@ def at_rest(p: Stage, position: float, time: float) -> State:
 
 
 def read(p: Stage, measured: float) -> float:
-    """Position (rad | m) that the encoder shows as `measured`; its errors are small beside their periods."""
+    """Position (rad | m) that the encoder shows as `measured`; its errors are small compared with their periods."""
     position = measured
     for _ in range(_READ):
         off = measured - plant_with_effects.seen(p.encoder, p.mechanics.pitch, position)
@@ -42,7 +42,7 @@ def read(p: Stage, measured: float) -> float:
 
 
 def efforts(p: Stage, position: float, time: float) -> tuple[float, float]:
-    """Efforts on motor and load (N m | N) of an axis that stands, before any friction."""
+    """Efforts on motor and load (N m | N) of an axis at rest, before any friction."""
     bodies = Bodies(position, 0.0, position, 0.0, 0.0, 0.0)
     motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * position)
     path = plant_with_effects.Path(0.0, position, position, 0.0)
@@ -68,7 +68,7 @@ def _limits(p: Stage, position: float, time: float, driving: float, load: float)
 
 
 def _load_at(p: Stage, position: float, driving: float, force: float) -> float:
-    """Where the load stands behind spring and gap: the motor's effort, less its friction, goes through them."""
+    """Position of the load behind spring and gap, which carry the motor's effort less its friction."""
     c = transmission.coefficients(p.mechanics, 0.0, 1.0)
     through = driving - (1.0 - c.share) * force
     if c.load == 0.0 or through == 0.0:

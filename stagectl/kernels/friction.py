@@ -59,7 +59,7 @@ def relaxed(p: StopOperators) -> Any:
 def settled(p: StopOperators, s: Any, load: float, limit: float = 1.0) -> float:
     """Let relaxed operators `s` give way until they carry `load` (N m | N); the force they then give.
 
-    A load beyond their sum lets all of them slip: the axis will not stand.
+    A load beyond their sum lets all of them slip: the axis does not stay at rest.
     """
     return stops(p, s, math.copysign(_given_way(p, abs(load), float(limit)), load), limit) if load else 0.0
 

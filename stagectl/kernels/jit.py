@@ -42,7 +42,7 @@ def source_hash() -> str:
 if INTERPRETED:
 
     def kernel(function: Callable[P, R]) -> Callable[P, R]:
-        """Interpreted: the function as it stands."""
+        """Interpreted: the function itself."""
         return function
 
     def table(values: Iterable[float]) -> Any:

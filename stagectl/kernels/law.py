@@ -103,7 +103,7 @@ def step(p: Law, x: State, r: Setpoint, measured: float) -> tuple[Output, State]
     if current != command and driving * command > 0.0:  # anti-windup: do not integrate further into the limit
         pid = feedback.State(pid.error, x.feedback.integral, pid.derivative)
         outer = cascade.State(outer.error, x.cascade.integral, outer.filtered, outer.last, outer.before)
-    if p.observer.active:  # not told of the friction compensation: it would find all the friction and do it again
-        seen = observer.told(p.observer, x.observer, measured, current - r.friction)
+    if p.observer.active:  # without the friction compensation, or it would see all the friction and compensate it again
+        seen = observer.updated(p.observer, x.observer, measured, current - r.friction)
     output = Output(error, terms.proportional, terms.integral, terms.derivative, against, command, current)
     return output, State(pid, outer, seen)

@@ -29,7 +29,7 @@ from stagectl.kernels.feedforward import held
 from stagectl.kernels.jit import kernel
 from stagectl.units import StageError
 
-LONGEST = len(stage.NO_COMMANDS) - 2  # whole periods of delay that the line holds, beside the share
+LONGEST = len(stage.NO_COMMANDS) - 2  # whole periods of delay that the line holds, apart from the share
 
 
 class DelayError(StageError):
@@ -102,11 +102,11 @@ def estimate(p: Observer, x: State, measured: float) -> float:
 
 
 @kernel
-def told(p: Observer, x: State, measured: float, current: float) -> State:
+def updated(p: Observer, x: State, measured: float, current: float) -> State:
     """The period's end: `measured` (rad | m) corrects the model, and the `current` (A) moves it on.
 
-    A current that stands against a disturbance by its model (friction) is left out of `current`, as the disturbance is
-    left out of the plant: what is observed then is what the model leaves over.
+    A current that compensates a modelled disturbance (friction) is left out of `current`, as the disturbance is left
+    out of the plant: then only the rest of the disturbance is observed.
     """
     if not p.active:
         return x

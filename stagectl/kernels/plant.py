@@ -1,6 +1,6 @@
 """Parameters and state of the plant, block by block; `stage` moves it.
 
-All that stands after the first fields of a block is an effect: neutral by default, and then it vanishes bit for bit.
+Every field after the first ones of a block is an effect: neutral by default, and then it vanishes bit for bit.
 """
 
 from __future__ import annotations
@@ -15,16 +15,20 @@ from stagectl.units import Quantity
 # A delay line of whole control periods, newest first.
 Line = tuple[float, float, float, float, float, float, float, float]
 
-# Fields that a stage file has in blocks of its own, too: declared here, once.
-DeadTime = Annotated[float, Quantity("s", "[0, 0.1]", "delay beside nd Ts; together with it up to 7 control periods")]
+# Fields that a stage file has in other blocks, too: declared here, once.
+DeadTime = Annotated[
+    float, Quantity("s", "[0, 0.1]", "further delay after nd Ts; both together are at most 7 control periods")
+]
 Jitter = Annotated[float, Quantity("s", "[0, 0.01]", "rms of a random part of that delay")]
-CurrentOffset = Annotated[float, Quantity("A", "[-1e3, 1e3]", "added to the motor current")]
-Continuous = Annotated[float, Quantity("A", "(0, inf]", "to which the limit folds back; inf: never")]
-FoldbackTime = Annotated[float, Quantity("s", "(0, 1e5]", "for which the drive gives its largest current")]
-Voltage = Annotated[float, Quantity("V", "(0, inf]", "of the supply, U: |R i + Ke v| stays below; inf: any")]
-Resistance = Annotated[float, Quantity("ohm", "(0, 1e6]", "of the winding, R")]
-BackEmf = Annotated[float, Quantity("V s/rad | V s/m", "[0, 1e6]", "of the motor, Ke")]
-Lag = Annotated[float, Quantity("s", "[0, 10]", "of the velocity in Stribeck's factor")]
+CurrentOffset = Annotated[float, Quantity("A", "[-1e3, 1e3]", "current that is added to the motor current")]
+Continuous = Annotated[float, Quantity("A", "(0, inf]", "current to which the limit folds back; inf: never")]
+FoldbackTime = Annotated[float, Quantity("s", "(0, 1e5]", "time for which the drive gives its largest current")]
+Voltage = Annotated[
+    float, Quantity("V", "(0, inf]", "supply voltage U, which |R i + Ke v| does not exceed; inf: no limit")
+]
+Resistance = Annotated[float, Quantity("ohm", "(0, 1e6]", "resistance of the winding, R")]
+BackEmf = Annotated[float, Quantity("V s/rad | V s/m", "[0, 1e6]", "back-EMF constant of the motor, Ke")]
+Lag = Annotated[float, Quantity("s", "[0, 10]", "lag of the velocity in Stribeck's factor")]
 Asymmetry = Annotated[float, Quantity("", "[-1, 1]", "e of T_c (1 + e sgn v)")]
 LoadShare = Annotated[float, Quantity("", "[0, 10]", "friction per motor effort, mu")]
 Lead = Annotated[Harmonic, Quantity("", "[-1, 1]", "share of T_c that goes with the lead")]
@@ -64,16 +68,16 @@ class Motor(NamedTuple):
 
     force_constant: Annotated[float, Quantity("N m/A | N/A", "(0, 1e6]", "effort of one ampere, Kt")]
     cogging: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "effort without current")] = Harmonic()
-    cogging_second: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "another one")] = Harmonic()
+    cogging_second: Annotated[Harmonic, Quantity("N m | N", "[-1e6, 1e6]", "a second one")] = Harmonic()
     ripple: Annotated[Harmonic, Quantity("", "[-1, 1]", "share of the current's effort")] = Harmonic()
-    ripple_second: Annotated[Harmonic, Quantity("", "[-1, 1]", "another one")] = Harmonic()
+    ripple_second: Annotated[Harmonic, Quantity("", "[-1, 1]", "a second one")] = Harmonic()
 
 
 class Cable(NamedTuple):
     """A cable that pulls towards its centre, with a Maxwell element: ``k (x - centre) + hysteresis s``."""
 
     stiffness: Annotated[float, Quantity("N m/rad | N/m", "[0, 1e9]", "k; 0 is neutral")] = 0.0
-    centre: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "where it does not pull")] = 0.0
+    centre: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "position at which it does not pull")] = 0.0
     hysteresis: Annotated[float, Quantity("N m | N", "[0, 1e6]", "force of the element that slips; 0 is neutral")] = 0.0
     slip: Annotated[float, Quantity("rad | m", "(0, 1e3]", "displacement at which that element slips")] = 1.0
 
@@ -81,9 +85,13 @@ class Cable(NamedTuple):
 class Transmission(NamedTuple):
     """Motor and load with a spring, a damper and a gap between them; rigid without share or resonance."""
 
-    load_share: Annotated[float, Quantity("", "[0, 0.99]", "of the inertia behind the spring; 0: rigid")] = 0.0
-    resonance: Annotated[float, Quantity("Hz", "[0, 5000]", "of motor against load, both free; 0: rigid")] = 0.0
-    damping: Annotated[float, Quantity("", "[0, 2]", "ratio of that resonance")] = 0.03
+    load_share: Annotated[
+        float, Quantity("", "[0, 0.99]", "share of the inertia that is behind the spring; 0: rigid")
+    ] = 0.0
+    resonance: Annotated[float, Quantity("Hz", "[0, 5000]", "resonance of motor against load, both free; 0: rigid")] = (
+        0.0
+    )
+    damping: Annotated[float, Quantity("", "[0, 2]", "damping ratio of that resonance")] = 0.03
     backlash: Annotated[float, Quantity("rad | m", "[0, 1]", "full gap between motor and load")] = 0.0
     load_friction: Annotated[float, Quantity("", "[0, 1]", "share of friction at the load; the rest at the motor")] = (
         1.0
@@ -94,8 +102,8 @@ class Base(NamedTuple):
     """The machine's base on its feet, pushed back by the motor."""
 
     ratio: Annotated[float, Quantity("", "[0, 10]", "moving mass over that of the base, mu; 0 is neutral")] = 0.0
-    frequency: Annotated[float, Quantity("Hz", "(0, 1000]", "of the base on its feet")] = 20.0
-    damping: Annotated[float, Quantity("", "[0, 2]", "ratio of that mode")] = 0.02
+    frequency: Annotated[float, Quantity("Hz", "(0, 1000]", "natural frequency of the base on its feet")] = 20.0
+    damping: Annotated[float, Quantity("", "[0, 2]", "damping ratio of that mode")] = 0.02
 
 
 class Mechanics(NamedTuple):
@@ -104,7 +112,9 @@ class Mechanics(NamedTuple):
     inertia: Annotated[float, Quantity("kg m^2 | kg", "(0, 1e6]", "moving inertia J or mass M")]
     viscous: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e6]", "viscous friction D")]
     bias: Annotated[float, Quantity("N m | N", "[-1e6, 1e6]", "constant effort on the axis, e.g. gravity")] = 0.0
-    pitch: Annotated[float, Quantity("rad | m", "(0, 1e6]", "over which the harmonics' angle turns once")] = TURN
+    pitch: Annotated[
+        float, Quantity("rad | m", "(0, 1e6]", "travel over which the angle of the harmonics turns once")
+    ] = TURN
     quadratic: Annotated[float, Quantity("N m s^2/rad^2 | N s^2/m^2", "[0, 1e6]", "friction c v |v|; 0 is neutral")] = (
         0.0
     )
@@ -120,11 +130,13 @@ class Mechanics(NamedTuple):
 
 
 class Dwell(NamedTuple):
-    """Ageing of the contact at rest: a factor ``1 + rise ln(1 + t_d / time)``, wiped by slip."""
+    """Ageing of the contact at rest: a factor ``1 + rise ln(1 + t_d / time)``, removed by slip."""
 
     rise: Annotated[float, Quantity("", "[0, 10]", "rise per e-fold of the time at rest; 0 is neutral")] = 0.0
     time: Annotated[float, Quantity("s", "(0, 1e6]", "time at rest from which it grows")] = 0.1
-    length: Annotated[float, Quantity("rad | m", "[0, 1e3]", "slip that wipes it; 0: mean slip of the friction")] = 0.0
+    length: Annotated[
+        float, Quantity("rad | m", "[0, 1e3]", "slip after which it is gone; 0: mean slip of the friction")
+    ] = 0.0
 
 
 class Along(NamedTuple):
@@ -132,7 +144,7 @@ class Along(NamedTuple):
 
     slope: Annotated[float, Quantity("1/rad | 1/m", "[-1e6, 1e6]", "linear part; 0 is neutral")] = 0.0
     bow: Annotated[float, Quantity("1/rad^2 | 1/m^2", "[-1e9, 1e9]", "quadratic part; 0 is neutral")] = 0.0
-    centre: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "where the factor is 1")] = 0.0
+    centre: Annotated[float, Quantity("rad | m", "[-1e6, 1e6]", "position at which the factor is 1")] = 0.0
 
 
 class Friction(NamedTuple):

@@ -10,7 +10,7 @@ from stagectl.units import Quantity
 
 
 class Observed(NamedTuple):
-    """What is known of the machine in one period, beside the law's own terms."""
+    """Signals of the machine in one period, in addition to the law's terms."""
 
     measured: Annotated[float, Quantity("rad | m", "[-inf, inf]", "position reported by the encoder")]
     true_position: Annotated[float, Quantity("rad | m", "[-inf, inf]", "position of the model; NaN on a machine")]

@@ -58,7 +58,7 @@ class _Coefficients(NamedTuple):
 def at_rest(p: Stage, position: float = 0.0, time: float = 0.0) -> State:
     """The plant standing at `position` without command, at the session clock `time` (s).
 
-    Its friction carries bias, cogging, cable and what else stands on the axis; behind a transmission the load is where
+    Its friction carries bias, cogging, cable and what else acts on the axis; behind a transmission the load is where
     spring and gap balance.
     """
     return equilibrium.at_rest(p, float(position), float(time))

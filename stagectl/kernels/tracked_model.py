@@ -1,4 +1,4 @@
-"""The stage model tied to a measured path: what current it lacks to move as the machine did.
+"""The stage model tied to a measured path: the further current with which it moves as the machine did.
 
 ::
 
@@ -49,7 +49,7 @@ def step(p: Tied, x: State, row: tuple[float, float, float], dt: float, substeps
     correction = terms.proportional + terms.integral + terms.derivative
     given = stage.reported(p.stage.drive, x.plant, dt)
     extra = correction
-    if current == current:  # measured: what the drive gave beside its model is no fault of the mechanics
+    if current == current:  # measured: a deviation of the drive from its model is not one of the mechanics
         extra += current - given
     plant = stage.period(p.stage, x.plant, command, stage.Noise(extra, 0.0, 0.0), dt, substeps)
     return correction, given, State(plant, tracker)

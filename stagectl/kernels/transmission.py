@@ -113,8 +113,8 @@ def transmitted(c: Coefficients, x: Bodies) -> float:
     bent = wound - min(max(wound, -c.gap), c.gap)
     if c.gap > 0.0 and bent == 0.0:
         return 0.0
-    given = c.spring * bent + c.damper * (x.velocity - x.load_velocity)
-    return 0.0 if c.gap > 0.0 and given * bent < 0.0 else given
+    carried_effort = c.spring * bent + c.damper * (x.velocity - x.load_velocity)
+    return 0.0 if c.gap > 0.0 and carried_effort * bent < 0.0 else carried_effort
 
 
 @kernel
@@ -133,9 +133,9 @@ def kicked(p: Mechanics, c: Coefficients, x: Bodies, efforts: tuple[float, float
     v = here * x.velocity + there * x.load_velocity
     damping = viscous(p, c, v)
     friction += damping * v * effects.relaxed(damping * c.half * (here * here / c.motor + there * there / c.load))
-    given = transmitted(c, x)
-    dv = c.half / c.motor * (driving - given - here * friction)
-    return _recoiled(c, x, dv, c.half / c.load * (given + pulling - there * friction))
+    carried_effort = transmitted(c, x)
+    dv = c.half / c.motor * (driving - carried_effort - here * friction)
+    return _recoiled(c, x, dv, c.half / c.load * (carried_effort + pulling - there * friction))
 
 
 @kernel

@@ -18,8 +18,7 @@ from typing import NamedTuple
 from stagectl.config.homing import Homing
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive
-from stagectl.drives.simulated import Simulation
+from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive, Simulation
 from stagectl.kernels import law, stage
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.homing import Search

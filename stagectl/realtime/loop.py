@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 from stagectl.drives.bus.frames import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
-from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Odrive, Power
+from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Odrive, Power, Simulation
 from stagectl.drives.odrive import open_odrive
-from stagectl.drives.simulated import Plant, Simulated, Simulation
+from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import law, stage
 from stagectl.realtime import safety, scheduling
 from stagectl.realtime.stops import STOPS, Category

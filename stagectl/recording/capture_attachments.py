@@ -1,4 +1,4 @@
-"""What captures.yaml names beside a capture: the current that was added to its command, and its setpoints.
+"""Files that captures.yaml names for a capture: the current that was added to its command, and its setpoints.
 
 The header of an injection has ``injection_A`` (or one other column in A or mA) and, where its rows are not those of the
 capture, ``time_s``: then a value holds from its time on, as a controller adds it, and none was added outside.
@@ -15,14 +15,15 @@ from typing import Any
 import numpy as np
 
 from stagectl.kernels.law import Setpoint
+from stagectl.problem import ProblemKind
 from stagectl.recording.arrow import arrow
 from stagectl.recording.columns import Array
+from stagectl.recording.constants import EARLY
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.units import StageError, factor
 
 NAME = "injection_A"
-_EARLY = 0.5  # of a row's duration: a row belongs to the value that begins up to this much after it
 
 
 def setpoints(path: Path, rows: int, kind: str) -> dict[str, Array]:
@@ -35,10 +36,9 @@ def setpoints(path: Path, rows: int, kind: str) -> dict[str, Array]:
     names = {name: header(name, known[name].unit_for(kind)) for name in Setpoint._fields}
     absent = [label for label in names.values() if label not in table.column_names]
     if absent or len(table) != rows:
-        what = f"lacks the column {absent[0]}" if absent else f"has {len(table)} rows, its capture {rows}"
-        raise RecordingError(
-            f"{path} {what}; without setpoints, they are recomputed: take the key out of captures.yaml"
-        )
+        what = f"has no column {absent[0]}" if absent else f"has {len(table)} rows, its capture {rows}"
+        reason = f"{path} {what}; without setpoints, they are recomputed: take the key out of captures.yaml"
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT, column=absent[0] if absent else "")
     return {name: _numbers(path, table, label) for name, label in names.items()}
 
 
@@ -52,10 +52,11 @@ def injection(path: Path, time: Array) -> Array:
     current = scale * _numbers(path, table, name)
     if "time_s" not in table.column_names:
         if len(current) != len(time):
-            raise RecordingError(
+            reason = (
                 f"{path} has {len(current)} rows and no time_s, its capture has {len(time)}; it must have as many, or "
                 "a time"
             )
+            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
         return current
     return _held(path, _numbers(path, table, "time_s"), current, time)
 
@@ -64,7 +65,9 @@ def _table(path: Path) -> Any:
     try:
         return arrow().csv.read_csv(path, read_options=arrow().csv.ReadOptions(use_threads=False))
     except (arrow().ArrowInvalid, OSError) as error:
-        raise RecordingError(f"{path} cannot be read as a CSV beside a capture: {error}") from error
+        raise RecordingError(
+            f"{path} cannot be read as the CSV of a capture: {error}", file=path, kind=ProblemKind.FILE
+        ) from error
 
 
 def _column(path: Path, names: list[str]) -> tuple[str, float]:
@@ -72,9 +75,8 @@ def _column(path: Path, names: list[str]) -> tuple[str, float]:
     currents = [name for name in names if name != "time_s" and _scale(name) is not None]
     chosen = [name for name in currents if name.startswith("injection")] or currents
     if len(chosen) != 1:
-        raise RecordingError(
-            f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)"
-        )
+        reason = f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)"
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=NAME)
     scale = _scale(chosen[0])
     assert scale is not None
     return chosen[0], scale
@@ -91,23 +93,28 @@ def _numbers(path: Path, table: Any, name: str) -> Array:
     try:
         values = np.array(table[name].cast(arrow().float64()).to_numpy(), dtype=np.float64)
     except arrow().ArrowInvalid as error:
-        raise RecordingError(f"{name} in {path} does not hold numbers: {error}") from error
+        raise RecordingError(
+            f"{name} in {path} does not hold numbers: {error}", file=path, kind=ProblemKind.VALUE, column=name
+        ) from error
     if not np.all(finite := np.isfinite(values)):
-        raise RecordingError(f"{path} has no {name} in row {int(np.argmin(finite)) + 1} of its numbers")
+        reason = f"{path} has no {name} in row {int(np.argmin(finite)) + 1} of its numbers"
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=name, row=int(np.argmin(finite)) + 1)
     return values
 
 
 def _held(path: Path, begins: Array, current: Array, time: Array) -> Array:
     """`current` (m,) A, each from its time in `begins` (m,) s on, at the rows' `time` (n,) s; 0 outside."""
     if len(begins) < 2 or np.any(np.diff(begins) <= 0.0):
-        raise RecordingError(f"{path}: time_s must have at least two rows and increase strictly")
+        reason = f"{path}: time_s must have at least two rows and increase strictly"
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT, column="time_s")
     step = float(np.median(np.diff(begins)))
-    late = _EARLY * min(step, float(np.median(np.diff(time))))
+    late = EARLY * min(step, float(np.median(np.diff(time))))
     at = np.searchsorted(begins, time + late, side="right") - 1
     inside = (at >= 0) & (time + late < begins[-1] + step)
     if not np.any(inside):
-        raise RecordingError(
+        reason = (
             f"{path} covers {begins[0]:g} s to {begins[-1]:g} s, its capture {time[0]:g} s to {time[-1]:g} s: none of "
             "it was added in this capture"
         )
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT, column="time_s")
     return np.where(inside, current[np.maximum(at, 0)], 0.0)

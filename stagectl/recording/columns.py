@@ -1,4 +1,4 @@
-"""Which column of a log is which of ours: by its name with a unit, or as the user says with ``--columns``."""
+"""Which column of a log is which of ours: by its name with a unit, or by ``--columns``."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import rollout
+from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.recording.scales import Scales, scales_of_stage
 from stagectl.units import LINEAR, ROTARY, StageError, factor
@@ -30,11 +31,11 @@ CHOICES = ("time", "position", "current", "command", "reference", *(["injection"
 _HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z]+))?")
 _CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
 EXAMPLE = "--columns time=1,position=2:mm,current=14"
-# What the notes of a recording say of columns that its log does not have.
+# Notes of a recording about columns that its log does not have.
 WITHOUT = {
-    "reference": "no reference: neither a tracking error nor a trajectory can be told from it",
-    "command": "no command: what the controller asked for is not known",
-    "measured_current": "no measured current: where a current is needed, the command stands in",
+    "reference": "no reference: it has neither a tracking error nor a trajectory",
+    "command": "no command: the output of the controller is not known",
+    "measured_current": "no measured current: the command is used in its place",
 }
 
 
@@ -63,32 +64,32 @@ def choices(words: Mapping[str, str] | None) -> list[Choice]:
 
     Raises RecordingError where it cannot be understood.
     """
-    found = []
+    columns = []
     for quantity, where in (words or {}).items():
         match = _CHOICE.fullmatch(f"{quantity}={where}")
         if match is None or quantity not in CHOICES:
-            raise RecordingError(
+            reason = (
                 f"--columns {quantity}={where}; must be QUANTITY=COLUMN or QUANTITY=COLUMN:UNIT with a quantity of "
                 f"{', '.join(CHOICES)}, such as {EXAMPLE}"
             )
-        found.append(Choice(match[1], match[2], int(match[3] or 0), match[4] or ""))
-    return found
+            raise RecordingError(reason, kind=ProblemKind.SYNTAX, column=quantity)
+        columns.append(Choice(match[1], match[2], int(match[3] or 0), match[4] or ""))
+    return columns
 
 
 def split(text: str) -> dict[str, str]:
     """The words of ``--columns``: ``"time=t,position=qm:mm"``.
 
-    Raises RecordingError where an entry is no ``quantity=column``, or stands twice.
+    Raises RecordingError where an entry is not ``quantity=column``, or is written twice.
     """
-    found: dict[str, str] = {}
+    words: dict[str, str] = {}
     for entry in text.split(","):
         quantity, equals, where = (part.strip() for part in entry.partition("="))
-        if not equals or not where or quantity in found:
-            raise RecordingError(
-                f"--columns {text}: {entry!r} must be QUANTITY=COLUMN, each quantity once, such as {EXAMPLE}"
-            )
-        found[quantity] = where
-    return found
+        if not equals or not where or quantity in words:
+            reason = f"--columns {text}: {entry!r} must be QUANTITY=COLUMN, each quantity once, such as {EXAMPLE}"
+            raise RecordingError(reason, kind=ProblemKind.SYNTAX)
+        words[quantity] = where
+    return words
 
 
 def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:
@@ -104,15 +105,15 @@ def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:
 
 
 def parsed(name: str) -> tuple[str, str] | None:
-    """Quantity and unit that a name tells, ``position_mm``; an empty unit where it tells none."""
+    """Quantity and unit in a name such as ``position_mm``; an empty unit where it has none."""
     match = _HEADER.fullmatch(name)
     return (match[1], match[2] or "") if match else None
 
 
-def told_scales(units: Iterable[str], path: Path) -> Scales:
-    """What the units of the positions tell of the axis, where nothing else does.
+def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
+    """The kind of the axis by the units of its positions.
 
-    Raises RecordingError where they tell nothing.
+    Raises RecordingError where they do not show it.
     """
     known = [unit for unit in units if unit]
     for unit in known:
@@ -121,7 +122,8 @@ def told_scales(units: Iterable[str], path: Path) -> Scales:
         if unit in ("m", "mm", "um", "nm"):
             return Scales(LINEAR)
     what = f"a position in {known[0]}" if known else "no column position_<unit>"
-    raise RecordingError(f"{path}: {what} does not tell the axis; give --stage, or write nominal.yaml beside it")
+    reason = f"{path}: the kind of the axis is not known from {what}; give --stage, or write nominal.yaml next to it"
+    raise RecordingError(reason, file=path, kind=ProblemKind.UNIT)
 
 
 def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tuple[Choice, float]]:
@@ -129,25 +131,26 @@ def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tu
 
     Raises RecordingError where time or position is not among them.
     """
-    found: dict[str, tuple[Choice, float]] = {}
+    known: dict[str, tuple[Choice, float]] = {}
     for choice in chosen:
         try:
             ours, scale = meaning(choice.quantity, choice.unit, scales)
         except StageError as error:
-            raise RecordingError(f"--columns {choice.quantity}={choice.name}:{choice.unit}: {error}") from error
-        if ours in found:
-            raise RecordingError(
-                f"{path} has two columns for {ours}, {found[ours][0].name} and {choice.name}: name one"
-            )
-        found[ours] = (choice, scale)
+            reason = f"--columns {choice.quantity}={choice.name}:{choice.unit}: {error}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.UNIT, column=choice.name) from error
+        if ours in known:
+            reason = f"{path} has two columns for {ours}, {known[ours][0].name} and {choice.name}: name one"
+            raise RecordingError(reason, file=path, kind=ProblemKind.REPEATED, column=ours)
+        known[ours] = (choice, scale)
     for ours, quantity in (("time", "time"), ("measured", "position")):
-        if ours not in found:
-            raise RecordingError(f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}")
-    return found
+        if ours not in known:
+            reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=ours)
+    return known
 
 
 def axis_of(chosen: list[Choice], setup: Any, path: Path) -> Scales:
-    """The scales of the stage, else what the positions' units tell."""
+    """The scales of the stage, else those that follow from the units of the positions."""
     if setup is not None:
         return scales_of_stage(setup, 0.0)
-    return told_scales((one.unit for one in chosen if one.quantity == "position"), path)
+    return scales_by_unit((choice.unit for choice in chosen if choice.quantity == "position"), path)

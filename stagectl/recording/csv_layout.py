@@ -1,4 +1,4 @@
-"""How a CSV text is laid out: what separates its columns, and where its header and its numbers begin."""
+"""Layout of a CSV text: the separator of its columns, and the rows in which header and numbers begin."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import itertools
 from pathlib import Path
 from typing import NamedTuple
 
+from stagectl.problem import ProblemKind
+from stagectl.recording.constants import HEADER_LINES
 from stagectl.recording.hdf5 import RecordingError
 
-LOOKED_AT = 100  # lines
 SEPARATORS = (",", ";", "\t")
 WORDS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 
@@ -32,17 +33,18 @@ class Layout(NamedTuple):
 def layout(path: Path) -> Layout:
     """The layout of the text at `path`.
 
-    Raises RecordingError where it is no text, or an empty one.
+    Raises RecordingError where it is not text, or empty.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = list(itertools.islice(file, LOOKED_AT))
+            lines = list(itertools.islice(file, HEADER_LINES))
     except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path} is no CSV text: {error}") from error
+        raise RecordingError(f"{path} is not CSV text: {error}", file=path, kind=ProblemKind.SYNTAX) from error
     if not any(line.strip() for line in lines):
-        raise RecordingError(f"{path} is empty; must have a header (time_s,position_mm,...) and a row for each sample")
+        reason = f"{path} is empty; must have a header (time_s,position_mm,...) and a row for each sample"
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING)
     tried = [(separator, _split(lines, separator, path)) for separator in SEPARATORS]
-    separator, rows = max(tried, key=lambda one: sum(_numbers(row, one[0]) for row in one[1]))
+    separator, rows = max(tried, key=lambda candidate: sum(_numbers(row, candidate[0]) for row in candidate[1]))
     first = next((k for k, row in enumerate(rows) if _numbers(row, separator)), 1)
     numbers = [row for row in rows if _numbers(row, separator)]
     comma = separator != "," and any("," in cell for row in numbers for cell in row)
@@ -54,7 +56,7 @@ def _split(lines: list[str], separator: str, path: Path) -> list[list[str]]:
     try:
         return [[cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])] for line in lines]
     except csv.Error as error:
-        raise RecordingError(f"{path} is no CSV text: {error}") from error
+        raise RecordingError(f"{path} is not CSV text: {error}", file=path, kind=ProblemKind.SYNTAX) from error
 
 
 def _numbers(row: list[str], separator: str) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from stagectl.config.stage_file import Setup
+from stagectl.problem import ProblemKind
 from stagectl.recording.arrow import arrow
 from stagectl.recording.columns import (
     EXAMPLE,
@@ -20,7 +21,7 @@ from stagectl.recording.columns import (
     meaning,
     of_choices,
     parsed,
-    told_scales,
+    scales_by_unit,
 )
 from stagectl.recording.csv_layout import WORDS, Layout, layout
 from stagectl.recording.exports import header
@@ -39,15 +40,16 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
         return _chosen(path, how, setup, choices(words))
     names = how.names
     if not names:
-        raise RecordingError(
+        reason = (
             f"{path} has no header, its first row is numbers; say which of its {how.width} columns is which, counting "
             f"from 1: {EXAMPLE}"
         )
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING)
     if how.skipped > 1:
-        raise RecordingError(f"{path} {_preamble(how)}")
+        raise RecordingError(f"{path} {_preamble(how)}", file=path, kind=ProblemKind.MISSING)
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
-    scales = _scales(path, names, setup, (nominal, beside))
+    scales = _scales(path, names, setup, scales_of_nominal(nominal, beside) if nominal else None)
     known, notes = _known(path, names, scales)
     table = _table(path, names, list(known), how)
     columns = {ours: table[name] * scale for name, (ours, scale) in known.items()}
@@ -56,9 +58,9 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
 
 
 def _headed(how: Layout, chosen: list[Choice]) -> Layout:
-    """The first line is the header where it has a name that is understood or asked for, whatever follows it."""
-    asked = {choice.name for choice in chosen}
-    if how.skipped > 1 and any(parsed(name) is not None or name in asked for name in how.rows[0]):
+    """The first line is the header where it has a known name or one of `chosen`, whatever follows it."""
+    named = {choice.name for choice in chosen}
+    if how.skipped > 1 and any(parsed(name) is not None or name in named for name in how.rows[0]):
         return how._replace(rows=how.rows[:1], skipped=1)
     return how
 
@@ -79,16 +81,16 @@ def _preamble(how: Layout) -> str:
 
 def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) -> Log:
     scales = axis_of(chosen, setup, path)
-    found = {
+    places = {
         ours: (_column(path, how.names, how.width, choice), scale)
         for ours, (choice, scale) in of_choices(chosen, scales, path).items()
     }
     labels = [f"column {number}" for number in range(1, how.width + 1)]
-    table = _table(path, labels, [labels[at] for at, _ in found.values()], how)
-    columns = {ours: table[labels[at]] * scale for ours, (at, scale) in found.items()}
+    table = _table(path, labels, [labels[at] for at, _ in places.values()], how)
+    columns = {ours: table[labels[at]] * scale for ours, (at, scale) in places.items()}
     notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
-    spoken = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in found.items()}
-    return Log(path, scales, columns, notes, {}, spoken)
+    labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
+    return Log(path, scales, columns, notes, {}, labelled)
 
 
 def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
@@ -99,21 +101,23 @@ def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
         there = (
             f"its columns are {', '.join(names)}" if names else f"it has no header, so give a number from 1 to {count}"
         )
-        raise RecordingError(f"{path} has no column {choice.name} for the {choice.quantity}: {there}")
+        reason = f"{path} has no column {choice.name} for the {choice.quantity}: {there}"
+        raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
     if not 1 <= int(choice.name) <= count:
-        raise RecordingError(f"column {choice.name} of {path}; must be 1 to {count}, the first is 1")
+        reason = f"column {choice.name} of {path}; must be 1 to {count}, the first is 1"
+        raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
     return int(choice.name) - 1
 
 
-def _scales(path: Path, names: list[str], setup: Setup | None, nominal: tuple[dict[str, Any], Path]) -> Scales:
-    """From the stage file, else from nominal.yaml, else what the position's own unit tells."""
-    values, beside = nominal
-    told = scales_of_nominal(values, beside) if values else None
+def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales | None) -> Scales:
+    """From the stage file, else from nominal.yaml, else by the unit of the position."""
     if setup is not None:
-        return scales_of_stage(setup, told.amplifier if told else 0.0)
-    if told is not None:
-        return told
-    return told_scales((name.rsplit("_", 1)[1] for name in names if name.startswith(("position_", "measured_"))), path)
+        return scales_of_stage(setup, nominal.amplifier if nominal else 0.0)
+    if nominal is not None:
+        return nominal
+    return scales_by_unit(
+        (name.rsplit("_", 1)[1] for name in names if name.startswith(("position_", "measured_"))), path
+    )
 
 
 def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:
@@ -124,32 +128,34 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
     notes = []
     for name in names:
         try:
-            found = ((own[name], 1.0) if name in own else None) if exported else _meaning(name, scales)
+            ours_and_factor = ((own[name], 1.0) if name in own else None) if exported else _meaning(name, scales)
         except StageError as error:
             if name.startswith(("time_", "position_")):
-                raise RecordingError(f"{name} in {path}: {error}") from error
+                raise RecordingError(
+                    f"{name} in {path}: {error}", file=path, kind=ProblemKind.UNIT, column=name
+                ) from error
             notes.append(f"{name} is left out: {error}")
             continue
-        if found is None:
-            notes.append(
-                f"{name or 'a column without a name'} is left out: it is no quantity with a unit that is known"
-            )
-        elif found[0] in [ours for ours, _ in known.values()]:
-            raise RecordingError(f"{path} has two columns for {found[0]}, the second is {name}: remove one")
+        if ours_and_factor is None:
+            notes.append(f"{name or 'a column without a name'} is left out: it is not a quantity with a known unit")
+        elif ours_and_factor[0] in [ours for ours, _ in known.values()]:
+            reason = f"{path} has two columns for {ours_and_factor[0]}, the second is {name}: remove one"
+            raise RecordingError(reason, file=path, kind=ProblemKind.REPEATED, column=ours_and_factor[0])
         else:
-            known[name] = found
+            known[name] = ours_and_factor
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
     if absent:
-        raise RecordingError(
+        reason = (
             f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say which are "
             "they: --columns time=NAME,position=NAME:mm"
         )
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=sorted(absent)[0])
     return known, notes
 
 
 def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:
-    told = parsed(name)
-    return meaning(*told, scales) if told and told[1] else None
+    header_parts = parsed(name)
+    return meaning(*header_parts, scales) if header_parts and header_parts[1] else None
 
 
 def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict[str, Array]:
@@ -164,5 +170,5 @@ def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict
     try:
         table = arrow().csv.read_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
     except (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError) as error:
-        raise RecordingError(f"{path}: {error}") from error
+        raise RecordingError(f"{path}: {error}", file=path, kind=ProblemKind.VALUE) from error
     return {name: np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted}

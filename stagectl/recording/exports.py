@@ -1,7 +1,7 @@
 """Recordings for other programs: CSV, Parquet, MAT, MCAP, a trajectory, or a folder of captures.
 
-Every number keeps all its digits.  Units stand in the CSV's header (``reference_rad``), in the Parquet fields'
-metadata, and beside the samples in the MAT file.
+Every number keeps all its digits.  Units are in the CSV's header (``reference_rad``), in the Parquet fields'
+metadata, and next to the samples in the MAT file.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ import yaml
 from numpy.typing import NDArray
 
 from stagectl.kernels.law import Setpoint
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording import mcap_log
 from stagectl.recording.arrow import arrow
+from stagectl.recording.constants import AT_REST, RUN
 from stagectl.recording.hdf5 import Recording, RecordingError, quantities
 from stagectl.recording.nominal_yaml import nominal_of
 from stagectl.trajectories import Recorded
@@ -33,8 +35,6 @@ CAPTURE = {
     "current_command": "command",
     "current": "measured_current",
 }
-RUN = 0.3  # s, run-up and run-out of an exported trajectory that begins or ends in motion
-AT_REST = 1e-3  # of the largest speed: slower than this is standing
 
 
 class Exported(NamedTuple):
@@ -45,33 +45,36 @@ class Exported(NamedTuple):
 
 
 def export(recordings: list[Recording], to: str, path: Path | None) -> list[Exported]:
-    """Write `recordings` in the format `to` of FORMATS, each beside its recording where no `path` is given.
+    """Write `recordings` in the format `to` of FORMATS, each next to its recording where no `path` is given.
 
     A folder takes all of them together.  Raises RecordingError where the recordings do not fit the format.
     """
     if to not in FORMATS:
-        raise RecordingError(f"format {to}; must be one of {', '.join(FORMATS)}")
-    if empty := next((one for one in recordings if not len(one.samples)), None):
-        raise RecordingError(f"{empty.path} holds no rows: there is nothing to export")
+        raise RecordingError(Problem("", ProblemKind.VALUE, "format", to, choices=FORMATS))
+    for recording in recordings:
+        if not len(recording.samples):
+            reason = f"{recording.path} holds no rows: there is nothing to export"
+            raise RecordingError(reason, file=recording.path, kind=ProblemKind.MISSING)
     if to == FOLDER:
         return [write_folder(recordings, path or recordings[0].path.with_suffix(""))]
     if path is not None and len(recordings) > 1:
-        raise RecordingError(f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder")
+        reason = f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder"
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
     suffix = ".yaml" if to == "trajectory" else f".{to}"
-    targets = [path or one.path.with_suffix(suffix) for one in recordings]
-    if own := [
-        one.path for one, target in zip(recordings, targets, strict=True) if target.resolve() == one.path.resolve()
-    ]:
-        raise RecordingError(f"{own[0]} is the recording itself: choose another file with -o")
-    return [_write(to, one, target) for one, target in zip(recordings, targets, strict=True)]
+    return [_write(to, recording, path or recording.path.with_suffix(suffix)) for recording in recordings]
 
 
 def _write(to: str, recording: Recording, path: Path) -> Exported:
+    if path.resolve() == recording.path.resolve():
+        reason = f"{path} is the recording itself: choose another file with -o"
+        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         notes = WRITERS[to](recording, path)
     except OSError as error:
-        raise RecordingError(f"{path} cannot be written: {error.strerror or error}") from error
+        raise RecordingError(
+            f"{path} cannot be written: {error.strerror or error}", file=path, kind=ProblemKind.FILE
+        ) from error
     return Exported(path, [*notes, *_losses(recording)])
 
 
@@ -86,7 +89,7 @@ def units(recording: Recording) -> dict[str, str]:
 
 
 def units_of(columns: Iterable[str], kind: str) -> dict[str, str]:
-    """SI units of these columns, of an axis of this kind; a column that is no quantity is left out."""
+    """SI units of these columns, of an axis of this kind; a column that is not a quantity is left out."""
     known = quantities()
     return {name: known[name].unit_for(kind) for name in columns if name in known}
 
@@ -112,13 +115,13 @@ def write_csv(recording: Recording, path: Path) -> list[str]:
 
 def write_parquet(recording: Recording, path: Path) -> list[str]:
     """All columns as Parquet; unit and meaning in each field's metadata, the recording's own under ``stagectl``."""
-    known, found = quantities(), units(recording)
+    known, unit_by_name = quantities(), units(recording)
     fields = [
         arrow().field(name, arrow().float64(), metadata={"unit": unit, "meaning": known[name].meaning})
-        for name, unit in found.items()
+        for name, unit in unit_by_name.items()
     ]
     schema = arrow().schema(fields, metadata={"stagectl": json.dumps(recording.meta)})
-    arrow().parquet.write_table(arrow().table([recording.column(name) for name in found], schema=schema), path)
+    arrow().parquet.write_table(arrow().table([recording.column(name) for name in unit_by_name], schema=schema), path)
     return []
 
 
@@ -126,10 +129,10 @@ def write_mat(recording: Recording, path: Path) -> list[str]:
     """A MATLAB file: struct ``samples`` of columns, struct ``units`` with the same names, ``meta`` as JSON."""
     from scipy.io import savemat
 
-    found = units(recording)
+    unit_by_name = units(recording)
     content = {
-        "samples": {name: recording.column(name) for name in found},
-        "units": found,
+        "samples": {name: recording.column(name) for name in unit_by_name},
+        "units": unit_by_name,
         "meta": json.dumps(recording.meta),
     }
     savemat(str(path), content, appendmat=False, oned_as="column")
@@ -142,21 +145,21 @@ def write_mcap(recording: Recording, path: Path) -> list[str]:
     return []
 
 
-def described(found: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+def described(unit_by_name: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     """Of each column, by name and unit: its name with the unit, and what it means."""
     known = quantities()
-    return {name: (header(name, unit), known[name].meaning) for name, unit in found.items()}
+    return {name: (header(name, unit), known[name].meaning) for name, unit in unit_by_name.items()}
 
 
 def write_trajectory(recording: Recording, path: Path) -> list[str]:
-    """The reference as a trajectory file of ``type: csv``, its samples in a CSV beside it."""
+    """The reference as a trajectory file of ``type: csv``, its samples in a CSV next to it."""
     time, reference = recording.column("time"), recording.column("reference")
     curve = Recorded(time, reference)
     fastest = AT_REST * float(np.abs(np.gradient(reference, time)).max(initial=0.0))
     ends = {"run_up": abs(curve.initial_velocity) > fastest, "run_out": abs(curve.final_velocity) > fastest}
     table = path.with_name(f"{path.stem}-samples.csv")  # never over an export of all columns
-    found = units(recording)
-    write_columns(table, {header(name, found[name]): recording.column(name) for name in ("time", "reference")})
+    unit = units(recording)
+    write_columns(table, {header(name, unit[name]): recording.column(name) for name in ("time", "reference")})
     lines = [f"# The reference of {recording.path.name} ({recording.meta['name']}).", "type: csv"]
     lines += [f"file: {json.dumps(table.name)}"]
     lines += [f"{name}: {RUN:g} s   # the record is in motion here" for name, moving in ends.items() if moving]
@@ -184,10 +187,11 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
     nominal = nominal_of(recordings[0])
     for other in recordings[1:]:
         if difference := _difference(nominal, nominal_of(other)):
-            raise RecordingError(
+            reason = (
                 f"{other.path} differs from {recordings[0].path} in {difference}; the captures of a folder share "
                 "one nominal.yaml: export them to folders of their own"
             )
+            raise RecordingError(reason, file=other.path, kind=ProblemKind.CONFLICT, column=difference.split(" ")[0])
     captures, notes = [], []
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -197,24 +201,26 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
         _dump(folder / "captures.yaml", {"captures": captures})
         _dump(folder / "nominal.yaml", nominal)
     except OSError as error:
-        raise RecordingError(f"{folder} cannot be written: {error.strerror or error}") from error
+        raise RecordingError(
+            f"{folder} cannot be written: {error.strerror or error}", file=folder, kind=ProblemKind.FILE
+        ) from error
     return Exported(folder, notes)
 
 
 def _beside(recording: Recording, path: Path) -> dict[str, Any]:
-    """Keys of captures.yaml for what its CSV has no column for; the added current goes into a CSV of its own."""
+    """Keys of captures.yaml for what its CSV has no column for; the added current goes into a separate CSV."""
     names, rows = recording.samples.dtype.names or (), _kept(recording)
-    found: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     added = sum((recording.column(name)[rows] for name in ("learned", "injection") if name in names), np.zeros(1))
     if np.any(added):
         beside = path.with_name(f"{path.stem}-injection.csv")
         write_columns(beside, {"time_s": recording.column("time")[rows], "injection_A": added})
-        found["injection"] = beside.name
+        keys["injection"] = beside.name
     if set(Setpoint._fields) <= set(names):
         beside, unit = path.with_name(f"{path.stem}-setpoints.csv"), units(recording)
         write_columns(beside, {header(name, unit[name]): recording.column(name)[rows] for name in Setpoint._fields})
-        found["setpoints"] = beside.name
-    return found
+        keys["setpoints"] = beside.name
+    return keys
 
 
 def _kept(recording: Recording) -> slice:
@@ -223,13 +229,13 @@ def _kept(recording: Recording) -> slice:
 
 
 def _write_capture(recording: Recording, path: Path) -> list[str]:
-    found, columns, notes = units(recording), {}, _losses(recording)
+    unit, columns, notes = units(recording), {}, _losses(recording)
     rows = _kept(recording)
     if rows.stop:
         notes.append(f"its last {-rows.stop} rows are left out: what they looked ahead to is not in the recording")
     for name, ours in CAPTURE.items():
-        if ours in found and not np.all(np.isnan(recording.column(ours))):
-            columns[header(name, found[ours])] = recording.column(ours)[rows]
+        if ours in unit and not np.all(np.isnan(recording.column(ours))):
+            columns[header(name, unit[ours])] = recording.column(ours)[rows]
         else:
             notes.append(f"there is no {name}")
     write_columns(path, columns)
@@ -246,32 +252,30 @@ def _foresight(recording: Recording) -> int:
 def _captures(recordings: list[Recording]) -> list[dict[str, Any]]:
     """Entries of captures.yaml; the session's clock starts with the first recording."""
     repeats: Counter[str] = Counter()
-    found = []
+    entries = []
     for recording in recordings:
         known: dict[str, Any] = dict(recording.meta.get("capture", {}))
-        name = re.sub(
-            r"[^\w.+-]", "_", str(known.get("experiment", recording.meta["trajectory"]))
-        )  # also a file's name
+        name = re.sub(r"[^\w.+-]", "_", str(known.get("experiment", recording.meta["trajectory"])))  # of a file, too
         repeats[name] += 1
         entry = {"file": f"{name}-{repeats[name]}.csv", "experiment": name, "repeat": repeats[name], "use": "diagnose"}
         if "law" in recording.meta:  # the date of an import is not that of its capture
-            entry["start_s"] = _seconds(recording) - min(_seconds(one) for one in recordings)
+            entry["start_s"] = _seconds(recording) - min(map(_seconds, recordings))
         entry.update({key: known[key] for key in ("repeat", "use", "start_s") if key in known})
-        found.append(entry)
-    return found
+        entries.append(entry)
+    return entries
 
 
 def _seconds(recording: Recording) -> float:
     return datetime.datetime.strptime(recording.meta["created"], "%Y-%m-%dT%H:%M:%S%z").timestamp()
 
 
-def _difference(one: Any, other: Any, place: str = "") -> str:
+def _difference(a: Any, b: Any, place: str = "") -> str:
     """Where two nested blocks first differ; an empty string where they are equal."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        keys = dict.fromkeys([*one, *other])
-        differing = (_difference(one.get(key), other.get(key), f"{place}.{key}".lstrip(".")) for key in keys)
-        return next((found for found in differing if found), "")
-    return "" if one == other else f"{place} ({one} and {other})"
+    if isinstance(a, dict) and isinstance(b, dict):
+        keys = dict.fromkeys([*a, *b])
+        differing = (_difference(a.get(key), b.get(key), f"{place}.{key}".lstrip(".")) for key in keys)
+        return next((difference for difference in differing if difference), "")
+    return "" if a == b else f"{place} ({a} and {b})"
 
 
 def _dump(path: Path, values: Any) -> None:

@@ -22,7 +22,7 @@ class Extremes(NamedTuple):
 def extremes(rows: Array, first: int, size: int) -> Extremes:
     """Lowest and highest of every `size` rows of `rows` (n, channels), whose first has the number `first`.
 
-    NaN is passed over, so that one row without an answer hides no peak beside it.
+    NaN is skipped, so that one row without an answer hides no peak next to it.
     """
     if size == 1:
         return Extremes(first, 1, rows.T, rows.T)

@@ -18,15 +18,31 @@ import time
 from pathlib import Path
 from typing import IO
 
+from stagectl.problem import Problem, ProblemKind
+from stagectl.recording.constants import LOCK_PAUSE, LOCK_TRIES
 from stagectl.units import StageError
 
 BEGUN = ".begun"  # behind the name of a file that cannot be read yet
 _WHOLE_FILE = struct.pack("hhqqi0q", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)  # struct flock
-_TRIES, _PAUSE = 20, 0.01  # s between them: who discards holds the lock for a moment
 
 
-class RecordingError(StageError):
-    """A file that is no recording, or one that lacks what was asked for."""
+class DataFileError(StageError):
+    """A file of data that cannot be used.  A plain text becomes a problem of this `file` and `kind`."""
+
+    def __init__(
+        self,
+        *problems: Problem | str,
+        file: Path | None = None,
+        kind: ProblemKind = ProblemKind.OTHER,
+        column: str = "",
+        row: int = 0,
+    ) -> None:
+        super().__init__(*(Problem(text, kind, file=file) if isinstance(text, str) else text for text in problems))
+        self.column, self.row = column, row  # what it is about; the first row of numbers is 1, and 0 is none
+
+
+class RecordingError(DataFileError):
+    """A file that is not a recording, or a recording without something that is needed."""
 
 
 def beginning(path: Path) -> Path:
@@ -79,7 +95,7 @@ def sweep(folder: Path) -> None:
 
 
 def _first(path: Path) -> IO[bytes]:
-    for _ in range(_TRIES):
+    for _ in range(LOCK_TRIES):
         try:
             file = os.fdopen(os.open(beginning(path), os.O_RDWR | os.O_CREAT, 0o666), "r+b")
         except OSError as error:
@@ -87,16 +103,20 @@ def _first(path: Path) -> IO[bytes]:
         if _locks(file) and _still(beginning(path), file):
             return file
         file.close()
-        time.sleep(_PAUSE)
+        time.sleep(LOCK_PAUSE)
     raise _taken(path)
 
 
 def _unwritable(path: Path, error: OSError) -> RecordingError:
-    return RecordingError(f"{path} cannot be written: {error.strerror}; choose another file with -o")
+    return RecordingError(
+        f"{path} cannot be written: {error.strerror}; choose another file with -o", file=path, kind=ProblemKind.FILE
+    )
 
 
 def _taken(path: Path) -> RecordingError:
-    return RecordingError(f"{path} is being written by another run: choose another file with -o")
+    return RecordingError(
+        f"{path} is being written by another run: choose another file with -o", file=path, kind=ProblemKind.CONFLICT
+    )
 
 
 def _locks(file: IO[bytes]) -> bool:

@@ -28,15 +28,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import law, rollout
+from stagectl.problem import ProblemKind
+from stagectl.recording.constants import BLOCK, GAPS, LONGEST_REASON, ROOM_AT_ONCE, ROOM_PER_BLOCK
 from stagectl.recording.file_lock import RecordingError as RecordingError
 from stagectl.recording.file_lock import beginning, being_written, claimed
 from stagectl.units import Quantity, quantity_of
 
 FORMAT = "stagectl-recording/1"
-BLOCK = 512  # rows: chunk size, and what a crash costs at most
-GAPS = 32  # that a file can mark; further ones are added to the last
-_MARGIN, _EACH = 1 << 14, 256  # bytes of room for what HDF5 keeps beside the rows: at once, and with each block
-_LONGEST = 480  # bytes of the reason of the end
 _CUT_OFF = "the recorder was cut off: the rows end at its last block"
 
 
@@ -61,21 +59,20 @@ class Recording(NamedTuple):
         Raises RecordingError naming the columns there are.
         """
         if name not in (self.samples.dtype.names or ()):
-            raise RecordingError(
-                f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
-            )
+            reason = f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
+            raise RecordingError(reason, file=self.path, kind=ProblemKind.UNKNOWN, column=name)
         return np.asarray(self.samples[name], dtype=np.float64)
 
 
 def quantities() -> dict[str, Quantity]:
-    """Unit and meaning of every column, as declared beside the kernels' fields."""
-    found = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
+    """Unit and meaning of every column, as declared with the kernels' fields."""
+    known = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
     for block in (law.Setpoint, law.Output, rollout.Observed):
         for name, hint in _hints(block).items():
             quantity = quantity_of(hint)
             assert quantity is not None
-            found[name] = quantity
-    return found
+            known[name] = quantity
+    return known
 
 
 def _hints(block: type) -> dict[str, Any]:
@@ -91,7 +88,8 @@ class Writer:
         self.path = path
         self._dtype = np.dtype([(name, "<f8") for name in columns])
         if path.is_file() and path.stat().st_size and not _ours(path):
-            raise RecordingError(f"{path} is no recording and is left as it is: choose another file with -o")
+            reason = f"{path} is not a recording and is left as it is: choose another file with -o"
+            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
         place = path.resolve()  # a link stays one
         self._held, self._room = claimed(place), 0
         try:
@@ -104,7 +102,7 @@ class Writer:
 
     def _lay_out(self, place: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
         """All that makes it a file that can be read, and room for the first rows."""
-        self._reserve(_MARGIN)
+        self._reserve(ROOM_AT_ONCE)
         self._file = h5py.File(place, "w", libver="latest")
         self._file.attrs.update({"format": FORMAT, "created": meta["created"], "meta": json.dumps(meta)})
         self._file.attrs.update(_ending(_CUT_OFF, False, 0, ()))
@@ -113,7 +111,7 @@ class Writer:
         self._file.flush()
         self._file.swmr_mode = True
         self._room = os.fstat(self._held.fileno()).st_size
-        self._reserve(_MARGIN)
+        self._reserve(ROOM_AT_ONCE)
 
     def append(self, rows: bytes) -> None:
         """Add whole rows (float64, column after column) and push them to the disk's cache.
@@ -122,16 +120,18 @@ class Writer:
         """
         block = np.frombuffer(rows, dtype=self._dtype)
         size = self._samples.shape[0]
-        self._reserve(len(rows) + _EACH * (1 + len(block) // BLOCK))
+        self._reserve(len(rows) + ROOM_PER_BLOCK * (1 + len(block) // BLOCK))
         try:
             self._samples.resize((size + len(block),))
             self._samples[size:] = block
             self._samples.flush()
         except (OSError, RuntimeError) as error:
-            raise DamagedError(f"{self.path}: the disk failed while it was written to: {error}") from error
+            raise DamagedError(
+                f"{self.path}: the disk failed while it was written to: {error}", file=self.path, kind=ProblemKind.FILE
+            ) from error
 
     def close(self, ended: str, lost_rows: int, complete: bool = True, gaps: Gaps = ()) -> None:
-        """Finish the file, with the reason it ended and what it lacks; in place, as there may be no room for more.
+        """Finish the file, with the reason of its end and what is lost; in place, as there may be no room for more.
 
         Raises DamagedError.
         """
@@ -140,7 +140,9 @@ class Writer:
                 self._file.attrs.modify(name, value)
             self._file.close()
         except (OSError, RuntimeError) as error:
-            raise DamagedError(f"{self.path}: the disk failed while it was closed: {error}") from error
+            raise DamagedError(
+                f"{self.path}: the disk failed while it was closed: {error}", file=self.path, kind=ProblemKind.FILE
+            ) from error
         self._held.close()
 
     def _reserve(self, more: int) -> None:
@@ -148,9 +150,8 @@ class Writer:
         try:
             os.posix_fallocate(self._held.fileno(), self._room, more)
         except OSError as error:
-            raise RecordingError(
-                f"{self.path} cannot be written: {error.strerror}; make room, or choose another disk"
-            ) from error
+            reason = f"{self.path} cannot be written: {error.strerror}; make room, or choose another disk"
+            raise RecordingError(reason, file=self.path, kind=ProblemKind.FILE) from error
         self._room += more
 
 
@@ -163,7 +164,7 @@ def _ending(ended: str, complete: bool, lost_rows: int, gaps: Gaps) -> dict[str,
     if gaps:
         marked[: len(gaps[:GAPS])] = gaps[:GAPS]
     marked[-1, 1] += sum(count for _, count in gaps[GAPS:])
-    text = np.array(ended.encode()[:_LONGEST], dtype=f"S{_LONGEST}")
+    text = np.array(ended.encode()[:LONGEST_REASON], dtype=f"S{LONGEST_REASON}")
     return {"complete": np.bool_(complete), "ended": text, "lost_rows": np.int64(lost_rows), "gaps": marked}
 
 
@@ -196,11 +197,13 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         file = h5py.File(path, "r")
     except OSError as first:
         if not path.is_file():
-            raise RecordingError(f"{path}: no such recording") from first
+            raise RecordingError(f"{path}: no such recording", file=path, kind=ProblemKind.FILE) from first
         try:
             file = h5py.File(path, "r", libver="latest", swmr=True)
         except OSError as error:
-            raise RecordingError(f"{path} is no HDF5 file, or it is damaged: {error}") from error
+            raise RecordingError(
+                f"{path} is not an HDF5 file, or it is damaged: {error}", file=path, kind=ProblemKind.SYNTAX
+            ) from error
     try:
         yield file
     finally:
@@ -210,11 +213,13 @@ def _opened(path: Path) -> Iterator[h5py.File]:
 def open_recording(path: Path, only: Collection[str] = ()) -> Recording:
     """Read a recording, also one whose writer was killed or is still at work; of the columns those named in `only`.
 
-    Raises RecordingError where the file is no recording of ours.
+    Raises RecordingError where the file is not a recording of ours.
     """
     with _opened(path) as file:
         if file.attrs.get("format") != FORMAT or "samples" not in file:
-            raise RecordingError(f"{path} {_strange(str(file.attrs.get('format', '')))}")
+            raise RecordingError(
+                f"{path} {_strange(str(file.attrs.get('format', '')))}", file=path, kind=ProblemKind.SYNTAX
+            )
         complete = bool(file.attrs.get("complete", False))
         ended = file.attrs.get("ended", _CUT_OFF)
         ended = ended.decode(errors="ignore") if isinstance(ended, bytes) else str(ended)
@@ -242,7 +247,7 @@ def _strange(written: str) -> str:
             f"is a recording of format {written.partition('/')[2]}; this stagectl reads format {version}: with the "
             "version that wrote it, `stagectl export FILE --to csv`, then here `stagectl import FILE.csv`"
         )
-    return "is no stagectl recording; `stagectl import` brings other logs in"
+    return "is not a stagectl recording; `stagectl import` reads other logs"
 
 
 def repair(path: Path) -> bool:

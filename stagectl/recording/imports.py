@@ -1,6 +1,6 @@
 """Logs of other programs as recordings: CSV and MATLAB files, the EMPS benchmark's among them, folders of captures.
 
-A recording from elsewhere has the columns that the log has, no others: what asks for one that is missing says so.
+An imported recording has the columns of its log and no others; code that needs a missing one raises an error.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout
+from stagectl.problem import ProblemKind
 from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
@@ -31,33 +32,38 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
     """
     if path.is_dir():
         if columns:
-            raise RecordingError(f"{path} is a folder of captures, whose headers name the columns: leave --columns out")
+            reason = f"{path} is a folder of captures, whose headers name the columns: leave out --columns"
+            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
         return _folder(path, setup)
     if not path.is_file():
-        raise RecordingError(f"{path}: no such file or folder")
+        raise RecordingError(f"{path}: no such file or folder", file=path, kind=ProblemKind.FILE)
     kind = path.suffix.lower()
     if kind == ".csv":
         return [_recording(csv_logs.read(path, setup, {}, columns))]
     if kind == ".mat":
         return [_recording(mat_logs.read(path, setup, columns))]
-    raise RecordingError(
-        f"{path} is of no kind that can be imported; these are .csv with a header of quantities and units "
+    reason = (
+        f"{path} cannot be imported; these can: .csv with a header of quantities and units "
         "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
     )
+    raise RecordingError(reason, file=path, kind=ProblemKind.SHAPE)
 
 
 def store(recordings: list[Recording], source: Path, output: Path | None) -> list[Path]:
     """Write imported recordings; those of a folder go into a folder."""
     base = output or Path("recordings") / (source.name if source.is_dir() else f"{source.stem}.h5")
-    targets = [base / f"{one.path.stem}.h5" if source.is_dir() else base for one in recordings]
+    targets = [base / f"{recording.path.stem}.h5" if source.is_dir() else base for recording in recordings]
     if there := [target for target in targets if target.exists()]:
-        raise RecordingError(f"{there[0]} exists and is left as it is: choose another place with -o")
+        reason = f"{there[0]} exists and is left as it is: choose another place with -o"
+        raise RecordingError(reason, file=there[0], kind=ProblemKind.CONFLICT)
     for recording, target in zip(recordings, targets, strict=True):
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             save(target, recording.meta, recording.samples, recording.ended)
         except OSError as error:
-            raise RecordingError(f"{target} cannot be written: {error.strerror or error}") from error
+            raise RecordingError(
+                f"{target} cannot be written: {error.strerror or error}", file=target, kind=ProblemKind.FILE
+            ) from error
     return targets
 
 
@@ -92,16 +98,22 @@ def _checked(log: Log) -> Array:
     """The log's time (s), once time and position are sound."""
     time = log.columns["time"]
     if len(time) < 2:
-        raise RecordingError(f"{log.path} has {len(time)} rows; must have at least 2")
+        raise RecordingError(
+            f"{log.path} has {len(time)} rows; must have at least 2", file=log.path, kind=ProblemKind.SHAPE
+        )
     for name in ("time", "measured"):
         if not np.all(finite := np.isfinite(log.columns[name])):
             row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)
-            raise RecordingError(f"{log.path} has no {own} in row {row} of its numbers: cut the log there")
+            reason = f"{log.path} has no {own} in row {row} of its numbers: cut the log there"
+            raise RecordingError(reason, file=log.path, kind=ProblemKind.MISSING, column=own, row=row)
     if np.any(backwards := np.diff(time) <= 0.0):
         row = int(np.argmax(backwards)) + 1
-        raise RecordingError(
+        reason = (
             f"{log.path}: time {time[row]:.9g} s in row {row + 1} follows {time[row - 1]:.9g} s; times must increase "
             "strictly: remove repeated rows or sort the log"
+        )
+        raise RecordingError(
+            reason, file=log.path, kind=ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=row + 1
         )
     return time
 
@@ -109,28 +121,33 @@ def _checked(log: Log) -> Array:
 def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
     entries = read_values(folder / "captures.yaml").get("captures")
     if not isinstance(entries, list) or not entries:
-        raise RecordingError(f"{folder / 'captures.yaml'} must hold a list `captures:` with at least one entry")
+        reason = f"{folder / 'captures.yaml'} must hold a list `captures:` with at least one entry"
+        raise RecordingError(reason, file=folder / "captures.yaml", kind=ProblemKind.SHAPE)
     nominal = read_values(folder / "nominal.yaml") if (folder / "nominal.yaml").is_file() else {}
-    found = []
+    recordings = []
     for number, entry in enumerate(entries):
         if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
-            raise RecordingError(f"captures[{number}] needs `file:`, the name of its CSV ({folder / 'captures.yaml'})")
+            reason = f"captures[{number}] needs `file:`, the name of its CSV ({folder / 'captures.yaml'})"
+            raise RecordingError(reason, file=folder / "captures.yaml", kind=ProblemKind.MISSING)
         path = folder / entry["file"]
         if not path.is_file():
-            raise RecordingError(f"captures[{number}].file = {entry['file']}; no such file in {folder}")
+            raise RecordingError(
+                f"captures[{number}].file = {entry['file']}; no such file in {folder}", file=path, kind=ProblemKind.FILE
+            )
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
         if nominal and path.parent == folder:  # read once for all of them
             about["nominal"] = nominal
-        found.append(_recording(_with_beside(csv_logs.read(path, setup, about), entry)))
-    return found
+        recordings.append(_recording(_with_beside(csv_logs.read(path, setup, about), entry)))
+    return recordings
 
 
 def _with_beside(log: Log, entry: Mapping[str, Any]) -> Log:
-    """The log with what captures.yaml names beside it: the current added to its command, its setpoints."""
+    """The log with the files that captures.yaml names: the current added to its command, its setpoints."""
     paths = {key: log.path.parent / str(entry[key]) for key in ("injection", "setpoints") if entry.get(key) is not None}
     for key, path in paths.items():
         if not path.is_file():
-            raise RecordingError(f"{log.path} has the {key} {entry[key]}; no such file in {log.path.parent}")
+            reason = f"{log.path} has the {key} {entry[key]}; no such file in {log.path.parent}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.FILE)
     columns, time = dict(log.columns), log.columns["time"]
     if "injection" in paths:
         columns["injection"] = capture_attachments.injection(paths["injection"], time)

@@ -13,11 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stagectl.recording.constants import LOOK_PAUSE, LOOK_TRIES, LOOKS, REJOIN
 from stagectl.recording.ring import Ring
-
-_LOOKS, _PAUSE = 5, 3e-4  # more than one axis needs to write after the other, less than a period all told
-_TRIES = 200
-_ANEW = 1.0  # s after which they may be joined again
 
 
 class Joined:
@@ -39,10 +36,10 @@ class Joined:
     @property
     def apart(self) -> bool:
         """Whether one of them has stood still, or began again, since they were joined."""
-        if time.monotonic() - self._since < _ANEW:
+        if time.monotonic() - self._since < REJOIN:
             return False
         leader = self.rings[0].written
-        return any(abs(leader - ring.written - n) > _LOOKS for ring, n in zip(self.rings, self._ahead, strict=True))
+        return any(abs(leader - ring.written - n) > LOOKS for ring, n in zip(self.rings, self._ahead, strict=True))
 
     def read(self, start: int, most: int) -> tuple[int, bytes]:
         """As `Ring.read`: the rows that all of them still have."""
@@ -63,12 +60,12 @@ Source = Ring | Joined
 
 def ahead(leader: Ring, ring: Ring) -> int:
     """Rows that `leader` has more, once both have written in a period."""
-    found = []
-    for _ in range(_TRIES):
+    differences = []
+    for _ in range(LOOK_TRIES):
         before, other = leader.written, ring.written
         if leader.written == before:  # no period has begun in between
-            found.append(before - other)
-        if len(found) == _LOOKS:
+            differences.append(before - other)
+        if len(differences) == LOOKS:
             break
-        time.sleep(_PAUSE)
-    return min(found)
+        time.sleep(LOOK_PAUSE)
+    return min(differences)

@@ -4,8 +4,8 @@
 
     /               format, meta: JSON - stage, trajectory, layers, dt, model (stage and law), trials, created, versions
     /learned   (n,) A, added to the command period by period
-    /reference (n,) rad | m, the motion it belongs to, from where the axis stands
-    /known     (n,) A, feedforward and friction compensation beside it
+    /reference (n,) rad | m, the motion it belongs to, from the axis' position at the start
+    /known     (n,) A, feedforward and friction compensation that act with it
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import law
+from stagectl.problem import ProblemKind
+from stagectl.recording.constants import ALIKE, NEAR
+from stagectl.recording.file_lock import DataFileError
 from stagectl.recording.metadata import versions, written
-from stagectl.units import StageError
 
 FORMAT = "stagectl-learned/1"
-NEAR = 0.01  # encoder counts by which a reference may differ: another computer's rounding
-ALIKE = 1e-6  # share of the largest current by which what is known beforehand may differ
 _ARRAYS = ("learned", "reference", "known")
 
 
-class LearnedError(StageError):
+class LearnedError(DataFileError):
     """A learned current that cannot be read, or that belongs to something else."""
 
 
@@ -45,10 +45,11 @@ class Learned(NamedTuple):
     meta: dict[str, Any]
 
 
-def nothing(setup: Setup, running: law.Law, setpoints: NDArray[np.float64], what: tuple[str, list[str]]) -> Learned:
-    """No current yet, and what one would belong to: `setpoints` (n, fields), `what` = (trajectory, layers)."""
+def nothing(
+    setup: Setup, running: law.Law, setpoints: NDArray[np.float64], trajectory: str, layers: list[str]
+) -> Learned:
+    """No current yet, and what one would belong to: `setpoints` (n, fields) of a `trajectory` under `layers`."""
     column = dict(zip(law.Setpoint._fields, setpoints.T, strict=True))
-    trajectory, layers = what
     meta = {
         "stage": setup.file.name,
         "trajectory": trajectory,
@@ -66,18 +67,21 @@ def claim(path: Path) -> None:
     Raises LearnedError where it cannot, or another kind of file is there.
     """
     if path.exists() and not _ours(path):
-        raise LearnedError(f"{path} is no learned current and is left as it is: choose another file with -o")
+        reason = f"{path} is not a learned current and is left as it is: choose another file with -o"
+        raise LearnedError(reason, file=path, kind=ProblemKind.CONFLICT)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("ab").close()
     except OSError as error:
-        raise LearnedError(f"{path} cannot be written: {error.strerror}; choose another file with -o") from error
+        raise LearnedError(
+            f"{path} cannot be written: {error.strerror}; choose another file with -o", file=path, kind=ProblemKind.FILE
+        ) from error
     if not path.stat().st_size:
         path.unlink()
 
 
 def save(path: Path, learned: Learned) -> None:
-    """Write `learned`; a file that is no learned current is left as it is.
+    """Write `learned`; a file that is not a learned current is left as it is.
 
     Raises LearnedError where it cannot be written.
     """
@@ -89,7 +93,9 @@ def save(path: Path, learned: Learned) -> None:
             for name, values in zip(_ARRAYS, learned[:3], strict=True):
                 file[name] = values
     except OSError as error:
-        raise LearnedError(f"{path} cannot be written: {error}; choose another file with -o") from error
+        raise LearnedError(
+            f"{path} cannot be written: {error}; choose another file with -o", file=path, kind=ProblemKind.FILE
+        ) from error
 
 
 def load(path: Path) -> Learned:
@@ -98,9 +104,11 @@ def load(path: Path) -> Learned:
     Raises LearnedError where the file is none.
     """
     if not path.is_file():
-        raise LearnedError(f"{path}: no such file; `stagectl learn` writes one")
+        raise LearnedError(f"{path}: no such file; `stagectl learn` writes one", file=path, kind=ProblemKind.FILE)
     if not _ours(path):
-        raise LearnedError(f"{path} is no learned current; `stagectl learn` writes one")
+        raise LearnedError(
+            f"{path} is not a learned current; `stagectl learn` writes one", file=path, kind=ProblemKind.SYNTAX
+        )
     with h5py.File(path, "r") as file:
         current, reference, known = (file[name][:] for name in _ARRAYS)
         return Learned(current, reference, known, json.loads(file.attrs["meta"]))
@@ -121,10 +129,11 @@ def check(path: Path, learned: Learned, here: Learned) -> None:
     """
     wrong = _motion(learned, here) or _circumstances(learned.meta, here.meta) or _beforehand(learned, here)
     if wrong:
-        raise LearnedError(
+        reason = (
             f"{path} was learned {wrong}; nothing has moved: a learned current fits only what it was learned on.  "
             "Learn again with `stagectl learn`, or run without --learned"
         )
+        raise LearnedError(reason, file=path, kind=ProblemKind.CONFLICT)
 
 
 def _motion(learned: Learned, here: Learned) -> str:
@@ -146,7 +155,7 @@ def _beforehand(learned: Learned, here: Learned) -> str:
     """Feedforward and friction compensation may come from another friction than the stage's own."""
     apart = float(np.max(np.abs(learned.known - here.known), initial=0.0))
     if apart > ALIKE * float(np.max(np.abs(here.known), initial=0.0)):
-        return f"beside another feedforward or friction compensation, by up to {apart:.3g} A"
+        return f"with another feedforward or friction compensation, by up to {apart:.3g} A"
     return ""
 
 

@@ -11,60 +11,70 @@ import numpy as np
 from scipy.io import loadmat
 
 from stagectl.config.stage_file import Setup
+from stagectl.problem import ProblemKind
 from stagectl.recording.columns import Array, Choice, Log, axis_of, choices, of_choices, parsed
+from stagectl.recording.constants import EMPS_STEP
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.scales import Scales, scales_of_stage
 from stagectl.units import LINEAR
 
 _EMPS = {"t": "time", "qg": "reference", "qm": "measured", "vir": "command"}
-_EMPS_STEP = 5e-8  # m a count, of the motor's encoder seen at the load
 
 
 def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Log:
-    """The log in a MATLAB file; `words` name its variables where they do not tell themselves.
+    """The log in a MATLAB file; `words` name its variables where their names do not.
 
     Raises RecordingError naming the variables that there are.
     """
-    found = _variables(path)
+    variables = _variables(path)
     if words:
-        return _chosen(path, found, setup, choices(words))
-    if isinstance(found.get("samples"), dict) and isinstance(found.get("meta"), str):
-        return _ours(path, found)
-    if "t" in found and "qm" in found:
-        return _emps(path, found, setup)
-    told = {name: what for name in _names(found) if (what := parsed(name.rsplit(".", 1)[-1]))}
-    absent = [one for one in ("time", "position") if one not in [quantity for quantity, _ in told.values()]]
+        return _chosen(path, variables, setup, choices(words))
+    if isinstance(variables.get("samples"), dict) and isinstance(variables.get("meta"), str):
+        return _ours(path, variables)
+    if "t" in variables and "qm" in variables:
+        return _emps(path, variables, setup)
+    named = {name: meaning for name in _names(variables) if (meaning := parsed(name.rsplit(".", 1)[-1]))}
+    present = {quantity for quantity, _ in named.values()}
+    absent = [quantity for quantity in ("time", "position") if quantity not in present]
     if absent:
-        raise RecordingError(
-            f"{path} has no {' and no '.join(absent)} by that name; it holds {', '.join(_names(found)) or 'nothing'}: "
-            "say which is which, such as --columns time=t,position=q:mm,current=i"
+        reason = (
+            f"{path} has no {' and no '.join(absent)} by that name; it holds "
+            f"{', '.join(_names(variables)) or 'nothing'}: say which is which, such as "
+            "--columns time=t,position=q:mm,current=i"
         )
-    return _chosen(path, found, setup, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in told.items()])
+        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=absent[0])
+    return _chosen(
+        path, variables, setup, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()]
+    )
 
 
 def _variables(path: Path) -> dict[str, Any]:
     try:
         content = loadmat(path, simplify_cells=True)
     except NotImplementedError as error:
-        raise RecordingError(f"{path} is a MATLAB 7.3 file; save it with -v7 and import that") from error
+        raise RecordingError(
+            f"{path} is a MATLAB 7.3 file; save it with -v7 and import that", file=path, kind=ProblemKind.SYNTAX
+        ) from error
     except Exception as error:  # scipy raises many kinds on a file that is damaged
-        raise RecordingError(f"{path} cannot be read as a MATLAB file: {error}") from error
+        raise RecordingError(
+            f"{path} cannot be read as a MATLAB file: {error}", file=path, kind=ProblemKind.SYNTAX
+        ) from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 
-def _names(found: Mapping[str, Any], prefix: str = "") -> list[str]:
+def _names(variables: Mapping[str, Any], prefix: str = "") -> list[str]:
     """Variables, those of structs with a dot."""
     names = []
-    for name, value in found.items():
+    for name, value in variables.items():
         names += _names(value, f"{prefix}{name}.") if isinstance(value, dict) else [prefix + name]
     return names
 
 
-def _chosen(path: Path, found: dict[str, Any], setup: Setup | None, chosen: list[Choice]) -> Log:
+def _chosen(path: Path, variables: dict[str, Any], setup: Setup | None, chosen: list[Choice]) -> Log:
     scales = axis_of(chosen, setup, path)
     known = of_choices(chosen, scales, path)
-    columns = {ours: scale * _vector(path, found, choice) for ours, (choice, scale) in known.items()}
-    log = _log(path, scales, columns, [_unit_note(one, scales) for one in chosen if not one.unit], {})
+    columns = {ours: scale * _vector(path, variables, choice) for ours, (choice, scale) in known.items()}
+    log = _log(path, scales, columns, [_unit_note(choice, scales) for choice in chosen if not choice.unit], {})
     return log._replace(labels={ours: choice.name for ours, (choice, _) in known.items()})
 
 
@@ -74,66 +84,72 @@ def _unit_note(choice: Choice, scales: Scales) -> str:
     return f"{choice.name} has no unit: it is taken as the {choice.quantity} in {unit}"
 
 
-def _vector(path: Path, found: Mapping[str, Any], choice: Choice) -> Array:
-    value: Any = found
+def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
+    value: Any = variables
     for word in choice.name.split("."):
         if not isinstance(value, dict) or word not in value:
-            raise RecordingError(f"{path} has no {choice.name}; it holds {', '.join(_names(found)) or 'nothing'}")
+            reason = f"{path} has no {choice.name}; it holds {', '.join(_names(variables)) or 'nothing'}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
         value = value[word]
     try:
         values = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise RecordingError(f"{choice.name} in {path} does not hold numbers") from error
+        raise RecordingError(
+            f"{choice.name} in {path} does not hold numbers", file=path, kind=ProblemKind.VALUE, column=choice.name
+        ) from error
     if choice.number:
         if values.ndim != 2 or choice.number > values.shape[1]:
-            raise RecordingError(f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}")
+            reason = f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}"
+            raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
         return np.ascontiguousarray(values[:, choice.number - 1])
     if values.ndim > 1:
-        raise RecordingError(
+        reason = (
             f"{choice.name} in {path} is a table of shape {values.shape}: say which column, {choice.name}[1] the first"
         )
+        raise RecordingError(reason, file=path, kind=ProblemKind.SHAPE, column=choice.name)
     return values.ravel()
 
 
 def _log(path: Path, scales: Scales, columns: dict[str, Array], notes: list[str], about: dict[str, Any]) -> Log:
     if len({len(column) for column in columns.values()}) > 1:
         sizes = ", ".join(f"{name} {len(column)}" for name, column in columns.items())
-        raise RecordingError(f"{path}: its columns differ in length ({sizes})")
+        raise RecordingError(f"{path}: its columns differ in length ({sizes})", file=path, kind=ProblemKind.SHAPE)
     return Log(path, scales, columns, notes, about)
 
 
-def _ours(path: Path, found: dict[str, Any]) -> Log:
+def _ours(path: Path, variables: dict[str, Any]) -> Log:
     """A recording that `export --to mat` wrote."""
     try:
-        axis = json.loads(found["meta"])["axis"]
+        axis = json.loads(variables["meta"])["axis"]
         kind, per_unit, unit = axis["kind"], axis["travel_per_unit"], axis["travel_unit"]
     except (ValueError, KeyError, TypeError) as error:
-        raise RecordingError(f"{path} has samples and meta as our exports do, but its meta cannot be read") from error
+        reason = f"{path} has samples and meta as our exports do, but its meta cannot be read"
+        raise RecordingError(reason, file=path, kind=ProblemKind.SYNTAX) from error
     known = quantities()
-    columns = {name: np.ravel(values) for name, values in found["samples"].items() if name in known}
+    columns = {name: np.ravel(values) for name, values in variables["samples"].items() if name in known}
     return _log(path, Scales(kind, per_unit, unit, axis.get("encoder_step") or 0.0), columns, [], {})
 
 
-def _emps(path: Path, found: dict[str, Any], setup: Setup | None) -> Log:
+def _emps(path: Path, variables: dict[str, Any], setup: Setup | None) -> Log:
     """The benchmark's file: an amplifier of 1 A/V is taken, so that its volts are our amperes."""
-    columns = {ours: np.ravel(found[name]).astype(np.float64) for name, ours in _EMPS.items() if name in found}
+    columns = {ours: np.ravel(variables[name]).astype(np.float64) for name, ours in _EMPS.items() if name in variables}
     if len({len(column) for column in columns.values()}) > 1:
-        raise RecordingError(f"{path}: t, qg, qm and vir differ in length")
-    gain = _scalar(found, "gtau") or 0.0
-    scales = scales_of_stage(setup, 1.0) if setup else Scales(LINEAR, 1.0, "m", _EMPS_STEP, gain, 1.0)
+        raise RecordingError(f"{path}: t, qg, qm and vir differ in length", file=path, kind=ProblemKind.SHAPE)
+    gain = _scalar(variables, "gtau") or 0.0
+    scales = scales_of_stage(setup, 1.0) if setup else Scales(LINEAR, 1.0, "m", EMPS_STEP, gain, 1.0)
     notes = [
         f"EMPS layout: vir (V) is kept as the command in A of an amplifier of 1 A/V, so gtau = {gain:.6g} N/V is the "
         "force constant in N/A"
     ]
-    return Log(path, scales, columns, notes, {"name": "EMPS", "nominal": _emps_nominal(found, gain)})
+    return Log(path, scales, columns, notes, {"name": "EMPS", "nominal": _emps_nominal(variables, gain)})
 
 
-def _scalar(found: Mapping[str, Any], name: str) -> float | None:
-    values = np.ravel(found[name]) if name in found else np.zeros(0)
+def _scalar(variables: Mapping[str, Any], name: str) -> float | None:
+    values = np.ravel(variables[name]) if name in variables else np.zeros(0)
     return float(values[0]) if values.size else None
 
 
-def _emps_nominal(found: Mapping[str, Any], gain: float) -> dict[str, Any]:
+def _emps_nominal(variables: Mapping[str, Any], gain: float) -> dict[str, Any]:
     return {
         "stage": {
             "name": "EMPS",
@@ -142,14 +158,14 @@ def _emps_nominal(found: Mapping[str, Any], gain: float) -> dict[str, Any]:
             "torque_unit": "N",
             "force_constant": gain or None,
             "travel_per_unit_mm": 1000.0,
-            "encoder_step": _EMPS_STEP,
+            "encoder_step": EMPS_STEP,
         },
         "drive": {"amplifier_A_per_V": 1.0, "current_limit_A": 10.0},
         "controller": {
             "Ts": 1e-3,
             "law": "command[k] = kv (kp (reference[k] - position[k]) - dq[k]); dq[k] = (qf[k] - qf[k-1]) / Ts; "
             "qf[k] = (position[k] + position[k-1]) / 2; limited to 10 V",
-            "kp": _scalar(found, "kp"),
-            "kv": _scalar(found, "kv"),
+            "kp": _scalar(variables, "kp"),
+            "kv": _scalar(variables, "kv"),
         },
     }

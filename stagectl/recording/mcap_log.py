@@ -66,4 +66,4 @@ def _rows(recording: Recording, columns: list[str]) -> list[bytes]:
 
 
 def _files(recording: Recording) -> list[tuple[str, Any]]:
-    return [(one["name"], one["text"]) for one in recording.meta.get("files", {}).values()]
+    return [(file["name"], file["text"]) for file in recording.meta.get("files", {}).values()]

@@ -57,19 +57,19 @@ def of_axis(setup: Setup, running: Controller, text: str) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Of this program, its kernels, what it stands on, and the machine it ran on."""
+    """Versions of this program, its kernels, the packages it needs, and the machine."""
     return dict(_versions())
 
 
 @functools.cache
 def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version(), "kernels": source_hash(), "system": platform.platform()}
+    known = {"python": platform.python_version(), "kernels": source_hash(), "system": platform.platform()}
     for package in _PACKAGES:
         try:
-            found[package] = importlib.metadata.version(package)
+            known[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            known[package] = "not installed"
+    return known
 
 
 def portable(p: Any) -> Any:

@@ -12,12 +12,14 @@ from typing import Any
 import yaml
 
 from stagectl.config.friction_laws import Dahl, Lugre
-from stagectl.config.loader import Lengths, Reader
-from stagectl.config.stage_file import StageFile
+from stagectl.config.lengths import Lengths
+from stagectl.config.loader import Reader
+from stagectl.config.stage_blocks import StageFile
 from stagectl.design import Control
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import friction_bristle
 from stagectl.kernels.effects import TURN
+from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.units import LINEAR, ROTARY
 
@@ -42,8 +44,8 @@ def nominal_of(recording: Recording) -> dict[str, Any]:
     """All that a recording knows of its stage and controller, in the words of nominal.yaml."""
     meta = recording.meta
     if "nominal" in meta:  # it came from such a file
-        found: dict[str, Any] = meta["nominal"]
-        return found
+        nominal: dict[str, Any] = meta["nominal"]
+        return nominal
     if "law" not in meta:
         return {"stage": {"name": meta["name"], **_axis(meta["axis"])}}
     file = carried_stage(recording)
@@ -52,12 +54,12 @@ def nominal_of(recording: Recording) -> dict[str, Any]:
         "friction": _friction(file),
         "drive": _drive(file),
         "controller": _controller(file, meta),
-        **({"effects": found} if (found := effects_of(file)) else {}),
+        **({"effects": nominal} if (nominal := effects_of(file)) else {}),
     }
 
 
 def effects_of(file: StageFile) -> dict[str, Any]:
-    """The effects that act in this stage, by block and field as in its file, SI; what is neutral stands nowhere."""
+    """The effects that act in this stage, by block and field as in its file, SI; neutral ones are absent."""
     blocks = {name: _acting(getattr(file, name)) for name in ("motor", "mechanics", "friction", "encoder", "drive")}
     blocks["encoder"].pop("step", None)  # of its counts; that of the friction is an effect
     known = {name: block for name, block in blocks.items() if block}
@@ -67,7 +69,7 @@ def effects_of(file: StageFile) -> dict[str, Any]:
 
 
 def _acting(block: Any) -> dict[str, Any]:
-    """Fields of a block that stand elsewhere in nominal.yaml left out."""
+    """Fields of a block that are not neutral, without those that are elsewhere in nominal.yaml."""
     changed = {
         name: value
         for name, value in block._asdict().items()
@@ -87,7 +89,9 @@ def carried_stage(recording: Recording) -> StageFile:
     name, text = (recording.meta["files"]["stage"][part] for part in ("name", "text"))
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     if root is None:
-        raise RecordingError(f"{recording.path} carries an empty stage file {name}")
+        raise RecordingError(
+            f"{recording.path} carries an empty stage file {name}", file=recording.path, kind=ProblemKind.SYNTAX
+        )
     reader = Reader(Path(name), Lengths(axis["kind"], lead))
     file: StageFile = reader.value(StageFile, root, "")
     reader.finish()
@@ -141,7 +145,7 @@ def _plain(bristle: friction_bristle.Bristle) -> dict[str, Any]:
 
 
 def _bristle(file: StageFile, compensated: bool) -> dict[str, Any]:
-    """The bristle that a compensation by the stage's own model runs beside its stop operators."""
+    """The bristle that a compensation by the stage's own model runs in addition to its stop operators."""
     if not compensated or not isinstance(file.friction, Dahl | Lugre):
         return {}
     return {"friction_bristle": _plain(file.friction.bristle())}
@@ -216,7 +220,7 @@ def _observer(meta: dict[str, Any]) -> dict[str, Any]:
 
 
 def _anticipation(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
-    """What the command holds beside the feedback."""
+    """The parts of the command other than the feedback."""
     ahead, dt = meta["feedforward"], meta["dt"]
     advance = file.drive.current_lag + meta["nd"] * dt
     form = meta["compensation"]["form"]

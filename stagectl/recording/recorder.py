@@ -15,10 +15,10 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.recording.hdf5 import BLOCK, DamagedError, RecordingError, Writer
+from stagectl.recording.constants import BLOCK, POLL
+from stagectl.recording.hdf5 import DamagedError, RecordingError, Writer
 from stagectl.recording.ring import Ring
 
-POLL = 0.05  # s; the ring holds 16 s at 2 kHz
 ENOUGH = b"."  # what is in the ring now is the end
 
 
@@ -92,13 +92,13 @@ def record(order: Order) -> bool:
     tape = Tape(Writer(Path(order.path), order.meta, order.columns), order.width, order.start)
     print("ready", flush=True)
     while True:
-        said = _said(order.alive)
-        over = ring.closed or said is not None
+        message = _message(order.alive)
+        over = ring.closed or message is not None
         while ring.written - tape.done >= (1 if over else BLOCK):
             tape.take(*ring.read(tape.done, BLOCK))
         if over:
             break
-    complete = ring.closed or said == ENOUGH
+    complete = ring.closed or message == ENOUGH
     whole = tape.close("complete" if complete else "the loop process died", complete)
     if tape.lost:
         where = f"{order.path} marks where" if whole else f"{order.path} is cut off before them"
@@ -112,7 +112,7 @@ def _say(words: str) -> None:
     print(f"recorder: {words}", file=sys.stderr, flush=True)
 
 
-def _said(alive: int) -> bytes | None:
+def _message(alive: int) -> bytes | None:
     """What the other end of the pipe says: ENOUGH, nothing (None), or that it is gone (empty)."""
     readable, _, _ = select.select([alive], [], [], POLL)
     return os.read(alive, 1) if readable else None

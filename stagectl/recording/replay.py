@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.kernels import law
+from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.metadata import read_law
 
@@ -18,19 +19,23 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
     Raises RecordingError where rows are missing or the recording holds no law of ours.
     """
     if "law" not in recording.meta:
-        raise RecordingError(f"{recording.path} was imported: it holds no law to replay")
+        raise RecordingError(
+            f"{recording.path} was imported: it holds no law to replay", file=recording.path, kind=ProblemKind.MISSING
+        )
     if not {"cascade", "observer"} <= set(recording.meta["law"]):
-        raise RecordingError(f"{recording.path} was recorded by a version whose law was another: run it again")
+        reason = f"{recording.path} was recorded by a version whose law was another: run it again"
+        raise RecordingError(reason, file=recording.path, kind=ProblemKind.CONFLICT)
     if recording.lost_rows:
-        raise RecordingError(f"{recording.path} lacks {recording.lost_rows} rows: the law's memory cannot be followed")
+        reason = f"{recording.path} has lost {recording.lost_rows} rows: the law's state cannot be followed"
+        raise RecordingError(reason, file=recording.path, kind=ProblemKind.MISSING)
     if not len(recording.samples):
-        raise RecordingError(f"{recording.path} holds no rows")
+        raise RecordingError(f"{recording.path} holds no rows", file=recording.path, kind=ProblemKind.MISSING)
     p = read_law(recording.meta["law"])
-    state, found = law.AT_REST, []
+    state, rows = law.AT_REST, []
     for *setpoint, measured in recording.samples[[*law.Setpoint._fields, "measured"]].tolist():
         output, state = law.step(p, state, law.Setpoint(*setpoint), measured)
-        found.append(output)
-    return np.array(found)
+        rows.append(output)
+    return np.array(rows)
 
 
 def replay(recording: Recording) -> dict[str, Any]:

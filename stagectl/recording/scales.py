@@ -1,4 +1,4 @@
-"""Scales of a log's columns, from a stage file or a ``nominal.yaml`` beside it.
+"""Scales of a log's columns, from a stage file or a ``nominal.yaml`` next to it.
 
 What is not known is 0, never guessed.
 """
@@ -14,6 +14,7 @@ import yaml
 
 from stagectl.config.source import compose
 from stagectl.config.stage_file import Setup
+from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
 from stagectl.units import LINEAR, ROTARY, UnitError, factor
 
@@ -42,7 +43,9 @@ class Scales(NamedTuple):
         except UnitError as error:
             if through_screw:
                 return factor(unit, "m") / self.travel_per_unit
-            raise RecordingError(f"a position in {unit} on an axis whose positions are in {inside}: {error}") from error
+            raise RecordingError(
+                f"a position in {unit} on an axis whose positions are in {inside}: {error}", kind=ProblemKind.UNIT
+            ) from error
 
     def current(self, unit: str) -> float:
         """Factor from a current, force, torque or amplifier voltage in `unit` to A.
@@ -61,7 +64,8 @@ class Scales(NamedTuple):
 
     def _known(self, value: float, what: str, key: str) -> float:
         if value == 0.0:
-            raise RecordingError(f"{what} has no scale: write {key} in nominal.yaml beside the log, or give --stage")
+            reason = f"{what} has no scale: write {key} in nominal.yaml next to the log, or give --stage"
+            raise RecordingError(reason, kind=ProblemKind.MISSING, column=key)
         return value
 
 
@@ -74,12 +78,14 @@ def scales_of_stage(setup: Setup, amplifier: float = 0.0) -> Scales:
 def scales_of_nominal(nominal: dict[str, Any], place: Path) -> Scales:
     """The scales that a nominal.yaml at `place` gives.
 
-    Raises RecordingError where the axis is not told or a scale is no positive number.
+    Raises RecordingError where the axis is not known or a scale is not a positive number.
     """
     stage, drive = _block(nominal, "stage", place), _block(nominal, "drive", place)
     unit = stage.get("position_unit") or ("m" if stage.get("kind") == LINEAR else "rad")
     if unit not in ("m", "rad"):
-        raise RecordingError(f"stage.position_unit = {unit}; must be rad or m ({place})")
+        raise RecordingError(
+            f"stage.position_unit = {unit}; must be rad or m ({place})", file=place, kind=ProblemKind.VALUE
+        )
     kind = LINEAR if unit == "m" else ROTARY
     per_unit = 1e-3 * _positive(stage, "travel_per_unit_mm", place) if kind == ROTARY else 0.0
     return Scales(
@@ -99,19 +105,23 @@ def read_values(path: Path) -> dict[str, Any]:
     """
     node = compose(path)
     try:
-        found = json.loads(json.dumps(yaml.SafeLoader("").construct_document(node), default=str))
+        values = json.loads(json.dumps(yaml.SafeLoader("").construct_document(node), default=str))
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
-        raise RecordingError(f"{path} holds something else than plain values: {error}") from error
-    if not isinstance(found, dict):
-        raise RecordingError(f"{path} must be a block of `key: value` lines")
-    return found
+        raise RecordingError(
+            f"{path} holds something other than plain values: {error}", file=path, kind=ProblemKind.VALUE
+        ) from error
+    if not isinstance(values, dict):
+        raise RecordingError(f"{path} must be a block of `key: value` lines", file=path, kind=ProblemKind.SHAPE)
+    return values
 
 
 def _block(nominal: dict[str, Any], name: str, place: Path) -> dict[str, Any]:
-    found = nominal.get(name) or {}
-    if not isinstance(found, dict):
-        raise RecordingError(f"{name} = {found!r}; must be a block of values ({place})")
-    return found
+    block = nominal.get(name) or {}
+    if not isinstance(block, dict):
+        raise RecordingError(
+            f"{name} = {block!r}; must be a block of values ({place})", file=place, kind=ProblemKind.SHAPE, column=name
+        )
+    return block
 
 
 def _positive(block: dict[str, Any], key: str, place: Path) -> float:
@@ -124,5 +134,7 @@ def _positive(block: dict[str, Any], key: str, place: Path) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if not 0.0 < number < math.inf:
-        raise RecordingError(f"{key} = {value!r}; must be a number in (0, inf) ({place})")
+        raise RecordingError(
+            f"{key} = {value!r}; must be a number in (0, inf) ({place})", file=place, kind=ProblemKind.RANGE, column=key
+        )
     return number

@@ -107,5 +107,5 @@ def crossings(values: Array, level: float, edge: Edge) -> NDArray[np.intp]:
     """Indices where `values` (n,) cross the level; NaN crosses nothing."""
     before, after = values[:-1], values[1:]
     rising, falling = (before < level) & (after >= level), (before > level) & (after <= level)
-    found = rising if edge == "rising" else falling if edge == "falling" else rising | falling
-    return np.flatnonzero(found) + 1
+    crossed = rising if edge == "rising" else falling if edge == "falling" else rising | falling
+    return np.flatnonzero(crossed) + 1

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
@@ -83,7 +82,7 @@ def usual(setup: Setup) -> Pace:
 def motions(setup: Setup, pace: Pace | None = None) -> Motions:
     """Standing still, and moving there and back."""
     pace, per_unit = pace or usual(setup), setup.file.axis.travel_per_unit
-    controller = design.design(setup.stage, setup.file.control)
+    controller = setup.controller
     way = Trapezoid(pace.distance * per_unit, pace.speed * per_unit, pace.acceleration * per_unit)
     rows = [
         np.ascontiguousarray(plan(setup, motion, controller.feedforward).setpoints) for motion in (Dwell(LONGEST), way)

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 
 from stagectl import design
-from stagectl.config.stage_file import InProcess, Setup
+from stagectl.config.stage_blocks import InProcess
+from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.drives.drive import Canopen, Fault
 from stagectl.evaluation import WINDOW_COUNTS
@@ -69,7 +70,7 @@ class Manned:
     def __init__(self, name: str, setup: Setup) -> None:
         self.name, self.setup = name, setup
         self.control = setup.file.control
-        self.controller = design.design(setup.stage, self.control)
+        self.controller = setup.controller
         self._silence = STARTING  # what its state is called as long as the real-time process has not told one
         self.begin()
 

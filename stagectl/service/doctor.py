@@ -19,6 +19,7 @@ from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.network import Network, Partner, load_eds
 from stagectl.drives.canopen.setup import NOT_OFFERED
 from stagectl.drives.canopen.setup import Setup as Configuration
+from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.service import virtual_drive
 
@@ -171,7 +172,7 @@ def _interface(wire: Canopen) -> Check:
 
 
 def _load(setup: Setup, wire: Canopen) -> Check:
-    share = frames.load(1.0 / setup.dt, wire.bitrate, (0, 8, 8))
+    share = bus_load(1.0 / setup.dt, wire.bitrate)
     good = share <= wire.bus_load_limit
     return Check(
         "bus load",

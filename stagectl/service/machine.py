@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from stagectl.config.machine_file import axes_of, coupled, split
-from stagectl.config.stage_file import InProcess, Setup, load_stage
-from stagectl.drives.bus import frames
+from stagectl.config.stage_blocks import InProcess
+from stagectl.config.stage_file import Setup, load_stage
+from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen
 from stagectl.service.axis_controller import Manned, ServiceError
 
@@ -77,7 +78,7 @@ def _check(axes: dict[str, Manned]) -> None:
 
 def _check_load(wires: list[Canopen], period: float) -> None:
     lengths = (0, *(8 for _ in wires for _ in range(2)))
-    share, limit = frames.load(1.0 / period, wires[0].bitrate, lengths), min(wire.bus_load_limit for wire in wires)
+    share, limit = bus_load(1.0 / period, wires[0].bitrate, lengths), min(wire.bus_load_limit for wire in wires)
     if share > limit:
         raise ServiceError(
             f"{len(wires)} axes on {wires[0].channel}: SYNC and two PDOs each every {period * 1e3:g} ms take "

@@ -18,7 +18,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.config.stage_file import InProcess, Setup
+from stagectl.config.stage_blocks import InProcess
+from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError
 from stagectl.kernels import law, rollout
 from stagectl.plan import Plan

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from stagectl.config.stage_file import InProcess, Setup
+from stagectl.config.stage_blocks import InProcess
+from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen
 
 HELD_UP = 5.0  # s for which a busy computer may take the processor away; 0.5 s were seen to be short

@@ -2,7 +2,7 @@
 
 Each trajectory is a NamedTuple of plain numbers with
 
-* ``at(t)``, the `Motion` at any times (n,) s: relative to where the axis stands, 0 before t = 0, then the
+* ``at(t)``, the `Motion` at any times (n,) s: relative to the axis' position at the start, 0 before t = 0, then the
   motion, then standing at ``end`` for ever;
 * ``duration`` (s) and ``end`` (m);
 * ``steady``, the window (s) over which a tracking error is taken: the periods at full amplitude of a periodic

@@ -12,6 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from stagectl.trajectories.bounds import ROUNDING
 from stagectl.trajectories.motion import Array
 from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.units import Quantity
@@ -33,7 +34,7 @@ class CurrentSine(NamedTuple):
     """``amplitude sin(2 pi frequency (t - t_ramp))``, faded in and out over `ramp` periods each."""
 
     amplitude: Annotated[float, _AMPLITUDE]
-    frequency: Annotated[float, Quantity("Hz", "[1e-4, 1e4]", "of the current")]
+    frequency: Annotated[float, Quantity("Hz", "[1e-4, 1e4]", "frequency of the current")]
     periods: Annotated[float, Quantity("", "(0, 1e7]", "steady periods between the ramps")]
     ramp: Annotated[float, Quantity("", "[0.1, 1000]", "periods over which it rises, and again falls")] = 1.0
 
@@ -50,7 +51,8 @@ class CurrentSine(NamedTuple):
     @property
     def spans(self) -> tuple[Span, ...]:
         """The whole ones of them."""
-        return _whole(self.steady[0], self.periods, 1.0 / self.frequency, ("sine", self.amplitude, (self.frequency,)))
+        span = Span(*self.steady, "sine", self.amplitude, (self.frequency,))
+        return _whole(span, self.periods, 1.0 / self.frequency)
 
     def at(self, t: npt.ArrayLike) -> Array:
         """Current (n,) A at the times `t` (n,) s; 0 before and after."""
@@ -70,7 +72,7 @@ class CurrentMultisine(NamedTuple):
     base: Annotated[float, Quantity("s", "[1e-3, 1e3]", "period; the lines are 2/base apart")]
     periods: Annotated[float, Quantity("", "(0, 1e7]", "steady periods between the ramps")] = 2.0
     ramp: Annotated[float, Quantity("", "[0.01, 1000]", "periods it rises over, and again falls")] = 0.25
-    seed: Annotated[int, Quantity("", "[0, 2147483647]", "of the phases")] = 1
+    seed: Annotated[int, Quantity("", "[0, 2147483647]", "seed of the phases")] = 1
 
     @property
     def duration(self) -> float:
@@ -86,7 +88,7 @@ class CurrentMultisine(NamedTuple):
     def spans(self) -> tuple[Span, ...]:
         """The whole ones of them."""
         lines = tuple(float(line) / self.base for line in self.shape.lines)
-        return _whole(self.steady[0], self.periods, self.base, ("multisine", self.amplitude, lines))
+        return _whole(Span(*self.steady, "multisine", self.amplitude, lines), self.periods, self.base)
 
     def at(self, t: npt.ArrayLike) -> Array:
         """Current (n,) A at the times `t` (n,) s; 0 before and after."""
@@ -102,7 +104,7 @@ class CurrentSweep(NamedTuple):
     """Stepped sine: at each frequency in turn some periods to settle, then whole ones to measure."""
 
     amplitude: Annotated[float, _AMPLITUDE]
-    frequencies: Annotated[tuple[float, ...], Quantity("Hz", "[1e-4, 1e4]", "in the order in which they come")]
+    frequencies: Annotated[tuple[float, ...], Quantity("Hz", "[1e-4, 1e4]", "frequencies in their order")]
     periods: Annotated[int, Quantity("", "[1, 1000000]", "periods measured at each frequency")] = 5
     settle: Annotated[int, Quantity("", "[0, 1000000]", "periods before them, at each frequency")] = 3
 
@@ -148,6 +150,7 @@ CURRENTS: dict[str, type[Current]] = {
 }
 
 
-def _whole(start: float, periods: float, period: float, what: tuple[str, float, tuple[float, ...]]) -> tuple[Span, ...]:
-    whole = int(periods + 1e-9)
-    return (Span(start, start + whole * period, *what),) if whole else ()
+def _whole(span: Span, periods: float, period: float) -> tuple[Span, ...]:
+    """`span` with its end after the whole ones of its `periods`; none where it has no whole one."""
+    whole = int(periods + ROUNDING)
+    return (span._replace(end=span.start + whole * period),) if whole else ()

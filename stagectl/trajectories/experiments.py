@@ -13,9 +13,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from stagectl.trajectories.currents import CURRENTS, Current, CurrentMultisine, CurrentSine, CurrentSweep
-from stagectl.trajectories.limits import LONGEST, check_intervals
+from stagectl.problem import Problem, ProblemKind
+from stagectl.trajectories.currents import Current, CurrentMultisine, CurrentSine, CurrentSweep
 from stagectl.trajectories.limits import check as check_trajectory
+from stagectl.trajectories.limits import check_duration, check_intervals
 from stagectl.trajectories.motion import TrajectoryError
 from stagectl.trajectories.profiles import Dwell
 from stagectl.trajectories.sequence import Trajectory
@@ -73,34 +74,34 @@ def phases(experiment: Experiment) -> Phases:
 
 
 def check(experiment: Experiment) -> None:
-    """Say what is wrong with `experiment`, if anything.
+    """Refuse an experiment that cannot be run.
 
-    Raises TrajectoryError with field, value, unit, what is admissible and what to change.
+    Raises TrajectoryError with key, value, unit, what is admissible and what to change.
     """
     if isinstance(experiment, CurrentSine | CurrentMultisine | CurrentSweep):
-        _check_current(experiment, next(name for name, kind in CURRENTS.items() if isinstance(experiment, kind)))
+        _check_current(experiment, "")
     elif isinstance(experiment, Excited):
-        check_trajectory(experiment.motion, "excited.motion")
-        _check_current(experiment.current, "excited.current")
+        check_trajectory(experiment.motion, "motion")
+        _check_current(experiment.current, "current")
     elif isinstance(experiment, Released):
-        check_trajectory(experiment.motion, "release.motion")
-        at = experiment.at
-        if at is not None and at > experiment.motion.duration:
-            raise TrajectoryError(
-                f"release.at = {at:g} s; must lie in [0, {experiment.motion.duration:g}] s, within the motion"
-            )
+        check_trajectory(experiment.motion, "motion")
+        _check_release(experiment)
     else:
         check_trajectory(experiment)
+
+
+def _check_release(experiment: Released) -> None:
+    at, end = experiment.at, experiment.motion.duration
+    if at is not None and at > end:
+        reason = "the axis is released within the motion"
+        raise TrajectoryError(Problem(reason, ProblemKind.CONFLICT, "at", f"{at:g} s", "s", f"[0, {end:g}]"))
 
 
 def _check_current(current: Current, place: str) -> None:
     check_intervals(current, place)
     if isinstance(current, CurrentMultisine):
         check_trajectory(current.shape, place)
-    if not current.duration <= LONGEST:
-        raise TrajectoryError(
-            f"{place}.duration = {current.duration:g} s; must lie in [0, {LONGEST:g}] s: run fewer periods"
-        )
+    check_duration(current.duration, place)
 
 
 __all__ = ["Excited", "Experiment", "Phases", "Released", "check", "phases"]

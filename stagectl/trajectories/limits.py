@@ -1,4 +1,4 @@
-"""What must be known of a trajectory before anything moves: is it sound, how far and how fast does it go."""
+"""Checks of a trajectory before anything moves: whether it can be run, how far it goes and how fast."""
 
 from __future__ import annotations
 
@@ -8,18 +8,14 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
+from stagectl.problem import Problem, ProblemKind
+from stagectl.trajectories.bounds import BLOCK, LEAST_ROWS, LEAST_STEP, LONGEST, MOST_LINES, MOST_PERIODS, SHORTEST
 from stagectl.trajectories.motion import TrajectoryError
-from stagectl.trajectories.periodic import Multisine
+from stagectl.trajectories.periodic import FLAT, Multisine
 from stagectl.trajectories.profiles import SCurve, Trapezoid
-from stagectl.trajectories.recorded import LEAST_ROWS, LEAST_STEP, Recorded
-from stagectl.trajectories.sequence import TYPES, Sequence, Sum, Trajectory
+from stagectl.trajectories.recorded import Recorded
+from stagectl.trajectories.sequence import Sequence, Sum, Trajectory
 from stagectl.units import quantity_of
-
-SHORTEST = 1e-12  # m, of a move
-LONGEST = 86400.0  # s; what is longer is a slip of a unit, and would fill the memory
-MOST_LINES = 5000  # of a multisine
-MOST_PERIODS = 2e5  # of its fastest line within its base: what one evaluation holds in memory
-_BLOCK = 65536  # samples evaluated at once
 
 
 class Peaks(NamedTuple):
@@ -33,16 +29,16 @@ class Peaks(NamedTuple):
 
 def peaks(trajectory: Trajectory, dt: float) -> Peaks:
     """Extremes of `trajectory`, sampled at a quarter of the control period `dt` (s) and at both ends."""
-    found = np.array([_extremes(trajectory, t) for t in _blocks(trajectory.duration, 0.25 * dt)])
-    lowest, (highest, speed, acceleration) = found[:, 0].min(), found[:, 1:].max(axis=0)
+    extremes = np.array([_extremes(trajectory, t) for t in _blocks(trajectory.duration, 0.25 * dt)])
+    lowest, (highest, speed, acceleration) = extremes[:, 0].min(), extremes[:, 1:].max(axis=0)
     return Peaks(float(lowest), float(highest), float(speed), float(acceleration))
 
 
 def _blocks(duration: float, step: float) -> Iterator[Any]:
     """All sampling times, in blocks; then the last instant in motion, and the first at rest."""
     count = math.ceil(duration / step)
-    for first in range(0, count, _BLOCK):
-        yield step * np.arange(first, min(first + _BLOCK, count))
+    for first in range(0, count, BLOCK):
+        yield step * np.arange(first, min(first + BLOCK, count))
     yield np.array([0.0, np.nextafter(duration, 0.0), duration])
 
 
@@ -52,85 +48,105 @@ def _extremes(trajectory: Trajectory, t: Any) -> tuple[float, float, float, floa
 
 
 def check(trajectory: Trajectory, place: str = "") -> None:
-    """Say what is wrong with `trajectory`, if anything; `place` names it in a file.
+    """Refuse a trajectory that cannot be run; `place` is its key path in a file, such as ``parts[1]``.
 
-    Raises TrajectoryError with field, value, unit, what is admissible and what to change.
+    Raises TrajectoryError with key, value, unit, what is admissible and what to change.
     """
-    place = place or next(name for name, kind in TYPES.items() if isinstance(trajectory, kind))
     check_intervals(trajectory, place)
-    if isinstance(trajectory, Trapezoid | SCurve) and abs(trajectory.distance) < SHORTEST:
-        raise TrajectoryError(
-            f"{place}.distance = {trajectory.distance:g} m; must be at least {SHORTEST:g} m either way: "
-            "use a dwell to stand still"
-        )
-    if isinstance(trajectory, Multisine):
+    if isinstance(trajectory, Trapezoid | SCurve):
+        _check_distance(trajectory.distance, place)
+    elif isinstance(trajectory, Multisine):
         _check_band(trajectory, place)
-    if isinstance(trajectory, Recorded):
+    elif isinstance(trajectory, Recorded):
         _check_samples(trajectory, place)
-    if isinstance(trajectory, Sequence | Sum):
+    elif isinstance(trajectory, Sequence | Sum):
         _check_parts(trajectory, place)
-    if not trajectory.duration <= LONGEST:
-        raise TrajectoryError(
-            f"{place}.duration = {trajectory.duration:g} s; must lie in [0, {LONGEST:g}] s: run fewer periods or cycles"
-        )
+    check_duration(trajectory.duration, place)
 
 
 def check_intervals(trajectory: Any, place: str) -> None:
-    """Every number of a block against the interval beside its field."""
+    """Every number of a block against the interval of its field.
+
+    Raises TrajectoryError.
+    """
     for name, hint in get_type_hints(type(trajectory), include_extras=True).items():
-        quantity, value = quantity_of(hint), getattr(trajectory, name)
+        quantity, values = quantity_of(hint), getattr(trajectory, name)
         if quantity is None:
             continue
-        for row, one in enumerate(np.ravel(value).tolist()):
-            if not (quantity.admits(one) and math.isfinite(one)):
-                which = f"{name}[{row}]" if np.ndim(value) else name
-                raise TrajectoryError(
-                    f"{place}.{which} = {one} {quantity.unit}".rstrip()
-                    + f"; must be finite and lie in {quantity.interval} {quantity.unit}".rstrip()
-                    + f": {quantity.meaning}"
-                )
+        for row, value in enumerate(np.ravel(values).tolist()):
+            if not (quantity.admits(value) and math.isfinite(value)):
+                key = below(place, f"{name}[{row}]" if np.ndim(values) else name)
+                written = f"{value} {quantity.unit}".rstrip()
+                problem = Problem("must be finite", ProblemKind.RANGE, key, written, quantity.unit, quantity.interval)
+                raise TrajectoryError(problem._replace(remedy=quantity.meaning))
+
+
+def check_duration(duration: float, place: str) -> None:
+    """Refuse a duration (s) that would fill the memory.
+
+    Raises TrajectoryError.
+    """
+    if not duration <= LONGEST:
+        value, interval = f"{duration:g} s", f"[0, {LONGEST:g}]"
+        problem = Problem("", ProblemKind.RANGE, below(place, "duration"), value, "s", interval)
+        raise TrajectoryError(problem._replace(remedy="run fewer periods or cycles"))
+
+
+def below(place: str, name: str) -> str:
+    """The key path of an entry of the block at `place`."""
+    return f"{place}.{name}" if place else name
+
+
+def _check_distance(distance: float, place: str) -> None:
+    if abs(distance) < SHORTEST:
+        reason = f"must be at least {SHORTEST:g} m either way"
+        problem = Problem(reason, ProblemKind.RANGE, below(place, "distance"), f"{distance:g} m", "m")
+        raise TrajectoryError(problem._replace(remedy="use a dwell to stand still"))
 
 
 def _check_band(p: Multisine, place: str) -> None:
-    if p.flat not in ("position", "velocity", "acceleration"):
-        raise TrajectoryError(f"{place}.flat = {p.flat}; must be position, velocity or acceleration")
+    if p.flat not in FLAT:
+        raise TrajectoryError(Problem("", ProblemKind.VALUE, below(place, "flat"), p.flat, choices=FLAT))
     if p.low > p.high:
-        raise TrajectoryError(f"{place}.low = {p.low:g} Hz; must lie in (0, {p.high:g}] Hz, up to high")
+        low, value, interval = below(place, "low"), f"{p.low:g} Hz", f"(0, {p.high:g}]"
+        raise TrajectoryError(Problem("", ProblemKind.CONFLICT, low, value, "Hz", interval, remedy="up to high"))
+    base = Problem("", ProblemKind.CONFLICT, below(place, "base"), f"{p.base:g} s", "s")
     if p.high * p.base > MOST_PERIODS:
-        raise TrajectoryError(
-            f"{place}.base = {p.base:g} s; must be at most {MOST_PERIODS / p.high:g} s with high = {p.high:g} Hz: "
-            "shorten base, or lower high"
-        )
+        reason = f"must be at most {MOST_PERIODS / p.high:g} s with high = {p.high:g} Hz"
+        raise TrajectoryError(base._replace(reason=reason, remedy="shorten base, or lower high"))
     count = len(p.lines)
     if not 1 <= count <= MOST_LINES:
-        raise TrajectoryError(
-            f"{place}.base = {p.base:g} s; puts {count} odd lines in [{p.low:g}, {p.high:g}] Hz; must be "
-            f"1 to {MOST_LINES}, and lines are {2.0 / p.base:g} Hz apart, so change base, low or high"
-        )
+        reason = f"puts {count} odd lines in [{p.low:g}, {p.high:g}] Hz; must be 1 to {MOST_LINES}"
+        remedy = f"lines are {2.0 / p.base:g} Hz apart, so change base, low or high"
+        raise TrajectoryError(base._replace(reason=reason, remedy=remedy))
 
 
 def _check_samples(p: Recorded, place: str) -> None:
     rows, others = np.size(p.time), np.size(p.position)
     if rows != others or np.ndim(p.time) != 1 or np.ndim(p.position) != 1:
-        raise TrajectoryError(f"{place}.position has {others} values; must have one for each of {rows} times")
+        reason = f"has {others} values; must have one for each of {rows} times"
+        raise TrajectoryError(Problem(reason, ProblemKind.SHAPE, below(place, "position")))
     if rows < LEAST_ROWS:
-        raise TrajectoryError(f"{place} has {rows} rows; must have at least {LEAST_ROWS}: record longer")
+        reason = f"the recorded motion has {rows} rows; must have at least {LEAST_ROWS}"
+        raise TrajectoryError(Problem(reason, ProblemKind.SHAPE, place, remedy="record longer"))
     steps = np.diff(p.time)
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0)) + 1
-        raise TrajectoryError(
-            f"{place}.time = {p.time[row]:g} s in row {row}, after {p.time[row - 1]:g} s; times must "
-            "increase strictly: remove repeated rows or sort the file"
-        )
+        reason = f"must be later than the row before it, {p.time[row - 1]:g} s"
+        problem = Problem(reason, ProblemKind.CONFLICT, below(place, f"time[{row}]"), f"{p.time[row]:g} s", "s")
+        raise TrajectoryError(problem._replace(remedy="remove repeated rows or sort the file"))
     if steps.min() < LEAST_STEP * steps.max():
-        raise TrajectoryError(
-            f"{place}.time has steps of {steps.min():g} s to {steps.max():g} s; the shortest must be at "
-            f"least {LEAST_STEP:g} of the longest: resample the file, or split it at its gaps"
+        reason = (
+            f"has steps of {steps.min():g} s to {steps.max():g} s; the shortest must be at least {LEAST_STEP:g} of the "
+            "longest"
         )
+        remedy = "resample the file, or split it at its gaps"
+        raise TrajectoryError(Problem(reason, ProblemKind.CONFLICT, below(place, "time"), remedy=remedy))
 
 
 def _check_parts(p: Sequence | Sum, place: str) -> None:
     if not p.parts:
-        raise TrajectoryError(f"{place}.parts is empty; must hold at least one trajectory")
+        reason = "is empty; must hold at least one trajectory"
+        raise TrajectoryError(Problem(reason, ProblemKind.SHAPE, below(place, "parts")))
     for number, part in enumerate(p.parts):
-        check(part, f"{place}.parts[{number}]")
+        check(part, below(place, f"parts[{number}]"))

@@ -5,25 +5,27 @@ from __future__ import annotations
 import functools
 import math
 import random
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from stagectl.trajectories.bounds import ROUNDING
 from stagectl.trajectories.motion import Array, Motion, contained, product, window
 from stagectl.units import Quantity
 
 Flat = Literal["position", "velocity", "acceleration"]
+FLAT: tuple[str, ...] = get_args(Flat)
 
 
 class Sine(NamedTuple):
     """``amplitude sin(2 pi frequency (t - t_ramp) + phase)``, faded in and out over `ramp` periods each."""
 
     amplitude: Annotated[float, Quantity("m", "(0, 1e6]", "half of peak to peak")]
-    frequency: Annotated[float, Quantity("Hz", "[1e-4, 1e4]", "of the motion")]
+    frequency: Annotated[float, Quantity("Hz", "[1e-4, 1e4]", "frequency of the motion")]
     periods: Annotated[float, Quantity("", "(0, 1e7]", "steady periods between the ramps")]
     ramp: Annotated[float, Quantity("", "[0.1, 1000]", "periods over which it rises, and again falls")] = 1.0
-    phase: Annotated[float, Quantity("rad", "[-10, 10]", "where the steady periods begin")] = 0.0
+    phase: Annotated[float, Quantity("rad", "[-10, 10]", "phase at which the steady periods begin")] = 0.0
 
     @property
     def duration(self) -> float:
@@ -67,7 +69,7 @@ class Multisine(NamedTuple):
     base: Annotated[float, Quantity("s", "[1e-3, 1e3]", "period; the lines are 2/base apart")]
     periods: Annotated[float, Quantity("", "(0, 1e7]", "steady periods between the ramps")] = 2.0
     ramp: Annotated[float, Quantity("", "[0.01, 1000]", "periods it rises over, and again falls")] = 0.25
-    seed: Annotated[int, Quantity("", "[0, 2147483647]", "of the phases")] = 1
+    seed: Annotated[int, Quantity("", "[0, 2147483647]", "seed of the phases")] = 1
     flat: Annotated[Flat, "spectrum in which the lines are equal"] = "velocity"
 
     @property
@@ -88,7 +90,7 @@ class Multisine(NamedTuple):
     @property
     def lines(self) -> npt.NDArray[np.int64]:
         """Excited odd multiples of ``1/base``; a line on the edge of the band belongs to it."""
-        first, last = math.ceil(self.low * self.base - 1e-9), math.floor(self.high * self.base + 1e-9)
+        first, last = math.ceil(self.low * self.base - ROUNDING), math.floor(self.high * self.base + ROUNDING)
         return np.arange(first | 1, last + 1, 2, dtype=np.int64)
 
     def at(self, t: npt.ArrayLike) -> Motion:

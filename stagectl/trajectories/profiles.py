@@ -45,12 +45,14 @@ class Dwell(NamedTuple):
 class Trapezoid(NamedTuple):
     """Moves of constant acceleration; a triangle where the velocity is not reached."""
 
-    distance: Annotated[float, Quantity("m", "[-1e6, 1e6]", "of one move, signed, not 0")]
+    distance: Annotated[
+        float, Quantity("m", "[-1e6, 1e6]", "distance of one move; its sign is the direction, and 0 is refused")
+    ]
     velocity: Annotated[float, Quantity("m/s", "[1e-9, 1e6]", "limit, reached where the distance allows")]
-    acceleration: Annotated[float, Quantity("m/s^2", "[1e-9, 1e9]", "of both ramps")]
+    acceleration: Annotated[float, Quantity("m/s^2", "[1e-9, 1e9]", "acceleration of both ramps")]
     dwell: Annotated[float, Quantity("s", "[0, 86400]", "standstill after each move")] = 0.0
-    cycles: Annotated[int, Quantity("", "[1, 10000000]", "there and back; one way: moves")] = 1
-    one_way: Annotated[bool, "no way back: each move goes on from the end of the last"] = False
+    cycles: Annotated[int, Quantity("", "[1, 10000000]", "moves there and back; with one_way: moves")] = 1
+    one_way: Annotated[bool, "each move begins at the end of the last, without a way back"] = False
 
     @property
     def duration(self) -> float:
@@ -59,7 +61,7 @@ class Trapezoid(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Where it stands afterwards (m)."""
+        """Position afterwards (m)."""
         return _end(self)
 
     @property
@@ -84,13 +86,15 @@ class Trapezoid(NamedTuple):
 class SCurve(NamedTuple):
     """Moves of limited jerk: the fastest symmetric seven-phase profile, from rest to rest."""
 
-    distance: Annotated[float, Quantity("m", "[-1e6, 1e6]", "of one move, signed, not 0")]
+    distance: Annotated[
+        float, Quantity("m", "[-1e6, 1e6]", "distance of one move; its sign is the direction, and 0 is refused")
+    ]
     velocity: Annotated[float, Quantity("m/s", "[1e-9, 1e6]", "limit, reached where the distance allows")]
     acceleration: Annotated[float, Quantity("m/s^2", "[1e-9, 1e9]", "limit, reached where the others allow")]
-    jerk: Annotated[float, Quantity("m/s^3", "[1e-9, 1e12]", "of all ramps of the acceleration")]
+    jerk: Annotated[float, Quantity("m/s^3", "[1e-9, 1e12]", "jerk of all ramps of the acceleration")]
     dwell: Annotated[float, Quantity("s", "[0, 86400]", "standstill after each move")] = 0.0
-    cycles: Annotated[int, Quantity("", "[1, 10000000]", "there and back; one way: moves")] = 1
-    one_way: Annotated[bool, "no way back: each move goes on from the end of the last"] = False
+    cycles: Annotated[int, Quantity("", "[1, 10000000]", "moves there and back; with one_way: moves")] = 1
+    one_way: Annotated[bool, "each move begins at the end of the last, without a way back"] = False
 
     @property
     def duration(self) -> float:
@@ -99,7 +103,7 @@ class SCurve(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Where it stands afterwards (m)."""
+        """Position afterwards (m)."""
         return _end(self)
 
     @property
@@ -163,11 +167,11 @@ def _moves(p: Trapezoid | SCurve, phases: _Phases, t: Array) -> Motion:
     """All moves of `p` at the times `t` (n,) s within its duration."""
     lap = phases.time[-1] + p.dwell
     leg = np.minimum(np.floor(t / lap), _legs(p) - 1)
-    one = _move(phases, np.maximum(t - leg * lap, 0.0))
+    move = _move(phases, np.maximum(t - leg * lap, 0.0))
     back = np.zeros(t.shape) if p.one_way else leg % 2.0
     start = p.distance * (leg if p.one_way else back)
     way = math.copysign(1.0, p.distance) * (1.0 - 2.0 * back)
-    return Motion(start + way * one.position, way * one.velocity, way * one.acceleration)
+    return Motion(start + way * move.position, way * move.velocity, way * move.acceleration)
 
 
 def _move(phases: _Phases, t: Array) -> Motion:

@@ -9,15 +9,13 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories.motion import Array, Motion, TrajectoryError, contained
 from stagectl.units import Quantity
 
-LEAST_ROWS = 6  # a polynomial of degree 5
-LEAST_STEP = 1e-4  # shortest step of time over the longest; below, the spline's equations lose their digits
-
 
 class Recorded(NamedTuple):
-    r"""Quintic spline (not-a-knot) through recorded positions, moved so that the axis stands at 0 at t = 0.
+    r"""Quintic spline (not-a-knot) through recorded positions, shifted so that the axis is at 0 at t = 0.
 
     ::
 
@@ -45,7 +43,7 @@ class Recorded(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Where it stands afterwards (m)."""
+        """Position afterwards (m)."""
         first, last = self._end_velocities() if self.run_up or self.run_out else (0.0, 0.0)
         return 0.5 * first * self.run_up + self._distance + 0.5 * last * self.run_out
 
@@ -56,7 +54,7 @@ class Recorded(NamedTuple):
 
     @property
     def initial_velocity(self) -> float:
-        """Velocity that the axis is asked for at once at t = 0 (m/s); what is small, the caller decides."""
+        """Velocity that is demanded at once at t = 0 (m/s); the caller decides whether it is small."""
         return 0.0 if self.run_up else self._end_velocities()[0]
 
     @property
@@ -118,7 +116,7 @@ def _put(whole: Motion, where: npt.NDArray[np.bool_], part: Motion) -> None:
 
 
 class Columns(NamedTuple):
-    """Where a CSV file keeps time and position."""
+    """Numbers of the columns of a CSV file that hold time and position."""
 
     time: int
     position: int
@@ -134,11 +132,13 @@ def columns(header: Sequence[str]) -> Columns:
     Raises TrajectoryError where one of them is missing or there are two of a kind.
     """
     names = [name.strip() for name in header]
-    found = [match for match in map(_POSITION.fullmatch, names) if match]
-    wanted = [match for match in found if match[1] == "reference"] or found
+    positions = [match for match in map(_POSITION.fullmatch, names) if match]
+    wanted = [match for match in positions if match[1] == "reference"] or positions
     if names.count("time_s") != 1 or len(wanted) != 1:
-        raise TrajectoryError(
-            f"csv columns = {', '.join(names)}; must hold one time_s and one reference_<unit> (or, without "
-            "it, one position_<unit>), the unit being m, mm, um, rad or counts: rename or remove columns"
+        reason = (
+            "must hold one time_s and one reference_<unit> (or, without it, one position_<unit>), the unit being m, "
+            "mm, um, rad or counts"
         )
+        problem = Problem(reason, ProblemKind.MISSING, "columns", ", ".join(names), remedy="rename or remove columns")
+        raise TrajectoryError(problem)
     return Columns(names.index("time_s"), names.index(wanted[0][0]), wanted[0][2])

@@ -15,7 +15,7 @@ class Samples(NamedTuple):
     """One value a row, all (n,)."""
 
     time: Array  # s
-    position: Array  # m of travel (rad where it is an angle), relative to where the axis stands
+    position: Array  # m of travel (rad where it is an angle), relative to the axis' position at the start
     current: Array  # A, to be added to the command
 
 
@@ -25,7 +25,7 @@ def sampled(experiment: Experiment, dt: float, settle: float) -> Samples:
     Raises TrajectoryError where the axis is let go: rows of a reference cannot say so.
     """
     if isinstance(experiment, Released):
-        raise TrajectoryError("release: the axis is let go, which rows of a reference cannot say; use `run`")
+        raise TrajectoryError("a release switches the current off, which rows of a reference cannot express: use `run`")
     parts = phases(experiment)
     t: Array = dt * np.arange(2 * math.ceil((parts.duration + settle) / (2.0 * dt)), dtype=np.float64)
     current = np.zeros(len(t)) if parts.current is None else np.asarray(parts.current.at(t - parts.start))

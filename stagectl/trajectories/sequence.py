@@ -52,7 +52,7 @@ class Sequence(NamedTuple):
 
 
 class Sum(NamedTuple):
-    """Parts at once, their motions added, such as a sine on a constant speed; a part that is over stands at its end."""
+    """Parts at once, their motions added, such as a sine on a constant speed; a part that is over stays at its end."""
 
     parts: Annotated[tuple[Trajectory, ...], "trajectories, in any order"]
 

@@ -115,6 +115,6 @@ def cut(p: stage.Stage, control: design.Settings) -> dict[str, Loop]:
 
     Raises DesignError where the gains cannot be realised.
     """
-    designed, dt, watching = design.unjudged(p, control)
+    designed, dt, watching = design.loop_parts(p, control)
     found = loops(p, designed, dt, watching)
     return found | {"without observer": next(iter(loops(p, designed, dt).values()))} if watching.active else found

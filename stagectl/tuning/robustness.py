@@ -81,7 +81,7 @@ def loops(
     p: stage.Stage, designed: design.Feedback, dt: float, watching: observer.Observer = observer.ABSENT
 ) -> dict[str, Loop]:
     """The loop cut at the current, by name first, and those of a cascade at its two errors; `watching` stays closed."""
-    moved, whole = design.plant(p, dt), design.observed(design.compensator(designed, dt), watching)
+    moved, whole = design.plant(p, dt), design.with_observer(design.compensator(designed, dt), watching)
     if isinstance(designed, feedback.Gains):
         return {"loop": Loop(moved, whole, NOTHING, dt)}
     inner, outer = _parts(designed, whole, watching)
@@ -97,9 +97,9 @@ def following(
 ) -> Loop:
     """From the target to the measured position in closed loop; a cascade's velocity feedforward is not in it."""
     alone = design.compensator(designed, dt)
-    whole = design.observed(alone, watching)
+    whole = design.with_observer(alone, watching)
     if isinstance(designed, feedback.Gains):
-        seen = design.observed(Rational(np.zeros(1), alone.denominator), watching)
+        seen = design.with_observer(Rational(np.zeros(1), alone.denominator), watching)
         asked = Rational(np.polysub(whole.numerator, seen.numerator), whole.denominator)
     else:
         asked = _parts(designed, whole, watching)[1]
@@ -108,7 +108,7 @@ def following(
 
 def _parts(designed: cascade.Cascade, whole: Rational, watching: observer.Observer) -> tuple[Rational, Rational]:
     """Both ways of a cascade to the current: V from the measured velocity, W from the position error."""
-    inner = design.observed(design.compensator(designed._replace(position=0.0), designed.dt), watching)
+    inner = design.with_observer(design.compensator(designed._replace(position=0.0), designed.dt), watching)
     return inner, Rational(np.polysub(whole.numerator, inner.numerator), whole.denominator)
 
 

@@ -119,7 +119,7 @@ def _holds(family: Family, demand: Demand, bandwidth: float) -> bool:
 
 def _swings(family: Family, bandwidth: float) -> float | None:
     """Where friction holds the axis; a bandwidth that nobody asked for must let it come to rest."""
-    return design.swings(family.stage, *design.unjudged(family.stage, chosen(family, bandwidth)))
+    return design.limit_cycle_frequency(family.stage, *design.loop_parts(family.stage, chosen(family, bandwidth)))
 
 
 def _restless(family: Family, bandwidth: float) -> str:

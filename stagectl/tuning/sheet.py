@@ -74,7 +74,7 @@ def _of_cascade(p: cascade.Cascade, control: design.CascadeControl, unit: str) -
 def closed(setup: Setup, tuned: Tuned) -> Closed:
     """What the closed loop does."""
     control = tuned.control
-    parts = design.unjudged(setup.stage, control)
+    parts = design.loop_parts(setup.stage, control)
     way, cut = following(setup.stage, *parts), next(iter(loops(setup.stage, *parts).values()))
     response = step(setup, tuned, 20.0)
     outside = np.flatnonzero(np.abs(response - 1.0) > SETTLED)
@@ -93,7 +93,7 @@ def step(setup: Setup, tuned: Tuned, periods: float) -> NDArray[np.float64]:
     """Measured position (n,) after a step of the target, over so many `periods` of the bandwidth."""
     dt = tuned.control.period
     length = min(math.ceil(periods / (tuned.bandwidth * dt)), LONGEST)
-    return stepped(following(setup.stage, *design.unjudged(setup.stage, tuned.control)), length)
+    return stepped(following(setup.stage, *design.loop_parts(setup.stage, tuned.control)), length)
 
 
 def headline(setup: Setup, tuned: Tuned) -> str:
@@ -143,7 +143,7 @@ def notes(tuned: Tuned) -> list[str]:
 def _standing(tuned: Tuned) -> str:
     """What the loop does where friction holds the axis."""
     calm = "when it stands, and friction is a spring, the loop is stable, too"
-    return design.unrest(tuned.family.stage, tuned.control) or calm
+    return design.limit_cycle_warning(tuned.family.stage, tuned.control) or calm
 
 
 def margins(tuned: Tuned) -> list[list[str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from stagectl.drives.bus import frames
+from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen
 from stagectl.service.axis_controller import Manned
 from stagectl.service.service import Service
@@ -96,4 +96,4 @@ def _wire(axis: Manned) -> str:
 def _load(axis: Manned, rate: float) -> float | None:
     """Share of the bus that the cycles really take that this axis makes, stuffed as badly as can be."""
     wire = axis.setup.file.drive.wire
-    return frames.load(rate, wire.bitrate, (0, 8, 8)) if isinstance(wire, Canopen) else None
+    return bus_load(rate, wire.bitrate) if isinstance(wire, Canopen) else None

@@ -12,7 +12,8 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from stagectl.config.stage_file import OWN, Setup, load_stage
+from stagectl.config.stage_file import Setup, load_stage
+from stagectl.config.wire_checks import OWN
 from stagectl.number_format import length
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl import design
 from stagectl.config.source import read_text
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
@@ -85,7 +84,7 @@ def lay_out(
     `without` names layers that are switched off.  Without a `recording` a fresh name in ``recordings/`` is planned.
     Raises DesignError, TrajectoryError or LearnedError where the motion is refused.
     """
-    controller = design.design(setup.stage, setup.file.control, without)
+    controller = setup.controller.without(without)
     laid_out = plan(setup, commanded.experiment, controller.feedforward)
     layers = sorted(frozenset(setup.file.control.layers) - without)
     about = describe(setup, laid_out, controller, commanded.name, commanded.text)
@@ -114,8 +113,7 @@ def _with_learned(motion: Motion, path: Path) -> Motion:
 
 def blank(motion: Motion) -> Learned:
     """What a current that is learned on `motion` belongs to; the current is 0 still."""
-    what = (motion.meta["trajectory"], motion.meta["layers"])
-    return nothing(motion.setup, motion.law, motion.plan.setpoints, what)
+    return nothing(motion.setup, motion.law, motion.plan.setpoints, motion.meta["trajectory"], motion.meta["layers"])
 
 
 def with_current(motion: Motion, current: NDArray[np.float64]) -> Motion:

@@ -66,7 +66,7 @@ def test_beyond_the_limits_nothing_moves(command: Command, verb: str) -> None:
     Path("motion.yaml").write_text("type: sine\namplitude: 51 mm\nfrequency: 0.1 Hz\nperiods: 1\n")
     code, out, err = command(verb, STAGE, "motion.yaml")
     assert (code, out) == (2, "")
-    assert "a travel of 0.051 m upwards" in err
+    assert "the trajectory needs 0.051 m upwards" in err
     assert "nothing has moved" in err
 
 

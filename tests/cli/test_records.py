@@ -104,8 +104,8 @@ def test_identify_finds_the_model_that_was_simulated(recording: Path, tmp_path: 
     [
         (("export", "none.h5", "--to", "csv"), "none.h5: no such recording"),
         (("import", "none.csv"), "none.csv: no such file or folder"),
-        (("import", STAGE), "no kind that can be imported"),
-        (("export", STAGE, "--to", "csv"), "is no HDF5 file"),
+        (("import", STAGE), "cannot be imported"),
+        (("export", STAGE, "--to", "csv"), "is not an HDF5 file"),
         (("identify", "least-squares", STAGE, "none.h5"), "none.h5: no such recording"),
         (("identify", "guessing", STAGE, "none.h5"), "least-squares"),
         (("export", "none.h5", "--to", "xls"), "xls"),

@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from stagectl.config.source import UnreadableError
 from stagectl.config.trajectory_file import load_free
+from stagectl.problem import ProblemKind
 from stagectl.trajectories import Recorded
 from stagectl.units import StageError
+from tests.problems import refused
 
 GOOD = "time_s,reference_mm\n" + "".join(f"{0.1 * k:.1f},{k * k * 0.01}\n" for k in range(8))
 
@@ -57,11 +60,11 @@ def test_broken_ones_are_refused_with_their_place(tmp_path: Path, data: bytes, l
 
 def test_what_is_no_file_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "log.csv")
-    with pytest.raises(StageError, match="is not a file"):
+    with refused(UnreadableError, kind=ProblemKind.FILE):
         load(tmp_path, None)
     (tmp_path / "log.csv").unlink()
-    with pytest.raises(StageError, match="No such file"):
+    with refused(UnreadableError, kind=ProblemKind.FILE):
         load(tmp_path, None)
     (tmp_path / "log.csv").symlink_to("/dev/zero")
-    with pytest.raises(StageError, match="is not a file"):
+    with refused(UnreadableError, kind=ProblemKind.FILE):
         load(tmp_path, None)

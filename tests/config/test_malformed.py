@@ -14,12 +14,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stagectl.config.source import LARGEST_FILE, ConfigError, UnreadableError, compose
+from stagectl.config.bounds import LARGEST_FILE
+from stagectl.config.source import ConfigError, UnreadableError, compose
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.problem import ProblemKind
 from stagectl.units import StageError
 from tests.config.corpus import Case, files, mutations, without_comments
 from tests.conftest import CONFIG
+from tests.problems import refused
 
 STAGES = ("ball-screw.yaml", "linear-slider.yaml")
 TRAJECTORIES = sorted(path.name for path in (CONFIG / "trajectories").glob("*.yaml"))
@@ -153,7 +156,7 @@ def test_what_is_no_file_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.
 
     (tmp_path / "secret").write_text("type: dwell")
     monkeypatch.setattr(Path, "open", forbidden)  # mode 000 does not stop root
-    with pytest.raises(UnreadableError, match=r"secret cannot be read: Permission denied$"):
+    with refused(UnreadableError, kind=ProblemKind.FILE, file=tmp_path / "secret"):
         compose(tmp_path / "secret")
 
 
@@ -163,7 +166,7 @@ def test_the_largest_file_is_read_and_one_byte_more_is_not(tmp_path: Path) -> No
     file.write_text(body + "#" * (LARGEST_FILE - len(body)))
     assert compose(file).tag.endswith(":map")
     file.write_text(file.read_text() + "#")
-    with pytest.raises(ConfigError, match=f"larger than {LARGEST_FILE} bytes"):
+    with refused(ConfigError, kind=ProblemKind.SYNTAX, file=file):
         compose(file)
 
 

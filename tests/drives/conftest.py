@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.drive import Simulation
+from stagectl.drives.simulated import Plant
 from tests.drives.workbench import DT, Script, Workbench, linear_stage
 
 

@@ -15,8 +15,8 @@ from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.drive import CanopenDrive
-from stagectl.drives.drive import Fault, Power
-from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.drive import Fault, Power, Simulation
+from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.node import VirtualNode
 from tests.drives.workbench import DT, GAIN, STEP, Script, canopen_settings, linear_stage
 

@@ -15,7 +15,8 @@ import can
 import pytest
 
 from stagectl.drives.bus.can_plugin import EmbeddedBus
-from stagectl.drives.bus.frames import BusError, Embedded, frame, frame_bits, load, open_bus, parse
+from stagectl.drives.bus.frames import BusError, Embedded, frame, open_bus, parse
+from stagectl.drives.cycle_time import bus_load, frame_bits
 
 
 @pytest.fixture
@@ -38,7 +39,7 @@ def test_longest_frames_are_those_of_the_literature(length: int, bits: int) -> N
 
 
 def test_bus_load_of_one_axis_at_2_khz() -> None:
-    assert load(2000.0, 1e6, (0, 8, 8)) == pytest.approx(0.65)  # 55 + 135 + 135 bits every 500 us
+    assert bus_load(2000.0, 1e6, (0, 8, 8)) == pytest.approx(0.65)  # 55 + 135 + 135 bits every 500 us
 
 
 def test_everybody_hears_everybody_else_whoever_came_first(join: Callable[[], Embedded], tmp_path: Path) -> None:

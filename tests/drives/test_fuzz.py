@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stagectl.drives.bus.frames import frame
-from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.drive import Simulation
+from stagectl.drives.simulated import Plant
 from tests.drives.fuzzing import enables, fuzz_controller, fuzz_node
 from tests.drives.workbench import DT, Script, Workbench, linear_stage
 

@@ -16,8 +16,8 @@ from canopen.profiles.p402 import BaseNode402
 from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.bus.virtual_time import End, Timeline
 from stagectl.drives.canopen.cia402 import State
-from stagectl.drives.drive import DriveError
-from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.drive import DriveError, Simulation
+from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.kernels import stage
 from tests.drives.workbench import DT, STEP, SYNC, Script, Workbench, linear_stage

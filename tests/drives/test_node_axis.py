@@ -8,7 +8,8 @@ import pytest
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import State
-from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.drive import Simulation
+from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.axis import Axis, Options, Stop
 from stagectl.kernels import stage
 from tests.drives.workbench import DT, GAIN, STEP, linear_stage

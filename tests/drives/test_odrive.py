@@ -11,16 +11,17 @@ from typing import Any
 
 import pytest
 
+from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
-from stagectl.drives import odrive
+from stagectl.drives import cycle_time
 from stagectl.drives.bus.virtual_time import Timeline
-from stagectl.drives.drive import DriveError, Fault, Odrive
+from stagectl.drives.drive import DriveError, Fault, Odrive, Simulation
 from stagectl.drives.odrive import OdriveDrive, open_odrive
-from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
-from stagectl.units import StageError
 from tests.conftest import CONFIG
 from tests.drives.workbench import linear_stage
+from tests.problems import refused
 
 DT = 0.005
 TURN = 2.0 * math.pi
@@ -172,14 +173,11 @@ def test_the_watchdog_is_fed_by_commands_only() -> None:
     assert not virtual.enabled  # the error must be cleared first
 
 
-def test_what_the_line_cannot_carry_is_refused_with_figures() -> None:
+def test_the_time_of_a_cycle_is_that_of_its_characters() -> None:
     # "f 0", "c 0 -9999.000000", an answer of two numbers with thirteen digits, and the state both ways
-    assert len("c 0 -9999.000000\n") == odrive.COMMAND
-    assert len("r axis0.current_state\n") + len("8\r\n") + 1 == odrive.STATE
-    assert odrive.cycle(115200.0) == pytest.approx(79 * 10 / 115200)
-    assert odrive.refused(settings(), 0.01) == []
-    (words,) = odrive.refused(settings(), 0.002)
-    assert "take 6.86 ms of a period of 2 ms" in words and "at least 8.57 ms" in words
+    assert len("c 0 -9999.000000\n") == cycle_time.ODRIVE_COMMAND
+    assert len("r axis0.current_state\n") + len("8\r\n") + 1 == cycle_time.ODRIVE_STATE
+    assert cycle_time.odrive_cycle(115200.0) == pytest.approx(79 * 10 / 115200)
 
 
 def test_a_stage_file_takes_an_odrive(tmp_path: Path) -> None:
@@ -187,14 +185,14 @@ def test_a_stage_file_takes_an_odrive(tmp_path: Path) -> None:
     path = tmp_path / "stage.yaml"
     path.write_text(text)
     assert load_stage(path).file.drive.wire == Odrive("odrive", 0.72, 921600.0)
-    for old, new, message in (
-        ("baud: 921600 bit/s", "baud: 9600 bit/s", "raise the baud rate"),
-        ("delay_samples: 1", "delay_samples: 0", "at least 1"),
-        ("port: odrive", "prt: odrive", "did you mean port"),
+    for old, new, key in (
+        ("baud: 921600 bit/s", "baud: 9600 bit/s", "drive.wire.baud"),
+        ("delay_samples: 1", "delay_samples: 0", "drive.delay_samples"),
+        ("port: odrive", "prt: odrive", "drive.wire.prt"),
     ):
         assert old in text
         path.write_text(text.replace(old, new))
-        with pytest.raises(StageError, match=message):
+        with refused(ConfigError, key=key):
             load_stage(path)
 
 

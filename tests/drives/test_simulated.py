@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from stagectl.drives.drive import Fault
-from stagectl.drives.simulated import Plant, Simulated, Simulation, draw
+from stagectl.drives.drive import Fault, Simulation
+from stagectl.drives.simulated import Plant, Simulated, draw
 from tests.drives.workbench import DT, linear_stage
 
 

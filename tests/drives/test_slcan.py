@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import os
-import re
 import threading
 import tty
 from collections.abc import Iterator
 
 import pytest
 
-from stagectl.drives.bus import slcan
+from stagectl.drives import cycle_time
 from stagectl.drives.bus.frames import frame, open_bus, parse
 from stagectl.drives.canopen.cia402 import State
 from stagectl.drives.canopen.cia402 import state as state_of
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Fault
-from tests.drives.workbench import DT, STEP, Workbench, canopen_settings
+from tests.drives.workbench import DT, STEP, Workbench
 
 
 class Adapter:
@@ -87,24 +86,8 @@ def test_a_drive_moves_and_stops_over_the_line(bench: Workbench, adapter: Adapte
 
 def test_the_time_of_a_cycle_is_that_of_its_characters() -> None:
     # t0800<CR>, twice t18n8 and 16 digits, two acknowledgements z<CR>: 6 + 22 + 22 + 4 characters of ten bits
-    assert slcan.characters(0) == len(b"t0800\r") and slcan.characters(8) == len(b"t1858" + b"0" * 16 + b"\r")
-    assert slcan.cycle(115200.0, 1e6) == pytest.approx(54 * 10 / 115200 + (55 + 135 + 135) * 1e-6)
-    assert [slcan.baud(text) for text in ("/dev/ttyUSB0", "/dev/ttyACM0@3000000", "COM3@fast")] == [115200.0, 3e6, 0.0]
-
-
-@pytest.mark.parametrize(
-    ("channel", "period", "words"),
-    [
-        ("/dev/ttyACM0@3000000", 0.001, ""),
-        ("/dev/ttyUSB0", 0.01, ""),
-        ("/dev/ttyUSB0", 0.002, "54 characters, take 5.01 ms of a period of 2 ms"),
-        ("/dev/ttyUSB0@115200", 0.005, "control.period of at least 6.27 ms"),
-        ("/dev/ttyUSB0@fast", 0.01, r"after @ must stand a baud rate in \[9600, 12000000\]"),
-    ],
-)
-def test_what_the_line_cannot_carry_is_refused_with_figures(channel: str, period: float, words: str) -> None:
-    found = slcan.refused(canopen_settings(channel)._replace(interface="slcan"), period)
-    assert bool(found) == bool(words)
-    if words:
-        assert re.search(words, found[0]), found
-    assert slcan.refused(canopen_settings(channel)._replace(interface="socketcan"), period) == []
+    frames = len(b"t0800\r") + 2 * len(b"t1858" + b"0" * 16 + b"\r")
+    assert frames + 2 * len(b"z\r") == cycle_time.SLCAN_CHARACTERS == 54
+    assert cycle_time.slcan_cycle(115200.0, 1e6) == pytest.approx(54 * 10 / 115200 + (55 + 135 + 135) * 1e-6)
+    channels = ("/dev/ttyUSB0", "/dev/ttyACM0@3000000", "COM3@fast")
+    assert [cycle_time.slcan_baud(channel) for channel in channels] == [115200.0, 3e6, 0.0]

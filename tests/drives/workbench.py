@@ -11,8 +11,8 @@ from typing import Any
 from stagectl.drives.bus.frames import Embedded, frame
 from stagectl.drives.bus.virtual_time import End, Timeline, Wire
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen
-from stagectl.drives.simulated import Plant, Simulation
+from stagectl.drives.drive import Canopen, Simulation
+from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.kernels import friction, stage
 

@@ -10,10 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 from stagectl.cli import gap_apply
-from stagectl.config.loader import Lengths
+from stagectl.config.friction_laws import Operators, Rolling
+from stagectl.config.lengths import Lengths
 from stagectl.config.patch import patched
 from stagectl.config.source import ConfigError
-from stagectl.config.stage_file import Operators, Rolling, load_stage
+from stagectl.config.stage_file import load_stage
 from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import UNORDERED, Fields, Found

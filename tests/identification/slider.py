@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from stagectl.compensation.reversal_error import ReversalError, reversal_errors
 from stagectl.compensation.zero_crossing import Form
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.design import design
 from stagectl.identification.capture import Capture
 from stagectl.plan import plan
 from stagectl.simulation import simulate
@@ -37,7 +36,7 @@ def recorded(
     """Rows (n,) of a run without compensation, or with that of `form`; `plant` is the machine if not the model."""
     if form is not None:
         setup = setup._replace(file=setup.file._replace(compensation=form))
-    controller = design(setup.stage, setup.file.control, frozenset() if form else frozenset({"friction"}))
+    controller = setup.controller.without(frozenset() if form else frozenset({"friction"}))
     return simulate(setup, plan(setup, experiment, controller.feedforward), controller.law, plant)
 
 

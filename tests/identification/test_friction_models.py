@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from stagectl.config.patch import write
-from stagectl.config.stage_file import StageFile, load_stage
+from stagectl.config.stage_blocks import StageFile
+from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.friction import closed_loop
 from stagectl.identification.friction import delay as delays

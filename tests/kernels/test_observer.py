@@ -50,7 +50,7 @@ def observed(p: observer.Observer, position: NDArray[Any], current: NDArray[Any]
     x, found = observer.AT_REST, []
     for measured, ampere in zip(position.tolist(), current.tolist(), strict=True):
         found.append(observer.estimate(p, x, measured))
-        x = observer.told(p, x, measured, ampere)
+        x = observer.updated(p, x, measured, ampere)
     return np.array(found)
 
 
@@ -104,7 +104,7 @@ def test_absent_is_nothing() -> None:
     x = observer.AT_REST
     for measured, current in ((0.1, 2.0), (-3.0, math.inf), (math.nan, 1.0)):
         assert observer.estimate(observer.ABSENT, x, measured) == 0.0
-        x = observer.told(observer.ABSENT, x, measured, current)
+        x = observer.updated(observer.ABSENT, x, measured, current)
     assert x.commands == observer.AT_REST.commands
     assert math.isnan(x.position)
     assert [np.all(one == 0.0) for one in observer.transfer(observer.ABSENT, np.exp(1j * np.array([0.1, 1.0])))]

@@ -12,8 +12,10 @@ import h5py
 import numpy as np
 import pytest
 
+from stagectl.problem import ProblemKind
 from stagectl.recording.file_lock import beginning, being_written, claimed, discard
 from stagectl.recording.hdf5 import RecordingError, Writer, open_recording, save
+from tests.problems import refused
 from tests.recording.test_recorder import COLUMNS, META
 
 ROWS = np.zeros(3, dtype=[(name, "<f8") for name in COLUMNS])
@@ -56,13 +58,13 @@ def test_one_writer_at_a_time_from_the_first_moment_on(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     with claimed(path):
         for begins in (lambda: claimed(path), lambda: Writer(path, META, COLUMNS)):
-            with pytest.raises(RecordingError, match="is being written by another run"):
+            with refused(RecordingError, kind=ProblemKind.CONFLICT, file=path):
                 begins()
         assert not discard(path)  # it is at work
     assert discard(path) and not discard(path)
     writer = Writer(path, META, COLUMNS)
     assert being_written(path) and not beginning(path).exists()
-    with pytest.raises(RecordingError, match="is being written by another run"):
+    with refused(RecordingError, kind=ProblemKind.CONFLICT, file=path):
         Writer(path, META, COLUMNS)
     writer.close("complete", 0)
     assert not being_written(path) and os.listdir(tmp_path) == ["a.h5"]
@@ -71,7 +73,7 @@ def test_one_writer_at_a_time_from_the_first_moment_on(tmp_path: Path) -> None:
 def test_what_must_not_be_written_over_stays(tmp_path: Path) -> None:
     path, other = tmp_path / "a.h5", tmp_path / "elsewhere.h5"
     h5py.File(path, "w").close()
-    with pytest.raises(RecordingError, match="is no recording and is left as it is"):
+    with refused(RecordingError, kind=ProblemKind.CONFLICT, file=path):
         save(path, META, ROWS, "complete")
     assert os.listdir(tmp_path) == ["a.h5"]
     save(other, META, ROWS, "first")

@@ -10,10 +10,12 @@ import pytest
 import yaml
 
 from stagectl.config.stage_file import Setup
+from stagectl.problem import ProblemKind
 from stagectl.recording import learned_current
 from stagectl.recording.exports import export
 from stagectl.recording.hdf5 import open_recording
 from stagectl.workflows.motion import blank, prepare, pretend, with_current
+from tests import problems
 from tests.conftest import CONFIG
 
 SINE = CONFIG / "trajectories" / "sine-3.2hz.yaml"
@@ -82,13 +84,13 @@ def test_other_circumstances_are_refused(ball_screw: Setup, tmp_path: Path) -> N
 
 
 def test_files_that_are_none(ball_screw: Setup, tmp_path: Path) -> None:
-    with pytest.raises(learned_current.LearnedError, match="no such file; `stagectl learn` writes one"):
+    with problems.refused(learned_current.LearnedError, kind=ProblemKind.FILE, file=tmp_path / "absent.h5"):
         learned_current.load(tmp_path / "absent.h5")
     (tmp_path / "text.h5").write_text("not a current")
-    with pytest.raises(learned_current.LearnedError, match="is no learned current"):
+    with problems.refused(learned_current.LearnedError, kind=ProblemKind.SYNTAX, file=tmp_path / "text.h5"):
         learned_current.load(tmp_path / "text.h5")
     here = blank(prepare(ball_screw, SINE, NOTHING, None))
-    with pytest.raises(learned_current.LearnedError, match="left as it is: choose another file with -o"):
+    with problems.refused(learned_current.LearnedError, kind=ProblemKind.CONFLICT, file=tmp_path / "text.h5"):
         learned_current.save(tmp_path / "text.h5", here)
     assert (tmp_path / "text.h5").read_text() == "not a current"
     made(ball_screw, tmp_path / "b.h5")

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from stagectl.config.stage_file import Axis
+from stagectl.config.stage_blocks import Axis
 from stagectl.report.methods.zero_crossing import (
     Compensated,
     Run,

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from stagectl.config.stage_file import InProcess, Setup
+from stagectl.config.stage_blocks import InProcess
+from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.virtual_time import Timeline
 from stagectl.realtime.axes import Loop
 from stagectl.realtime.states import Event, State

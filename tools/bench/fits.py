@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from stagectl.config.stage_file import Rolling, Setup
+from stagectl.config.friction_laws import Rolling
+from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture
 from stagectl.identification.simultaneous.method import identify
 from stagectl.kernels import stage

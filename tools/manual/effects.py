@@ -7,7 +7,7 @@ import hashlib
 import os
 from pathlib import Path
 
-from stagectl.config.loader import Lengths
+from stagectl.config.lengths import Lengths
 from stagectl.config.patch import patched
 from stagectl.config.source import read_text
 from stagectl.config.stage_file import Setup, load_stage

@@ -66,20 +66,6 @@ def parse(raw: bytes) -> tuple[int, bytes]:
     return identifier, data[: min(length, 8)]
 
 
-def frame_bits(length: int) -> int:
-    """Longest a standard data frame with `length` bytes can be on the wire, with all stuff bits (bit).
-
-    Source: R. I. Davis et al., Controller Area Network (CAN) schedulability analysis, Real-Time Systems 2007.
-    """
-    stuffed = 34 + 8 * length  # the bits that are subject to stuffing: one more per four, after the first
-    return stuffed + 13 + (stuffed - 1) // 4
-
-
-def load(rate_hz: float, bitrate: float, lengths: tuple[int, ...]) -> float:
-    """Share of the bus taken by frames of these data `lengths`, each sent `rate_hz` times a second."""
-    return rate_hz * sum(frame_bits(length) for length in lengths) / bitrate
-
-
 def open_bus(interface: str, channel: str, bitrate: float) -> Bus:
     """Join a bus by the name of its interface: ``embedded``, ``socketcan`` or one of python-can's.
 

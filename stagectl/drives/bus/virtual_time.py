@@ -10,7 +10,7 @@ import heapq
 import itertools
 from collections.abc import Callable
 
-from stagectl.drives.bus.frames import frame_bits
+from stagectl.drives.cycle_time import frame_bits
 
 
 class Timeline:

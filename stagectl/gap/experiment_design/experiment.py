@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl import design, trajectories
+from stagectl import trajectories
 from stagectl.config.stage_file import Setup
 from stagectl.gap.experiment_design.trajectory_text import text_of
 from stagectl.plan import SETTLE, plan
@@ -36,8 +36,7 @@ class Experiment(NamedTuple):
 
         Raises TrajectoryError where the stage's limits do not allow it.
         """
-        feedforward = design.design(setup.stage, setup.file.control).feedforward
-        return plan(setup, self.trajectory, feedforward).setpoints
+        return plan(setup, self.trajectory, setup.controller.feedforward).setpoints
 
 
 def yaml_of(experiment: Experiment) -> str:

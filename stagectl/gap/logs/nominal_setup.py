@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.config.stage_file import Setup, carried
+from stagectl.config.stage_file import Setup, setup_of
 from stagectl.gap.logs import deployed_controller, nominal_model
 from stagectl.gap.logs.nominal_values import of_file
 from stagectl.gap.logs.session import GapError
@@ -77,7 +77,7 @@ def _of_ours(logs: list[Found], axis: dict[str, Any], setup: Setup | None) -> Be
             "diagnose them apart"
         )
     place = Path(first.meta["files"]["stage"]["name"])
-    used = setup or carried(place, carried_stage(first))
+    used = setup or setup_of(place, carried_stage(first))
     notes = [] if setup is None else [f"the model is that of {setup.path.name}, not the one that the recordings carry"]
     return Believed(axis, used.stage, law, float(first.meta["dt"]), None, frozenset(), nominal_of(first), tuple(notes))
 

@@ -10,11 +10,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stagectl.config import yaml_edit
-from stagectl.config.loader import Lengths
+from stagectl.config.friction_laws import Rolling
+from stagectl.config.hints import tag_of
+from stagectl.config.lengths import Lengths
 from stagectl.config.patch import KEPT, Change, patched, write
 from stagectl.config.source import node_at, read_text
-from stagectl.config.stage_file import Axis, Rolling, StageFile, load_stage
-from stagectl.config.unit_format import hint_at, tag_of
+from stagectl.config.stage_blocks import Axis, StageFile
+from stagectl.config.stage_file import load_stage
+from stagectl.config.unit_format import hint_at
 from stagectl.gap.effects import effect_names as words
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import Effect, Fields, Found, Setting
@@ -63,7 +66,7 @@ def patch_of(
     """
     chosen, left = parts(found, only, unknown)
     settings = merged(chosen)
-    file = load_stage(source, judged=False, text=text).file
+    file = load_stage(source, designed=False, text=text).file
     axis = file.axis
     check_machine(found, axis, source)
     text = read_text(source) if text is None else text

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import standard_errors
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.result import Parameter

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.filtering import Recipe, moved, recipe, thinned
 from stagectl.identification.friction.members import FAMILY, LENGTH, SPEED, Member, Path, Searched

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import standard_errors
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.friction import closed_loop

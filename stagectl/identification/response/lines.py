@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, signal
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.response.sampling import LEAST_CURRENT, Complex, check, sampled, velocity
 

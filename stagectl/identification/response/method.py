@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.response import fits
 from stagectl.identification.response.lines import Curve, curves, threshold

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 
 from stagectl.compensation.zero_crossing import FORMS, Form
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.result import Found, Parameter, Progress
 from stagectl.identification.reversal.fit import GENERATIONS, Data, Fit, fitted, gathered

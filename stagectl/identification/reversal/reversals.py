@@ -21,7 +21,7 @@ import numpy as np
 from scipy import signal
 
 from stagectl.compensation.legs import Array, Legs, measured_legs
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture, IdentificationError
 
 CUTOFF = 150.0  # Hz

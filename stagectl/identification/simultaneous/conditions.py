@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.simultaneous.regressors import acceleration, knots, position_noise, shortest_knots
 from stagectl.identification.simultaneous.slip_range import Range

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture, IdentificationError
 from stagectl.identification.result import Characteristic, Found, Parameter, Progress
 from stagectl.identification.simultaneous import conditions, errors_in_columns, intervals, notes, tikhonov_weights

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array
 from stagectl.identification.result import Parameter
 from stagectl.identification.simultaneous import errors_in_columns as errors

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, savgol_filter, sosfiltfilt, welch
 
-from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.experiment_design import battery, catalogue
 from stagectl.gap.experiment_design.experiment import Experiment
@@ -99,7 +98,7 @@ def _run(setup: Setup, base: stage.Stage, machine: stage.Stage, scene: Scene, st
 
 
 def _rows(setup: Setup, machine: stage.Stage, scene: Scene, start: float) -> NDArray[Any]:
-    law = design.design(setup.stage, setup.file.control).law
+    law = setup.controller.law
     stronger = law.feedback._replace(proportional=law.feedback.proportional * scene.gain)
     setpoints = motion_named(setup, scene.motion).setpoints(setup)
     rows = np.zeros((len(setpoints), rollout.WIDTH))
@@ -127,7 +126,7 @@ def _lacking(setup: Setup, base: stage.Stage, scene: Scene, path: Tied, rows: ND
 
 def _recomputed(setup: Setup, rows: NDArray[Any]) -> Array:
     """Cut A: the logged command less the one that the model of the controller gives."""
-    law = design.design(setup.stage, setup.file.control).law
+    law = setup.controller.law
     setpoints = np.stack([rows[name] for name in rollout.COLUMNS[1 : 1 + rollout.SETPOINTS]], axis=1)
     out = np.zeros((len(rows), 7))
     rollout.answers(law, (np.ascontiguousarray(setpoints), np.ascontiguousarray(rows["measured"]), out))

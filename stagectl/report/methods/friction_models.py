@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction.members import FAMILY, Path
 from stagectl.identification.result import Found

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from stagectl.compensation.legs import Array
 from stagectl.compensation.reversal_error import ReversalError
-from stagectl.config.stage_file import Axis as StageAxis
-from stagectl.config.stage_file import StageFile
+from stagectl.config.stage_blocks import Axis as StageAxis
+from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import Found
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded

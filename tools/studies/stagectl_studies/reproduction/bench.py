@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl import design
-from stagectl.config.stage_file import OWN, Operators, Setup
+from stagectl.config.friction_laws import Operators
+from stagectl.config.stage_file import Setup
+from stagectl.config.wire_checks import OWN
 from stagectl.identification.capture import Capture
 from stagectl.identification.captures import prepared
 from stagectl.identification.result import Characteristic
@@ -65,7 +66,7 @@ class Run(NamedTuple):
 def carried_out(bench: Bench, experiment: Experiment, name: str, without: frozenset[str] = NO_FRICTION) -> Run:
     """`experiment` on the machine, under the controller that is designed from what is believed."""
     believed = bench.believed
-    controller = design.design(believed.stage, believed.file.control, without)
+    controller = believed.controller.without(without)
     laid_out = plan(believed, experiment, controller.feedforward)
     samples = simulate(believed, laid_out, controller.law, bench.machine)
     return Run(name, samples, laid_out, believed, believed.file.axis.travel_per_unit)

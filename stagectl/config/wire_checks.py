@@ -1,0 +1,125 @@
+"""Whether the wire to the drive can carry a cycle every control period, and whether it carries what the cycle needs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from stagectl.config.bounds import DELAY_LINE, FIRST_OBJECT, LAST_OBJECT, SLCAN_BAUD
+from stagectl.config.stage_blocks import StageFile
+from stagectl.drives import cycle_time
+from stagectl.drives.drive import Canopen, Odrive
+from stagectl.problem import Problem, ProblemKind
+from stagectl.units import LINEAR
+
+OWN = Path(__file__).parents[2] / "config"  # of the checkout
+_CONFLICT, _RANGE = ProblemKind.CONFLICT, ProblemKind.RANGE
+
+
+def wire_conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
+    """What is wrong with the wire of a stage file that lies at `path`."""
+    wire, period = file.drive.wire, file.control.period
+    if isinstance(wire, Odrive):
+        yield from _odrive(file)
+        yield from slow_odrive(wire, period)
+    elif isinstance(wire, Canopen):
+        yield from _objects(wire, path)
+        yield from _timeouts(wire, period)
+        yield from slow_slcan(wire, period)
+        yield from _slow_bus(wire, period)
+
+
+def eds_path(name: str, stage_file: Path) -> Path:
+    """The EDS file: relative to the stage file, or to the configuration of the checkout where that has it."""
+    beside = stage_file.parent.resolve() / name
+    return beside if _exists(beside) or not _exists(OWN / name) else OWN / name
+
+
+def _exists(path: Path) -> bool:
+    return os.path.isfile(path)  # unlike `Path.is_file` also for too long a name, and in a folder that is forbidden
+
+
+def _objects(wire: Canopen, path: Path) -> Iterator[Problem]:
+    if not _exists(eds_path(wire.eds, path)):
+        reason = f"no such file; the path is relative to {path.parent}"
+        yield Problem(reason, ProblemKind.FILE, "drive.wire.eds", wire.eds)
+    yield from _pdo("drive.wire.rpdo", wire.rpdo, wire.command_object)
+    yield from _pdo("drive.wire.tpdo", wire.tpdo, wire.current_object)
+
+
+def _pdo(key: str, objects: tuple[int, ...], needed: int) -> Iterator[Problem]:
+    unusable = [number for number in objects if not FIRST_OBJECT <= number <= LAST_OBJECT]
+    if unusable:
+        yield Problem("must be an index with its subindex, such as 0x6040_00", _RANGE, key, f"{unusable[0]:#x}")
+    elif needed and needed not in objects:
+        reason = f"must hold the object 0x{needed >> 8:04x}_{needed & 0xFF:02x} that the cycle uses"
+        yield Problem(reason, _CONFLICT, key)
+
+
+def _timeouts(wire: Canopen, period: float) -> Iterator[Problem]:
+    if wire.heartbeat_timeout <= wire.heartbeat:
+        value = f"{wire.heartbeat_timeout:g} s"
+        yield Problem("must exceed drive.wire.heartbeat", _CONFLICT, "drive.wire.heartbeat_timeout", value, "s")
+    if 0.0 < wire.rpdo_timeout <= period:
+        reason, value = "must exceed control.period, or be 0 s: off", f"{wire.rpdo_timeout:g} s"
+        yield Problem(reason, _CONFLICT, "drive.wire.rpdo_timeout", value, "s")
+
+
+def _slow_bus(wire: Canopen, period: float) -> Iterator[Problem]:
+    share, limit = cycle_time.bus_load(1.0 / period, wire.bitrate), wire.bus_load_limit
+    if share > limit:
+        reason = (
+            f"SYNC and two PDOs every {period * 1e3:g} ms take {100 * share:.0f} % of the bus, the limit is "
+            f"{100 * limit:.0f} %"
+        )
+        remedy = f"raise the bit rate, or take control.period of at least {period * share / limit * 1e3:.3g} ms"
+        rate = f"{wire.bitrate / 1e3:g} kbit/s"
+        yield Problem(reason, _CONFLICT, "drive.wire.bitrate", rate, "bit/s", remedy=remedy)
+
+
+def slow_slcan(wire: Canopen, period: float) -> Iterator[Problem]:
+    """Why a serial CAN adapter cannot carry a cycle every `period` (s); nothing on another interface."""
+    if wire.interface != "slcan":
+        return
+    key, channel, baud = "drive.wire.channel", wire.channel, cycle_time.slcan_baud(wire.channel)
+    low, high = SLCAN_BAUD
+    if not low <= baud <= high:
+        yield Problem(f"after @ belongs a baud rate in [{low:.0f}, {high:.0f}]", _RANGE, key, channel)
+        return
+    seconds, limit = cycle_time.slcan_cycle(baud, wire.bitrate), wire.bus_load_limit
+    if seconds > limit * period:
+        reason = (
+            f"at {baud:g} baud SYNC, answer and command, {cycle_time.SLCAN_CHARACTERS} characters, "
+            f"{_too_long(seconds, period, limit)}"
+        )
+        faster = "take a faster line (an adapter on USB runs at its own speed: write @3000000)"
+        yield Problem(reason, _CONFLICT, key, channel, remedy=f"{faster}, or {_longer(seconds / limit)}")
+
+
+def slow_odrive(wire: Odrive, period: float) -> Iterator[Problem]:
+    """Why the line to an ODrive cannot carry a cycle every `period` (s)."""
+    seconds, limit = cycle_time.odrive_cycle(wire.baud), wire.line_load_limit
+    if seconds > limit * period:
+        reason = (
+            f"question, answer, command and state, up to {cycle_time.ODRIVE_CHARACTERS} characters, "
+            f"{_too_long(seconds, period, limit)}"
+        )
+        remedy = f"raise the baud rate in the drive and here, or {_longer(seconds / limit)}"
+        yield Problem(reason, _CONFLICT, "drive.wire.baud", f"{wire.baud:g} bit/s", "bit/s", remedy=remedy)
+
+
+def _too_long(seconds: float, period: float, limit: float) -> str:
+    return f"take {seconds * 1e3:.3g} ms of a period of {period * 1e3:g} ms, the limit is {100 * limit:.0f} %"
+
+
+def _longer(period: float) -> str:
+    return f"take control.period of at least {period * 1e3:.3g} ms"
+
+
+def _odrive(file: StageFile) -> Iterator[Problem]:
+    if file.axis.kind == LINEAR:
+        yield Problem("an ODrive counts turns, so the axis must be rotary", _CONFLICT, "axis.kind", file.axis.kind)
+    if not file.drive.delay_samples:
+        reason = "over a serial line a command acts one period later at the earliest"
+        yield Problem(reason, _CONFLICT, "drive.delay_samples", "0", interval=f"[1, {DELAY_LINE}]")

@@ -1,0 +1,59 @@
+"""One thing that is wrong with an input: fields for a program, and the sentence for a person that follows from them."""
+
+from __future__ import annotations
+
+import enum
+from pathlib import Path
+from typing import NamedTuple
+
+
+class ProblemKind(enum.Enum):
+    """What sort of mistake it is."""
+
+    OTHER = "other"
+    FILE = "file"  # there is no file that can be read
+    SYNTAX = "syntax"  # the file is not YAML, CSV or text
+    SHAPE = "shape"  # a list where a value belongs, a value where a block belongs
+    MISSING = "missing"  # a required entry is absent
+    UNKNOWN = "unknown"  # there is no entry of this name
+    REPEATED = "repeated"  # an entry is written twice
+    VALUE = "value"  # no number, no whole number, or none of the choices
+    UNIT = "unit"  # the unit is missing, unknown or of another dimension
+    RANGE = "range"  # outside the admissible interval
+    CONFLICT = "conflict"  # admissible by itself, but not together with another entry
+    LOOP = "loop"  # the control loop would be unstable or too close to it
+    LIMIT = "limit"  # a motion exceeds a limit of the machine
+
+
+class Problem(NamedTuple):
+    """One problem.  `str` composes ``key = value; reason; must lie in interval unit: remedy (file:line)``."""
+
+    reason: str = ""  # a clause: "the unit is missing"; without a value it follows the key: "is missing"
+    kind: ProblemKind = ProblemKind.OTHER
+    key: str = ""  # dotted path of the entry in its file, such as ``control.bandwidth`` or ``parts[1].distance``
+    value: str = ""  # what was found, with its unit
+    unit: str = ""  # SI unit of the entry
+    interval: str = ""  # admissible values in `unit`, such as ``(0, 2000]``
+    choices: tuple[str, ...] = ()  # admissible words
+    remedy: str = ""  # what to do next
+    file: Path | None = None
+    line: int = 0  # from 1; 0 where it is not known
+
+    def __str__(self) -> str:
+        return "; ".join(filter(None, (self._beginning(), *self._demands()))) + self._end()
+
+    def _beginning(self) -> str:
+        """Entry, value and reason."""
+        if not self.value or not self.key:
+            return f"{self.key} {self.reason}".strip()
+        return f"{self.key} = {self.value}" + (f"; {self.reason}" if self.reason else "")
+
+    def _demands(self) -> tuple[str, str]:
+        """What is admissible."""
+        interval = f"must lie in {self.interval} {self.unit}".rstrip() if self.interval else ""
+        return interval, f"must be one of {', '.join(self.choices)}" if self.choices else ""
+
+    def _end(self) -> str:
+        """Next step and place."""
+        place = f" ({self.file}:{self.line})" if self.file and self.line else ""
+        return (f": {self.remedy}" if self.remedy else "") + place
