@@ -52,7 +52,7 @@ class Refusal(enum.StrEnum):
 class IdentificationError(StageError):
     """A record from which the parameters cannot be found: what is wrong with it, and what to record instead."""
 
-    def __init__(  # noqa: PLR0913  -- keyword fields
+    def __init__(
         self,
         message: str,
         reason: Refusal,

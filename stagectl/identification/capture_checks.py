@@ -221,8 +221,8 @@ def _flat(capture: Capture, setup: Setup) -> list[str]:
     level = abs(float(capture.current[rows[0]]))
     return [
         f"the current is clipped: flat at {level:.4g} A in {len(rows)} of {len(capture.current)} rows, the first at "
-        f"{capture.time[rows[0]]:.6g} s; the current that drove the motion there is not known: record with a smaller amplitude, or "
-        "go on with --doubtful if the current was really flat"
+        f"{capture.time[rows[0]]:.6g} s; the current that drove the motion there is not known: record "
+        "with a smaller amplitude, or go on with --doubtful if the current was really flat"
     ]
 
 
@@ -232,7 +232,9 @@ def clipped(current: Array) -> NDArray[np.intp]:
     The flat top of a rounded sine, or of friction that saturates, is reached without one.
     """
     largest = float(np.abs(current).max())
-    sides = [end for end in (float(current.max()), float(current.min())) if abs(end) >= thresholds.CLIPPED_SIDE * largest]
+    sides = [
+        end for end in (float(current.max()), float(current.min())) if abs(end) >= thresholds.CLIPPED_SIDE * largest
+    ]
     top = np.any([np.abs(current - end) <= 1e-6 * largest for end in sides], axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(np.int8)))
     runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= thresholds.CLIPPED_RUN]
@@ -264,7 +266,7 @@ def _corner(before: Array, top: float) -> float:
 
 def _position_step(position: Array) -> float:
     """The step of which all position changes are multiples; 0 where there is none."""
-    steps = np.abs(np.diff(position[:thresholds.STEP_ROWS]))
+    steps = np.abs(np.diff(position[: thresholds.STEP_ROWS]))
     steps = steps[steps > 0.0]
     if len(steps) < 10:
         return 0.0

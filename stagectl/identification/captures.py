@@ -126,7 +126,11 @@ def _aligned(recording: Recording, current: str) -> tuple[dict[str, Array], list
     names = recording.samples.dtype.names or ()
     taken = {"time": "time", "position": "measured", "current": current}
     for name, recorded in (("reference", "reference"), ("excitation", "injection")):
-        if recorded in names and np.any(recording.samples[recorded]) and np.all(np.isfinite(recording.samples[recorded])):
+        if (
+            recorded in names
+            and np.any(recording.samples[recorded])
+            and np.all(np.isfinite(recording.samples[recorded]))
+        ):
             taken[name] = recorded
     columns = {  # rows are strided
         name: np.ascontiguousarray(recording.column(recorded)) for name, recorded in taken.items()

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture
-from stagectl.identification.result import Characteristic, Found
+from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.number_format import duration, length
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
@@ -31,7 +31,7 @@ _FIGURES = {  # the module of `report.methods` that draws a method's figures; le
 }
 
 
-def page(result: dict[str, Any], what: tuple[Found, Sequence[Capture], Setup], command: str) -> Page:
+def page(result: dict[str, Any], what: tuple[IdentificationResult, Sequence[Capture], Setup], command: str) -> Page:
     """The page of `result`, as `methods.result` made it of `what`; `command` does it again."""
     found, captures, setup = what
     pictures = _of_the_method(result["method"], found, captures, setup)
@@ -53,7 +53,7 @@ def answer(result: dict[str, Any]) -> str:
         for name, one in result["parameters"].items()
         if one["value"] is not None
     ]
-    return f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
+    return f"IdentificationResult: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
 
 
 def _worded(one: dict[str, Any]) -> str:
@@ -117,7 +117,7 @@ def _module(name: str) -> Any:
     return importlib.import_module(f"stagectl.report.methods.{module}") if module else None
 
 
-def _of_the_method(name: str, found: Found, captures: Sequence[Capture], setup: Setup) -> list[Picture]:
+def _of_the_method(name: str, found: IdentificationResult, captures: Sequence[Capture], setup: Setup) -> list[Picture]:
     """The figures that a method's own report module draws."""
     own = _module(name)
     return [] if own is None else list(own.pictures(found, list(captures), setup.file))

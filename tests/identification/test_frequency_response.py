@@ -14,7 +14,7 @@ from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.response.fits import Lines, gain_curve, linear, stop_operator, with_delay
 from stagectl.identification.response.lines import Curve, curves, threshold
 from stagectl.identification.response.method import identify
-from stagectl.identification.result import Found
+from stagectl.identification.result import IdentificationResult
 from stagectl.kernels import friction
 from stagectl.trajectories import Multisine
 from tests.identification.virtual import STAGE_A, Array, Machine, held, opened
@@ -60,7 +60,7 @@ def sines() -> list[Capture]:
 
 
 @pytest.fixture(scope="module")
-def found(sines: list[Capture]) -> Found:
+def found(sines: list[Capture]) -> IdentificationResult:
     return identify(sines, SETUP.file)
 
 
@@ -112,14 +112,14 @@ def test_describing_function(lines: dict[tuple[float, float], Curve], frequency:
 
 
 @pytest.mark.parametrize("frequency", [1.0, 3.0])
-def test_straight_line_over_amplitudes(found: Found, frequency: float) -> None:
+def test_straight_line_over_amplitudes(found: IdentificationResult, frequency: float) -> None:
     one = next(row for row in found.details["describing"] if row["frequency"] == frequency)
     assert one["viscous"] == pytest.approx(D, rel=0.02)
     assert one["coulomb"] == pytest.approx(TC, rel=0.02)
     assert len(one["velocity"]) == len(AMPLITUDES)
 
 
-def test_friction_corrected_fit(found: Found) -> None:
+def test_friction_corrected_fit(found: IdentificationResult) -> None:
     assert found.parameters["inertia"].value == pytest.approx(J, rel=5e-3)
     assert found.parameters["viscous"].value == pytest.approx(D, rel=1e-2)
     assert found.parameters["coulomb"].value == pytest.approx(TC, rel=2e-2)
@@ -132,7 +132,7 @@ def test_friction_corrected_fit(found: Found) -> None:
     json.dumps(found.details, allow_nan=False)
 
 
-def test_curve_fit_at_the_largest_amplitude_takes_friction_for_damping(found: Found) -> None:
+def test_curve_fit_at_the_largest_amplitude_takes_friction_for_damping(found: IdentificationResult) -> None:
     """The paper's Fig. 4 procedure on these lines: D between 0.18 and 0.22 where the truth is 0.14."""
     fits = {row["name"]: row for row in found.details["fits"]}
     assert 0.18 <= fits["gain curve"]["viscous"] <= 0.22

@@ -19,7 +19,7 @@ from stagectl.identification.friction import fit as friction_fit
 from stagectl.identification.friction import method as friction_models
 from stagectl.identification.friction.closed_loop import PUBLISHED, Servo, errors, simulated
 from stagectl.identification.friction.members import FAMILY, bundled, data_table
-from stagectl.identification.result import Found
+from stagectl.identification.result import IdentificationResult
 from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
 from stagectl.report.methods import friction_models as report
 
@@ -283,17 +283,17 @@ def test_half_the_integration_step_changes_no_figure(emps: Capture) -> None:
 
 
 @pytest.fixture(scope="module")
-def family(emps: Capture) -> Found:
+def family(emps: Capture) -> IdentificationResult:
     return friction_models.identify([emps], FILE)
 
 
-def test_every_model_of_the_family_is_better_than_published_in_all_four(family: Found) -> None:
+def test_every_model_of_the_family_is_better_than_published_in_all_four(family: IdentificationResult) -> None:
     for row in family.details["models"]:
         for name, theirs in PUBLISHED._asdict().items():
             assert 0.05 * theirs < row["closed_loop"][name] < theirs, (row["name"], name)
 
 
-def test_a_richer_model_is_better_than_the_simplest_in_all_four(family: Found) -> None:
+def test_a_richer_model_is_better_than_the_simplest_in_all_four(family: IdentificationResult) -> None:
     rows = {row["name"]: row for row in family.details["models"]}
     assert [row["count"] for row in family.details["models"]] == [4, 6, 6, 8, 12, 8, 12]
     for name in ("dahl", "gms", "table"):
@@ -301,7 +301,7 @@ def test_a_richer_model_is_better_than_the_simplest_in_all_four(family: Found) -
             assert rows[name]["closed_loop"][error] < simple
 
 
-def test_what_the_split_shows_is_said(family: Found) -> None:
+def test_what_the_split_shows_is_said(family: IdentificationResult) -> None:
     """The reference repeats after 6240 samples: halves are no hold-out, the fastest rows are."""
     assert any("repeats every 6.24 s" in note and "later half holds the same motion" in note for note in family.notes)
     for row in family.details["models"]:
@@ -317,7 +317,7 @@ def test_a_run_needs_a_reference_and_a_model_that_is_stable(emps: Capture) -> No
         closed_loop.simulated(light, Servo(160.18, 243.45), emps)
 
 
-def test_its_figures_are_drawn(emps: Capture, family: Found) -> None:
+def test_its_figures_are_drawn(emps: Capture, family: IdentificationResult) -> None:
     """Three on the record, none where one model alone was fitted; the curves end at each model's sliding friction."""
     with_published = family._replace(details={**family.details, "published": PUBLISHED._asdict()})
     assert len(report.pictures(with_published, [emps], FILE)) == 3

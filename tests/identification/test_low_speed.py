@@ -12,7 +12,7 @@ import pytest
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import Capture, IdentificationError
 from stagectl.identification.low_speed import Fit, Stroke, _quick, fitted, full_strokes, identify, table_force
-from stagectl.identification.result import Found
+from stagectl.identification.result import IdentificationResult
 from stagectl.kernels import friction
 from tests.identification.virtual import MICRON, STAGE_A, Array, Machine, held
 
@@ -33,11 +33,11 @@ def truth(displacement: Array, operators: friction.StopOperators = SETUP.stage.f
 
 
 @pytest.fixture(scope="module")
-def found() -> Found:
+def found() -> IdentificationResult:
     return identify([slow(Machine(SETUP))], FILE)
 
 
-def check_table(found: Found, rms: float) -> None:
+def check_table(found: IdentificationResult, rms: float) -> None:
     table = found.table
     assert table is not None
     error = table.force - truth(table.displacement)
@@ -45,13 +45,13 @@ def check_table(found: Found, rms: float) -> None:
     assert np.max(np.abs(error)) <= 0.06
 
 
-def test_table_within_a_hundredth(found: Found) -> None:
+def test_table_within_a_hundredth(found: IdentificationResult) -> None:
     check_table(found, 0.01)
     for seed in (2, 3):
         check_table(identify([slow(Machine(SETUP, acting=0.0, sensed=0.045, seed=seed), seconds=35.0)], FILE), 0.01)
 
 
-def test_coulomb_and_offset_with_their_intervals(found: Found) -> None:
+def test_coulomb_and_offset_with_their_intervals(found: IdentificationResult) -> None:
     coulomb, offset = found.parameters["coulomb"], found.parameters["offset"]
     assert coulomb.value == pytest.approx(TC, abs=2e-3) and offset.value == pytest.approx(0.0, abs=2e-3)
     assert 1e-4 < coulomb.high - coulomb.value < 2e-3
@@ -59,7 +59,7 @@ def test_coulomb_and_offset_with_their_intervals(found: Found) -> None:
     json.dumps(found.details, allow_nan=False)
 
 
-def test_the_table_is_what_its_operators_make(found: Found) -> None:
+def test_the_table_is_what_its_operators_make(found: IdentificationResult) -> None:
     """Run by the kernel: saturated one way, then the other way."""
     table = found.table
     assert table is not None and np.all(table.weight > 0.0)
@@ -76,7 +76,7 @@ def test_the_table_is_what_its_operators_make(found: Found) -> None:
     assert np.all(np.diff(table.force, 2) < 1e-9)  # bends one way only
 
 
-def test_a_partial_reversal_is_compensated(found: Found) -> None:
+def test_a_partial_reversal_is_compensated(found: IdentificationResult) -> None:
     """2 um back and forth, where a plain table of displacement would be wrong: against the stage's own operators."""
     table = found.table
     assert table is not None

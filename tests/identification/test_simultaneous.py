@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.result import Found
+from stagectl.identification.result import IdentificationResult
 from stagectl.identification.simultaneous import errors_in_columns
 from stagectl.identification.simultaneous.method import identify
 from stagectl.kernels import friction, stage
@@ -34,7 +34,7 @@ def delay(p: stage.Stage, column: str, dt: float = DT) -> float:
     return hold + lag - dt / (1.0 - math.exp(-dt / lag))  # of a ramp, sampled just before each step of the current
 
 
-def errors(found: Found, p: stage.Stage) -> dict[str, float]:
+def errors(found: IdentificationResult, p: stage.Stage) -> dict[str, float]:
     """Relative errors in percent."""
     truth = {
         "inertia": p.mechanics.inertia,
@@ -44,7 +44,7 @@ def errors(found: Found, p: stage.Stage) -> dict[str, float]:
     return {name: 100.0 * (found.parameters[name].value / value - 1.0) for name, value in truth.items()}
 
 
-def table_error(found: Found, p: stage.Stage) -> tuple[float, float]:
+def table_error(found: IdentificationResult, p: stage.Stage) -> tuple[float, float]:
     """Rms and largest error of the reversal table (N m), over 2.2 times the longest slip."""
     s = np.linspace(0.0, 2.2 * max(p.friction.operators.slip), 500)
 

@@ -126,7 +126,11 @@ def with_delay(p: Lines, name: str) -> ResponseFit:
 def with_friction(p: Lines, name: str) -> ResponseFit:
     """The same with stop operators over the range of displacements of the lines."""
     displacement = p.velocity / p.omega
-    slip = np.geomspace(thresholds.SHORTEST_RESPONSE_SLIP * np.min(displacement), thresholds.LONGEST_RESPONSE_SLIP * np.max(displacement), thresholds.RESPONSE_ELEMENTS)
+    slip = np.geomspace(
+        thresholds.SHORTEST_RESPONSE_SLIP * np.min(displacement),
+        thresholds.LONGEST_RESPONSE_SLIP * np.max(displacement),
+        thresholds.RESPONSE_ELEMENTS,
+    )
     return _searched(p, slip, name)
 
 

@@ -1,11 +1,12 @@
 """Friction around the zero crossing of the velocity: three parameters of each form by an evolutionary search.
 
 The fit uses ``F = Kt i - M a - D v`` (zero phase), never the raw force: near the crossing ``M a`` is as large as the
-friction.  The constant parts C1 and C2 are means over the spans of steady speed.  The remaining parameters of each form,
-two shapes and the force ``Cs`` at the crossing, are found by differential evolution (scipy), followed by a local polish
-(L-BFGS-B).  ``Cs`` stays between the constant friction and the largest force seen.  Without these bounds two forms leave
-that range: the paper's exponential, which leaves the crossing too steeply for a spring, compensates by a force that was
-never seen; the symmetric curve, which jumps where the friction changes steadily, by a dip where the friction is largest.
+friction.  The constant parts C1 and C2 are means over the spans of steady speed.  The remaining parameters of each
+form, two shapes and the force ``Cs`` at the crossing, are found by differential evolution (scipy), followed by a local
+polish (L-BFGS-B).  ``Cs`` stays between the constant friction and the largest force seen.  Without these bounds two
+forms leave that range.  The paper's exponential leaves the crossing too steeply for a spring and compensates by a force
+that was never seen.  The symmetric curve jumps where the friction changes steadily, and compensates by a dip where the
+friction is largest.
 
 Source: the friction paper of the linear slider, section 3 (there: a genetic algorithm).
 """
@@ -61,9 +62,11 @@ class FormFit(NamedTuple):
 
 
 def gathered(captures: list[Reversals]) -> ReversalData:
-    """The windows of all reversals in capture: at most `thresholds.MOST_REVERSALS`, thinned to `MOST_REVERSAL_ROWS` rows."""
+    """The windows of all reversals: at most MOST_REVERSALS, thinned to MOST_REVERSAL_ROWS rows."""
     pairs = [(capture, reversal) for capture in captures for reversal in capture.reversals]
-    chosen = [pairs[j] for j in np.unique(np.linspace(0, len(pairs) - 1, thresholds.MOST_REVERSALS).round().astype(int))]
+    chosen = [
+        pairs[j] for j in np.unique(np.linspace(0, len(pairs) - 1, thresholds.MOST_REVERSALS).round().astype(int))
+    ]
     total = sum(reversal.last - reversal.first for _, reversal in chosen)
     stride = max(1, -(-total // thresholds.MOST_REVERSAL_ROWS))
     columns: list[list[Any]] = [[] for _ in range(6)]
@@ -116,7 +119,9 @@ def _mean(values: list[float]) -> tuple[float, float]:
     mean = float(np.mean(values))
     if len(values) == 1:
         return mean, thresholds.SETTLED_SPAN * abs(mean)
-    return mean, float(stats.t.ppf(thresholds.QUANTILE_95, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)))
+    return mean, float(
+        stats.t.ppf(thresholds.QUANTILE_95, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values))
+    )
 
 
 def fitted(name: str, data: ReversalData, seed: int, generation: Callable[..., None], physical: bool = True) -> FormFit:
@@ -143,7 +148,9 @@ def fitted(name: str, data: ReversalData, seed: int, generation: Callable[..., N
     spread = SIGMAS * np.sqrt(np.diag(covariance))
     interval = np.clip(x - spread, low, x), np.clip(x + spread, x, np.maximum(x, high))
     constant = _constant_spread(name, x, data, covariance)
-    return FormFit(_form(name, x, data.constant), _residual(name, x, data), interval, constant, at_bound, int(minimum.nfev))
+    return FormFit(
+        _form(name, x, data.constant), _residual(name, x, data), interval, constant, at_bound, int(minimum.nfev)
+    )
 
 
 def _form(name: str, x: Array, constant: ConstantFriction) -> Form:
@@ -168,7 +175,11 @@ def _bounds(name: str, data: ReversalData, physical: bool) -> tuple[Array, Array
         "symmetric": [time],
     }.get(name, [time, time])
     least = min(data.constant.positive, data.constant.negative)
-    static = (least, max(thresholds.STATIC_ALLOWANCE * data.largest, 1.001 * least)) if physical else (thresholds.STATIC_DIP * least, thresholds.STATIC_FREE * data.largest)
+    static = (
+        (least, max(thresholds.STATIC_ALLOWANCE * data.largest, 1.001 * least))
+        if physical
+        else (thresholds.STATIC_DIP * least, thresholds.STATIC_FREE * data.largest)
+    )
     low, high = zip(*shapes, static, strict=True)
     return np.array(low), np.array(high)
 
@@ -191,7 +202,12 @@ def _covariance(name: str, x: Array, data: ReversalData) -> Array:
 
 def _constant_spread(name: str, x: Array, data: ReversalData, covariance: Array) -> Array:
     """Halves of the 95 % intervals of C1 and C2: from the spans and from the fit."""
-    ends = [[_form(name, x + way * d, data.constant)[-2:] for way in (1.0, -1.0)] for d in np.diag(thresholds.DERIVATIVE_STEP * x)]
-    gradient = np.array([np.subtract(above, below) for above, below in ends]) / (2.0 * thresholds.DERIVATIVE_STEP * x[:, None])
+    ends = [
+        [_form(name, x + way * d, data.constant)[-2:] for way in (1.0, -1.0)]
+        for d in np.diag(thresholds.DERIVATIVE_STEP * x)
+    ]
+    gradient = np.array([np.subtract(above, below) for above, below in ends]) / (
+        2.0 * thresholds.DERIVATIVE_STEP * x[:, None]
+    )
     of_the_fit = np.einsum("ia,ij,ja->a", gradient, covariance, gradient)
     return np.asarray(np.hypot(data.constant.spread, SIGMAS * np.sqrt(of_the_fit)), dtype=np.float64)

@@ -139,7 +139,9 @@ def _smoothed(capture: Capture, file: StageFile) -> tuple[SmoothedMotion, tuple[
     friction = file.motor.force_constant * i - mechanics.inertia * np.gradient(v, dt) - mechanics.viscous * v
     fastest = float(np.max(np.abs(v)))
     rounding = capture.encoder_step / np.sqrt(12.0) * 2.0 * np.pi * cutoff * np.sqrt(2.0 * cutoff * dt / 3.0)
-    cut = measured_legs(x, v, dt, max(thresholds.STANDING_BAND * fastest, 4.0 * rounding), thresholds.LEAST_LEG_SPEED * fastest)
+    cut = measured_legs(
+        x, v, dt, max(thresholds.STANDING_BAND * fastest, 4.0 * rounding), thresholds.LEAST_LEG_SPEED * fastest
+    )
     return SmoothedMotion(x, v, friction, cut, dt), notes
 
 
@@ -176,9 +178,7 @@ def _span(motion: SmoothedMotion, leg: int) -> SteadySpan | None:
     return SteadySpan(leg, first, last, level, mean, change)
 
 
-def _refusal(
-    capture: Capture, motion: SmoothedMotion, spans: list[SteadySpan], turned: int
-) -> IdentificationError:
+def _refusal(capture: Capture, motion: SmoothedMotion, spans: list[SteadySpan], turned: int) -> IdentificationError:
     """Why no reversal can be used, and what to record instead."""
     instead = "record a trapezoid there and back that keeps a constant speed for at least 0.1 s each way"
     wrong, settled = sum(span.force <= 0.0 for span in spans), sum(span.settled for span in spans)

@@ -97,8 +97,11 @@ def solved(p: Equations, moments: Array, square: float) -> Solution:
 
 def noise(residual: Array) -> Array:
     """Squares (n - 2 lag,) whose mean is the variance of the residual's noise: slower parts of the residual cancel."""
-
-    second = residual[2 * thresholds.NOISE_LAG :] - 2.0 * residual[thresholds.NOISE_LAG:-thresholds.NOISE_LAG] + residual[: -2 * thresholds.NOISE_LAG]
+    second = (
+        residual[2 * thresholds.NOISE_LAG :]
+        - 2.0 * residual[thresholds.NOISE_LAG : -thresholds.NOISE_LAG]
+        + residual[: -2 * thresholds.NOISE_LAG]
+    )
     return np.asarray(second * second / 6.0, dtype=np.float64)
 
 
@@ -129,7 +132,7 @@ def instruments(parts: list[Part], slip: Array) -> Instruments:
 
 def _instrument_columns(part: Part, slip: Array) -> Array:
     reference = part._replace(capture=part.capture._replace(position=np.asarray(part.capture.reference)))
-    rates = columns(reference, slip[::thresholds.INSTRUMENT_RATES], 1)
+    rates = columns(reference, slip[:: thresholds.INSTRUMENT_RATES], 1)
     return np.hstack([columns(reference, slip), rates[:, :1], rates[:, FREE:]])
 
 

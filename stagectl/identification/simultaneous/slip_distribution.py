@@ -72,7 +72,9 @@ def located(p: search.Problem, delay: float | None, ripple: bool) -> SlipRange:
     below = np.cumsum(weight) / max(float(weight.sum()), 1e-300)
     low = max(float(p.slip[int(np.argmax(below > thresholds.SLIP_HEAD))]) / thresholds.SLIP_RATIO, float(p.slip[0]))
     early = float(weight[p.slip[:count] < thresholds.EARLY_SLIP * p.slip[-1]].sum()) / max(float(weight.sum()), 1e-300)
-    return SlipRange(low, float(p.slip[count - 1]) * thresholds.SLIP_RATIO, place, float(full.theta[0]), count < every - 1, early)
+    return SlipRange(
+        low, float(p.slip[count - 1]) * thresholds.SLIP_RATIO, place, float(full.theta[0]), count < every - 1, early
+    )
 
 
 def _residual_square(p: search.Problem, keep: list[int], full: errors.Solution, known: tuple[float, float]) -> float:

@@ -50,7 +50,9 @@ def uncertainty(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Uncerta
     size = np.append(size, late)
     curvature, scores = curvature / np.outer(size, size), scores / size
     last = len(size) if free_delay else len(size) - 1
-    covariance = standard_errors.sandwich(curvature[:last, :last], scores[:, :last]) / np.outer(size[:last], size[:last])
+    covariance = standard_errors.sandwich(curvature[:last, :last], scores[:, :last]) / np.outer(
+        size[:last], size[:last]
+    )
     sums = _sums(active)[:, :last]
     reported = sums @ covariance @ sums.T
     per_delay = -sums[:, : len(active)] @ (
@@ -97,7 +99,9 @@ def _curvature(p: Problem, fit: Fit, active: list[int]) -> tuple[Array, Array, f
     curvature[0, 0] -= rows * fit.noise
     scores *= fit.residual[:, None]
     if fit.noise > 0.0:
-        scores[thresholds.NOISE_LAG : -thresholds.NOISE_LAG, 0] += (errors.noise(fit.residual) - fit.sensed) / fit.theta[0]
+        scores[thresholds.NOISE_LAG : -thresholds.NOISE_LAG, 0] += (
+            errors.noise(fit.residual) - fit.sensed
+        ) / fit.theta[0]
     return curvature, scores, length
 
 
@@ -131,7 +135,7 @@ class Unresolved(NamedTuple):
 
 
 def unresolved(p: Problem, fit: Fit) -> Unresolved:
-    """Friction in the shortest element of the grid, and the error where most of the friction reverses between two rows."""
+    """Friction in the shortest element, and the error where most of the friction reverses between two rows."""
     weight = fit.theta[FREE:]
     first, total, error = int(np.argmax(weight > 0.0)), float(weight.sum()), np.zeros(5)
     share = float(weight[first]) / total if total > 0.0 and first <= 1 else 0.0

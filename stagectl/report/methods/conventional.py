@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Capture
-from stagectl.identification.result import Characteristic, Found
+from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Picture
 from stagectl.units import ROTARY
@@ -25,12 +25,12 @@ SHADES = ("#f59e0b", "#0ea5e9", "#8b5cf6", "#0f766e", "#be123c", "#334155")
 FAINT = "#94a3b8"
 
 
-def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
     """The same figures for a page; all that they show is in the answer, the `captures` are not drawn."""
     return [Picture(embedded(figure), f"{caption}.") for caption, figure in figures(found, file).items()]
 
 
-def figures(found: Found, file: StageFile) -> dict[str, Figure]:
+def figures(found: IdentificationResult, file: StageFile) -> dict[str, Figure]:
     """All figures that this answer of a conventional method has, by caption."""
     made: dict[str, Figure] = {}
     if "curves" in found.details:
@@ -44,7 +44,7 @@ def figures(found: Found, file: StageFile) -> dict[str, Figure]:
     return made
 
 
-def bode(found: Found, file: StageFile) -> Figure:
+def bode(found: IdentificationResult, file: StageFile) -> Figure:
     """Gain, phase and coherence of all conditions, and the fitted models (Figs 2 and 4)."""
     with mpl.rc_context(STYLE):
         figure, (gain, phase, coherence) = plt.subplots(
@@ -104,7 +104,7 @@ def _response(gain: Axes, phase: Axes, coherence: Axes, what: tuple[dict[str, An
         coherence.plot(*np.array(known).T, color=colour, **marks)
 
 
-def _models(gain: Axes, phase: Axes, found: Found, file: StageFile) -> None:
+def _models(gain: Axes, phase: Axes, found: IdentificationResult, file: StageFile) -> None:
     """Kt/(J s + D) by the gain's curve fit, and as it is believed."""
     lowest = min(min(one["frequency"]) for one in found.details["curves"])
     highest = max(max(one["frequency"]) for one in found.details["curves"])
@@ -122,7 +122,7 @@ def _models(gain: Axes, phase: Axes, found: Found, file: StageFile) -> None:
         phase.plot(frequency, np.degrees(np.angle(response)), **style)
 
 
-def describing(found: Found, file: StageFile) -> Figure:
+def describing(found: IdentificationResult, file: StageFile) -> Figure:
     """Re(Kt/H) over the fundamental of the velocity's sign by its amplitude: slope Tc, intercept D."""
     with mpl.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(7.2, 4.2))
@@ -150,7 +150,7 @@ def describing(found: Found, file: StageFile) -> Figure:
     return figure
 
 
-def force_over_speed(found: Found, file: StageFile) -> Figure:
+def force_over_speed(found: IdentificationResult, file: StageFile) -> Figure:
     """Mean force of each span over its speed with the line, and what is left (Fig. 5)."""
     with mpl.rc_context(STYLE):
         figure, (force, rest) = plt.subplots(2, 1, figsize=(7.2, 5.6), sharex=True, height_ratios=[2.6, 1.0])
@@ -183,7 +183,7 @@ def force_over_speed(found: Found, file: StageFile) -> Figure:
     return figure
 
 
-def rolling(found: Found, table: Characteristic, file: StageFile) -> Figure:
+def rolling(found: IdentificationResult, table: Characteristic, file: StageFile) -> Figure:
     """Force along the direction over the travel since a reversal: measured strokes and the model (Fig. 6)."""
     with mpl.rc_context(STYLE):
         figure, (whole, near) = plt.subplots(1, 2, figsize=(7.4, 3.8), sharey=True, width_ratios=[1.3, 1.0])

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction.members import FAMILY, Path
-from stagectl.identification.result import Found
+from stagectl.identification.result import IdentificationResult
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Picture
 
@@ -28,7 +28,7 @@ POINTS = 400
 SETTLED = 1.1  # the curves are drawn until the slowest of them has come this far beyond its range
 
 
-def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
     """Of `friction_models.identify`; nothing where one model alone was fitted."""
     rows = found.details.get("models")
     if not rows:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Capture
-from stagectl.identification.result import Characteristic, Found
+from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Picture
 from stagectl.units import LINEAR
@@ -36,7 +36,7 @@ class _Curves(NamedTuple):
     effort: str
 
 
-def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
     """All figures of what was `found`, ready for a page."""
     curves = _curves(found, file)
     drawn = [
@@ -51,7 +51,7 @@ def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Pic
     return drawn
 
 
-def _curves(found: Found, file: StageFile) -> _Curves:
+def _curves(found: IdentificationResult, file: StageFile) -> _Curves:
     columns = {name: np.asarray(values, dtype=np.float64) for name, values in found.details["curves"].items()}
     inertia, viscous = (found.parameters[name].value for name in ("inertia", "viscous"))
     in_metres = file.axis.travel_unit == "m"

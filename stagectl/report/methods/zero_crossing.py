@@ -17,7 +17,7 @@ from stagectl.compensation.reversal_error import ReversalError
 from stagectl.config.stage_file import Axis as StageAxis
 from stagectl.config.stage_file import StageFile
 from stagectl.identification.capture import Capture
-from stagectl.identification.result import Found
+from stagectl.identification.result import IdentificationResult
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Picture
 from stagectl.units import LINEAR
@@ -59,7 +59,7 @@ class Compensated(NamedTuple):
     errors: list[ReversalError]
 
 
-def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
     """What an identification's page shows of this method."""
     time = (
         "Friction at the first reversal, force minus M a and D v, and the fitted forms. Behind the crossing it assists "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stagectl.identification.result import Found, Parameter
+from stagectl.identification.result import IdentificationResult, Parameter
 from stagectl.report.page import Section, Table
 from stagectl_studies.reproduction import figures_conventional as conventional
 from stagectl_studies.reproduction import figures_proposed as figures
@@ -29,7 +29,7 @@ def parts(e: Evidence) -> list[Part]:
     return [_responses(e), _flattening(e), _conditions(e), parameters(e)]
 
 
-def _model(found: Found) -> tuple[float, float]:
+def _model(found: IdentificationResult) -> tuple[float, float]:
     return found.parameters["inertia"].value, found.parameters["viscous"].value
 
 
@@ -65,7 +65,7 @@ def _flattening(e: Evidence) -> Part:
         "A misprint: the paper's steps 2 and 3 print D = 0.01 and J = 0.1, its result J = 0.010 and D = 0.14. With "
         "the printed numbers the loop is far from flat (e); the result stands. Most likely the two have changed "
         "places: J = 0.01 and D = 0.1 would be first settings near the result.",
-        f"Found: J {inertia:.5f} kg m² ({percent(inertia, published.INERTIA)}), D {viscous:.4f} N m s/rad "
+        f"IdentificationResult: J {inertia:.5f} kg m² ({percent(inertia, published.INERTIA)}), D {viscous:.4f} N m s/rad "
         f"({percent(viscous, published.VISCOUS)}).",
     ]
     numbers = {
