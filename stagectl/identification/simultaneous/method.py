@@ -152,7 +152,7 @@ def _refined(captures: list[Capture], file: StageFile, ends: SlipRange, given: _
         if weight[-1] <= thresholds.LAST_SLIP * weight.sum():
             break
         high *= thresholds.SLIP_RATIO
-    known = uncertainty.known(problem, fit, False, free_delay)
+    known = uncertainty.assess(problem, fit, False, free_delay)
     if not _may_ripple(captures, file) or len(fit.residual) < thresholds.RIPPLE_ROWS:
         return Solved(problem, fit, known, False)
     rippled = _with_ripple(problem, fit, given.delay)
@@ -179,7 +179,7 @@ def _with_ripple(problem: Problem, fit: Fit, delay: float | None) -> Solved | No
         other = fitted(problem, kept(problem, ripple=True), delay, fit)
     except IdentificationError:  # with two more columns the acceleration cannot be separated from its noise
         return None
-    known = uncertainty.known(problem, other, True, delay is None)
+    known = uncertainty.assess(problem, other, True, delay is None)
     return Solved(problem, other, known, True)
 
 

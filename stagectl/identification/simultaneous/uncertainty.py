@@ -42,7 +42,7 @@ class Uncertainty(NamedTuple):
     ripple_bias: float | None = None  # change of the inertia by a ripple too small to be seen; None: not tested
 
 
-def uncertainty(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Uncertainty:
+def assess(p: Problem, fit: Fit, ripple: bool, free_delay: bool) -> Uncertainty:
     """Covariance from the residual as it is, and from what another grid of slips would have reported."""
     active = _active_columns(p, fit, ripple)
     curvature, scores, late = _curvature(p, fit, active)

@@ -96,7 +96,9 @@ def experiment(name: str, setup: Setup, extent: Extent = WHOLE) -> Experiment:
     return found  # type: ignore[no-any-return]
 
 
-def _proposed(course: Course, captures: dict[str, list[Capture]], bench: Bench, extent: Extent) -> dict[str, IdentificationResult]:
+def _proposed(
+    course: Course, captures: dict[str, list[Capture]], bench: Bench, extent: Extent
+) -> dict[str, IdentificationResult]:
     """By experiment; the main one once more with the delay known from how a drive samples."""
     tell = course.begin("simultaneous")
     names = (MAIN, *extent.others)

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from stagectl.compensation.reversal_error import ReversalError, reversal_errors
 from stagectl.compensation.zero_crossing import FORMS, Form
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.identification.result import IdentificationResult, Parameter
 from stagectl.identification.reversal import method as zero_crossing
-from stagectl.identification.reversal.release import Release, holding, released
 from stagectl_studies.reproduction.bench import CONFIG, NO_FRICTION, Bench, Run, captured, carried_out, guessed
 from stagectl_studies.reproduction.progress import Course
+from stagectl_studies.reproduction.release import Release, holding, released
+from stagectl_studies.reproduction.reversal_error import ReversalError, reversal_errors
 
 STAGE = "linear-slider.yaml"
 SPEEDS = ("2.5", "5", "10")  # mm/s

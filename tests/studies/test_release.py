@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stagectl_studies.reproduction.release import holding, released
 
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.identification.capture import IdentificationError
-from stagectl.identification.reversal.release import holding, released
 from tests.identification.slider import recorded, slider, trapezoid
 
 CONFIG = Path(__file__).parents[2] / "config"
