@@ -12,12 +12,13 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
+from stagectl.identification.clipping import clipped
+from stagectl.identification.result import Note, Topic
 from stagectl.kernels import stage
 from stagectl.number_format import duration, length
 from stagectl.units import LINEAR
@@ -56,38 +57,48 @@ _DECADES = (
 )
 
 
-def suspicions(capture: Capture, setup: Setup) -> list[str]:
+def suspicions(capture: Capture, setup: Setup) -> list[Note]:
     """Reasons against using the capture, for the user; empty where there are none."""
     if float(np.ptp(capture.position)) <= thresholds.MOVED_STEPS * capture.encoder_step:
         span = float(np.ptp(capture.position))
         unit = "m" if setup.file.axis.kind == LINEAR else "rad"
         return [
-            f"the axis did not move: its positions span {span:.3g} {unit}, the encoder's step is "
-            f"{capture.encoder_step:.3g} {unit}; record a motion"
+            Note(
+                Topic.AT_REST,
+                f"the axis did not move: its positions span {span:.3g} {unit}, the encoder's step is "
+                f"{capture.encoder_step:.3g} {unit}; record a motion",
+            )
         ]
     if float(np.ptp(capture.current)) == 0.0:
         return [
-            f"{capture.current_column} is {capture.current[0]:g} A throughout, so it drove no motion; choose another "
-            "column with --current, or record the current"
+            Note(
+                Topic.CONSTANT_CURRENT,
+                f"{capture.current_column} is {capture.current[0]:g} A throughout, so it drove no motion; choose "
+                "another column with --current, or record the current",
+            )
         ]
     motion = _motion(capture)
     doubts = [*_beyond_limits(capture, motion, setup), *_flat(capture, setup), *_frozen(capture, setup)]
     mistake = likely_mistake(motion, setup)
     if mistake is not None:
         advice = TURN if mistake.current < 0.0 else ADVICE
-        doubts.append(f"the force fits the stage file's model if {mistake.words}, and does not as it is: {advice}")
-    elif doubts and "flat" not in doubts[-1] and "frozen" not in doubts[-1]:
-        doubts[-1] += f": {ADVICE}"
+        text = f"the force fits the stage file's model if {mistake.words}, and does not as it is: {advice}"
+        doubts.append(Note(Topic.UNITS, text))
+    elif doubts and doubts[-1].topic is Topic.LIMIT:
+        doubts[-1] = Note(Topic.LIMIT, f"{doubts[-1]}: {ADVICE}")
     return doubts or _jumps(capture, setup)
 
 
-def remarks(capture: Capture) -> list[str]:
+def remarks(capture: Capture) -> list[Note]:
     """What is doubtful, but may well be right."""
     step, coarse = capture.encoder_step, _position_step(capture.position)
     if step > 0.0 and coarse > thresholds.COARSE_STEPS * step:
         return [
-            f"positions come in steps of {coarse:.3g}, the encoder's is {step:.3g}: the log lost digits, or its unit "
-            "is not the one that it names"
+            Note(
+                Topic.UNITS,
+                f"positions come in steps of {coarse:.3g}, the encoder's is {step:.3g}: the log lost digits, or "
+                "its unit is not the one that it names",
+            )
         ]
     return []
 
@@ -136,7 +147,7 @@ def _motion(capture: Capture) -> _LowPassedMotion:
     return _LowPassedMotion(v[inside], np.gradient(v, block * capture.dt)[inside], i[inside])
 
 
-def _jumps(capture: Capture, setup: Setup) -> list[str]:
+def _jumps(capture: Capture, setup: Setup) -> list[Note]:
     """A step between two rows that no motion makes: a misread row, or lost rows that the times do not show."""
     steps = np.abs(np.diff(capture.position))
     row, usual = int(np.argmax(steps)), float(np.quantile(steps, 0.99))
@@ -145,12 +156,15 @@ def _jumps(capture: Capture, setup: Setup) -> list[str]:
     axis = setup.file.axis
     size = length(axis.travel_per_unit * float(steps[row]), axis.travel_unit)
     return [
-        f"its position jumps by {size} within {duration(capture.dt)} at "
-        f"{capture.time[row]:.6g} s: a misread value, or lost rows that the times do not show; cut the log there"
+        Note(
+            Topic.JUMP,
+            f"its position jumps by {size} within {duration(capture.dt)} at "
+            f"{capture.time[row]:.6g} s: a misread value, or lost rows that the times do not show; cut the log there",
+        )
     ]
 
 
-def _frozen(capture: Capture, setup: Setup) -> list[str]:
+def _frozen(capture: Capture, setup: Setup) -> list[Note]:
     """The position does not change in any bit while a current flows that moves the axis: a dead encoder."""
     edges = np.flatnonzero(np.diff(capture.position) != 0.0)
     ends = np.concatenate([[-1], edges, [len(capture.position) - 1]])
@@ -162,13 +176,16 @@ def _frozen(capture: Capture, setup: Setup) -> list[str]:
     if last - first < thresholds.FROZEN_ROWS * len(capture.position) or pushed < thresholds.PUSHED_ROWS:
         return []
     return [
-        f"its position is frozen from {capture.time[first]:.6g} s on, for {duration((last - first) * capture.dt)}, "
-        f"while the current swings by up to {float(np.abs(still - still.mean()).max()):.3g} A: the encoder or its log "
-        "stopped; cut the log there"
+        Note(
+            Topic.FROZEN,
+            f"its position is frozen from {capture.time[first]:.6g} s on, for {duration((last - first) * capture.dt)}, "
+            f"while the current swings by up to {float(np.abs(still - still.mean()).max()):.3g} A: the encoder or its "
+            "log stopped; cut the log there",
+        )
     ]
 
 
-def _beyond_limits(capture: Capture, motion: _LowPassedMotion, setup: Setup) -> list[str]:
+def _beyond_limits(capture: Capture, motion: _LowPassedMotion, setup: Setup) -> list[Note]:
     limits, axis = setup.file.limits, setup.file.axis
     unit, scale = axis.travel_unit, axis.travel_per_unit
     width = limits.travel[1] - limits.travel[0]
@@ -180,7 +197,7 @@ def _beyond_limits(capture: Capture, motion: _LowPassedMotion, setup: Setup) -> 
         (peak, largest, 1.0, "A", "its largest current is", "drive.current_limit is"),
     )
     return [
-        f"{words} {factor * value:.3g} {name}, {limit_words} {factor * limit:.3g} {name}"
+        Note(Topic.LIMIT, f"{words} {factor * value:.3g} {name}, {limit_words} {factor * limit:.3g} {name}")
         for value, limit, factor, name, words, limit_words in checks
         if value > thresholds.BEYOND_LIMIT * limit
     ]
@@ -210,7 +227,7 @@ def _unexplained(motion: _LowPassedMotion, setup: Setup, wrong: Mistake) -> floa
     return float(np.linalg.norm(difference)) / size if size > 0.0 else math.inf
 
 
-def _flat(capture: Capture, setup: Setup) -> list[str]:
+def _flat(capture: Capture, setup: Setup) -> list[Note]:
     rows = clipped(capture.current)
     if not len(rows):
         return []
@@ -220,48 +237,13 @@ def _flat(capture: Capture, setup: Setup) -> list[str]:
         return []  # the drive's own limit, in a current that it measured or commanded behind it
     level = abs(float(capture.current[rows[0]]))
     return [
-        f"the current is clipped: flat at {level:.4g} A in {len(rows)} of {len(capture.current)} rows, the first at "
-        f"{capture.time[rows[0]]:.6g} s; the current that drove the motion there is not known: record "
-        "with a smaller amplitude, or go on with --doubtful if the current was really flat"
+        Note(
+            Topic.CLIPPED,
+            f"the current is clipped: flat at {level:.4g} A in {len(rows)} of {len(capture.current)} rows, the first "
+            f"at {capture.time[rows[0]]:.6g} s; the current that drove the motion there is not known: record "
+            "with a smaller amplitude, or go on with --doubtful if the current was really flat",
+        )
     ]
-
-
-def clipped(current: Array) -> NDArray[np.intp]:
-    """Rows in which `current` (n,) is cut off at its largest or smallest value: repeated there, reached with a corner.
-
-    The flat top of a rounded sine, or of friction that saturates, is reached without one.
-    """
-    largest = float(np.abs(current).max())
-    sides = [
-        end for end in (float(current.max()), float(current.min())) if abs(end) >= thresholds.CLIPPED_SIDE * largest
-    ]
-    top = np.any([np.abs(current - end) <= 1e-6 * largest for end in sides], axis=0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(np.int8)))
-    runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= thresholds.CLIPPED_RUN]
-    rows = np.concatenate([np.arange(a, b) for a, b in runs]) if runs else np.zeros(0, dtype=np.intp)
-    if len(rows) < thresholds.CLIPPED_SHARE * len(current):
-        return np.zeros(0, dtype=np.intp)
-    ends = [0, *(b for _, b in runs)]
-    apart = [
-        (end, a) for end, (a, _) in zip(ends, runs, strict=False) if end == 0 or a - end > 4 * thresholds.CLIPPED_RUN
-    ]  # noise breaks runs
-    corners = [corner for end, a in apart if not math.isnan(corner := _corner(current[end:a], current[a]))]
-    return rows if corners and float(np.median(corners)) >= thresholds.CLIPPED_CORNER else np.zeros(0, dtype=np.intp)
-
-
-def _corner(before: Array, top: float) -> float:
-    """How straight the rise of `before` (n,) to the value `top` ends, see `CLIPPED_CORNER`; NaN for a jump."""
-    signed, largest, count = before * math.copysign(1.0, top), abs(top), len(before)
-    low = np.flatnonzero(signed < 0.5 * largest)
-    tenth = (count - int(low[-1])) // 10 if len(low) else 0
-    if tenth < 2:
-        return math.nan
-    width = max(1, tenth // 2)
-    late, early = (
-        float(np.mean(signed[max(count - n * tenth - width, 0) : count - n * tenth + width])) for n in (1, 2)
-    )
-    rise = largest - early
-    return (largest - late) / rise if rise > thresholds.CLIPPED_RISE * largest else 0.0  # it has been there for long
 
 
 def _position_step(position: Array) -> float:

@@ -183,5 +183,6 @@ def _excitations(meta: Mapping[str, Any], part: Part, rows: int) -> list[dict[st
 def _checked(capture: Capture, setup: Setup, doubtful: bool) -> Capture:
     doubts = suspicions(capture, setup)
     if doubts and not doubtful:
-        raise IdentificationError("; ".join(doubts), Refusal.IMPLAUSIBLE, capture=capture.name)
+        found = ", ".join(doubt.topic for doubt in doubts)
+        raise IdentificationError("; ".join(doubts), Refusal.IMPLAUSIBLE, capture=capture.name, value=found)
     return capture._replace(notes=(*capture.notes, *doubts, *remarks(capture)))

@@ -38,14 +38,19 @@ class Characteristic(NamedTuple):
 class Topic(enum.StrEnum):
     """What a note is about."""
 
+    AT_REST = "at rest"
     ACCELERATION_BOUND = "acceleration bound"  # a form of friction that holds for one acceleration only
     AFTER_REVERSALS = "after reversals"  # a residual concentrated there
     CLIPPED = "clipped"
+    CONSTANT_CURRENT = "constant current"
     COHERENCE = "coherence"
     DELAY = "delay"
     FORCE_CONSTANT = "force constant"
+    FROZEN = "frozen"  # a position that does not change
     GAPS = "gaps"
+    JUMP = "jump"  # of the position
     LEFT_OUT = "left out"
+    LIMIT = "limit"  # of the stage file, exceeded
     METHOD = "method"  # how the data were treated
     MODEL_CHOICE = "model choice"
     NOT_IDENTIFIED = "not identified"
@@ -63,6 +68,7 @@ class Topic(enum.StrEnum):
     TIED = "tied"  # two parameters that the motion does not separate
     TOO_FAST = "too fast"
     UNSETTLED = "unsettled"
+    UNITS = "units"  # a wrong factor or sign of a column
     WITHHELD = "withheld"  # left out of the stage file's changes
 
 
