@@ -79,14 +79,14 @@ def tune(
     Example: stagectl tune config/ball-screw.yaml --bandwidth 30Hz --margin 30deg
     """
     from stagectl.config.stage_file import load_stage
-    from stagectl.tuning import families, sheet
+    from stagectl.tuning import constants, families, sheet
     from stagectl.tuning import search as tuning
 
     setup = load_stage(stage, judged=False)
     hertz = None if bandwidth is None else _read("--bandwidth", bandwidth, "Hz")
     control = setup.file.control
     least = control.margin if margin is None else _within("--margin", margin, _MARGIN)
-    peak = (tuning.PEAK if hertz is None else math.inf) if ms is None else _within("--ms", ms, _PEAK)
+    peak = (constants.SENSITIVITY_PEAK if hertz is None else math.inf) if ms is None else _within("--ms", ms, _PEAK)
     chosen = law.value if law else families.law_of(control)
     choice = families.family(setup.stage, control._replace(margin=least), chosen, start is Start.OWN)
     with console.status("searching the gains over the families of machines"):
