@@ -53,7 +53,7 @@ def answer(result: dict[str, Any]) -> str:
         if parameter["value"] is not None
     ]
     return (
-        f"IdentificationResult: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
+        f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
     )
 
 

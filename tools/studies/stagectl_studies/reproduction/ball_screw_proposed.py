@@ -65,7 +65,7 @@ def _flattening(e: Evidence) -> Part:
         "A misprint: the paper's steps 2 and 3 print D = 0.01 and J = 0.1, its result J = 0.010 and D = 0.14. With "
         "the printed numbers the loop is far from flat (e); the result stands. Most likely the two have changed "
         "places: J = 0.01 and D = 0.1 would be first settings near the result.",
-        f"IdentificationResult: J {inertia:.5f} kg m² ({percent(inertia, published.INERTIA)}), D {viscous:.4f} N m s/rad "
+        f"Found: J {inertia:.5f} kg m² ({percent(inertia, published.INERTIA)}), D {viscous:.4f} N m s/rad "
         f"({percent(viscous, published.VISCOUS)}).",
     ]
     numbers = {
