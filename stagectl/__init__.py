@@ -44,12 +44,12 @@
 
     recording.h5, a CSV with units, a .mat, a folder of captures
               |
-    [9] identification/captures.py   columns in axis units, split at gaps; suspicion.py: does it look sound?
+    [9] identification/captures.py   columns in axis units, split at gaps; capture_checks.py: does it look sound?
               |
     [10] identification/methods.py   the method by its name: simultaneous/, response/, constant_speed, low_speed,
-              |                      reversal/, friction/, least_squares; each has an `identify`
+              |                      reversal/, friction/, least_squares/; each has an `identify`
               v
-    [11] identification/result.py     parameters with 95 % intervals, reversal table, what cannot be told apart
+    [11] identification/result.py     parameters with 95 % intervals, reversal table, notes
               |
               +--> cli/identification.py  table and JSON      report/  a page with the method's figures
               +--> config/patch.py   `--write`: the stage file's values change, its comments stay

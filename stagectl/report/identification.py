@@ -52,9 +52,7 @@ def answer(result: dict[str, Any]) -> str:
         for name, parameter in result["parameters"].items()
         if parameter["value"] is not None
     ]
-    return (
-        f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
-    )
+    return f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
 
 
 def _value_text(parameter: dict[str, Any]) -> str:

@@ -123,7 +123,7 @@ def _restless(family: Family, bandwidth: float) -> str:
     frequency = _swings(family, bandwidth)
     if frequency is None:
         return "it is the highest that is tried"
-    return f"where friction holds the axis, the loop oscillates by itself at {frequency:.3g} Hz"
+    return f"where friction holds the axis, the loop swings by itself at {frequency:.3g} Hz"
 
 
 def _range(family: Family) -> tuple[float, float]:
