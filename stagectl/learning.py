@@ -1,23 +1,23 @@
-"""Iterative learning: the current that a repeated motion still lacks, found from trial to trial.
+"""Iterative learning control: a current for a repeated motion, improved from trial to trial.
 
 After trial j with the learned current u_j and the error e_j = target - measured::
 
     u_j+1 = u_j + step (Q (u_j + gain L e_j) - u_j)        L = C + 1/P        y = P/(1 + P C) u
 
-The step is 1 until the error no longer falls: what is left then is noise, and with steps of 1/2, 1/3, ... the trials
-are averaged, which moves no fixed point.  A trial whose error grows is undone, and half the step taken.
+The step is 1 until the error no longer falls.  From then on the error is noise, and with steps of 1/2, 1/3, ... the
+trials are averaged, which moves no fixed point.  A trial whose error grows is undone, and half the step taken.
 
-L is the inverse of what carries an injected current to the measured position, in its two parts: C e is what the
-feedback does about the error, done beforehand (the law's own kernel answers the recorded error, whichever law it is);
-1/P, of the sampled plant with its current loop and all delays, looks ahead and is applied with Q by the FFT.  Q is a
+L is the inverse of the response from an injected current to the measured position.  It has two parts.  C e is the
+response of the feedback to the error, computed by the law's own kernel, whichever law it is.  1/P, of the sampled plant
+with its current loop and all delays, is not causal and is applied with Q by the FFT.  Q is a
 Butterworth low-pass run forwards and backwards: no phase, half the amplitude at the cutoff.
 
 On a plant P that is not the model the error of each frequency shrinks from trial to trial while
 
     |Q (1 - gain S/S^)| < 1             S = 1/(C + M + (1 + U)/P), S^ = 1/(C + 1/P) of the model
 
-with M and U of the disturbance observer, if there is one: on the model itself it sees nothing.  `convergence` looks
-at that with the inertia off by a fifth and with the axis held by its rolling friction.
+with M and U of the disturbance observer, if there is one: on the model itself it sees nothing.  `convergence` evaluates
+it with the inertia off by a fifth and with the axis held by its rolling friction.
 Source: D. A. Bristow, M. Tharayil, A. G. Alleyne, IEEE Control Systems Magazine 26(3), 2006; together with a friction
 model: T. Takemura, H. Fujimoto, IECON 2010.
 """
@@ -35,26 +35,30 @@ from stagectl.kernels import law, observer, stage
 from stagectl.units import Quantity
 
 Array = NDArray[np.float64]
+# Constants that decide something; chosen on simulated trials, not derived, unless a reason is given.
 GROWN = 1.2  # times the best error: beyond it a trial is undone; repeats under noise differ by a few per cent
 FELL = 0.9  # of the last error: above it the error counts as no longer falling, and trials are averaged
-HOLD, FADE = 0.02, 0.08  # s at the end of the run from which nothing is learned, and over which it comes to that
-_ORDER = 2
+HOLD, FADE = 0.02, 0.08  # s at the end of the run from which nothing is learned, and of the transition before them
+INERTIA_SHARES = (0.8, 1.2)  # inertias over the model's with which convergence is evaluated
+CUTOFF_STEPS = 20  # cutoffs that are tried below the one of the settings
+PADDING = 1000  # periods by which a run is extended for the zero-phase filter; ten time constants at 15 Hz
+_ORDER = 2  # of Q, run once
 _RESPONSE = 8192  # periods of the law's impulse response
 
 
-class Settings(NamedTuple):
+class LearningSettings(NamedTuple):
     """How an axis learns from trial to trial."""
 
     cutoff: Annotated[
         float, Quantity("Hz", "(0, 1e4]", "cutoff of the learned current: the model is not trusted above")
     ] = 200.0
-    gain: Annotated[float, Quantity("", "(0, 1]", "share of the model's answer that a trial learns")] = 0.8
+    gain: Annotated[float, Quantity("", "(0, 1]", "share of the model's correction that a trial learns")] = 0.8
 
 
 class Filters(NamedTuple):
     """What turns the error of a whole run into current, for one stage, law and number of periods n."""
 
-    law: law.Law  # without limit and observer, which knows of the learned current and does not answer it
+    law: law.Law  # without limit and observer, which knows the learned current and does not respond to it
     sections: Any  # (m, 6), Q run once
     inverse: Any  # (bins,) complex, Q/P
     weight: Array  # (n,) share of the error that is learned from
@@ -66,11 +70,11 @@ class Trial(NamedTuple):
     rms: float  # rad | m, of the error over the whole run
     peak: float  # rad | m
     step: float  # with which the next one was made from it; 0 where it was undone
-    words: str  # what was remarkable, if anything was
+    words: str  # remark for the user, may be empty
 
 
-class Course(NamedTuple):
-    """Where the learning stands."""
+class LearningState(NamedTuple):
+    """State of the learning between two trials."""
 
     learned: Array  # (n,) A, to be tried next
     best: Array  # (n,) A, tried with the least error
@@ -81,45 +85,45 @@ class Course(NamedTuple):
 
 
 class Contraction(NamedTuple):
-    """What a trial leaves of the error, at the frequency where that is most."""
+    """The largest ratio over frequency of the error after a trial to that before it."""
 
-    plant: str  # of which plant
+    plant: str
     most: float  # below 1: the error shrinks at every frequency
     frequency: float  # Hz
 
 
-def filters(p: stage.Stage, running: law.Law, settings: Settings, dt: float, count: int) -> Filters:
-    """Of a run of `count` periods `dt` (s)."""
+def filters(p: stage.Stage, running: law.Law, settings: LearningSettings, dt: float, count: int) -> Filters:
+    """The filters of a run of `count` periods `dt` (s)."""
     sections = _low_pass(settings, dt)
-    room = 2 ** math.ceil(math.log2(count + 2.0 / (settings.cutoff * dt) + 1000.0))
+    room = 2 ** math.ceil(math.log2(count + 2.0 / (settings.cutoff * dt) + float(PADDING)))
     frequency: Array = np.fft.rfftfreq(room, dt).astype(np.float64)
     passed = _passed(sections, frequency, dt)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(passed > 1e-12, passed / _plant(p, frequency, dt), 0.0)
     inverse[0] = 0.0  # 1/P of a position: no current is needed to stand
-    return Filters(_feeding(running), sections, inverse, _weight(count, dt))
+    return Filters(_feedback_alone(running), sections, inverse, _weight(count, dt))
 
 
-def _feeding(running: law.Law) -> law.Law:
+def _feedback_alone(running: law.Law) -> law.Law:
     """The feedback of the law alone, without a limit."""
     return running._replace(current_limit=math.inf, observer=observer.ABSENT)
 
 
-def _low_pass(settings: Settings, dt: float) -> Any:
+def _low_pass(settings: LearningSettings, dt: float) -> Any:
     return scipy.signal.butter(_ORDER, min(settings.cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
 
 
 def _passed(sections: Any, frequency: Array, dt: float) -> Array:
     """Q (n,) at `frequency` (Hz): real, as it is run forwards and backwards."""
-    found: Array = np.abs(scipy.signal.sosfreqz(sections, frequency, fs=1.0 / dt)[1]) ** 2
-    return found
+    gain: Array = np.abs(scipy.signal.sosfreqz(sections, frequency, fs=1.0 / dt)[1]) ** 2
+    return gain
 
 
 def _weight(count: int, dt: float) -> Array:
-    """1, and 0 at the end: the last periods' current has not shown all that it does, and would grow by noise."""
-    left = dt * np.arange(count)[::-1]
-    found: Array = 0.5 - 0.5 * np.cos(np.pi * np.clip((left - HOLD) / FADE, 0.0, 1.0))
-    return found
+    """1, and 0 at the end: the full effect of the last periods' current is not recorded, so it would grow by noise."""
+    remaining = dt * np.arange(count)[::-1]
+    weight: Array = 0.5 - 0.5 * np.cos(np.pi * np.clip((remaining - HOLD) / FADE, 0.0, 1.0))
+    return weight
 
 
 def _plant(p: stage.Stage, frequency: Array, dt: float, stiffness: float = 0.0) -> NDArray[Any]:
@@ -134,46 +138,48 @@ def _plant(p: stage.Stage, frequency: Array, dt: float, stiffness: float = 0.0) 
     numerator, denominator, _ = scipy.signal.cont2discrete((np.array([p.motor.force_constant]), body), dt)
     late = z ** -(p.drive.delay_samples + p.encoder.delay_samples)
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: NDArray[Any] = np.polyval(np.ravel(numerator), z) / np.polyval(denominator, z) * late
-    return found
+        response: NDArray[Any] = np.polyval(np.ravel(numerator), z) / np.polyval(denominator, z) * late
+    return response
 
 
-def answer(running: law.Law, error: Array) -> Array:
+def feedback_current(running: law.Law, error: Array) -> Array:
     """Current (n,) of the feedback to this `error` (n,) of a reference at rest."""
-    x, found = law.AT_REST, np.empty(len(error))
-    for k, one in enumerate(error.tolist()):
-        output, x = law.step(running, x, law.Setpoint(0.0, 0.0, 0.0, 0.0), -one)
-        found[k] = output.command
-    return found
+    x, current = law.AT_REST, np.empty(len(error))
+    for k, value in enumerate(error.tolist()):
+        output, x = law.step(running, x, law.Setpoint(0.0, 0.0, 0.0, 0.0), -value)
+        current[k] = output.command
+    return current
 
 
-def improved(p: Filters, learned: Array, error: Array, gain: float) -> Array:
-    """``Q (learned + gain L error)`` (n,) A: what a whole step leads to."""
-    weighed = error * p.weight
-    room = 2 * (len(p.inverse) - 1)
-    ahead = np.fft.irfft(p.inverse * np.fft.rfft(weighed, room), room)[: len(error)]
-    return _smoothed(p, learned + gain * answer(p.law, weighed)) + gain * ahead
+def whole_step(p: Filters, learned: Array, error: Array, gain: float) -> Array:
+    """``Q (learned + gain L error)`` (n,) A: the current after a step of 1."""
+    weighted = error * p.weight
+    length = 2 * (len(p.inverse) - 1)
+    ahead = np.fft.irfft(p.inverse * np.fft.rfft(weighted, length), length)[: len(error)]
+    return _smoothed(p, learned + gain * feedback_current(p.law, weighted)) + gain * ahead
 
 
 def _smoothed(p: Filters, current: Array) -> Array:
-    found: Array = scipy.signal.sosfiltfilt(p.sections, current, padtype="constant", padlen=min(len(current) - 1, 1000))
-    return found
+    smooth: Array = scipy.signal.sosfiltfilt(
+        p.sections, current, padtype="constant", padlen=min(len(current) - 1, PADDING)
+    )
+    return smooth
 
 
-def begun(count: int) -> Course:
-    """Nothing learned yet."""
+def initial_state(count: int) -> LearningState:
+    """The state before the first trial of `count` periods: no current."""
     nothing = np.zeros(count)
-    return Course(nothing, nothing, nothing)
+    return LearningState(nothing, nothing, nothing)
 
 
-def judged(p: Filters, settings: Settings, course: Course, error: Array) -> Course:
-    """The course after the trial of ``course.learned``, which left `error` (n,) rad | m: kept or undone, what next.
+def after_trial(p: Filters, settings: LearningSettings, course: LearningState, error: Array) -> LearningState:
+    """The state after the trial of ``course.learned``, whose `error` (n,) rad | m decides: kept or undone.
 
     Raises ValueError where the error is not finite.
     """
     rms, peak = float(np.sqrt(np.mean(error * error))), float(np.max(np.abs(error)))
     if not math.isfinite(rms):
-        raise ValueError("the error of a trial holds numbers that are none")
+        raise ValueError("the error of a trial must be finite in all rows")
     least = min((trial.rms for trial in course.trials), default=math.inf)
     if rms > GROWN * least:
         return _undone(p, settings, course, Trial(rms, peak, 0.0, ""))
@@ -182,11 +188,11 @@ def judged(p: Filters, settings: Settings, course: Course, error: Array) -> Cour
     words = "no longer falls: averaged with the trials before" if averaged else ""
     kept = (course.learned, error) if rms < least else (course.best, course.error)
     trials = (*course.trials, Trial(rms, peak, step, words))
-    return Course(_stepped(p, settings, course.learned, error, step), *kept, trials, averaged, course.undone)
+    return LearningState(_stepped(p, settings, course.learned, error, step), *kept, trials, averaged, course.undone)
 
 
-def _undone(p: Filters, settings: Settings, course: Course, trial: Trial) -> Course:
-    """Back to the best trial, from which half the step is taken."""
+def _undone(p: Filters, settings: LearningSettings, course: LearningState, trial: Trial) -> LearningState:
+    """Back to the best trial, followed by half the step."""
     undone = course.undone + 1
     number = min(range(len(course.trials)), key=lambda k: course.trials[k].rms) + 1
     step = 0.5**undone / (1.0 + course.averaged)
@@ -195,11 +201,11 @@ def _undone(p: Filters, settings: Settings, course: Course, trial: Trial) -> Cou
     return course._replace(learned=learned, trials=trials, undone=undone)
 
 
-def _stepped(p: Filters, settings: Settings, learned: Array, error: Array, step: float) -> Array:
-    return learned + step * (improved(p, learned, error, settings.gain) - learned)
+def _stepped(p: Filters, settings: LearningSettings, learned: Array, error: Array, step: float) -> Array:
+    return learned + step * (whole_step(p, learned, error, settings.gain) - learned)
 
 
-class Shares(NamedTuple):
+class PlantRatios(NamedTuple):
     """S/S^ of the plants that the axis may be: what each of them answers, over what the model answers."""
 
     dt: float  # s
@@ -207,43 +213,43 @@ class Shares(NamedTuple):
     plants: list[tuple[str, NDArray[Any]]]  # name and share (m,)
 
 
-def shares(p: stage.Stage, running: law.Law, dt: float) -> Shares:
-    """Of the model itself, of one off by a fifth, and of the axis while its rolling friction holds it."""
+def plant_ratios(p: stage.Stage, running: law.Law, dt: float) -> PlantRatios:
+    """S/S^ of the model, of inertias off by a fifth, and of the axis while its rolling friction holds it."""
     frequency = np.geomspace(0.5, 0.4999 / dt, 2000)
     z = np.exp(2j * np.pi * frequency * dt)
-    feedback = _feedback(_feeding(running), z)
-    measured, told = observer.transfer(running.observer, z)
+    feedback = _feedback_response(_feedback_alone(running), z)
+    measured, commanded = observer.transfer(running.observer, z)
     model = feedback + 1.0 / _plant(p, frequency, dt)
     plants = [
-        (name, model / (feedback + measured + (1.0 + told) / _plant(other, frequency, dt, stiffness)))
-        for name, other, stiffness in _others(p)
+        (name, model / (feedback + measured + (1.0 + commanded) / _plant(other, frequency, dt, stiffness)))
+        for name, other, stiffness in _possible_plants(p)
     ]
-    return Shares(dt, frequency, plants)
+    return PlantRatios(dt, frequency, plants)
 
 
-def convergence(seen: Shares, settings: Settings) -> list[Contraction]:
-    """What a trial leaves of the error at worst, plant by plant."""
-    passed, found = _passed(_low_pass(settings, seen.dt), seen.frequency, seen.dt), []
+def convergence(seen: PlantRatios, settings: LearningSettings) -> list[Contraction]:
+    """The worst contraction of the error by one trial, for each plant."""
+    passed, contractions = _passed(_low_pass(settings, seen.dt), seen.frequency, seen.dt), []
     for name, share in seen.plants:
-        left = np.abs(passed * (1.0 - settings.gain * share))
-        worst = int(np.argmax(left))
-        found.append(Contraction(name, float(left[worst]), float(seen.frequency[worst])))
-    return found
+        ratio = np.abs(passed * (1.0 - settings.gain * share))
+        worst = int(np.argmax(ratio))
+        contractions.append(Contraction(name, float(ratio[worst]), float(seen.frequency[worst])))
+    return contractions
 
 
-def calmest(seen: Shares, settings: Settings) -> float:
-    """The highest cutoff (Hz) up to that of `settings` with which the error shrinks on all these plants; 0: none."""
-    for share in np.arange(20, 0, -1) / 20.0:
+def highest_convergent_cutoff(seen: PlantRatios, settings: LearningSettings) -> float:
+    """The highest cutoff (Hz) up to that of `settings` with which the error shrinks on all these plants; 0 if none."""
+    for share in np.arange(CUTOFF_STEPS, 0, -1) / float(CUTOFF_STEPS):
         lower = settings._replace(cutoff=float(share * settings.cutoff))
-        if max(one.most for one in convergence(seen, lower)) < 1.0:
+        if max(contraction.most for contraction in convergence(seen, lower)) < 1.0:
             return lower.cutoff
     return 0.0
 
 
-def _others(p: stage.Stage) -> list[tuple[str, stage.Stage, float]]:
-    """Plants that the axis may be."""
+def _possible_plants(p: stage.Stage) -> list[tuple[str, stage.Stage, float]]:
+    """Plants that the axis may be: name, stage, and stiffness (N m/rad | N/m) that holds it."""
     body = p.mechanics
-    light, heavy = (p._replace(mechanics=body._replace(inertia=share * body.inertia)) for share in (0.8, 1.2))
+    light, heavy = (p._replace(mechanics=body._replace(inertia=share * body.inertia)) for share in INERTIA_SHARES)
     return [
         ("the model", p, 0.0),
         ("inertia 20 % below it", light, 0.0),
@@ -252,11 +258,11 @@ def _others(p: stage.Stage) -> list[tuple[str, stage.Stage, float]]:
     ]
 
 
-def _feedback(running: law.Law, z: NDArray[Any]) -> NDArray[Any]:
-    """The law's answer to an error at `z` (m,), from its impulse response; differenced, as it has an integrator."""
+def _feedback_response(running: law.Law, z: NDArray[Any]) -> NDArray[Any]:
+    """The law's response to an error at `z` (m,), from its impulse response; differenced, as it has an integrator."""
     impulse = np.zeros(_RESPONSE)
     impulse[1] = 1.0
-    response = np.diff(answer(running, impulse), prepend=[0.0])[1:]
+    response = np.diff(feedback_current(running, impulse), prepend=[0.0])[1:]
     last = int(np.flatnonzero(np.abs(response) > 1e-9 * np.max(np.abs(response)))[-1]) + 1
-    found: NDArray[Any] = np.polyval(response[:last][::-1], 1.0 / z) / (1.0 - 1.0 / z)
-    return found
+    transfer: NDArray[Any] = np.polyval(response[:last][::-1], 1.0 / z) / (1.0 - 1.0 / z)
+    return transfer

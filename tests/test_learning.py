@@ -17,7 +17,7 @@ from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
 from tests.conftest import Run, varied
 
-SETTINGS = learning.Settings()
+SETTINGS = learning.LearningSettings()
 MOTION = Sine(2e-3, 3.2, 2, 1)
 LAWS: dict[str, design.Settings] = {
     "pid": design.Control(5e-4, 40.0, 0.1, ("ptc",)),
@@ -66,11 +66,11 @@ def test_an_unknown_current_is_learned_whatever_the_law(ball_screw: Setup, name:
     what, unknown = disturbed(what, setup.dt, 8.0)
     filters = learning.filters(setup.stage, running, SETTINGS, setup.dt, len(unknown))
     clean = tried(setup, running, laid_out(setup)[1], np.zeros(len(unknown)))
-    course, left = learning.begun(len(unknown)), []
+    course, left = learning.initial_state(len(unknown)), []
     for _ in range(4):
         error = tried(setup, running, what, course.learned) - clean
         left.append(float(np.sqrt(np.mean(error * error))))
-        course = learning.judged(filters, SETTINGS, course, error)
+        course = learning.after_trial(filters, SETTINGS, course, error)
     assert left[1] / left[0] == pytest.approx(0.2, abs=0.01)
     assert left[2] / left[1] == pytest.approx(0.2, abs=0.03)
     assert np.max(np.abs(course.learned + unknown)) < 0.01 * 0.3
@@ -88,9 +88,9 @@ def test_a_trial_leaves_what_convergence_says(ball_screw: Setup, frequency: floa
     clean = tried(setup, running, laid_out(setup)[1], np.zeros(len(unknown)), heavier)
     filters = learning.filters(setup.stage, running, SETTINGS, setup.dt, len(unknown))
     first = tried(setup, running, what, np.zeros(len(unknown)), heavier) - clean
-    learned = learning.improved(filters, np.zeros(len(unknown)), first, SETTINGS.gain)
+    learned = learning.whole_step(filters, np.zeros(len(unknown)), first, SETTINGS.gain)
     second = tried(setup, running, what, learned, heavier) - clean
-    seen = learning.shares(setup.stage, running, setup.dt)
+    seen = learning.plant_ratios(setup.stage, running, setup.dt)
     share = dict(seen.plants)["inertia 20 % above it"]
     q = 1.0 / (1.0 + (math.tan(math.pi * frequency * setup.dt) / math.tan(math.pi * 200.0 * setup.dt)) ** 4)
     # The first trial learns from nothing: e2 = (1 - gain Q S/S^) e1, of which the condition is the part that Q passes.
@@ -102,7 +102,7 @@ def test_convergence_against_the_designs_own_transfer_functions(ball_screw: Setu
     """S/S^ from `design`'s plant and compensator, for the heavier axis; 1 - gain for the model itself."""
     running, _ = laid_out(ball_screw)
     control, dt = ball_screw.file.control, ball_screw.dt
-    seen = learning.shares(ball_screw.stage, running, dt)
+    seen = learning.plant_ratios(ball_screw.stage, running, dt)
     z = np.exp(2j * np.pi * seen.frequency * dt)
     feedback = design.compensator(design.designed_feedback(ball_screw.stage, control), dt).at(z)
     body = ball_screw.stage.mechanics
@@ -115,7 +115,7 @@ def test_convergence_against_the_designs_own_transfer_functions(ball_screw: Setu
     assert found[0].most == pytest.approx(0.2, abs=1e-6)
     assert max(one.most for one in found[:3]) < 0.6
     assert found[3].most > 1.0  # held by its rolling friction the axis resonates at 70 Hz, closed at 100 Hz
-    calm = learning.calmest(seen, SETTINGS)
+    calm = learning.highest_convergent_cutoff(seen, SETTINGS)
     assert 60.0 <= calm <= 80.0
     assert max(one.most for one in learning.convergence(seen, SETTINGS._replace(cutoff=calm))) < 1.0
 
@@ -124,27 +124,27 @@ def test_the_answer_is_the_recorded_feedback(ball_screw: Setup) -> None:
     """The PID's own terms of a run, from its error alone."""
     run = Run(ball_screw, MOTION)
     terms = sum(run.samples[name] for name in ("proportional", "integral", "derivative"))
-    np.testing.assert_allclose(learning.answer(run.law, run.samples["error"]), terms, atol=1e-12)
+    np.testing.assert_allclose(learning.feedback_current(run.law, run.samples["error"]), terms, atol=1e-12)
 
 
-def fixed(ball_screw: Setup, count: int = 600) -> tuple[learning.Filters, learning.Course]:
+def fixed(ball_screw: Setup, count: int = 600) -> tuple[learning.Filters, learning.LearningState]:
     running, _ = laid_out(ball_screw)
-    return learning.filters(ball_screw.stage, running, SETTINGS, ball_screw.dt, count), learning.begun(count)
+    return learning.filters(ball_screw.stage, running, SETTINGS, ball_screw.dt, count), learning.initial_state(count)
 
 
 def test_a_trial_that_grows_is_undone(ball_screw: Setup) -> None:
     filters, course = fixed(ball_screw)
     small = 1e-4 * np.sin(np.linspace(0.0, 40.0, 600))
-    course = learning.judged(filters, SETTINGS, course, small)
+    course = learning.after_trial(filters, SETTINGS, course, small)
     whole = course.learned
-    course = learning.judged(filters, SETTINGS, course, 1.3 * small)
+    course = learning.after_trial(filters, SETTINGS, course, 1.3 * small)
     assert course.trials[1].words == "grew: undone, back to trial 1 with half the step"
     assert course.trials[1].step == 0.0
     np.testing.assert_allclose(course.learned, 0.5 * whole, atol=1e-12)
     assert np.array_equal(course.best, np.zeros(600))
-    course = learning.judged(filters, SETTINGS, course, 1.3 * small)
+    course = learning.after_trial(filters, SETTINGS, course, 1.3 * small)
     np.testing.assert_allclose(course.learned, 0.25 * whole, atol=1e-12)
-    course = learning.judged(filters, SETTINGS, course, 0.5 * small)
+    course = learning.after_trial(filters, SETTINGS, course, 0.5 * small)
     assert np.array_equal(course.best, 0.25 * whole)
 
 
@@ -152,36 +152,36 @@ def test_what_no_longer_falls_is_averaged(ball_screw: Setup) -> None:
     """Steps 1, 1/2, 1/3; an error that is none is refused."""
     filters, course = fixed(ball_screw)
     for scale in (1.0, 0.95, 0.99):
-        course = learning.judged(filters, SETTINGS, course, np.full(600, 1e-4 * scale))
+        course = learning.after_trial(filters, SETTINGS, course, np.full(600, 1e-4 * scale))
     assert [trial.step for trial in course.trials] == pytest.approx([1.0, 1 / 2, 1 / 3])
-    with pytest.raises(ValueError, match="numbers that are none"):
-        learning.judged(filters, SETTINGS, course, np.full(600, math.nan))
+    with pytest.raises(ValueError, match="finite"):
+        learning.after_trial(filters, SETTINGS, course, np.full(600, math.nan))
 
 
 def test_nothing_is_learned_from_no_error_and_the_end_cannot_grow(ball_screw: Setup) -> None:
     """Q has no phase and keeps a constant; the last 20 ms teach nothing."""
     filters, _ = fixed(ball_screw)
     flat = np.full(600, 1.4)
-    np.testing.assert_allclose(learning.improved(filters, flat, np.zeros(600), 0.8), flat, rtol=1e-9)
+    np.testing.assert_allclose(learning.whole_step(filters, flat, np.zeros(600), 0.8), flat, rtol=1e-9)
     bump = np.exp(-(((np.arange(600) - 300) / 40.0) ** 2))
-    smooth = learning.improved(filters, bump, np.zeros(600), 0.8)
+    smooth = learning.whole_step(filters, bump, np.zeros(600), 0.8)
     np.testing.assert_allclose(smooth[1:300][::-1], smooth[301:], atol=1e-6)
     late = np.zeros(600)
     late[-40:] = 1e-3
-    assert np.array_equal(learning.improved(filters, np.zeros(600), late, 0.8), np.zeros(600))
+    assert np.array_equal(learning.whole_step(filters, np.zeros(600), late, 0.8), np.zeros(600))
 
 
 def learned_on(setup: Setup, motion: Sine, without: frozenset[str], trials: int) -> list[Run]:
     """Each trial as a run; the noise of each is its own."""
     run = Run(setup, motion, without)
     filters = learning.filters(setup.stage, run.law, SETTINGS, setup.dt, len(run.plan.setpoints))
-    course, found = learning.begun(len(run.plan.setpoints)), []
+    course, found = learning.initial_state(len(run.plan.setpoints)), []
     for number in range(trials):
         again = Run(varied(setup, seed=number + 1), motion, without)
         rows = again.plan.setpoints.copy()
         rows[:, law.Setpoint._fields.index("learned")] = course.learned
         again.samples = simulate(again.setup, again.plan._replace(setpoints=rows), again.law)
-        course = learning.judged(filters, SETTINGS, course, again.samples["error"])
+        course = learning.after_trial(filters, SETTINGS, course, again.samples["error"])
         found.append(again)
     return found
 

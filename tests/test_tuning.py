@@ -83,12 +83,20 @@ def test_a_smaller_peak_of_the_sensitivity_is_a_slower_loop(ball_screw: Setup) -
     assert found[1.6].bandwidth < 0.6 * found[2.4].bandwidth
 
 
+def nearest_of(error: families.TuningError) -> float:
+    """The bandwidth (Hz) that a refusal recommends."""
+    assert error.nearest is not None and error.nearest.bandwidth is not None
+    return error.nearest.bandwidth
+
+
 @pytest.mark.parametrize(("law", "hertz", "degrees"), [("pid", 40.0, 30.0), ("cascade", 40.0, 30.0)])
 def test_a_refusal_names_the_nearest_that_there_is(ball_screw: Setup, law: str, hertz: float, degrees: float) -> None:
     family = of(ball_screw, law)
-    with pytest.raises(families.TuningError, match=r"cannot be had.*nd 1, nm 0.*Nearest: --bandwidth \d") as caught:
+    with pytest.raises(families.TuningError) as caught:
         tuning.tuned(family, demand(degrees), hertz)
-    nearest = float(str(caught.value).split("--bandwidth ")[2].split("Hz")[0])
+    nearest = nearest_of(caught.value)
+    assert (caught.value.option, caught.value.value) == ("bandwidth", hertz)
+    assert f"--bandwidth {nearest:g}Hz" in str(caught.value)
     assert tuning.tuned(family, demand(degrees), nearest).bandwidth == nearest
     assert nearest == tuning.tuned(family, demand(degrees)).bandwidth
     with pytest.raises(families.TuningError):  # and it is not needlessly low
@@ -98,9 +106,9 @@ def test_a_refusal_names_the_nearest_that_there_is(ball_screw: Setup, law: str, 
 def test_too_slow_for_the_damping_is_answered_with_something_faster(ball_screw: Setup) -> None:
     """Below D/(8 pi J) = 0.557 Hz a gain of the placement is negative."""
     family = of(ball_screw, "pid")
-    with pytest.raises(families.TuningError, match=r"too low for this axis.*Nearest: --bandwidth") as caught:
+    with pytest.raises(families.TuningError) as caught:
         tuning.tuned(family, demand(20.0), 0.5)
-    nearest = float(str(caught.value).split("--bandwidth ")[2].split("Hz")[0])
+    nearest = nearest_of(caught.value)
     assert 0.557 < nearest < 0.8
     tuning.tuned(family, demand(20.0), nearest)
 
@@ -108,18 +116,21 @@ def test_too_slow_for_the_damping_is_answered_with_something_faster(ball_screw: 
 def test_a_margin_that_no_bandwidth_has_is_refused_with_the_most_that_one_has(ball_screw: Setup) -> None:
     family = of(ball_screw, "pid")
     for hertz in (None, 10.0):
-        with pytest.raises(families.TuningError, match=r"at most \d+\.\d deg") as caught:
+        with pytest.raises(families.TuningError) as caught:
             tuning.tuned(family, demand(60.0), hertz)
-        words = str(caught.value).rsplit("(--bandwidth ", 1)[1]
-        nearest, degrees = float(words.split("Hz")[0]), float(words.split("--margin ")[1].split("deg")[0])
+        assert caught.value.option == ("margin" if hertz is None else "bandwidth")
+        nearest = nearest_of(caught.value)
+        degrees = caught.value.nearest.margin if caught.value.nearest else None
+        assert degrees is not None
         assert 50.0 < degrees < 60.0
         assert worst(tuning.tuned(family, demand(degrees - 0.1), nearest))[0] >= degrees - 0.1
 
 
 @pytest.mark.parametrize("hertz", [0.0, -1.0, 2001.0, math.inf, math.nan])
 def test_a_bandwidth_beyond_what_a_file_takes_is_refused(ball_screw: Setup, hertz: float) -> None:
-    with pytest.raises(families.TuningError, match=r"must lie in \(0, 2000\] Hz"):
+    with pytest.raises(families.TuningError) as caught:
         tuning.tuned(of(ball_screw, "pid"), demand(20.0), hertz)
+    assert (caught.value.option, caught.value.admissible) == ("bandwidth", "(0, 2000]")
 
 
 def test_the_rule_of_the_cascade(ball_screw: Setup) -> None:
@@ -163,8 +174,9 @@ def test_own_ratios_are_kept() -> None:
 
 
 def test_a_pid_has_no_ratios(ball_screw: Setup) -> None:
-    with pytest.raises(families.TuningError, match="--start own"):
+    with pytest.raises(families.TuningError) as caught:
         of(ball_screw, "cascade", own=True)
+    assert (caught.value.option, caught.value.value, caught.value.admissible) == ("start", "own", "rule")
 
 
 def test_with_an_observer_both_loops_keep_the_margin(ball_screw: Setup) -> None:
@@ -197,8 +209,8 @@ def test_the_sheet_of_stage_a(ball_screw: Setup) -> None:
     assert loop["gain_margin_down"]["value"] < 1.0 < loop["gain_margin_up"]["value"]
     assert loop["modulus_margin"]["value"] == pytest.approx(1.0 / loop["sensitivity_peak"]["value"])
     assert result["control"] == {"bandwidth": 40.0}
-    assert any("Conditionally stable: the gain may fall by 13.9 dB" in note for note in result["notes"])
-    assert any("Ms = 2.47 is above 2" in note for note in result["notes"])
+    assert any("13.9 dB" in note for note in result["notes"])
+    assert any("2.47" in note for note in result["notes"])
     stiff = result["closed_loop"]["least_stiffness"]
     assert stiff["unit"] == "N/m"
     assert stiff["value"] == pytest.approx(469.78 * (2.0 * math.pi / 12e-3) ** 2, rel=1e-3)

@@ -18,7 +18,7 @@ from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.config.patch import Change, write
 from stagectl.identification import capture_checks, captures, methods
 from stagectl.identification.capture import Capture
-from stagectl.identification.result import Found, Parameter
+from stagectl.identification.result import IdentificationResult, Parameter
 from stagectl.units import Quantity, StageError
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class IdentifiedModel(ReportedResult):
 
     method: str
     stage: DesignedStage
-    estimate: Found
+    estimate: IdentificationResult
     captures: Sequence[Capture]
     held_out: Sequence[str]
     implausible: Sequence[str]

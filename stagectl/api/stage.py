@@ -101,9 +101,9 @@ class DesignedStage(PrintedResult):
         """Bode plot of the open loop with its margins."""
         from stagectl.report import tuning as report
         from stagectl.report.figures import detached
-        from stagectl.tuning.families import cut
+        from stagectl.tuning.families import judged_loops
 
-        return detached(report.bode(cut(self.setup.stage, self.setup.file.control), self.loop))
+        return detached(report.bode(judged_loops(self.setup.stage, self.setup.file.control), self.loop))
 
     def changed(self, values: Mapping[str, Any]) -> DesignedStage:
         """The stage with SI values by dotted name, in memory: ``{"mechanics.inertia": 0.0102}``.

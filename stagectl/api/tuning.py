@@ -13,7 +13,7 @@ from stagectl.api.arguments import ArgumentError, PathLike, quantity
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, load_stage
 from stagectl.config.patch import Change, write
-from stagectl.tuning import families, sheet
+from stagectl.tuning import constants, families, sheet
 from stagectl.tuning import search as tuning
 from stagectl.units import Quantity
 
@@ -139,7 +139,7 @@ def tune(
     least = quantity("margin", margin, _MARGIN, "it such as 30deg")
     largest = quantity("ms", peak, _PEAK, "it such as 2")
     if largest is None:
-        largest = tuning.PEAK if hertz is None else math.inf
+        largest = constants.SENSITIVITY_PEAK if hertz is None else math.inf
     control = designed.setup.file.control
     if least is not None:
         control = control._replace(margin=least)

@@ -1,1 +1,1 @@
-"""Friction compensation laid out before the motion: a force for every position and velocity of the reference."""
+"""Friction compensation computed before the motion: a force for every position and velocity of the reference."""

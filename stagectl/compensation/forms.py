@@ -1,4 +1,4 @@
-"""What the friction compensation may be computed from: the stage's own model, or a form of its own."""
+"""The sources of the friction compensation: the stage's friction model, or a fitted form."""
 
 from __future__ import annotations
 

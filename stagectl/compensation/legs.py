@@ -1,4 +1,4 @@
-r"""A motion cut at its standstills: where each leg begins and ends, and how far each instant is from both.
+r"""A motion cut at its standstills into legs, and the distance of each instant from the ends of its leg.
 
 ::
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ROUNDING = 1e-9  # of the largest speed: what is slower in a reference stands
+ROUNDING = 1e-9  # of the largest speed: a slower reference is at rest; rounding
 
 
 class Legs(NamedTuple):
@@ -52,7 +52,7 @@ class Legs(NamedTuple):
 
 
 class _Run(NamedTuple):
-    """Rows `first` ... `last` that move the same way."""
+    """Rows `first` ... `last` that move in the same direction."""
 
     first: int
     last: int
@@ -67,7 +67,7 @@ class _Edge(NamedTuple):
 def legs(position: Array, velocity: Array, dt: float) -> Legs:
     """Legs of a reference that begins at rest, sampled every `dt` (s); `position`, `velocity` (n,) in axis units.
 
-    Its first row may already move, as it is laid out ahead of time: the beginning is extrapolated from there.
+    Its first row may already move, as it is computed ahead of time: the beginning is extrapolated from there.
     """
     band = ROUNDING * float(np.max(np.abs(velocity), initial=0.0))
     return _cut(position, velocity, dt, _runs(velocity, band), from_rest=True)
@@ -76,8 +76,8 @@ def legs(position: Array, velocity: Array, dt: float) -> Legs:
 def measured_legs(position: Array, velocity: Array, dt: float, band: float, least: float) -> Legs:
     """Legs of a measured motion, smoothed; a record that begins in motion has done so for long.
 
-    What is slower than `band` stands, and so does what never gets faster than `least` between two standstills:
-    both lie above the noise.
+    Rows slower than `band` are at rest, and so are stretches between two standstills that never exceed `least`.  Both
+    limits lie above the noise.
     """
     runs = [run for run in _runs(velocity, band) if np.max(np.abs(velocity[run.first : run.last + 1])) > least]
     return _cut(position, velocity, dt, runs, from_rest=False)
@@ -110,7 +110,7 @@ def _measured_from(starts: Array, ends: Array, way: Array, rows: tuple[NDArray[n
 
 
 def _runs(velocity: Array, band: float) -> list[_Run]:
-    """Stretches of one sign; what stands, at most as fast as `band`, is left out."""
+    """Stretches of one sign; rows at rest, at most as fast as `band`, are left out."""
     sign = np.where(np.abs(velocity) > band, np.sign(velocity), 0.0)
     if not len(sign):
         return []
@@ -139,7 +139,7 @@ def _start(run: _Run, x: Array, v: Array, dt: float) -> _Edge:
 
 
 def _before(run: _Run, x: Array, v: Array, dt: float) -> _Edge:
-    """Where a run that the first row finds under way left its rest, at constant acceleration."""
+    """Where a run that is already moving in the first row left its rest, at constant acceleration."""
     change = float(v[1] - v[0]) if run.last > 0 else 0.0
     rows = float(v[0]) / change if v[0] * change > 0.0 else 0.5
     return _Edge(-rows, float(x[0] - 0.5 * v[0] * rows * dt))
@@ -162,5 +162,5 @@ def _crossing(k: int, x: Array, v: Array, dt: float) -> _Edge:
 
 
 def _share(velocity: Any, change: Any) -> float:
-    """Part of a period in which a velocity that changes so much in each was reached from zero."""
+    """Share of a period in which the velocity, with this change a period, was reached from zero."""
     return min(float(velocity / change), 1.0) if velocity * change > 0.0 else 0.5

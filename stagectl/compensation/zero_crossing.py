@@ -1,4 +1,4 @@
-r"""Friction around the zero crossing of the velocity, as a force over the reference, laid out before the motion.
+r"""Friction around the zero crossing of the velocity, as a force along the reference, computed before the motion.
 
 On the way to a standstill friction rises from its constant value ``C`` to ``Cs`` at the crossing; behind it, it
 goes on from ``Cs``, which now assists the motion, to the constant value of the new direction::
@@ -23,11 +23,11 @@ A leg begins with the force ``F0`` at which the last one ended.  In time, and ov
     F = way [C + (Cs - C) rise] + (F0 - way [C + (Cs - C) rise at its beginning]) decay
     F = way [C + (Cs - C) exp(-|v| / vs)] s,   s = way + (s0 - way) exp(-|x - xz| / (delta |s0 - way| / 2))
 
-so a standstill holds the force, going on in the same direction does not start anew, a tail that meets the next
-crossing stays continuous, and a start from rest begins at zero.
+so a standstill keeps the force, a leg in the same direction continues it, a tail that reaches the next crossing stays
+continuous, and a start from rest begins at zero.
 
-Source: the friction paper of the linear slider, sections 3.1 and 3.2; its equations are missing from the text that
-we have, these are a reconstruction from its description (continuous, exponential, three parameters t1, t2, Cs).
+Source: the friction paper of the linear slider, sections 3.1 and 3.2.  The available text lacks its equations; these
+are a reconstruction from its description (continuous, exponential, three parameters t1, t2, Cs).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _POSITIVE = Quantity("N m | N", _FORCE, "constant friction at positive velocity,
 _NEGATIVE = Quantity("N m | N", _FORCE, "constant friction at negative velocity, C2; a positive number")
 _BEFORE = Quantity("s", _TIME, "time constant of the rise towards the crossing, t1")
 _AFTER = Quantity("s", _TIME, "time constant of the decay behind the crossing, t2")
-_SMALLEST = 1e-6  # what is divided by
+_SMALLEST = 1e-6  # least divisor; avoids a division by zero
 
 
 class Level(NamedTuple):
@@ -100,8 +100,8 @@ class Gaussian(NamedTuple):
 class Displacement(NamedTuple):
     """Stribeck's rise over the speed and a decay over the displacement: no time inside, so any acceleration.
 
-    A leg that has less than a full reversal to make up for, as from rest, does so over proportionally less
-    displacement (Masing's rule: the stiffness after a turn is always the same).
+    A leg that begins with less than a full reversal, as from rest, decays over proportionally less displacement
+    (Masing's rule: the stiffness after a turn is always the same).
     """
 
     velocity: Annotated[float, Quantity("rad/s | m/s", "(0, 1e4]", "speed over which the rise decays, vs")]
@@ -156,27 +156,27 @@ def _in_time(cut: Legs, p: Level, before: float, decay: Callable[[Array], Array]
     constant = p.constant(cut.way)
     top = cut.way * (constant + (p.static - constant) * first)
     jump = _jumps(cut, p, top, decay(cut.duration))
-    way, level, left = cut.way[cut.leg], constant[cut.leg], jump[cut.leg]
-    tail = left * decay(cut.since)
-    # Going on in the same direction the tail lies on top of the rise: both together end at Cs, not beyond.
-    tail *= np.where(left * way > 0.0, (1.0 - rise) / np.maximum(1.0 - first[cut.leg], _SMALLEST), 1.0)
+    way, level, gap = cut.way[cut.leg], constant[cut.leg], jump[cut.leg]
+    tail = gap * decay(cut.since)
+    # In the same direction the tail adds to the rise: both together end at Cs, not beyond.
+    tail *= np.where(gap * way > 0.0, (1.0 - rise) / np.maximum(1.0 - first[cut.leg], _SMALLEST), 1.0)
     steady = level + np.where(way == 0.0, 0.0, p.static - level) * rise
     return np.asarray(way * steady + tail, dtype=np.float64)
 
 
-def _jumps(cut: Legs, p: Level, top: Array, left: Array) -> Array:
-    """What each leg (m,) has to make up for at its beginning (N m | N); `left` of it is there at its end."""
+def _jumps(cut: Legs, p: Level, top: Array, remaining: Array) -> Array:
+    """Force (m,) N m | N by which each leg begins off its curve; the share `remaining` of it is left at its end."""
     jump = np.zeros(len(top))
     held = 0.0  # after assembly, and at the start of every reference
     for j in range(1, len(top)):
         jump[j] = 0.0 if np.isinf(cut.start[j]) else held - top[j]
         against = jump[j] * cut.way[j] < 0.0
-        held = float(cut.way[j] * p.static + (jump[j] * left[j] if against else 0.0))
+        held = float(cut.way[j] * p.static + (jump[j] * remaining[j] if against else 0.0))
     return jump
 
 
 def _stretch(cut: Legs, slip: float) -> Array:
-    """State (n,) in [-1, 1] of a spring that gives way exponentially over `slip` (rad | m): -way, then +way."""
+    """State (n,) in [-1, 1] of a spring that yields exponentially over `slip` (rad | m): -way, then +way."""
     jump, share = np.zeros(len(cut.way)), np.ones(len(cut.way))
     held = 0.0
     for j in range(1, len(cut.way)):

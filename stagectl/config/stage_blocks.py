@@ -147,6 +147,6 @@ class StageFile(NamedTuple):
     compensation: Annotated[Any, Tagged("form", FORMS)] = Model()
     realtime: Realtime = Realtime()
     simulation: Simulation = Simulation()
-    learning: learning.Settings = learning.Settings()
+    learning: learning.LearningSettings = learning.LearningSettings()
     residual: Residual | None = None
     virtual_drive: VirtualDrive = VirtualDrive()

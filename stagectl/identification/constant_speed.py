@@ -1,4 +1,4 @@
-"""Constant-speed examination: the mean force over whole revolutions against speed.
+"""The method `constant-speed`: the mean force over whole revolutions against speed.
 
 ::
 
@@ -9,8 +9,8 @@
       ----___                     c- = T_c - offset
              ----____  F = D v - c-                   v < 0
 
-At constant speed inertia asks for nothing, and over whole revolutions ripple averages to nothing, so one mean a span
-is left; a straight line with one slope and an intercept for each direction goes through them by least squares, each
+At constant speed no force goes into the inertia, and over whole revolutions ripple averages out, so that each span
+gives one mean.  A straight line with one slope and an intercept for each direction is fitted by least squares, each
 span weighted by its duration.  Spans of constant speed are found in the position itself.
 
 Source: Simultaneous Identification ..., section IV.A.1 and Fig. 5.
@@ -19,7 +19,6 @@ Source: Simultaneous Identification ..., section IV.A.1 and Fig. 5.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,26 +26,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.response.sampling import check
-from stagectl.identification.result import Found, Parameter
+from stagectl.identification import thresholds
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited
+from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.units import ROTARY
 
-BLOCK = 0.02  # s, over which a speed is taken
-EVEN = 0.03  # largest deviation of a block's speed from the middle of its span's, relative
-STEPS = 4.0  # encoder steps by which a block's length may err
-LEVEL = 0.01  # largest difference between the thirds of a span, relative
-SHORTEST = 0.1  # s, of a span
-SETTLING = 0.1  # s at the start of a span in which the force still settles; at most a quarter of it
-APART = 0.05  # relative difference of two speeds
-SKEW = 0.02  # share of the force that may be inertial over a span
-RIPPLES = 4  # waves a revolution
-BATCHES = 10  # of a span, for the deviation of its mean
-CLIPPED = 0.01  # largest share of a span's samples at the current limit
-CROOKED = 3.0  # scatter of the means about the line, over their own deviation
 
-
-class Span(NamedTuple):
+class SpeedSpan(NamedTuple):
     """A piece of constant speed, settling and any broken revolution left out."""
 
     name: str
@@ -56,24 +42,26 @@ class Span(NamedTuple):
     speed: float  # rad/s | m/s, signed
     force: float  # N m | N
     deviation: float  # N m | N, of the mean, from its own course
-    acceleration: float  # rad/s^2 | m/s^2, that is left
+    acceleration: float  # rad/s^2 | m/s^2, that remains
     clipped: float  # share of the samples at the current limit
 
 
 def identify(
-    captures: list[Capture], file: StageFile, progress: Callable[[int, int], None] = lambda done, total: None
-) -> Found:
+    captures: list[Capture], file: StageFile, progress: Progress = lambda done, total: None
+) -> IdentificationResult:
     """Viscous friction, Coulomb friction and offset from all spans of constant speed in `captures`.
 
     Raises IdentificationError where they are too few, or of one speed only.
     """
-    spans: list[Span] = []
-    notes: list[str] = []
+    spans: list[SpeedSpan] = []
+    notes: list[Note] = []
     for k, capture in enumerate(captures):
-        check(capture)
-        found = constant_spans(capture, file)
-        spans += [one for one in found if one.clipped <= CLIPPED]
-        notes += [_clipped(one, file) for one in found if one.clipped > CLIPPED]
+        check_excited(capture)
+        for span in constant_spans(capture, file):
+            if span.clipped <= thresholds.SPAN_CLIPPED:
+                spans.append(span)
+            else:
+                notes.append(_clipped(span, file))
         progress(k + 1, len(captures))
     both = _check(spans, file)
     values, covariance, scatter = straight_line(spans, both)
@@ -88,24 +76,25 @@ def identify(
     }
     details = _details(spans, parameters, scatter)
     changes = {"mechanics.viscous": parameters["viscous"].value}
-    return Found(parameters, None, details, (*notes, *_doubts(spans, details, file, rotary)), changes)
+    doubts = _doubts(spans, scatter, file, rotary)
+    return IdentificationResult(parameters, None, details, (*notes, *doubts), changes)
 
 
-def constant_spans(capture: Capture, file: StageFile) -> list[Span]:
+def constant_spans(capture: Capture, file: StageFile) -> list[SpeedSpan]:
     """All spans of constant speed in one capture."""
-    size = max(2, round(BLOCK / capture.dt))
+    size = max(2, round(thresholds.SPEED_BLOCK / capture.dt))
     edges = np.arange(0, len(capture.time), size)
     speed = np.diff(capture.position[edges]) / (size * capture.dt)
-    blur = STEPS * capture.encoder_step / (size * capture.dt)
-    found: list[Span] = []
+    blur = thresholds.SPEED_BLOCK_STEPS * capture.encoder_step / (size * capture.dt)
+    spans: list[SpeedSpan] = []
     for first, last in _runs(speed.tolist(), blur):
         rows = (last - first) * size
-        if rows * capture.dt >= SHORTEST and _level(speed[first:last], blur):
+        if rows * capture.dt >= thresholds.SHORTEST_SPAN and _level(speed[first:last], blur):
             change = _change(speed[first:last])
-            settling = max(size, min(rows // 4, round(SETTLING / capture.dt)))
+            settling = max(size, min(rows // 4, round(thresholds.SPAN_SETTLING / capture.dt)))
             span = (int(edges[first]) + settling, int(edges[last]) - size)  # a ramp may begin within the last block
-            found.append(_span(capture, file, span, change / (rows * capture.dt)))
-    return found
+            spans.append(_span(capture, file, span, change / (rows * capture.dt)))
+    return spans
 
 
 def _runs(speed: list[float], blur: float) -> list[tuple[int, int]]:
@@ -114,7 +103,7 @@ def _runs(speed: list[float], blur: float) -> list[tuple[int, int]]:
     low = high = speed[0] if speed else 0.0
     for k, v in enumerate([*speed, math.inf]):
         low, high = min(low, v), max(high, v)
-        if high - low <= EVEN * abs(high + low) + 2.0 * blur:
+        if high - low <= thresholds.SPAN_EVEN * abs(high + low) + 2.0 * blur:
             continue
         if k - first >= 5 and min(map(abs, speed[first:k])) > blur:
             runs.append((first, k))
@@ -125,7 +114,7 @@ def _runs(speed: list[float], blur: float) -> list[tuple[int, int]]:
 def _level(speed: Array, blur: float) -> bool:
     """Whether the thirds of a run have the same mean, which those of a sine's peak have not; its ends left out."""
     thirds = [float(np.mean(part)) for part in np.array_split(speed[1:-1], 3)]
-    return max(thirds) - min(thirds) <= LEVEL * abs(thirds[1]) + blur
+    return max(thirds) - min(thirds) <= thresholds.SPAN_LEVEL * abs(thirds[1]) + blur
 
 
 def _change(speed: Array) -> float:
@@ -134,7 +123,7 @@ def _change(speed: Array) -> float:
     return float(slope) * len(speed)
 
 
-def _span(capture: Capture, file: StageFile, rows: tuple[int, int], acceleration: float) -> Span:
+def _span(capture: Capture, file: StageFile, rows: tuple[int, int], acceleration: float) -> SpeedSpan:
     """The span of `rows`, cut to whole revolutions from its end backwards."""
     start, end = rows
     turned = np.abs(capture.position[start:end] - capture.position[end - 1])
@@ -143,7 +132,7 @@ def _span(capture: Capture, file: StageFile, rows: tuple[int, int], acceleration
         start += int(np.argmin(np.abs(turned - 2.0 * math.pi * revolutions)))
     duration = (end - 1 - start) * capture.dt
     force = file.motor.force_constant * capture.current[start : end - 1]
-    return Span(
+    return SpeedSpan(
         capture.name,
         float(capture.time[start]),
         duration,
@@ -152,20 +141,22 @@ def _span(capture: Capture, file: StageFile, rows: tuple[int, int], acceleration
         float(np.mean(force)),
         _deviation(force, capture.position[start : end - 1], revolutions),
         acceleration,
-        float(np.mean(np.abs(capture.current[start : end - 1]) > 0.999 * file.drive.current_limit)),
+        float(
+            np.mean(np.abs(capture.current[start : end - 1]) > thresholds.AT_CURRENT_LIMIT * file.drive.current_limit)
+        ),
     )
 
 
 def _deviation(force: Array, angle: Array, revolutions: int) -> float:
-    """Standard deviation of the mean: from the means of consecutive batches, ripple taken off."""
+    """Standard deviation of the mean: from the means of consecutive batches, ripple removed."""
     rest = force - np.mean(force)
     if revolutions:
-        turn = angle[:, None] * np.arange(1, RIPPLES + 1)
+        turn = angle[:, None] * np.arange(1, thresholds.RIPPLES + 1)
         ripple = np.hstack([np.cos(turn), np.sin(turn)])
         rest = rest - ripple @ np.linalg.lstsq(ripple, rest, rcond=None)[0]
-    size = len(rest) // BATCHES
-    means = rest[: size * BATCHES].reshape(BATCHES, size).mean(axis=1)
-    return float(np.std(means, ddof=1)) / math.sqrt(BATCHES)
+    size = len(rest) // thresholds.SPAN_BATCHES
+    means = rest[: size * thresholds.SPAN_BATCHES].reshape(thresholds.SPAN_BATCHES, size).mean(axis=1)
+    return float(np.std(means, ddof=1)) / math.sqrt(thresholds.SPAN_BATCHES)
 
 
 def _unit(file: StageFile) -> str:
@@ -173,25 +164,26 @@ def _unit(file: StageFile) -> str:
     return "rad/s" if file.axis.kind == ROTARY else "m/s"
 
 
-def _clipped(span: Span, file: StageFile) -> str:
-    return (
+def _clipped(span: SpeedSpan, file: StageFile) -> Note:
+    return Note(
+        Topic.CLIPPED,
         f"{span.name}: the span at {span.speed:.4g} {_unit(file)} from {span.start:.4g} s on is left out: its "
-        f"current is at the drive's limit of {file.drive.current_limit:g} A for {100.0 * span.clipped:.0f} % of it"
+        f"current is at the drive's limit of {file.drive.current_limit:g} A for {100.0 * span.clipped:.0f} % of it",
     )
 
 
-def straight_line(spans: list[Span], both: bool) -> tuple[Array, NDArray[np.float64], float]:
-    """Values (D, T_c and, of `both` directions, the offset), their covariance, and how much the spans scatter.
+def straight_line(spans: list[SpeedSpan], both: bool) -> tuple[Array, NDArray[np.float64], float]:
+    """Values (D, T_c and, of `both` directions, the offset), their covariance, and the scatter of the spans.
 
-    The scatter is relative to what the spans' own deviations let expect; above 1 it widens the covariance.
+    The scatter is relative to that expected from the spans' own deviations; above 1 it widens the covariance.
     """
-    speed = np.array([one.speed for one in spans])
+    speed = np.array([span.speed for span in spans])
     columns = [speed, np.sign(speed), np.ones(len(spans))]
     regressor = np.column_stack(columns if both else columns[:2])
-    root = np.sqrt(np.array([one.duration for one in spans]))
-    noise = float(np.sqrt(np.mean([one.deviation**2 * one.duration for one in spans])))  # of one second
+    root = np.sqrt(np.array([span.duration for span in spans]))
+    noise = float(np.sqrt(np.mean([span.deviation**2 * span.duration for span in spans])))  # of span second
     scaled = regressor * root[:, None]
-    force = np.array([one.force for one in spans]) * root
+    force = np.array([span.force for span in spans]) * root
     values, *_ = np.linalg.lstsq(scaled, force, rcond=None)
     freedom = len(spans) - len(values)
     residual = float(np.sqrt(np.sum((force - scaled @ values) ** 2) / freedom)) if freedom else 0.0
@@ -200,70 +192,88 @@ def straight_line(spans: list[Span], both: bool) -> tuple[Array, NDArray[np.floa
 
 
 def _quantile(freedom: int, spans: int, scatter: float) -> float:
-    """Student's for 95 %: the batches of all spans count where the line scatters no more than they let expect."""
+    """Student's for 95 %: the batches of all spans count where the line scatters no more than expected from them."""
     plain = freedom == 0 or scatter**2 * freedom <= stats.chi2.ppf(0.95, freedom)
-    return float(stats.t.ppf(0.975, freedom + spans * (BATCHES - 1) if plain else freedom))
+    return float(
+        stats.t.ppf(thresholds.QUANTILE_95, freedom + spans * (thresholds.SPAN_BATCHES - 1) if plain else freedom)
+    )
 
 
-def _check(spans: list[Span], file: StageFile) -> bool:
-    """Whether both directions are there, once the spans tell the parameters."""
-    found = ", ".join(f"{one.speed:.4g}" for one in spans) or "none"
-    speeds = np.sort(np.abs([one.speed for one in spans]))
-    different = 1 + int(np.sum(np.diff(speeds) > APART * speeds[1:])) if len(speeds) else 0
-    both = len({one.speed > 0.0 for one in spans}) == 2
+def _check(spans: list[SpeedSpan], file: StageFile) -> bool:
+    """Whether the spans have both directions; raises IdentificationError where they do not determine the parameters."""
+    listed = ", ".join(f"{span.speed:.4g}" for span in spans) or "none"
+    speeds = np.sort(np.abs([span.speed for span in spans]))
+    different = 1 + int(np.sum(np.diff(speeds) > thresholds.SPEEDS_APART * speeds[1:])) if len(speeds) else 0
+    both = len({span.speed > 0.0 for span in spans}) == 2
     if different < 2:
         raise IdentificationError(
-            f"{different} different speeds in spans of constant speed longer than {SHORTEST:g} s; must be at least 2 "
-            f"(found, in {_unit(file)}: {found}): record trapezoids there and back at several speeds, five say, so "
-            "that slope and Coulomb friction can be told apart"
+            f"{different} different speeds in spans of constant speed longer than {thresholds.SHORTEST_SPAN:g} s; must "
+            f"be at least 2 (found, in {_unit(file)}: {listed}): record trapezoids there and back at several speeds, "
+            "five for example, to separate slope and Coulomb friction",
+            Refusal.NO_STEADY_SPEED,
+            value=different,
+            admissible="[2, inf)",
         )
     if both and len(spans) < 3:
         raise IdentificationError(
-            f"one span each way, at different speeds ({found} {_unit(file)}); slope, Coulomb friction and offset need "
-            "three: record both speeds in both directions"
+            f"one span each way, at different speeds ({listed} {_unit(file)}); slope, Coulomb friction and offset need "
+            "three: record both speeds in both directions",
+            Refusal.NO_STEADY_SPEED,
+            value=len(spans),
+            admissible="[3, inf)",
         )
     return both
 
 
-def _details(spans: list[Span], parameters: dict[str, Parameter], scatter: float) -> dict[str, Any]:
+def _details(spans: list[SpeedSpan], parameters: dict[str, Parameter], scatter: float) -> dict[str, Any]:
     coulomb = parameters["coulomb"].value
     offset = parameters["offset"].value if "offset" in parameters else 0.0
     viscous = parameters["viscous"].value
     return {
-        "spans": [one._asdict() for one in spans],
-        "residual": [one.force - viscous * one.speed - math.copysign(coulomb, one.speed) - offset for one in spans],
+        "spans": [span._asdict() for span in spans],
+        "residual": [span.force - viscous * span.speed - math.copysign(coulomb, span.speed) - offset for span in spans],
         "coulomb_positive": coulomb + offset,
         "coulomb_negative": coulomb - offset,
         "scatter": scatter,
     }
 
 
-def _doubts(spans: list[Span], details: dict[str, Any], file: StageFile, rotary: bool) -> list[str]:
-    notes = ["the force constant is taken from the stage file: friction scales with it"]
-    if len({one.speed > 0.0 for one in spans}) == 1:
-        notes.append(
-            "all spans go one way: a constant effort such as gravity cannot be told from Coulomb friction, and "
+def _doubts(spans: list[SpeedSpan], scatter: float, file: StageFile, rotary: bool) -> list[Note]:
+    notes = [
+        Note(Topic.FORCE_CONSTANT, "the force constant is taken from the stage file: friction scales with it"),
+        _offset_note(spans),
+    ]
+    broken = [span for span in spans if rotary and not span.revolutions]
+    if broken:
+        text = (
+            f"{len(broken)} of {len(spans)} spans ({', '.join(f'{span.speed:.3g}' for span in broken[:6])} rad/s) are "
+            "shorter than a revolution and averaged over time: torque ripple biases them; travel further"
+        )
+        notes.append(Note(Topic.REVOLUTION, text))
+    inertia = file.mechanics.inertia
+    inertial = max(abs(inertia * span.acceleration / span.force) if span.force else math.inf for span in spans)
+    if inertial > thresholds.SPAN_INERTIAL:
+        text = (
+            f"the speed still changes within a span: by the stage file's inertia {100.0 * inertial:.2g} % of the force "
+            f"there is inertial; must be below {100.0 * thresholds.SPAN_INERTIAL:g} %: record longer spans"
+        )
+        notes.append(Note(Topic.UNSETTLED, text))
+    if scatter > thresholds.LINE_SCATTER and len(spans) > 4:
+        text = (
+            f"the means lie {scatter:.2g} times further from the line than expected from their noise: force over speed "
+            "is not straight (Stribeck effect at low speed, lubrication, or the position along the travel); the "
+            "intervals are wider for it"
+        )
+        notes.append(Note(Topic.RESIDUAL, text))
+    return notes
+
+
+def _offset_note(spans: list[SpeedSpan]) -> Note:
+    if len({span.speed > 0.0 for span in spans}) == 1:
+        text = (
+            "all spans go one way: a constant effort such as gravity cannot be separated from Coulomb friction, and "
             "`coulomb` holds both; record the way back, too"
         )
     else:
-        notes.append("the offset is gravity, a current sensor's zero and unequal Coulomb friction together")
-    broken = [one for one in spans if rotary and not one.revolutions]
-    if broken:
-        notes.append(
-            f"{len(broken)} of {len(spans)} spans ({', '.join(f'{one.speed:.3g}' for one in broken[:6])} rad/s) are "
-            "shorter than a revolution and averaged over time: torque ripple biases them; travel further"
-        )
-    inertia = file.mechanics.inertia
-    skew = max(abs(inertia * one.acceleration / one.force) if one.force else math.inf for one in spans)
-    if skew > SKEW:
-        notes.append(
-            f"the speed still changes within a span: by the stage file's inertia {100.0 * skew:.2g} % of the force "
-            f"there is inertial; must be below {100.0 * SKEW:g} %: record longer spans"
-        )
-    if details["scatter"] > CROOKED and len(spans) > 4:
-        notes.append(
-            f"the means lie {details['scatter']:.2g} times further from the line than their noise lets expect: force "
-            "over speed is not straight (Stribeck effect at low speed, lubrication, or the position along the travel); "
-            "the intervals are wider for it"
-        )
-    return notes
+        text = "the offset is gravity, a current sensor's zero and unequal Coulomb friction together"
+    return Note(Topic.OFFSET, text)

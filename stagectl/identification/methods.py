@@ -1,4 +1,4 @@
-"""The methods by the names that a user types, and the one form in which all of them answer."""
+"""The methods by the names that a user types, and the JSON form of their results."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.stage_file import Setup
-from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.result import Characteristic, Found, Progress
+from stagectl.identification import thresholds
+from stagectl.identification.capture import Capture, IdentificationError, Refusal
+from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress, Topic
 from stagectl.units import LINEAR
-
-TIED = 0.95  # correlation, either way
 
 
 class Method(NamedTuple):
     """Where a method is, and what it is for."""
 
-    module: str  # holds identify(captures, file, progress, ...) -> Found
+    module: str  # holds identify(captures, file, progress, ...) -> IdentificationResult
     words: str
 
 
@@ -34,17 +33,17 @@ METHODS = {
     "constant-speed": Method("constant_speed", "viscous and Coulomb friction from spans of constant speed"),
     "low-speed": Method("low_speed", "rolling friction from an ultra-slow motion there and back"),
     "zero-crossing": Method("reversal.method", "friction around the reversals of a slider"),
-    "least-squares": Method("pooled_estimate", "inertia, viscous and Coulomb friction and offset"),
+    "least-squares": Method("least_squares.method", "inertia, viscous and Coulomb friction and offset"),
     "friction-models": Method("friction.method", "every friction model of the family, fitted and compared"),
 }
 
 
 def identify(
     name: str, captures: Sequence[Capture], file: StageFile, progress: Progress, options: Mapping[str, Any]
-) -> Found:
-    """What a method finds; `options` by the names of its arguments, None and False where they were not given.
+) -> IdentificationResult:
+    """The result of the method `name`; `options` by the names of its arguments, None and False where not given.
 
-    Raises IdentificationError where the method knows no such option, or the captures do not tell its parameters.
+    Raises IdentificationError where the method has no such option, or the captures do not determine its parameters.
     """
     solve = importlib.import_module(f"stagectl.identification.{METHODS[name].module}").identify
     known = inspect.signature(solve).parameters
@@ -52,59 +51,75 @@ def identify(
     if foreign := [option for option in given if option not in known]:
         own = [f"--{option}" for option in options if option in known]
         raise IdentificationError(
-            f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}"
+            f"--{foreign[0]} is not an option of {name}; {'it has ' + ', '.join(own) if own else 'leave it out'}",
+            Refusal.UNKNOWN_OPTION,
+            value=foreign[0],
+            admissible=", ".join(own),
         )
-    found: Found = solve(list(captures), file, progress=progress, **given)
-    return found
+    result: IdentificationResult = solve(list(captures), file, progress=progress, **given)
+    return result
 
 
 def chosen(name: str) -> Method:
-    """The method of that name; raises IdentificationError naming those that there are."""
+    """The method of that `name`.
+
+    Raises IdentificationError, naming all methods, where there is none.
+    """
     if name not in METHODS:
+        listed = "\n".join(f"  {known}: {method.words}" for known, method in METHODS.items())
         raise IdentificationError(
-            f"method {name}; must be one of\n"
-            + "\n".join(f"  {one}: {method.words}" for one, method in METHODS.items())
+            f"method {name}; must be one of\n{listed}",
+            Refusal.UNKNOWN_OPTION,
+            value=name,
+            admissible=", ".join(METHODS),
         )
     return METHODS[name]
 
 
-def result(name: str, setup: Setup, captures: Sequence[Capture], found: Found, left: Sequence[str]) -> dict[str, Any]:
-    """Everything as JSON values; `left` are the captures that were held out."""
+def result(
+    name: str, setup: Setup, captures: Sequence[Capture], found: IdentificationResult, left: Sequence[str]
+) -> dict[str, Any]:
+    """The result `found` as JSON values; `left` are the captures that were held out."""
     common = ("force_residual_percent", "correlation", "condition")
+    of_captures = {note for capture in captures for note in capture.notes}
     return {
         "method": name,
         "stage": setup.file.name,
-        "parameters": {key: _plain(one._asdict()) for key, one in found.parameters.items()},
+        "parameters": {key: _plain(parameter._asdict()) for key, parameter in found.parameters.items()},
         "table": _table(found.table, setup) if found.table is not None else None,
         "identifiability": _plain(_identifiability(found)),
         **{key: _plain(found.details[key]) for key in common if key in found.details},
-        "captures": [_capture(one) for one in captures],
+        "captures": [_capture(capture) for capture in captures],
         "held_out": list(left),
-        "notes": [note for note in (*found.notes, *_together(found)) if not any(note in one.notes for one in captures)],
+        "notes": [str(note) for note in (*found.notes, *_tied(found)) if note not in of_captures],
         "changes": _plain(found.changes),
-        "details": _plain({key: one for key, one in found.details.items() if key != "identifiability"}),
+        "details": _plain({key: value for key, value in found.details.items() if key != "identifiability"}),
     }
 
 
-def _identifiability(found: Found) -> Any:
-    """What a method says of it, else the correlations of its parameters."""
-    told, matrix = found.details.get("identifiability"), found.details.get("correlation")
-    if told is not None or matrix is None or len(matrix) > len(found.parameters):
-        return told
+def _identifiability(found: IdentificationResult) -> Any:
+    """What the method itself reports, else the correlations of its parameters."""
+    reported, matrix = found.details.get("identifiability"), found.details.get("correlation")
+    if reported is not None or matrix is None or len(matrix) > len(found.parameters):
+        return reported
     return {"names": list(found.parameters)[: len(matrix)], "correlation": matrix}
 
 
-def _together(found: Found) -> list[str]:
-    """Pairs of parameters whose errors are nearly one, where the method does not say so itself."""
+def _tied(found: IdentificationResult) -> list[str]:
+    """Notes on pairs of parameters that are highly correlated, where the method does not report them itself."""
     if "identifiability" in found.details:
         return []
-    told = _identifiability(found) or {"names": [], "correlation": []}
-    names, matrix = told["names"], told["correlation"]
+    reported = _identifiability(found) or {"names": [], "correlation": []}
+    names, matrix = reported["names"], reported["correlation"]
     pairs = [(names[j], names[k], matrix[j][k]) for j in range(len(names)) for k in range(j)]
     return [
-        f"{a} and {b}: tied to each other in this motion (correlation {r:+.2f}), each known no better than the other"
-        for a, b, r in pairs
-        if abs(r) > TIED
+        Note(
+            Topic.TIED,
+            f"{first} and {second}: tied to each other in this motion (correlation {r:+.2f}), each known no better "
+            "than the other",
+        )
+        for first, second, r in pairs
+        if abs(r) > thresholds.TIED
     ]
 
 
@@ -115,7 +130,7 @@ def _capture(capture: Capture) -> dict[str, Any]:
         "duration": capture.dt * len(capture.time),
         "dt": capture.dt,
         "current": capture.current_column,
-        "notes": list(capture.notes),
+        "notes": [str(note) for note in capture.notes],
     }
 
 
@@ -126,13 +141,13 @@ def _table(table: Characteristic, setup: Setup) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """As JSON can hold it: a number that is none becomes null."""
+    """The value as JSON can hold it: infinite and NaN become null."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(item) for key, item in value.items()}
     if hasattr(value, "_asdict"):
         return _plain(value._asdict())
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

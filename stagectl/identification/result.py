@@ -1,10 +1,11 @@
-"""What an identification has found, whichever the method: the one form for screen, JSON, figures and stage file."""
+"""The result of an identification, the same for every method: screen, JSON, figures and stage file read it."""
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,11 +35,66 @@ class Characteristic(NamedTuple):
     slip: NDArray[np.float64]  # (j,) rad | m
 
 
-class Found(NamedTuple):
-    """One method's answer from all captures together."""
+class Topic(enum.StrEnum):
+    """What a note is about."""
+
+    AT_REST = "at rest"
+    ACCELERATION_BOUND = "acceleration bound"  # a form of friction that holds for one acceleration only
+    AFTER_REVERSALS = "after reversals"  # a residual concentrated there
+    CLIPPED = "clipped"
+    CONSTANT_CURRENT = "constant current"
+    COHERENCE = "coherence"
+    DELAY = "delay"
+    FORCE_CONSTANT = "force constant"
+    FROZEN = "frozen"  # a position that does not change
+    GAPS = "gaps"
+    JUMP = "jump"  # of the position
+    LEFT_OUT = "left out"
+    LIMIT = "limit"  # of the stage file, exceeded
+    METHOD = "method"  # how the data were treated
+    MODEL_CHOICE = "model choice"
+    NOT_IDENTIFIED = "not identified"
+    OFFSET = "offset"
+    PERIODIC = "periodic"  # the reference repeats
+    PRECISION = "precision"  # an interval is wide
+    REFERENCE = "reference"
+    RESAMPLED = "resampled"
+    RESIDUAL = "residual"
+    REVOLUTION = "revolution"  # a span shorter than one
+    RIPPLE = "ripple"
+    SAMPLING = "sampling"
+    STANDSTILL = "standstill"
+    STAND_IN = "stand-in"  # another column serves as the motor's current
+    TIED = "tied"  # two parameters that the motion does not separate
+    TOO_FAST = "too fast"
+    UNSETTLED = "unsettled"
+    UNITS = "units"  # a wrong factor or sign of a column
+    WITHHELD = "withheld"  # left out of the stage file's changes
+
+
+class Note(str):
+    """A sentence for the user, with a topic that a program can read."""
+
+    topic: Topic
+    __slots__ = ("topic",)
+
+    def __new__(cls, topic: Topic, text: str) -> Self:
+        """A note on `topic`."""
+        note = super().__new__(cls, text)
+        note.topic = topic
+        return note
+
+
+class IdentificationResult(NamedTuple):
+    """What one method found from all captures together."""
 
     parameters: dict[str, Parameter]  # inertia, viscous, coulomb, offset, delay, ...
     table: Characteristic | None = None
     details: Mapping[str, Any] = NOTHING  # JSON values: correlations, residuals, curves that the figures draw
-    notes: tuple[str, ...] = ()  # for the user, in words: what cannot be separated, what is doubtful
+    notes: tuple[str, ...] = ()  # for the user: what cannot be separated, what is doubtful
     changes: Mapping[str, Any] = NOTHING  # of the stage file, by dotted key, SI: {"mechanics.inertia": 0.0101}
+
+
+def topics(notes: tuple[str, ...]) -> set[Topic]:
+    """Topics of all `notes` that have one."""
+    return {note.topic for note in notes if isinstance(note, Note)}

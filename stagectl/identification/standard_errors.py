@@ -1,8 +1,9 @@
-"""Honest standard errors of a regression: the residual need be neither white nor of one size.
+"""Standard errors of a regression whose residual need be neither white nor of one size.
 
     cov = (X'X)^-1 S (X'X)^-1 n/(n - k)        S = sum_l w_l (G_l + G_l')     G_l = sum_t x_t r_t r_(t-l) x_(t-l)'
 
-with Bartlett's weights ``w_l = 1 - l/(L + 1)`` and Andrews' choice of L for scores that are first-order autoregressive.
+with Bartlett's weights ``w_l = 1 - l/(L + 1)``.  `covariance` takes Andrews' choice of L for scores that are
+first-order autoregressive; `sandwich` a fixed number of rows, for scores that are known to forget within it.
 
 Source: W. K. Newey, K. D. West, Econometrica 55(3), 1987; D. W. K. Andrews, Econometrica 59(3), 1991.
 """
@@ -12,9 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from stagectl.identification.capture import Array
-
-SURE = 1.959964  # standard deviations either way hold 95 %
-STIFFEST = 0.97  # correlation of neighbouring scores, beyond which a record is a trend
+from stagectl.identification.thresholds import LONG_RUN_ROWS, SAME_COLUMN, STIFFEST_SCORES
 
 
 def covariance(regressor: Array, residual: Array) -> Array:
@@ -31,14 +30,14 @@ def covariance(regressor: Array, residual: Array) -> Array:
 
 
 def white(regressor: Array, residual: Array) -> Array:
-    """The textbook's covariance (k, k), which takes the residual as white."""
+    """The textbook's covariance (k, k), for a `residual` (n,) that is white noise."""
     rows, count = regressor.shape
     return np.asarray(np.linalg.inv(regressor.T @ regressor) * float(residual @ residual) / (rows - count))
 
 
 def bandwidth(scores: Array) -> int:
     """Andrews' number of lags for `scores` (n, k): ``1.1447 (alpha n)^(1/3)``."""
-    rho = np.clip([neighbours(column) for column in scores.T], -STIFFEST, STIFFEST)
+    rho = np.clip([autocorrelation(column) for column in scores.T], -STIFFEST_SCORES, STIFFEST_SCORES)
     size = np.mean(scores * scores, axis=0) * (1.0 - rho * rho)
     size = (size / max(float(size.max()), 1e-300)) ** 2 if np.any(size > 0.0) else np.ones_like(size)
     above = np.sum(4.0 * rho**2 * size / ((1.0 - rho) ** 6 * (1.0 + rho) ** 2))
@@ -46,13 +45,45 @@ def bandwidth(scores: Array) -> int:
     return int(np.ceil(1.1447 * (alpha * len(scores)) ** (1.0 / 3.0)))
 
 
-def neighbours(column: Array) -> float:
+def autocorrelation(column: Array) -> float:
     """Correlation of a column (n,) with itself one row later."""
     power = float(column @ column)
     return float(column[1:] @ column[:-1]) / power if power > 0.0 else 0.0
 
 
 def independent(residual: Array) -> float:
-    """How many independent numbers the residual (n,) is worth: ``n (1 - rho)/(1 + rho)``, at most n."""
-    rho = min(max(neighbours(residual - residual.mean()), 0.0), STIFFEST)
+    """Number of independent values that the residual (n,) is worth: ``n (1 - rho)/(1 + rho)``, at most n."""
+    rho = min(max(autocorrelation(residual - residual.mean()), 0.0), STIFFEST_SCORES)
     return len(residual) * (1.0 - rho) / (1.0 + rho)
+
+
+def integrated_autocorrelation(residual: Array) -> float:
+    """``1 + 2 sum rho_k`` of a `residual` (n,), up to the first lag k at which rho is not positive."""
+    spectrum = np.abs(np.fft.rfft(residual, 2 * len(residual))) ** 2
+    correlation = np.fft.irfft(spectrum)[: len(residual)]
+    if correlation[0] <= 0.0:
+        return 1.0
+    rho = correlation / correlation[0]
+    negative = np.flatnonzero(rho <= 0.0)
+    return float(2.0 * np.sum(rho[: negative[0] if len(negative) else len(rho)]) - 1.0)
+
+
+def long_run(scores: Array) -> Array:
+    """Covariance (p, p) of the sum of `scores` (n, p), correlated over up to LONG_RUN_ROWS rows (Bartlett's weights).
+
+    ``sum_l (1 - |l|/L) g_k g_k+l'`` is the mean product of the sums over all stretches of L rows, including those
+    that reach over an end, so that no estimate of a variance can be negative.
+    """
+    rows = len(scores)
+    sums = np.vstack([np.zeros((1, scores.shape[1])), np.cumsum(scores, axis=0)])
+    ends = np.arange(1, rows + LONG_RUN_ROWS)
+    stretches = sums[np.minimum(ends, rows)] - sums[np.maximum(ends - LONG_RUN_ROWS, 0)]
+    return np.asarray(stretches.T @ stretches / LONG_RUN_ROWS, dtype=np.float64)
+
+
+def sandwich(curvature: Array, scores: Array) -> Array:
+    """Covariance (p, p) of the solution of ``sum of scores = 0``, with its `curvature` (p, p) and `scores` (n, p)."""
+    inverse = np.linalg.pinv(curvature, rcond=SAME_COLUMN, hermitian=True)
+    rows, width = scores.shape
+    freedom = max(rows - width - 2 * LONG_RUN_ROWS, rows // 4)  # the parameters and the weights of the lags use some
+    return np.asarray(inverse @ long_run(scores) @ inverse * (rows / freedom), dtype=np.float64)

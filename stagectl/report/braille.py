@@ -1,4 +1,4 @@
-"""A curve in a terminal: two columns and four rows of dots a character, the lowest and the highest of each column."""
+"""A curve in a terminal: each character has two columns and four rows of dots, which show the range of each column."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _BLANK = 0x2800
 def curve(low: Sequence[float], high: Sequence[float], bounds: tuple[float, float], size: tuple[int, int]) -> list[str]:
     """Lines of characters, ``size`` = (characters, lines), with what lies between `low` and `high` (n,).
 
-    Neighbours are joined, so that a steep flank is a line and no row of dots.  NaN leaves its column empty.
+    Neighbours are joined, so that a steep flank is a line and not single dots.  NaN leaves its column empty.
     """
     width, height = size
     cells = [[_BLANK] * width for _ in range(height)]

@@ -1,4 +1,4 @@
-"""The page of a comparison, and the page of a learning: the verdict, the figures it stands on, how to do it again."""
+"""The page of a comparison: the verdict, its figures and tables, and the commands to repeat it."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from stagectl.report.page import Page, Picture
 from stagectl.report.tables.comparison import tables
 
 Result = dict[str, Any]
-WIDTH = 4.1  # inches: three stand side by side on a page, with letters as large as the captions
+WIDTH = 4.1  # inches: three fit side by side on a page, with letters as large as the captions
 
 
 def page(result: Result, commands: list[str]) -> Page:
     """The page of `trials.compare`'s result."""
-    names, repeats = [one["name"] for one in result["variants"]], len(result["order"])
+    names, repeats = [variant["name"] for variant in result["variants"]], len(result["order"])
     answer = next(
         (line for line in result["verdict"] if line.startswith((f"{result['best']} ", f"{result['best']}:"))),
         result["verdict"][-1],
@@ -46,13 +46,15 @@ def page(result: Result, commands: list[str]) -> Page:
 
 
 def _pictures(result: Result) -> list[Picture]:
-    found = [
+    drawn = [
         Picture(embedded(peaks(result)), "Peak error of each repeat; the bar is the mean. Logarithmic."),
-        Picture(embedded(errors(result)), "Error over the steady window, last repeat of each variant. Own scales."),
+        Picture(
+            embedded(errors(result)), "Error over the steady window, last repeat of each variant. The scales differ."
+        ),
     ]
     if result["learned"]:
-        found.append(Picture(embedded(courses(result["learned"])), "Error over the whole run, trial by trial."))
-    return found
+        drawn.append(Picture(embedded(courses(result["learned"])), "Error over the whole run, trial by trial."))
+    return drawn
 
 
 def _colour(result: Result, name: str) -> str:
@@ -72,18 +74,18 @@ def _scale(values: Any, unit: str) -> tuple[float, str]:
 def peaks(result: Result) -> Figure:
     """Peak error of each repeat, a row a variant."""
     rows = result["variants"]
-    scale, unit = _scale([one["peak"]["mean"] for one in rows], result["unit"])
+    scale, unit = _scale([variant["peak"]["mean"] for variant in rows], result["unit"])
     with mpl.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 1.0 + 0.42 * len(rows)))
-        for place, one in enumerate(rows):
-            colour = _colour(result, one["name"])
-            values = scale * np.array(one["peak"]["values"])
+        for place, variant in enumerate(rows):
+            colour = _colour(result, variant["name"])
+            values = scale * np.array(variant["peak"]["values"])
             spread = np.linspace(-0.18, 0.18, len(values)) if len(values) > 1 else np.zeros(1)
             axes.plot(values, place + spread, "o", color=colour, markersize=4, alpha=0.7, markeredgewidth=0)
-            axes.plot([scale * one["peak"]["mean"]] * 2, [place - 0.3, place + 0.3], color=colour, linewidth=2)
-        _named(axes, [one["name"] for one in rows])
+            axes.plot([scale * variant["peak"]["mean"]] * 2, [place - 0.3, place + 0.3], color=colour, linewidth=2)
+        _named(axes, [variant["name"] for variant in rows])
         axes.set_xscale("log")
-        _decades(axes, np.concatenate([scale * np.array(one["peak"]["values"]) for one in rows]))
+        _decades(axes, np.concatenate([scale * np.array(variant["peak"]["values"]) for variant in rows]))
         axes.set_xlabel(f"peak error [{unit}]")
         figure.tight_layout()
     return figure
@@ -110,11 +112,11 @@ def errors(result: Result) -> Figure:
         figure, grid = plt.subplots(
             len(rows), 1, figsize=(WIDTH, 0.6 + 1.0 * len(rows)), sharex=True, squeeze=False, layout="constrained"
         )
-        for axes, one in zip(grid[:, 0], rows, strict=True):
-            time, error = _error(Path(one["recordings"][-1]))
+        for axes, variant in zip(grid[:, 0], rows, strict=True):
+            time, error = _error(Path(variant["recordings"][-1]))
             scale, unit = _scale(error, result["unit"])
-            axes.plot(time, scale * error, color=_colour(result, one["name"]), linewidth=0.8)
-            axes.set_title(one["name"], loc="left", fontsize=8, pad=2, color=TARGET)
+            axes.plot(time, scale * error, color=_colour(result, variant["name"]), linewidth=0.8)
+            axes.set_title(variant["name"], loc="left", fontsize=8, pad=2, color=TARGET)
             axes.set_ylabel(f"[{unit}]")
             reach = 1.15 * scale * float(np.max(np.abs(error)))
             axes.set_ylim(-reach, reach)
@@ -135,18 +137,20 @@ def courses(learned: list[Result]) -> Figure:
     """Error over the whole run of each trial, a line a learning."""
     with mpl.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 3.1))
-        values = [[trial["whole"]["rms"] for trial in one["trials"]] for one in learned]
+        values = [[trial["whole"]["rms"] for trial in course["trials"]] for course in learned]
         scale, unit = _scale(np.concatenate(values), learned[0]["unit"])
-        for colour, one, rms in zip((WITH, TARGET, WITHOUT, "#7c3aed"), learned, values, strict=False):
+        for colour, course, rms in zip((WITH, TARGET, WITHOUT, "#7c3aed"), learned, values, strict=False):
             axes.plot(
-                range(1, len(rms) + 1), scale * np.array(rms), "o-", color=colour, markersize=4, label=one["name"]
+                range(1, len(rms) + 1), scale * np.array(rms), "o-", color=colour, markersize=4, label=course["name"]
             )
-            axes.plot(one["kept"], scale * rms[one["kept"] - 1], "o", color=colour, markersize=9, fillstyle="none")
+            axes.plot(
+                course["kept"], scale * rms[course["kept"] - 1], "o", color=colour, markersize=9, fillstyle="none"
+            )
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
         axes.xaxis.set_major_locator(mpl.ticker.MaxNLocator(integer=True))
-        axes.set_xlabel("trial (ring: the one that is kept)")
+        axes.set_xlabel("trial (ring: the course that is kept)")
         axes.set_ylabel(f"rms error [{unit}]")
         axes.legend(fontsize=8)
         figure.tight_layout()

@@ -15,8 +15,8 @@ def lines() -> Iterator[str]:
     """The table, a fault a line, in Markdown."""
     yield f"| {' | '.join(HEAD)} |"
     yield f"|{'---|' * len(HEAD)}"
-    for one in faults():
-        yield f"| `{one['fault']}` | {' | '.join(one[column] for column in HEAD[1:])} |"
+    for fault in faults():
+        yield f"| `{fault['fault']}` | {' | '.join(fault[column] for column in HEAD[1:])} |"
 
 
 def faults() -> Iterator[dict[str, str]]:

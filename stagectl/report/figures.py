@@ -1,4 +1,4 @@
-"""Figures: the same colour for the same thing, axes with units, ready to stand in a page or a README."""
+"""Style of all figures, units of their axes, and the figure of a motion with and without friction compensation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-TARGET, WITHOUT, WITH = "#334155", "#d97706", "#0f766e"
+from stagectl.config.stage_blocks import Axis as StageAxis
+from stagectl.units import LINEAR
+
+TARGET, WITHOUT, WITH = "#334155", "#d97706", "#0f766e"  # reference, without and with compensation
+FAINT = "#94a3b8"  # zero lines, measured points in the background
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
@@ -21,7 +25,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.grid": True,
     "grid.color": "#e2e8f0",
-    "axes.edgecolor": "#94a3b8",
+    "axes.edgecolor": FAINT,
     "axes.labelcolor": "#334155",
     "xtick.color": "#475569",
     "ytick.color": "#475569",
@@ -29,8 +33,28 @@ STYLE: dict[Any, Any] = {
 }
 
 
+def effort_unit(axis: StageAxis) -> str:
+    """N on a linear axis, N m on a rotary one."""
+    return "N" if axis.kind == LINEAR else "N m"
+
+
+def displacement_unit(axis: StageAxis) -> tuple[float, str]:
+    """Factor from rad | m, and unit, in which a displacement after a reversal is drawn."""
+    return (1e6 * axis.travel_per_unit, "µm") if axis.travel_unit == "m" else (1e3, "mrad")
+
+
+def weights(axes: Axes, weight: NDArray[np.float64], slip: NDArray[np.float64], units: tuple[float, str, str]) -> None:
+    """Stop operators as bars: `weight` (j,) over `slip` (j,); `units` are a slip's factor and unit, and the force's."""
+    scale, unit, force = units
+    axes.vlines(scale * slip, 0.0, weight, color=WITH, linewidth=3.0)
+    axes.set_xscale("log")
+    axes.set_ylim(0.0, 1.1 * float(np.max(weight, initial=1e-12)))
+    axes.set_xlabel(f"slip of the element [{unit}]")
+    axes.set_ylabel(f"weight [{force}]")
+
+
 class Pair(NamedTuple):
-    """The same motion twice: structured rows without and with friction compensation, and what they have in common."""
+    """The same motion twice: structured rows without and with friction compensation, and what they share."""
 
     title: str
     without: NDArray[Any]

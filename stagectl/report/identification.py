@@ -1,4 +1,4 @@
-"""One page of an identification: what was found, how sure, from which captures, and the figures of its method."""
+"""The page of an identification: parameters with intervals, captures, and the figures of its method."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import matplotlib.pyplot as plt
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture
-from stagectl.identification.result import Characteristic, Found
+from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.number_format import duration, length
 from stagectl.recording.metadata import versions
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, displacement_unit, effort_unit, embedded, weights
 from stagectl.report.page import Page, Picture, Table
 from stagectl.report.tables.identification import parameters
 
@@ -32,14 +31,14 @@ _FIGURES = {  # the module of `report.methods` that draws a method's figures; le
 }
 
 
-def page(result: dict[str, Any], what: tuple[Found, Sequence[Capture], Setup], command: str) -> Page:
-    """The page of `result`, as `methods.result` made it of `what`; `command` does it again."""
-    found, captures, setup = what
+def page(result: dict[str, Any], source: tuple[IdentificationResult, Sequence[Capture], Setup], command: str) -> Page:
+    """The page of the JSON `result` of `methods.result`, and its `source`; `command` repeats the identification."""
+    found, captures, setup = source
     pictures = _of_the_method(result["method"], found, captures, setup)
     if found.table is not None and not pictures:
         pictures.append(Picture(embedded(characteristic(found.table, setup)), "Friction after a reversal."))
-    for one in captures[:MOST_CAPTURES]:
-        pictures.append(Picture(embedded(motion(one, setup)), f"What was identified from: {_name(one)}."))
+    for capture in captures[:MOST_CAPTURES]:
+        pictures.append(Picture(embedded(motion(capture, setup)), f"Position and current of {_name(capture)}."))
     title, notes = f"stagectl identify {result['method']}: {result['stage']}", [*result["notes"], *_notes(captures)]
     own = _module(result["method"])
     shown = [parameters(result), *(own.tables(found) if hasattr(own, "tables") else [])]
@@ -50,43 +49,44 @@ def page(result: dict[str, Any], what: tuple[Found, Sequence[Capture], Setup], c
 def answer(result: dict[str, Any]) -> str:
     """The parameters in a sentence."""
     words = [
-        f"{name.replace('_', ' ')} {_worded(one)}"
-        for name, one in result["parameters"].items()
-        if one["value"] is not None
+        f"{name.replace('_', ' ')} {_value_text(parameter)}"
+        for name, parameter in result["parameters"].items()
+        if parameter["value"] is not None
     ]
     return f"Found: {', '.join(words)}." if words else "No single parameters: see the figures and tables."
 
 
-def _worded(one: dict[str, Any]) -> str:
-    if one["unit"] in ("s", "m"):
-        return duration(one["value"]) if one["unit"] == "s" else length(one["value"], "m")
-    return f"{one['value']:.4g} {one['unit']}".strip()
+def _value_text(parameter: dict[str, Any]) -> str:
+    value, unit = parameter["value"], parameter["unit"]
+    if unit in ("s", "m"):
+        return duration(value) if unit == "s" else length(value, "m")
+    return f"{value:.4g} {unit}".strip()
 
 
 def _correlations(result: dict[str, Any]) -> list[Table]:
-    told = result.get("identifiability") or {}
-    if not {"names", "correlation"} <= set(told):
+    reported = result.get("identifiability") or {}
+    if not {"names", "correlation"} <= set(reported):
         return []
-    names, matrix = told["names"], told["correlation"]
+    names, matrix = reported["names"], reported["correlation"]
     rows = [[name, *("" if x is None else f"{x:+.3f}" for x in row)] for name, row in zip(names, matrix, strict=True)]
-    return [Table("Correlations: what lies near +1 or -1 moves together", ["", *names], rows)]
+    return [Table("Correlations: a pair near +1 or -1 is not separated by this motion", ["", *names], rows)]
 
 
 def _captures(captures: Sequence[Capture]) -> Table:
     rows = []
-    for one in captures:
-        current = one.current_column.replace("_", " ")
-        rows.append([_name(one), str(len(one.time)), duration(one.dt * len(one.time)), duration(one.dt), current])
+    for capture in captures:
+        count, current = len(capture.time), capture.current_column.replace("_", " ")
+        rows.append([_name(capture), str(count), duration(capture.dt * count), duration(capture.dt), current])
     return Table("Captures", ["capture", "rows", "length", "step", "current taken from"], rows)
 
 
 def _notes(captures: Sequence[Capture]) -> list[str]:
-    """What is said of the captures, once where it is the same of several."""
-    said: dict[str, list[str]] = {}
+    """Notes on the captures; one that several share is given once."""
+    names_of: dict[str, list[str]] = {}
     for capture in captures:
         for note in capture.notes:
-            said.setdefault(note, []).append(_name(capture))
-    return [f"{names[0] if len(names) == 1 else f'{len(names)} captures'}: {note}" for note, names in said.items()]
+            names_of.setdefault(note, []).append(_name(capture))
+    return [f"{names[0] if len(names) == 1 else f'{len(names)} captures'}: {note}" for note, names in names_of.items()]
 
 
 def _name(capture: Capture) -> str:
@@ -94,13 +94,13 @@ def _name(capture: Capture) -> str:
 
 
 def _module(name: str) -> Any:
-    """A method's own report module: ``pictures(found, captures, file)``, and ``tables(found)`` if it has any."""
+    """The method's report module: ``pictures(found, captures, file)``, and ``tables(found)`` if it has any."""
     module = _FIGURES.get(name)
     return importlib.import_module(f"stagectl.report.methods.{module}") if module else None
 
 
-def _of_the_method(name: str, found: Found, captures: Sequence[Capture], setup: Setup) -> list[Picture]:
-    """The figures that a method's own report module draws."""
+def _of_the_method(name: str, found: IdentificationResult, captures: Sequence[Capture], setup: Setup) -> list[Picture]:
+    """The figures of the method's report module."""
     own = _module(name)
     return [] if own is None else list(own.pictures(found, list(captures), setup.file))
 
@@ -123,19 +123,14 @@ def motion(capture: Capture, setup: Setup) -> Figure:
 
 
 def characteristic(table: Characteristic, setup: Setup) -> Figure:
-    """Friction over the displacement since a reversal, and the elements that it is made of."""
-    axis = setup.file.axis
-    scale, unit = (1e6 * axis.travel_per_unit, "µm") if axis.travel_unit == "m" else (1e3, "mrad")
-    force = "N" if axis.kind == "linear" else "N m"
+    """Friction over the displacement since a reversal, and its stop operators."""
+    scale, unit = displacement_unit(setup.file.axis)
+    force = effort_unit(setup.file.axis)
     with rc_context(STYLE):
         figure, (curve, bars) = plt.subplots(1, 2, figsize=(5.6, 4.0), width_ratios=(4, 3))
         curve.plot(scale * table.displacement, table.force, color=WITH, linewidth=1.4)
         curve.set_xlabel(f"displacement since the reversal [{unit}]")
         curve.set_ylabel(f"friction [{force}]")
-        bars.vlines(scale * table.slip, 0.0, table.weight, color=WITH, linewidth=3.0)
-        bars.set_xscale("log")
-        bars.set_ylim(0.0, 1.1 * float(np.max(table.weight, initial=1e-12)))
-        bars.set_xlabel(f"slip [{unit}]")
-        bars.set_ylabel(f"weight [{force}]")
+        weights(bars, table.weight, table.slip, (scale, unit, force))
         figure.tight_layout()
     return figure

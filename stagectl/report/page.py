@@ -1,4 +1,4 @@
-"""One design of page for every report; the template is beside this file."""
+"""The page that all reports share; its template is page.html."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ class Table(NamedTuple):
 
 
 class Section(NamedTuple):
-    """A part of a longer report: what it is about, what is to be said, and what shows it."""
+    """A part of a longer report: text, figures and tables on one subject."""
 
     title: str
     words: list[str]
     figures: list[Picture]
     tables: list[Table]
-    commands: tuple[str, ...] = ()  # what to type next
+    commands: tuple[str, ...] = ()  # to run next
 
 
 class Page(NamedTuple):
-    """A report: the answer in plain words comes first."""
+    """A report; the answer comes first."""
 
     title: str
     answer: str
@@ -46,14 +46,14 @@ class Page(NamedTuple):
     versions: dict[str, str]
     broad: bool = False  # figures of several panels: at most two side by side
     sections: tuple[Section, ...] = ()  # after the page's own figures and tables
-    config: Mapping[str, str] = {}  # text of each file that it comes from, by its name
+    config: Mapping[str, str] = {}  # text of each configuration file, by its name
 
 
 def write(page: Page, path: Path, files: Sequence[Path] = ()) -> Path:
-    """Write the page as one self-contained file, with the text of the configuration `files` that it comes from."""
+    """Write the page as one self-contained file, with the text of its configuration `files`."""
     import jinja2  # a table needs none
 
-    config = {**page.config, **{str(one): one.read_text(encoding="utf-8") for one in files}}
+    config = {**page.config, **{str(file): file.read_text(encoding="utf-8") for file in files}}
     listed = [(name, hashlib.sha256(text.encode()).hexdigest(), text) for name, text in config.items()]
     source = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)

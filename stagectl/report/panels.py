@@ -1,4 +1,4 @@
-"""Panels: small figures of one pair of axes, which a page sets side by side, or below each other on a narrow screen."""
+"""Panels: small figures of one pair of axes; a page sets them side by side, on a narrow screen below each other."""
 
 from __future__ import annotations
 
@@ -10,13 +10,18 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stagectl.report.figures import STYLE, TARGET, embedded
+from stagectl.report.figures import FAINT, STYLE, TARGET, embedded
 from stagectl.report.page import Picture
 
-CONVENTIONAL, TRUTH = "#2563eb", "#94a3b8"  # beside WITHOUT (no compensation) and WITH (ours)
+CONVENTIONAL, TRUTH = "#2563eb", FAINT  # in addition to WITHOUT (no compensation) and WITH
 SHADES = ("#fbbf24", "#f08c00", "#c2570c", "#7c2d12")  # of one quantity, from small to large
 SIZE = (4.5, 3.2)  # inch
-MARGINS = {"left": 0.145, "right": 0.98, "bottom": 0.145, "top": 0.92}  # fixed: a layout engine draws all of it twice
+MARGINS = {
+    "left": 0.145,
+    "right": 0.98,
+    "bottom": 0.145,
+    "top": 0.92,
+}  # fixed, as a layout engine draws the figure twice
 DPI = 150
 
 
@@ -35,7 +40,7 @@ class Line(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What stands around the curves."""
+    """Labels, limits and legend around the curves."""
 
     x: str  # label with unit
     y: str
@@ -44,7 +49,7 @@ class Frame(NamedTuple):
     ylim: tuple[float, float] | None = None
     xlim: tuple[float, float] | None = None
     columns: int = 1  # of the legend
-    legend: Place = "best"  # its place; looking for the best takes its time with many points
+    legend: Place = "best"  # its place; "best" is slow with many points
     level: tuple[float, ...] = ()  # dotted horizontals
     shaded: tuple[tuple[float, float], ...] = ()  # spans of x
 
@@ -96,5 +101,5 @@ def _around(axes: Axes, frame: Frame) -> None:
 
 
 def picture(lines: Sequence[Line], frame: Frame, caption: str) -> Picture:
-    """The panel as it stands in a page."""
+    """The panel as a page's picture."""
     return Picture(embedded(panel(lines, frame), DPI), caption)

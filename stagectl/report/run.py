@@ -1,4 +1,4 @@
-"""The page of one run: what it achieved, how it went over time, and how to do it again."""
+"""The page of one run: tracking error, curves over time, and the commands to repeat it."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ Array = NDArray[np.float64]
 def page(recording: Recording, commands: Sequence[str]) -> Page:
     """The page of a recording, of a machine or simulated."""
     samples, meta = recording.samples, recording.meta
-    found = evaluation.evaluate(samples, meta)
+    result = evaluation.evaluate(samples, meta)
     return Page(
-        f"{found['stage']}: {found['trajectory']}",
-        tables.answer(found, samples),
-        _notes(found, meta),
+        f"{result['stage']}: {result['trajectory']}",
+        tables.answer(result, samples),
+        _notes(result, meta),
         [picture(lines, frame, caption) for lines, frame, caption in _panels(samples, meta)],
-        [tables.achieved(found, meta)],
+        [tables.achieved(result, meta)],
         [*commands, f"stagectl replay {shlex.quote(str(recording.path))}"],
         {name: str(version) for name, version in meta["versions"].items()},
         broad=True,
-        config={one["name"]: one["text"] for one in meta["files"].values()},
+        config={file["name"]: file["text"] for file in meta["files"].values()},
     )
 
 
-def _notes(found: dict[str, Any], meta: dict[str, Any]) -> list[str]:
-    window = f"{found['steady'][0]:.3g} to {found['steady'][1]:.3g} s, shaded"
-    simulated = "Simulated, on the stage model." if "tracking_error_true" in found else "Recorded."
+def _notes(result: dict[str, Any], meta: dict[str, Any]) -> list[str]:
+    window = f"{result['steady'][0]:.3g} to {result['steady'][1]:.3g} s, shaded"
+    simulated = "Simulated, on the stage model." if "tracking_error_true" in result else "Recorded."
     return [
-        f"{simulated} {meta['created']}, Ts {1e3 * meta['dt']:g} ms, nd = {found['nd']}, nm = {found['nm']}. The error "
-        f"is reference less measured position, both of the instant at which it was latched, taken over {window}.",
+        f"{simulated} {meta['created']}, Ts {1e3 * meta['dt']:g} ms, nd = {result['nd']}, nm = {result['nm']}. The "
+        f"error is the reference minus the measured position, both at the instant of the latch, over {window}.",
     ]
 
 
@@ -86,21 +86,21 @@ def _panels(samples: NDArray[Any], meta: dict[str, Any]) -> list[_Panel]:
 def _drawn(
     samples: NDArray[Any],
     curves: Sequence[tuple[str, Array, str]],
-    what: tuple[str, str],
+    quantity_unit: tuple[str, str],
     shaded: tuple[tuple[float, float], ...],
     within: Array | None = None,
 ) -> _Panel:
-    """Curves over time in a unit that suits them; `within`: what decides the height, where not all of it."""
-    quantity, unit = what
+    """Curves over time in a suitable unit; the values `within` decide the height where they are given."""
+    quantity, unit = quantity_unit
     known = [(label, values, colour) for label, values, colour in curves if np.isfinite(values).any()]
-    judged = within if within is not None and np.isfinite(within).any() else np.concatenate([y for _, y, _ in known])
-    largest = float(np.nanmax(np.abs(judged), initial=0.0))
+    scaling = within if within is not None and np.isfinite(within).any() else np.concatenate([y for _, y, _ in known])
+    largest = float(np.nanmax(np.abs(scaling), initial=0.0))
     size, prefix = _prefix(largest)
     lines = []
     for label, values, colour in known:
         time, extremes = thinned(samples["time"], values / size)
         lines.append(Line(time, extremes, label, colour, width=0.9))
-    factor = 1.4 if within is None else 1.6  # room for the legend; for what stands out beside the window
+    factor = 1.4 if within is None else 1.6  # room for the legend; for values outside the window
     room = (-factor * largest / size, factor * largest / size) if largest else None
     frame = Frame(
         "time [s]", f"{quantity} [{prefix}{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2
@@ -121,5 +121,5 @@ def thinned(time: Array, values: Array) -> tuple[Array, Array]:
         return time, values
     whole = len(values) // rows * rows
     buckets = values[:whole].reshape(-1, rows)
-    found = np.column_stack([np.fmin.reduce(buckets, axis=1), np.fmax.reduce(buckets, axis=1)]).ravel()
-    return np.repeat(time[:whole:rows], 2), found
+    extremes = np.column_stack([np.fmin.reduce(buckets, axis=1), np.fmax.reduce(buckets, axis=1)]).ravel()
+    return np.repeat(time[:whole:rows], 2), extremes

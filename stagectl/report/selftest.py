@@ -1,4 +1,4 @@
-"""The self-test as one page: the matrix with its limits, and the place where somebody answers for it."""
+"""The page of the self-test: the matrix with its limits, and the place for a signature."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def page(result: dict[str, Any], path: Path, files: Sequence[Path] = ()) -> Path
 
 
 def digest(result: dict[str, Any]) -> str:
-    """SHA-256 over all cases: what was signed is what is shown."""
+    """SHA-256 over all cases, which shows that the signed results are the ones on the page."""
     text = json.dumps(result["faults"], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 

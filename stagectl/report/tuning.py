@@ -17,21 +17,21 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
 from stagectl.recording.metadata import versions
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.figures import FAINT, STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Page, Picture
 from stagectl.report.tables.tuning import tables
-from stagectl.tuning.families import chosen, cut
+from stagectl.tuning.families import chosen, judged_loops
 from stagectl.tuning.robustness import Loop, Robustness, robustness, stiffness
 from stagectl.tuning.search import Tuned
-from stagectl.tuning.sheet import Closed, closed, headline, notes, step, stiffness_unit
+from stagectl.tuning.sheet import ClosedLoop, closed, headline, notes, step, stiffness_unit
 
 Array = NDArray[Any]
-COLOURS = (TARGET, WITH, "#7c3aed", "#94a3b8")  # of the loops, the one cut at the current first
+COLOURS = (TARGET, WITH, "#7c3aed", FAINT)  # of the loops, the one cut at the current first
 WIDTH, HEIGHT = 5.4, 4.0
 
 
 def page(setup: Setup, tuned: Tuned, command: str) -> Page:
-    """The page; `command` makes it again."""
+    """The page of a tuned controller; `command` repeats the tuning."""
     return Page(
         f"stagectl tune: {setup.file.name}",
         headline(setup, tuned),
@@ -54,26 +54,26 @@ def _loop(setup: Setup) -> str:
 
 
 _CAPTIONS = {
-    "bode": "Open loop L, one line a loop. Marked: phase margin PM, gain margins GM.",
+    "bode": "Open loop L, one line per loop. Marked: phase margin PM, gain margins GM.",
     "sensitivities": "Sensitivity S = 1/(1 + L), its peak Ms, and T = L/(1 + L).",
-    "nyquist": "Nyquist plot near -1; the circle keeps the modulus margin 1/Ms.",
+    "nyquist": "Nyquist plot near -1; the circle has the radius 1/Ms, the modulus margin.",
     "step": "Step of the target, sampled loop, without any feedforward.",
     "stiffness": "Dynamic stiffness against an effort on the axis, without friction.",
-    "bandwidths": "What another bandwidth would give by the same rule.",
+    "bandwidths": "Phase margin and Ms at other bandwidths, by the same rule.",
 }
 
 
 def drawings(setup: Setup, tuned: Tuned) -> dict[str, Callable[[], Figure]]:
     """What draws each figure of the design, by its name."""
-    loops = cut(setup.stage, tuned.control)
+    loops = judged_loops(setup.stage, tuned.control)
     found = functools.cache(lambda: closed(setup, tuned))
     return {
         "bode": lambda: bode(loops, tuned),
         "sensitivities": lambda: sensitivities(loops, tuned),
         "nyquist": lambda: nyquist(loops, tuned),
         "step": lambda: response(setup, tuned, found()),
-        "stiffness": lambda: stiff(setup, loops, found()),
-        "bandwidths": lambda: choice(tuned),
+        "stiffness": lambda: dynamic_stiffness(setup, loops, found()),
+        "bandwidths": lambda: other_bandwidths(tuned),
     }
 
 
@@ -91,9 +91,9 @@ def bode(each: dict[str, Loop], tuned: Tuned) -> Figure:
             size.semilogx(f, _db(values), color=colour, linewidth=1.2, label=name)
             phase.semilogx(f, _unwrapped(values), color=colour, linewidth=1.2)
         _mark(size, phase, next(iter(tuned.reached.values())))
-        size.axhline(0.0, color="#94a3b8", linewidth=0.8)
+        size.axhline(0.0, color=FAINT, linewidth=0.8)
         size.set_ylim(-40.0, 60.0)
-        phase.axhline(-180.0, color="#94a3b8", linewidth=0.8)
+        phase.axhline(-180.0, color=FAINT, linewidth=0.8)
         phase.set_ylim(-360.0, -45.0)
         phase.set_yticks([-360, -270, -180, -90])
         size.set_ylabel("|L| [dB]")
@@ -106,11 +106,11 @@ def bode(each: dict[str, Loop], tuned: Tuned) -> Figure:
     return figure
 
 
-def _mark(size: Axes, phase: Axes, one: Robustness) -> None:
-    degrees = math.degrees(one.phase)
-    phase.vlines(one.crossover, -180.0, degrees - 180.0, color=WITHOUT, linewidth=2.0)
-    _note(phase, f"PM {degrees:.1f}°", (one.crossover, degrees - 180.0), (4, 6))
-    for peak, factor in ((one.raised, one.raised.value), (one.lowered, one.lowered.value)):
+def _mark(size: Axes, phase: Axes, loop: Robustness) -> None:
+    degrees = math.degrees(loop.phase)
+    phase.vlines(loop.crossover, -180.0, degrees - 180.0, color=WITHOUT, linewidth=2.0)
+    _note(phase, f"PM {degrees:.1f}°", (loop.crossover, degrees - 180.0), (4, 6))
+    for peak, factor in ((loop.raised, loop.raised.value), (loop.lowered, loop.lowered.value)):
         if peak.frequency > 0.0:
             level = -20.0 * math.log10(factor)
             size.vlines(peak.frequency, min(level, 0.0), max(level, 0.0), color=WITHOUT, linewidth=2.0)
@@ -119,14 +119,17 @@ def _mark(size: Axes, phase: Axes, one: Robustness) -> None:
 
 def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
     """|S| and |T| of the loop that is cut at the current."""
-    loop, one = next(iter(each.values())), next(iter(tuned.reached.values()))
+    loop, margins_of_loop = next(iter(each.values())), next(iter(tuned.reached.values()))
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
         f = _frequencies(loop, tuned)
         values = loop.at(f)
         axes.semilogx(f, _db(1.0 / (1.0 + values)), color=TARGET, linewidth=1.4, label="|S|")
         axes.semilogx(f, _db(values / (1.0 + values)), color=WITH, linewidth=1.4, label="|T|")
-        for peak, name, colour in ((one.sensitivity, "Ms", TARGET), (one.complementary, "Mt", WITH)):
+        for peak, name, colour in (
+            (margins_of_loop.sensitivity, "Ms", TARGET),
+            (margins_of_loop.complementary, "Mt", WITH),
+        ):
             level = 20.0 * math.log10(peak.value)
             axes.plot(peak.frequency, level, "o", color=colour, markersize=4)
             _note(
@@ -135,8 +138,8 @@ def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
         if math.isfinite(tuned.demand.peak):
             bound = 20.0 * math.log10(tuned.demand.peak)
             axes.axhline(bound, color=WITHOUT, linewidth=1.0, linestyle="--", label=f"Ms = {tuned.demand.peak:g}")
-        axes.axhline(0.0, color="#94a3b8", linewidth=0.8)
-        axes.set_ylim(-40.0, max(12.0, 20.0 * math.log10(one.sensitivity.value) + 4.0))
+        axes.axhline(0.0, color=FAINT, linewidth=0.8)
+        axes.set_ylim(-40.0, max(12.0, 20.0 * math.log10(margins_of_loop.sensitivity.value) + 4.0))
         axes.set_ylabel("gain [dB]")
         _frequency_axis(axes)
         axes.legend(fontsize=8, loc="lower left")
@@ -145,8 +148,8 @@ def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
 
 
 def nyquist(each: dict[str, Loop], tuned: Tuned) -> Figure:
-    """The open loops near -1, with the circle that their distance from it keeps."""
-    one = next(iter(tuned.reached.values()))
+    """The open loops near -1, with the circle of the modulus margin."""
+    modulus = next(iter(tuned.reached.values())).modulus
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
         for (name, loop), colour in zip(each.items(), COLOURS, strict=False):
@@ -154,10 +157,10 @@ def nyquist(each: dict[str, Loop], tuned: Tuned) -> Figure:
             axes.plot(values.real, values.imag, color=colour, linewidth=1.3, label=name)
         turn = np.linspace(0.0, 2.0 * np.pi, 200)
         axes.plot(np.cos(turn), np.sin(turn), color="#cbd5e1", linewidth=0.8)
-        circle = -1.0 + one.modulus * np.exp(1j * turn)
+        circle = -1.0 + modulus * np.exp(1j * turn)
         axes.plot(circle.real, circle.imag, color=WITHOUT, linewidth=1.0, linestyle="--")
         axes.plot(-1.0, 0.0, "+", color=WITHOUT, markersize=9, markeredgewidth=1.6)
-        _note(axes, f"1/Ms {one.modulus:.2f}", (-1.0, one.modulus), (-20, 4))
+        _note(axes, f"1/Ms {modulus:.2f}", (-1.0, modulus), (-20, 4))
         axes.set_xlim(-2.6, 1.2)
         axes.set_ylim(-1.6, 1.2)
         axes.set_aspect("equal", adjustable="box")
@@ -169,7 +172,7 @@ def nyquist(each: dict[str, Loop], tuned: Tuned) -> Figure:
     return figure
 
 
-def response(setup: Setup, tuned: Tuned, found: Closed) -> Figure:
+def response(setup: Setup, tuned: Tuned, found: ClosedLoop) -> Figure:
     """Step of the target."""
     values = step(setup, tuned, 4.0)
     with rc_context(STYLE):
@@ -177,7 +180,7 @@ def response(setup: Setup, tuned: Tuned, found: Closed) -> Figure:
         time = 1e3 * setup.dt * np.arange(len(values))
         axes.axhspan(0.98, 1.02, color="#f1f5f9", zorder=-1)
         axes.step(time, values, where="post", color=WITH, linewidth=1.3)
-        axes.axhline(1.0, color="#94a3b8", linewidth=0.8)
+        axes.axhline(1.0, color=FAINT, linewidth=0.8)
         if found.settling <= time[-1] * 1e-3:
             axes.axvline(1e3 * found.settling, color=WITHOUT, linewidth=1.0, linestyle="--")
             _note(axes, f"within 2 % after {1e3 * found.settling:.3g} ms", (1e3 * found.settling, 0.1), (4, 0))
@@ -188,13 +191,13 @@ def response(setup: Setup, tuned: Tuned, found: Closed) -> Figure:
     return figure
 
 
-def stiff(setup: Setup, each: dict[str, Loop], found: Closed) -> Figure:
+def dynamic_stiffness(setup: Setup, each: dict[str, Loop], found: ClosedLoop) -> Figure:
     """Dynamic stiffness over frequency."""
     loop, axis = next(iter(each.values())), setup.file.axis
     scale, unit = stiffness_unit(setup)
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
-        f = np.geomspace(min(1.0, 0.001 / loop.dt), 0.2 / loop.dt, 1500)  # above, the hold rounds it off
+        f = np.geomspace(min(1.0, 0.001 / loop.dt), 0.2 / loop.dt, 1500)  # above, the hold distorts it
         axes.loglog(f, scale * stiffness(setup.stage, loop, f) / axis.travel_per_unit**2, color=WITH, linewidth=1.4)
         least = scale * found.softest.value
         axes.plot(found.softest.frequency, least, "o", color=WITHOUT, markersize=4)
@@ -207,12 +210,12 @@ def stiff(setup: Setup, each: dict[str, Loop], found: Closed) -> Figure:
     return figure
 
 
-def choice(tuned: Tuned) -> Figure:
+def other_bandwidths(tuned: Tuned) -> Figure:
     """Phase margin and Ms over the bandwidth."""
     f = tuned.bandwidth * np.geomspace(0.25, 2.0, 25)
-    found = [_first(tuned, float(one)) for one in f]
-    phase = [math.degrees(one.phase) if one else math.nan for one in found]
-    size = [one.sensitivity.value if one else math.nan for one in found]
+    loops = [_first(tuned, float(bandwidth)) for bandwidth in f]
+    phase = [math.degrees(loop.phase) if loop else math.nan for loop in loops]
+    size = [loop.sensitivity.value if loop else math.nan for loop in loops]
     with rc_context(STYLE):
         figure, (above, below) = plt.subplots(2, 1, figsize=(WIDTH, HEIGHT), sharex=True)
         above.plot(f, phase, color=TARGET, linewidth=1.4)
@@ -233,13 +236,13 @@ def choice(tuned: Tuned) -> Figure:
 
 
 def _first(tuned: Tuned, bandwidth: float) -> Robustness | None:
-    """What the loop cut at the current stands at another bandwidth; None where there is none or it is unstable."""
+    """Margins of the loop cut at the current at another bandwidth; None where there is none or it is unstable."""
     try:
-        each = cut(tuned.family.stage, chosen(tuned.family, bandwidth))
-        one = robustness(next(iter(each.values())))
+        each = judged_loops(tuned.family.stage, chosen(tuned.family, bandwidth))
+        margins = robustness(next(iter(each.values())))
     except DesignError:
         return None
-    return one if one.stable else None
+    return margins if margins.stable else None
 
 
 def _note(axes: Axes, words: str, place: tuple[float, float], offset: tuple[int, int], colour: str = WITHOUT) -> None:
@@ -247,15 +250,15 @@ def _note(axes: Axes, words: str, place: tuple[float, float], offset: tuple[int,
 
 
 def _db(values: Array) -> Array:
-    found: Array = 20.0 * np.log10(np.abs(values))
-    return found
+    decibels: Array = 20.0 * np.log10(np.abs(values))
+    return decibels
 
 
 def _unwrapped(values: Array) -> Array:
     """Phase (deg), at low frequency between -360 and 0."""
     phase = np.degrees(np.unwrap(np.angle(values)))
-    found: Array = phase - 360.0 * math.ceil(phase[0] / 360.0)
-    return found
+    unwrapped: Array = phase - 360.0 * math.ceil(phase[0] / 360.0)
+    return unwrapped
 
 
 def _frequency_axis(axes: Axes) -> None:

@@ -1,4 +1,4 @@
-"""How robust a sampled loop is: margins both ways, sensitivity, bandwidth, step and stiffness.
+"""Robustness of a sampled loop: margins both ways, sensitivity, bandwidth, step and stiffness.
 
 A loop is cut where its controller's current enters the plant, or, in a cascade, at one of its two errors::
 
@@ -29,15 +29,14 @@ from scipy.signal import lfilter
 from stagectl import design
 from stagectl.design import Rational
 from stagectl.kernels import cascade, feedback, observer, stage
+from stagectl.tuning.constants import FAINTEST, LOWEST, POINTS
 
 Array = NDArray[np.float64]
-LOWEST, POINTS = 1e-5, 1500  # of the frequencies looked at: share of the sampling frequency, how many
-FAINTEST = 1e-4  # a lower gain margin beyond -80 dB is none: rounding near z = 1 would be read as one
 NOTHING = Rational(np.zeros(1), np.ones(1))
 
 
 class Loop(NamedTuple):
-    """``L = P cut / (1 + P closed)``: `cut` is the way that is open, `closed` what stays closed meanwhile."""
+    """``L = P cut / (1 + P closed)``: `cut` is the path that is open, `closed` the one that stays closed."""
 
     plant: Rational
     cut: Rational
@@ -47,9 +46,9 @@ class Loop(NamedTuple):
     def at(self, frequency: Any) -> Any:
         """L at `frequency` (Hz), a number or (n,)."""
         z = np.exp(2j * np.pi * np.asarray(frequency) * self.dt)
-        moved = self.plant.at(z)
-        way = moved * self.cut.at(z)
-        return way if self.closed is NOTHING else way / (1.0 + moved * self.closed.at(z))
+        plant = self.plant.at(z)
+        path = plant * self.cut.at(z)
+        return path if self.closed is NOTHING else path / (1.0 + plant * self.closed.at(z))
 
 
 class Peak(NamedTuple):
@@ -60,7 +59,7 @@ class Peak(NamedTuple):
 
 
 class Robustness(NamedTuple):
-    """What one loop stands."""
+    """Margins and peaks of one loop."""
 
     stable: bool
     phase: float  # rad, phase margin; inf where the gain never passes 1
@@ -80,15 +79,15 @@ class Robustness(NamedTuple):
 def loops(
     p: stage.Stage, designed: design.Feedback, dt: float, watching: observer.Observer = observer.ABSENT
 ) -> dict[str, Loop]:
-    """The loop cut at the current, by name first, and those of a cascade at its two errors; `watching` stays closed."""
-    moved, whole = design.plant(p, dt), design.with_observer(design.compensator(designed, dt), watching)
+    """The loop cut at the current first, then those of a cascade cut at its two errors; `watching` stays closed."""
+    plant, whole = design.plant(p, dt), design.with_observer(design.compensator(designed, dt), watching)
     if isinstance(designed, feedback.Gains):
-        return {"loop": Loop(moved, whole, NOTHING, dt)}
+        return {"loop": Loop(plant, whole, NOTHING, dt)}
     inner, outer = _parts(designed, whole, watching)
     return {
-        "whole loop": Loop(moved, whole, NOTHING, dt),
-        "velocity loop": Loop(*_differenced(moved, inner), NOTHING, dt),
-        "position loop": Loop(moved, outer, inner, dt),
+        "whole loop": Loop(plant, whole, NOTHING, dt),
+        "velocity loop": Loop(*_differenced(plant, inner), NOTHING, dt),
+        "position loop": Loop(plant, outer, inner, dt),
     }
 
 
@@ -100,22 +99,22 @@ def following(
     whole = design.with_observer(alone, watching)
     if isinstance(designed, feedback.Gains):
         seen = design.with_observer(Rational(np.zeros(1), alone.denominator), watching)
-        asked = Rational(np.polysub(whole.numerator, seen.numerator), whole.denominator)
+        target_path = Rational(np.polysub(whole.numerator, seen.numerator), whole.denominator)
     else:
-        asked = _parts(designed, whole, watching)[1]
-    return Loop(design.plant(p, dt), asked, whole, dt)
+        target_path = _parts(designed, whole, watching)[1]
+    return Loop(design.plant(p, dt), target_path, whole, dt)
 
 
 def _parts(designed: cascade.Cascade, whole: Rational, watching: observer.Observer) -> tuple[Rational, Rational]:
-    """Both ways of a cascade to the current: V from the measured velocity, W from the position error."""
+    """Both paths of a cascade to the current: V from the measured velocity, W from the position error."""
     inner = design.with_observer(design.compensator(designed._replace(position=0.0), designed.dt), watching)
     return inner, Rational(np.polysub(whole.numerator, inner.numerator), whole.denominator)
 
 
-def _differenced(moved: Rational, inner: Rational) -> tuple[Rational, Rational]:
-    """Plant and way of the velocity loop: the difference cancels the integrator from velocity to position."""
+def _differenced(plant: Rational, inner: Rational) -> tuple[Rational, Rational]:
+    """Plant and path of the velocity loop: the difference cancels the integrator from velocity to position."""
     integrator = np.array([1.0, -1.0])
-    velocity = Rational(moved.numerator, np.polydiv(moved.denominator, integrator)[0])
+    velocity = Rational(plant.numerator, np.polydiv(plant.denominator, integrator)[0])
     return velocity, Rational(np.polydiv(inner.numerator, integrator)[0], inner.denominator)
 
 
@@ -176,23 +175,25 @@ def _sensitivity(curve: Curve, values: NDArray[Any]) -> Peak:
 def _gain_margins(curve: Curve, values: NDArray[Any]) -> tuple[Peak, Peak]:
     """Factors on the gain at which a closed-loop pole meets the unit circle: where L is negative and real."""
     last = float(curve.frequency[-1])  # Nyquist's frequency: L is real there, but for rounding
-    there = [*_roots(curve, lambda value: float(value.imag), values.imag[:-1]), last]
-    found = [(f, complex(curve.loop.at(f))) for f in there]
-    factors = [Peak(1.0 / abs(value), f) for f, value in found if value.real < 0.0]
-    raised = min((one for one in factors if one.value > 1.0), default=Peak(math.inf, 0.0))
-    lowered = max((one for one in factors if FAINTEST < one.value < 1.0), default=Peak(0.0, 0.0))
+    frequencies = [*_roots(curve, lambda value: float(value.imag), values.imag[:-1]), last]
+    values_there = [(f, complex(curve.loop.at(f))) for f in frequencies]
+    factors = [Peak(1.0 / abs(value), f) for f, value in values_there if value.real < 0.0]
+    raised = min((factor for factor in factors if factor.value > 1.0), default=Peak(math.inf, 0.0))
+    lowered = max((factor for factor in factors if FAINTEST < factor.value < 1.0), default=Peak(0.0, 0.0))
     return raised, lowered
 
 
 def _peak(curve: Curve, gain: Callable[[Any], Any], values: NDArray[Any]) -> Peak:
-    """Largest `gain` of the complex `values` (n,) along the curve, refined beside the highest of them."""
+    """Largest `gain` of the complex `values` (n,) along the curve, refined around the highest of them."""
     sizes, f = gain(values), curve.frequency
     k = int(np.argmax(sizes))
     bounds = (math.log(f[max(k - 1, 0)]), math.log(f[min(k + 1, len(f) - 1)]))
-    found = minimize_scalar(lambda x: -float(gain(curve.loop.at(math.exp(x)))), bounds=bounds, options={"xatol": 1e-9})
-    if -found.fun < sizes[k]:
+    minimum = minimize_scalar(
+        lambda x: -float(gain(curve.loop.at(math.exp(x)))), bounds=bounds, options={"xatol": 1e-9}
+    )
+    if -minimum.fun < sizes[k]:
         return Peak(float(sizes[k]), float(f[k]))
-    return Peak(float(-found.fun), math.exp(float(found.x)))
+    return Peak(float(-minimum.fun), math.exp(float(minimum.x)))
 
 
 def stable(loop: Loop) -> bool:
@@ -201,23 +202,23 @@ def stable(loop: Loop) -> bool:
 
 
 def characteristic(loop: Loop) -> NDArray[Any]:
-    """``dP dcut dclosed + nP (ncut dclosed + nclosed dcut)``, without a denominator that both ways share."""
+    """``dP dcut dclosed + nP (ncut dclosed + nclosed dcut)``, without a denominator that both paths share."""
     shared = np.array_equal(loop.cut.denominator, loop.closed.denominator)
-    one: NDArray[Any] = np.ones(1) if shared else loop.closed.denominator
-    other: NDArray[Any] = np.ones(1) if shared else loop.cut.denominator
-    ways = np.polyadd(np.polymul(loop.cut.numerator, one), np.polymul(loop.closed.numerator, other))
-    poles: NDArray[Any] = np.polymul(loop.plant.denominator, np.polymul(loop.cut.denominator, one))
-    found: NDArray[Any] = np.polyadd(poles, np.polymul(loop.plant.numerator, ways))
-    return found
+    closed: NDArray[Any] = np.ones(1) if shared else loop.closed.denominator
+    cut: NDArray[Any] = np.ones(1) if shared else loop.cut.denominator
+    paths = np.polyadd(np.polymul(loop.cut.numerator, closed), np.polymul(loop.closed.numerator, cut))
+    poles: NDArray[Any] = np.polymul(loop.plant.denominator, np.polymul(loop.cut.denominator, closed))
+    polynomial: NDArray[Any] = np.polyadd(poles, np.polymul(loop.plant.numerator, paths))
+    return polynomial
 
 
-def bandwidth(way: Loop) -> float:
-    """Where the closed way from target to position first falls below -3 dB (Hz); inf where it never does."""
-    return _passes(lambda f: math.sqrt(0.5) - np.abs(way.at(f)), grid(way.dt))
+def bandwidth(response: Loop) -> float:
+    """Frequency (Hz) at which the response from target to position first falls below -3 dB; inf if it never does."""
+    return _passes(lambda f: math.sqrt(0.5) - np.abs(response.at(f)), grid(response.dt))
 
 
 def attenuated(loop: Loop) -> float:
-    """Up to where disturbances are attenuated by 3 dB or more: |S| first rises above -3 dB (Hz)."""
+    """Frequency (Hz) up to which disturbances are attenuated by 3 dB or more: |S| first rises above -3 dB."""
     return _passes(lambda f: np.abs(1.0 / (1.0 + loop.at(f))) - math.sqrt(0.5), grid(loop.dt))
 
 
@@ -230,14 +231,14 @@ def _passes(function: Callable[[Any], Any], frequency: Array) -> float:
     return float(brentq(lambda f: float(function(f)), frequency[k - 1], frequency[k], rtol=1e-13))
 
 
-def stepped(way: Loop, length: int) -> Array:
+def stepped(response: Loop, length: int) -> Array:
     """Measured position (length,) for a step of the target by 1 at the first sample."""
-    numerator = np.polymul(way.plant.numerator, way.cut.numerator)
-    # The target's way and the feedback share their denominator, so the closed loop's poles are those of the feedback.
-    poles = characteristic(Loop(way.plant, way.closed, NOTHING, way.dt))
+    numerator = np.polymul(response.plant.numerator, response.cut.numerator)
+    # The target's path and the feedback share their denominator, so the closed loop's poles are those of the feedback.
+    poles = characteristic(Loop(response.plant, response.closed, NOTHING, response.dt))
     late = np.concatenate([np.zeros(len(poles) - len(numerator)), numerator])
-    found: Array = lfilter(late / poles[0], poles / poles[0], np.ones(length))
-    return found
+    position: Array = lfilter(late / poles[0], poles / poles[0], np.ones(length))
+    return position
 
 
 def stiffness(p: stage.Stage, loop: Loop, frequency: Any) -> Any:
@@ -258,5 +259,5 @@ def softest(p: stage.Stage, loop: Loop) -> Peak:
     f = grid(loop.dt)
     k = int(np.argmin(stiffness(p, loop, f)))
     bounds = (math.log(f[max(k - 1, 0)]), math.log(f[min(k + 1, len(f) - 1)]))
-    found = minimize_scalar(lambda x: float(stiffness(p, loop, math.exp(x))), bounds=bounds, options={"xatol": 1e-9})
-    return Peak(float(found.fun), math.exp(float(found.x)))
+    minimum = minimize_scalar(lambda x: float(stiffness(p, loop, math.exp(x))), bounds=bounds, options={"xatol": 1e-9})
+    return Peak(float(minimum.fun), math.exp(float(minimum.x)))

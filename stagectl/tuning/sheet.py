@@ -1,4 +1,4 @@
-"""A tuned controller as a person and a program read it: gains, margins, closed loop, and what to know about them."""
+"""A tuned controller for the user and as JSON: gains, margins, closed loop, and notes on them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import cascade, feedback
 from stagectl.number_format import duration
+from stagectl.tuning.constants import LONGEST, SENSITIVITY_PEAK, SETTLED, STEP_PERIODS
 from stagectl.tuning.families import law_of
 from stagectl.tuning.robustness import Peak, Robustness, attenuated, bandwidth, following, loops, softest, stepped
-from stagectl.tuning.search import PEAK, Tuned
+from stagectl.tuning.search import Tuned
 
-SETTLED = 0.02  # of the step
 NAMES = {"pid": "PID", "cascade": "P-PI cascade"}
-LONGEST = 200_000  # samples of a step response
 
 
 class Gain(NamedTuple):
-    """One figure of the controller: as it is tuned, and as it runs once a period."""
+    """One gain of the controller: continuous, and as it runs once a period."""
 
     name: str
     symbol: str
@@ -32,8 +31,8 @@ class Gain(NamedTuple):
     running_unit: str
 
 
-class Closed(NamedTuple):
-    """The closed loop; a rotary axis with a lead is as stiff as its table."""
+class ClosedLoop(NamedTuple):
+    """Figures of the closed loop; the stiffness of a rotary axis with a lead is that of its table."""
 
     bandwidth: float  # Hz, target to position, -3 dB
     attenuated: float  # Hz, |S| below -3 dB
@@ -71,17 +70,17 @@ def _of_cascade(p: cascade.Cascade, control: design.CascadeControl, unit: str) -
     ]
 
 
-def closed(setup: Setup, tuned: Tuned) -> Closed:
-    """What the closed loop does."""
+def closed(setup: Setup, tuned: Tuned) -> ClosedLoop:
+    """Bandwidth, attenuation, step and stiffness of the closed loop."""
     control = tuned.control
     parts = design.loop_parts(setup.stage, control)
-    way, cut = following(setup.stage, *parts), next(iter(loops(setup.stage, *parts).values()))
-    response = step(setup, tuned, 20.0)
+    tracking, cut = following(setup.stage, *parts), next(iter(loops(setup.stage, *parts).values()))
+    response = step(setup, tuned, STEP_PERIODS)
     outside = np.flatnonzero(np.abs(response - 1.0) > SETTLED)
     last = len(response) if not outside.size else int(outside[-1]) + 1
     least = softest(setup.stage, cut)
-    return Closed(
-        bandwidth(way),
+    return ClosedLoop(
+        bandwidth(tracking),
         attenuated(cut),
         max(float(np.max(response)) - 1.0, 0.0),
         last * control.period if last < len(response) else math.inf,
@@ -97,70 +96,70 @@ def step(setup: Setup, tuned: Tuned, periods: float) -> NDArray[np.float64]:
 
 
 def headline(setup: Setup, tuned: Tuned) -> str:
-    """What was designed and what it reaches, in a sentence or two."""
+    """The design and its margins, in a sentence or two."""
     whole = next(iter(tuned.reached.values()))
-    law, meant = NAMES[law_of(tuned.control)], _meant(tuned.control)
+    law, meaning = NAMES[law_of(tuned.control)], _meaning(tuned.control)
     words = (
-        f"{law} of {tuned.bandwidth:g} Hz ({meant}): phase margin {math.degrees(whole.phase):.1f} deg, gain margin "
+        f"{law} of {tuned.bandwidth:g} Hz ({meaning}): phase margin {math.degrees(whole.phase):.1f} deg, gain margin "
         f"{decibels(whole.raised.value)} up, Ms {whole.sensitivity.value:.2f}."
     )
     return f"{words}  {_binding(tuned)}" if tuned.binding else words
 
 
-def _meant(control: design.Settings) -> str:
+def _meaning(control: design.Settings) -> str:
     return "four poles" if isinstance(control, design.Control) else "position loop, Kp = 2 pi f"
 
 
 def _binding(tuned: Tuned) -> str:
     words = f"It is the fastest that keeps a phase margin of {math.degrees(tuned.demand.margin):g} deg"
     words += f" and Ms <= {tuned.demand.peak:g}" if math.isfinite(tuned.demand.peak) else ""
-    words += f".  What binds, at 1 % more: {' and '.join(tuned.binding)}."
+    words += f".  The limit, at 1 % more: {' and '.join(tuned.binding)}."
     if tuned.without_peak is not None:
         words += f"  The phase margin alone would allow {tuned.without_peak:g} Hz."
     return words
 
 
 def notes(tuned: Tuned) -> list[str]:
-    """What is not seen in the figures at once."""
+    """Notes on properties that the figures do not show at once."""
     whole, control = next(iter(tuned.reached.values())), tuned.control
-    said = []
+    texts = []
     if whole.lowered.value > 0.0:
-        said.append(
+        texts.append(
             f"Conditionally stable: the gain may fall by {decibels(1.0 / whole.lowered.value)} at most.  A current at "
             "its limit, or friction that holds the axis, lowers it."
         )
-    if whole.sensitivity.value > PEAK:
-        said.append(
-            f"Ms = {whole.sensitivity.value:.2f} is above {PEAK:g}, which would guarantee 6 dB and 29 deg: "
+    if whole.sensitivity.value > SENSITIVITY_PEAK:
+        texts.append(
+            f"Ms = {whole.sensitivity.value:.2f} is above {SENSITIVITY_PEAK:g}, which would guarantee 6 dB and 29 deg: "
             f"disturbances near {whole.sensitivity.frequency:.0f} Hz are amplified as much."
         )
     if isinstance(control, design.CascadeControl) and control.force_filter == 0.0:
-        said.append("No force filter: its corner would lie above Nyquist's frequency.")
-    said.append(f"Margins are those of the sliding axis; {_standing(tuned)}.")
-    return said
+        texts.append("No force filter: its corner would lie above Nyquist's frequency.")
+    texts.append(f"Margins are those of the sliding axis; {_standstill(tuned)}.")
+    return texts
 
 
-def _standing(tuned: Tuned) -> str:
-    """What the loop does where friction holds the axis."""
-    calm = "when it stands, and friction is a spring, the loop is stable, too"
+def _standstill(tuned: Tuned) -> str:
+    """Stability where friction holds the axis."""
+    calm = "at standstill, where friction is a spring, the loop is stable, too"
     return design.limit_cycle_warning(tuned.family.stage, tuned.control) or calm
 
 
 def margins(tuned: Tuned) -> list[list[str]]:
     """Margins and peaks, one a row, one column a loop."""
-    each = list(tuned.reached.values())
+    loops = list(tuned.reached.values())
     return [
-        ["PM", *(_at(f"{math.degrees(one.phase):.1f} deg", one.crossover) for one in each)],
-        ["GM up", *(_raised(one) for one in each)],
-        ["GM down", *(_lowered(one) for one in each)],
-        ["delay margin", *(duration(one.delay) if math.isfinite(one.delay) else "any" for one in each)],
-        ["Ms", *(_at(f"{one.sensitivity.value:.2f}", one.sensitivity.frequency) for one in each)],
-        ["modulus 1/Ms", *(f"{one.modulus:.2f}" for one in each)],
-        ["Mt", *(_complementary(one) for one in each)],
+        ["PM", *(_at(f"{math.degrees(loop.phase):.1f} deg", loop.crossover) for loop in loops)],
+        ["GM up", *(_raised(loop) for loop in loops)],
+        ["GM down", *(_lowered(loop) for loop in loops)],
+        ["delay margin", *(duration(loop.delay) if math.isfinite(loop.delay) else "any" for loop in loops)],
+        ["Ms", *(_at(f"{loop.sensitivity.value:.2f}", loop.sensitivity.frequency) for loop in loops)],
+        ["modulus 1/Ms", *(f"{loop.modulus:.2f}" for loop in loops)],
+        ["Mt", *(_complementary(loop) for loop in loops)],
     ]
 
 
-def rows(setup: Setup, found: Closed) -> list[list[str]]:
+def rows(setup: Setup, found: ClosedLoop) -> list[list[str]]:
     """The closed loop, one figure a row."""
     scale, unit = stiffness_unit(setup)
     return [
@@ -186,23 +185,23 @@ def _at(words: str, frequency: float) -> str:
     return f"{words} ({frequency:.3g} Hz)"
 
 
-def _complementary(one: Robustness) -> str:
-    low = one.complementary.value <= 1.0
-    return "1, no peak" if low else _at(f"{one.complementary.value:.2f}", one.complementary.frequency)
+def _complementary(loop: Robustness) -> str:
+    peak = loop.complementary
+    return "1, no peak" if peak.value <= 1.0 else _at(f"{peak.value:.2f}", peak.frequency)
 
 
-def _raised(one: Robustness) -> str:
-    return _at(decibels(one.raised.value), one.raised.frequency) if math.isfinite(one.raised.value) else "any"
+def _raised(loop: Robustness) -> str:
+    return _at(decibels(loop.raised.value), loop.raised.frequency) if math.isfinite(loop.raised.value) else "any"
 
 
-def _lowered(one: Robustness) -> str:
-    return _at(decibels(one.lowered.value), one.lowered.frequency) if one.lowered.value > 0.0 else "any"
+def _lowered(loop: Robustness) -> str:
+    return _at(decibels(loop.lowered.value), loop.lowered.frequency) if loop.lowered.value > 0.0 else "any"
 
 
 def result(setup: Setup, tuned: Tuned) -> dict[str, Any]:
-    """JSON values, SI; null is without end."""
+    """JSON values, SI; null is infinite."""
     control, drive = tuned.control, setup.stage.drive
-    found = closed(setup, tuned)
+    loop = closed(setup, tuned)
     rotary = setup.file.axis.travel_unit == "rad"
     return {
         "stage": setup.file.name,
@@ -213,14 +212,14 @@ def result(setup: Setup, tuned: Tuned) -> dict[str, Any]:
         "nm": setup.stage.encoder.delay_samples,
         "current_lag": _value(drive.current_lag, "s"),
         "control": entries(control),
-        "gains": {one.name.replace(" ", "_"): one._asdict() for one in gains(setup, control)},
-        "loops": {name.replace(" ", "_"): _robust(one) for name, one in tuned.reached.items()},
+        "gains": {gain.name.replace(" ", "_"): gain._asdict() for gain in gains(setup, control)},
+        "loops": {name.replace(" ", "_"): _robust(loop) for name, loop in tuned.reached.items()},
         "closed_loop": {
-            "bandwidth": _value(found.bandwidth, "Hz"),
-            "attenuated_to": _value(found.attenuated, "Hz"),
-            "overshoot": _value(found.overshoot, ""),
-            "settling_time": _value(found.settling, "s"),
-            "least_stiffness": {**_value(found.softest.value, "N m/rad" if rotary else "N/m"), "at": found.softest[1]},
+            "bandwidth": _value(loop.bandwidth, "Hz"),
+            "attenuated_to": _value(loop.attenuated, "Hz"),
+            "overshoot": _value(loop.overshoot, ""),
+            "settling_time": _value(loop.settling, "s"),
+            "least_stiffness": {**_value(loop.softest.value, "N m/rad" if rotary else "N/m"), "at": loop.softest[1]},
         },
         "asked": {"margin": _value(tuned.demand.margin, "rad"), "sensitivity_peak": _value(tuned.demand.peak, "")},
         "binding": list(tuned.binding),
@@ -230,7 +229,7 @@ def result(setup: Setup, tuned: Tuned) -> dict[str, Any]:
 
 
 def entries(control: design.Settings) -> dict[str, float]:
-    """What the design chose, by its name under `control` in the stage file (SI)."""
+    """Entries that the design chose, by their name under `control` in the stage file (SI)."""
     if isinstance(control, design.Control):
         return {"bandwidth": control.bandwidth}
     names = ("position_gain", "velocity_bandwidth", "integral_time", "force_filter")
@@ -241,13 +240,13 @@ def _value(value: float, unit: str) -> dict[str, Any]:
     return {"value": value if math.isfinite(value) else None, "unit": unit}
 
 
-def _robust(one: Robustness) -> dict[str, Any]:
+def _robust(loop: Robustness) -> dict[str, Any]:
     return {
-        "phase_margin": {**_value(one.phase, "rad"), "at": one.crossover},
-        "gain_margin_up": {**_value(one.raised.value, ""), "at": one.raised.frequency},
-        "gain_margin_down": {**_value(one.lowered.value, ""), "at": one.lowered.frequency},
-        "delay_margin": _value(one.delay, "s"),
-        "sensitivity_peak": {**_value(one.sensitivity.value, ""), "at": one.sensitivity.frequency},
-        "modulus_margin": _value(one.modulus, ""),
-        "complementary_peak": {**_value(one.complementary.value, ""), "at": one.complementary.frequency},
+        "phase_margin": {**_value(loop.phase, "rad"), "at": loop.crossover},
+        "gain_margin_up": {**_value(loop.raised.value, ""), "at": loop.raised.frequency},
+        "gain_margin_down": {**_value(loop.lowered.value, ""), "at": loop.lowered.frequency},
+        "delay_margin": _value(loop.delay, "s"),
+        "sensitivity_peak": {**_value(loop.sensitivity.value, ""), "at": loop.sensitivity.frequency},
+        "modulus_margin": _value(loop.modulus, ""),
+        "complementary_peak": {**_value(loop.complementary.value, ""), "at": loop.complementary.frequency},
     }

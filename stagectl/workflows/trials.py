@@ -2,7 +2,7 @@
 
 ::
 
-    trial 1 --> error --> learning.judged --> learned current --> trial 2 --> error --> ...     --> FILE.h5
+    trial 1 --> error --> learning.after_trial --> learned current --> trial 2 --> error --> ...     --> FILE.h5
 """
 
 from __future__ import annotations
@@ -94,8 +94,8 @@ class Learning(NamedTuple):
 
     motion: Motion
     filters: learning.Filters
-    settings: learning.Settings
-    course: learning.Course
+    settings: learning.LearningSettings
+    course: learning.LearningState
 
 
 def learn(machine: Machine, base: Motion, trials: int, shown: Shown, folder: Path) -> Result:
@@ -120,7 +120,7 @@ def learn(machine: Machine, base: Motion, trials: int, shown: Shown, folder: Pat
                 )
                 shown.say(stopped)
                 break
-            state = state._replace(course=learning.judged(state.filters, state.settings, state.course, error))
+            state = state._replace(course=learning.after_trial(state.filters, state.settings, state.course, error))
             results.append(_said(result, state, number, shown))
     return _learned(state, results, stopped)
 
@@ -133,7 +133,7 @@ def _begin(setup: Setup, base: Motion) -> Learning:
             "take a trajectory that is a motion alone"
         )
     filters = learning.filters(setup.stage, base.law, settings, setup.dt, len(rows))
-    return Learning(base, filters, settings, learning.begun(len(rows)))
+    return Learning(base, filters, settings, learning.initial_state(len(rows)))
 
 
 def _trial(
@@ -175,7 +175,7 @@ def _learned(state: Learning, results: list[Result], stopped: str) -> Result:
     base, course = state.motion, state.course
     setup = base.setup
     kept = min(range(len(results)), key=lambda k: course.trials[k].rms)
-    seen = learning.shares(setup.stage, base.law, setup.dt)
+    seen = learning.plant_ratios(setup.stage, base.law, setup.dt)
     found = blank(base)
     meta = {**found.meta, "kept": kept + 1, "settings": state.settings._asdict()}
     return {
@@ -188,7 +188,7 @@ def _learned(state: Learning, results: list[Result], stopped: str) -> Result:
         "stopped": stopped,
         "settings": state.settings._asdict(),
         "convergence": [one._asdict() for one in learning.convergence(seen, state.settings)],
-        "calmest_cutoff": learning.calmest(seen, state.settings),
+        "calmest_cutoff": learning.highest_convergent_cutoff(seen, state.settings),
         "current": found._replace(current=course.best, meta=meta),
     }
 

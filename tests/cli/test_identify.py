@@ -48,7 +48,7 @@ def test_the_page_is_written_where_it_is_asked_for_or_beside_the_recordings(comm
     assert "report: recordings/" in command(*LEAST_SQUARES, "log.csv")[2]
     (page,) = (folder / "recordings").glob("*-identify-least-squares*.html")
     text = page.read_text()
-    for words in ("Found: inertia 0.01", "What was identified from: log.csv.", "<h2>Parameters</h2>", "data:image/png"):
+    for words in ("Found: inertia 0.01", "Position and current of log.csv.", "<h2>Parameters</h2>", "data:image/png"):
         assert words in text
     assert "report: out/page.html" in command(*LEAST_SQUARES, "log.csv", "--report", "out/page.html")[2]
     assert len(list((folder / "recordings").iterdir())) == 1

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stagectl_studies.reproduction.reversal_error import reversal_errors
 
 from stagectl.compensation.legs import Array, legs
-from stagectl.compensation.reversal_error import reversal_errors
 from stagectl.compensation.zero_crossing import Displacement, Exponential, Form, Gaussian, Symmetric
 from stagectl.trajectories.motion import Motion
 from stagectl.trajectories.periodic import Sine

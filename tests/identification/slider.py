@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
+from stagectl_studies.reproduction.reversal_error import ReversalError, reversal_errors
 
-from stagectl.compensation.reversal_error import ReversalError, reversal_errors
 from stagectl.compensation.zero_crossing import Form
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.identification.capture import Capture

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from stagectl.cli.app import application
 from stagectl.config.stage_file import load_stage
-from stagectl.identification.capture import IdentificationError
+from stagectl.identification.capture import IdentificationError, Refusal
 from stagectl.identification.captures import load, prepared
 from stagectl.identification.methods import identify
 from stagectl.recording.hdf5 import Recording, open_recording
@@ -116,19 +116,23 @@ def test_its_reference_runs_on_the_bus(emps: Path) -> None:
 def test_the_wrong_captures_are_refused(tmp_path: Path) -> None:
     setup = load_stage(STAGE)
     (tmp_path / "turns.csv").write_text("time_s,position_rad\n0,1\n1,2\n")
-    with pytest.raises(IdentificationError, match=r"turns\.csv: it is of a rotary axis, EMPS is linear"):
+    with pytest.raises(IdentificationError) as caught:
         prepared(read(tmp_path / "turns.csv"), setup)
+    error = caught.value
+    assert (error.reason, error.value, error.admissible) == (Refusal.WRONG_AXIS, "rotary", "linear")
+    assert error.capture.endswith("turns.csv")
     (tmp_path / "bare.csv").write_text("time_s,position_m\n0,1\n1,2\n")
     bare = read(tmp_path / "bare.csv")
-    with pytest.raises(
-        IdentificationError, match="neither a current nor a command, so no force; it has time, measured: name the"
-    ):
+    with pytest.raises(IdentificationError) as caught:
         prepared(bare, setup)
-    with pytest.raises(IdentificationError, match="every capture is marked `use: held-out`"):
-        prepared([held_out(one) for one in bare], setup)
+    assert (caught.value.reason, caught.value.value) == (Refusal.MISSING_COLUMN, "time, measured")
+    with pytest.raises(IdentificationError) as caught:
+        prepared([held_out(recording) for recording in bare], setup)
+    assert caught.value.reason is Refusal.HELD_OUT
     (tmp_path / "short.csv").write_text("time_s,position_m,current_A\n0,1,0\n1,2,0\n")
-    with pytest.raises(IdentificationError, match=r"short\.csv: 2 of 2 rows"):
+    with pytest.raises(IdentificationError) as caught:
         prepared(read(tmp_path / "short.csv"), setup)
+    assert (caught.value.reason, caught.value.value) == (Refusal.TOO_SHORT, 2)
 
 
 def silent(_done: int, _total: int) -> None:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.identification.capture import Capture, IdentificationError
+from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.response.fits import Lines, gain_curve, linear, stop_operator, with_delay
-from stagectl.identification.response.lines import Curve, curves, threshold
+from stagectl.identification.response.lines import Curve, coherence_threshold, curves
 from stagectl.identification.response.method import identify
-from stagectl.identification.result import Found
+from stagectl.identification.result import IdentificationResult, Topic, topics
 from stagectl.kernels import friction
 from stagectl.trajectories import Multisine
 from tests.identification.virtual import STAGE_A, Array, Machine, held, opened
@@ -60,7 +60,7 @@ def sines() -> list[Capture]:
 
 
 @pytest.fixture(scope="module")
-def found(sines: list[Capture]) -> Found:
+def found(sines: list[Capture]) -> IdentificationResult:
     return identify(sines, SETUP.file)
 
 
@@ -112,14 +112,14 @@ def test_describing_function(lines: dict[tuple[float, float], Curve], frequency:
 
 
 @pytest.mark.parametrize("frequency", [1.0, 3.0])
-def test_straight_line_over_amplitudes(found: Found, frequency: float) -> None:
+def test_straight_line_over_amplitudes(found: IdentificationResult, frequency: float) -> None:
     one = next(row for row in found.details["describing"] if row["frequency"] == frequency)
     assert one["viscous"] == pytest.approx(D, rel=0.02)
     assert one["coulomb"] == pytest.approx(TC, rel=0.02)
     assert len(one["velocity"]) == len(AMPLITUDES)
 
 
-def test_friction_corrected_fit(found: Found) -> None:
+def test_friction_corrected_fit(found: IdentificationResult) -> None:
     assert found.parameters["inertia"].value == pytest.approx(J, rel=5e-3)
     assert found.parameters["viscous"].value == pytest.approx(D, rel=1e-2)
     assert found.parameters["coulomb"].value == pytest.approx(TC, rel=2e-2)
@@ -132,7 +132,7 @@ def test_friction_corrected_fit(found: Found) -> None:
     json.dumps(found.details, allow_nan=False)
 
 
-def test_curve_fit_at_the_largest_amplitude_takes_friction_for_damping(found: Found) -> None:
+def test_curve_fit_at_the_largest_amplitude_takes_friction_for_damping(found: IdentificationResult) -> None:
     """The paper's Fig. 4 procedure on these lines: D between 0.18 and 0.22 where the truth is 0.14."""
     fits = {row["name"]: row for row in found.details["fits"]}
     assert 0.18 <= fits["gain curve"]["viscous"] <= 0.22
@@ -192,7 +192,7 @@ def test_friction_falls_out_where_the_axis_keeps_moving() -> None:
     assert moving.parameters["viscous"].low < D < moving.parameters["viscous"].high
     resting = identify([opened(Machine(SETUP), injected, meta=known)], SETUP.file)
     assert resting.parameters["viscous"].value > 5.0 * D
-    assert any("viscous is too high" in note for note in resting.notes) and not resting.changes
+    assert Topic.NOT_IDENTIFIED in topics(resting.notes) and not resting.changes
 
 
 def test_a_record_without_its_lines_is_treated_by_welch() -> None:
@@ -200,7 +200,7 @@ def test_a_record_without_its_lines_is_treated_by_welch() -> None:
     capture = opened(Machine(SETUP), injected)._replace(excitation=None)
     found = identify([capture], SETUP.file)
     assert found.details["curves"][0]["kind"] == "welch"
-    assert any("does not say what was excited" in note for note in found.notes)
+    assert Topic.METHOD in topics(found.notes)
     (periodic,), _ = curves(opened(Machine(SETUP), injected, meta=multisine(5.0)[1]), SETUP.file)
     (welch,), _ = curves(capture, SETUP.file)
     at = [int(np.argmin(np.abs(welch.frequency - f))) for f in (51.0, 75.0, 99.0)]
@@ -226,15 +226,15 @@ def test_poor_lines_are_shown_and_not_fitted() -> None:
     weak, strong = sine(noisy, 0.05, 40.0), [sine(noisy, 9.0, f) for f in (1.0, 3.0, 10.0, 30.0)]
     found = identify([weak, *strong], SETUP.file)
     curve = next(one for one in found.details["curves"] if one["amplitude"] == 0.05)
-    assert curve["sound"] == [False] and curve["coherence"][0] < threshold(6)
-    assert any("coherence below" in note for note in found.notes)
+    assert curve["sound"] == [False] and curve["coherence"][0] < coherence_threshold(6)
+    assert Topic.COHERENCE in topics(found.notes)
 
 
 def test_one_period_knows_no_coherence() -> None:
     current, known = multisine(5.0, periods=1)
     found = identify([opened(Machine(SETUP), current, meta=known)], SETUP.file)
     assert found.details["curves"][0]["coherence"][0] is None
-    assert any("nothing to average" in note for note in found.notes)
+    assert Topic.PRECISION in topics(found.notes)
 
 
 def test_chance_gives_one_of_twenty_lines() -> None:
@@ -245,7 +245,7 @@ def test_chance_gives_one_of_twenty_lines() -> None:
         np.abs(np.sum(a * b.conj(), axis=0)) ** 2 / np.sum(np.abs(a) ** 2, axis=0) / np.sum(np.abs(b) ** 2, axis=0)
     )
     assert np.mean(coherence > 1.0 - 0.05 ** (1.0 / 3.0)) == pytest.approx(0.05, abs=0.006)
-    assert threshold(2) == pytest.approx(0.95) and threshold(100) == 0.9
+    assert coherence_threshold(2) == pytest.approx(0.95) and coherence_threshold(100) == 0.9
 
 
 def changed(**columns: Any) -> Capture:
@@ -258,15 +258,21 @@ def test_what_holds_no_response_is_refused() -> None:
     broken = good.position.copy()
     broken[7] = math.nan
     cases = [
-        (good._replace(current=np.zeros(rows)), "never changes"),
-        (good._replace(position=np.zeros(rows)), "more than ten encoder steps"),
-        (good._replace(position=broken), r"position\[7\] = nan"),
-        (good._replace(time=good.time[:50], position=good.position[:50], current=good.current[:50]), "50 rows"),
-        (good._replace(meta=span(1e3, 2e3, [10.0], 5.0)), "at least one period, 0.1 s"),
-        (good._replace(meta=span(0.3, 0.9, [1900.0], 5.0)), "shows lines below 800 Hz"),
-        (good._replace(meta=span(0.0, 0.9, [3.001, 9.003, 15.005], 5.0)), "must be a whole number"),
-        (good, "1 of 1 lines are sound; must be at least 3"),
+        (good._replace(current=np.zeros(rows)), Refusal.CONSTANT_CURRENT, 0.0),
+        (good._replace(position=np.zeros(rows)), Refusal.AT_REST, 0.0),
+        (good._replace(position=broken), Refusal.NOT_FINITE, None),
+        (
+            good._replace(time=good.time[:50], position=good.position[:50], current=good.current[:50]),
+            Refusal.TOO_SHORT,
+            50,
+        ),
+        (good._replace(meta=span(1e3, 2e3, [10.0], 5.0)), Refusal.TOO_SHORT, None),
+        (good._replace(meta=span(0.3, 0.9, [1900.0], 5.0)), Refusal.SAMPLING, None),
+        (good._replace(meta=span(0.0, 0.9, [3.001, 9.003, 15.005], 5.0)), Refusal.SAMPLING, None),
+        (good, Refusal.TOO_FEW_LINES, 1),
     ]
-    for capture, message in cases:
-        with pytest.raises(IdentificationError, match=message):
+    for capture, reason, value in cases:
+        with pytest.raises(IdentificationError) as caught:
             identify([capture], SETUP.file)
+        assert caught.value.reason is reason
+        assert value is None or caught.value.value == value

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.low_speed import Fit, Stroke, _quick, fitted, full_strokes, identify, table_force
-from stagectl.identification.result import Found
+from stagectl.identification.capture import Capture, IdentificationError, Refusal
+from stagectl.identification.low_speed import OperatorFit, Stroke, _fast, fitted, full_strokes, identify, table_force
+from stagectl.identification.result import IdentificationResult, Topic, topics
 from stagectl.kernels import friction
 from tests.identification.virtual import MICRON, STAGE_A, Array, Machine, held
 
@@ -33,11 +33,11 @@ def truth(displacement: Array, operators: friction.StopOperators = SETUP.stage.f
 
 
 @pytest.fixture(scope="module")
-def found() -> Found:
+def found() -> IdentificationResult:
     return identify([slow(Machine(SETUP))], FILE)
 
 
-def check_table(found: Found, rms: float) -> None:
+def check_table(found: IdentificationResult, rms: float) -> None:
     table = found.table
     assert table is not None
     error = table.force - truth(table.displacement)
@@ -45,13 +45,13 @@ def check_table(found: Found, rms: float) -> None:
     assert np.max(np.abs(error)) <= 0.06
 
 
-def test_table_within_a_hundredth(found: Found) -> None:
+def test_table_within_a_hundredth(found: IdentificationResult) -> None:
     check_table(found, 0.01)
     for seed in (2, 3):
         check_table(identify([slow(Machine(SETUP, acting=0.0, sensed=0.045, seed=seed), seconds=35.0)], FILE), 0.01)
 
 
-def test_coulomb_and_offset_with_their_intervals(found: Found) -> None:
+def test_coulomb_and_offset_with_their_intervals(found: IdentificationResult) -> None:
     coulomb, offset = found.parameters["coulomb"], found.parameters["offset"]
     assert coulomb.value == pytest.approx(TC, abs=2e-3) and offset.value == pytest.approx(0.0, abs=2e-3)
     assert 1e-4 < coulomb.high - coulomb.value < 2e-3
@@ -59,7 +59,7 @@ def test_coulomb_and_offset_with_their_intervals(found: Found) -> None:
     json.dumps(found.details, allow_nan=False)
 
 
-def test_the_table_is_what_its_operators_make(found: Found) -> None:
+def test_the_table_is_what_its_operators_make(found: IdentificationResult) -> None:
     """Run by the kernel: saturated one way, then the other way."""
     table = found.table
     assert table is not None and np.all(table.weight > 0.0)
@@ -76,7 +76,7 @@ def test_the_table_is_what_its_operators_make(found: Found) -> None:
     assert np.all(np.diff(table.force, 2) < 1e-9)  # bends one way only
 
 
-def test_a_partial_reversal_is_compensated(found: Found) -> None:
+def test_a_partial_reversal_is_compensated(found: IdentificationResult) -> None:
     """2 um back and forth, where a plain table of displacement would be wrong: against the stage's own operators."""
     table = found.table
     assert table is not None
@@ -114,7 +114,7 @@ def test_its_own_model_is_solved() -> None:
     weight = np.zeros(28)
     weight[[3, 12, 20]] = 0.2, 0.5, 0.3
     s = np.linspace(0.0, 1.0, 4000)
-    force = table_force(Fit(weight, slip, 0.0, 0.0), s)
+    force = table_force(OperatorFit(weight, slip, 0.0, 0.0), s)
     fit = fitted([Stroke(1.0, s, force + 0.1, 1.0), Stroke(-1.0, s, force - 0.1, 1.0)], 0.0)
     assert fit.offset == pytest.approx(0.1)
     assert fit.residual < 1e-9
@@ -143,7 +143,7 @@ def test_viscous_and_inertial_force_add_up() -> None:
     """Of a sine of 0.5 rad at 4 rad/s: D X w + J X w^2."""
     mechanics = FILE.mechanics._replace(inertia=3.0, viscous=2.0)
     stroke = Stroke(1.0, np.array([0.0, 1.0]), np.zeros(2), 0.25 * math.pi)
-    assert _quick([stroke], FILE._replace(mechanics=mechanics)) == pytest.approx(0.5 * (2.0 * 4.0 + 3.0 * 16.0))
+    assert _fast([stroke], FILE._replace(mechanics=mechanics)) == pytest.approx(0.5 * (2.0 * 4.0 + 3.0 * 16.0))
 
 
 def refused(**changes: Any) -> Capture:
@@ -152,24 +152,25 @@ def refused(**changes: Any) -> Capture:
 
 def test_what_does_not_show_the_table_is_refused() -> None:
     good = refused()
-    for capture, message in (
-        (slow(Machine(SETUP), seconds=9.0), "0 full strokes between two reversals, none"),
-        (slow(Machine(SETUP), 5.0, 0.2, 12.0), "still rises over the last half of the strokes"),
+    for capture, reason in (
+        (slow(Machine(SETUP), seconds=9.0), Refusal.NO_REVERSAL),
+        (slow(Machine(SETUP), 5.0, 0.2, 12.0), Refusal.FRICTION_UNSETTLED),
         (
             slow(Machine(SETUP), 1000.0, 4.0, 2.0),
-            "is viscous and inertial by the stage file: record a slower motion; or the units",
+            Refusal.TOO_FAST,
         ),
-        (slow(Machine(SETUP), 0.4, 0.2, 12.0), r"a stroke of \S+ rad; must be at least 100 encoder steps"),
-        (good._replace(current=-good.current), "does not oppose the motion"),
-        (good._replace(position=1e3 * good.position), "viscous and inertial by .* a thousand times too large"),
-        (good._replace(position=np.zeros(len(good.time))), "more than ten encoder steps"),
+        (slow(Machine(SETUP), 0.4, 0.2, 12.0), Refusal.TOO_SHORT),
+        (good._replace(current=-good.current), Refusal.OPPOSITE_SIGN),
+        (good._replace(position=1e3 * good.position), Refusal.TOO_FAST),
+        (good._replace(position=np.zeros(len(good.time))), Refusal.AT_REST),
     ):
-        with pytest.raises(IdentificationError, match=message):
+        with pytest.raises(IdentificationError) as caught:
             identify([capture], FILE)
+        assert caught.value.reason is reason
 
 
-def test_what_is_doubtful_is_said() -> None:
+def test_doubts_are_noted() -> None:
     quick = identify([slow(Machine(SETUP), 50.0, 1.0, 4.0)], FILE)
-    assert any("is not rolling friction: record a slower motion" in note for note in quick.notes)
+    assert Topic.TOO_FAST in topics(quick.notes)
     short = identify([slow(Machine(SETUP), 15.0, 0.05, 60.0)], FILE)
-    assert any("still rises over the last half" in note for note in short.notes)
+    assert Topic.UNSETTLED in topics(short.notes)

@@ -9,8 +9,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from stagectl.identification.simultaneous import errors_in_columns
-from stagectl.identification.standard_errors import bandwidth, covariance, independent, white
+from stagectl.identification.simultaneous import errors_in_variables
+from stagectl.identification.standard_errors import (
+    bandwidth,
+    covariance,
+    independent,
+    integrated_autocorrelation,
+    long_run,
+    white,
+)
+from stagectl.identification.thresholds import LONG_RUN_ROWS
 
 ROWS = 20000
 
@@ -36,8 +44,24 @@ def test_the_mean_of_coloured_noise_is_known_as_well_as_theory_says(rho: float) 
     assert independent(noise) == pytest.approx(ROWS / grown, rel=0.05)
 
 
-def test_the_residuals_noise_is_told_from_what_is_slower() -> None:
+def test_the_noise_of_a_residual_is_separated_from_slower_parts() -> None:
     """Second differences of white noise have six times its variance; a slow wave cancels."""
     slow = 5.0 * np.sin(2.0 * math.pi * np.arange(ROWS) / 2000.0)
-    found = float(np.mean(errors_in_columns.noise(coloured(0.0) + slow)))
+    found = float(np.mean(errors_in_variables.noise(coloured(0.0) + slow)))
     assert found == pytest.approx(1.0, rel=0.05)
+
+
+def test_long_run_covariance_is_bartletts() -> None:
+    """The stretches' sums give Bartlett's weights term by term."""
+    scores, length = np.random.default_rng(5).standard_normal((80, 2)), LONG_RUN_ROWS
+    expected = np.zeros((2, 2))
+    for j in range(80):
+        for k in range(80):
+            expected += max(0.0, 1.0 - abs(j - k) / length) * np.outer(scores[j], scores[k])
+    assert long_run(scores) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("rho", [0.3, 0.8])
+def test_the_integrated_autocorrelation_of_an_autoregressive_residual(rho: float) -> None:
+    """``1 + 2 sum rho^k = (1 + rho)/(1 - rho)``."""
+    assert integrated_autocorrelation(coloured(rho)) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.1)

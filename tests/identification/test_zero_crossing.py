@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from stagectl.compensation.legs import Array
 from stagectl.compensation.zero_crossing import FORMS, Displacement, Exponential, Form, Gaussian, Symmetric
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.identification.capture import Capture, IdentificationError
-from stagectl.identification.result import Found
+from stagectl.identification.capture import Capture, IdentificationError, Refusal
+from stagectl.identification.result import IdentificationResult, Note, Topic, topics
 from stagectl.identification.reversal.fit import fitted, gathered
 from stagectl.identification.reversal.method import identify
 from stagectl.identification.reversal.reversals import reversals
@@ -39,11 +39,11 @@ def uncompensated(stage_b: Setup) -> NDArray[Any]:
 
 
 @pytest.fixture(scope="module")
-def found(stage_b: Setup, uncompensated: NDArray[Any]) -> Found:
+def found(stage_b: Setup, uncompensated: NDArray[Any]) -> IdentificationResult:
     return identify([capture(uncompensated)], stage_b.file)
 
 
-def form_of(found: Found, name: str, which: str | None = None) -> Form:
+def form_of(found: IdentificationResult, name: str, which: str | None = None) -> Form:
     described = found.details["forms"][name]
     values = (described[which] if which else described)["parameters"]
     return FORMS[name]._make(one["value"] for one in values.values())
@@ -61,7 +61,7 @@ def test_uncompensated_the_axis_lags_by_4_to_5_um(uncompensated: NDArray[Any]) -
     assert positive < 0.8  # what the jumps of the acceleration do
 
 
-def test_the_papers_form_with_a_physical_static_friction(stage_b: Setup, found: Found) -> None:
+def test_the_papers_form_with_a_physical_static_friction(stage_b: Setup, found: IdentificationResult) -> None:
     form = form_of(found, "exponential")
     assert 5.2 < found.details["largest_force"] < 5.4
     assert 4.5 < form.static < 1.06 * 5.4
@@ -70,7 +70,9 @@ def test_the_papers_form_with_a_physical_static_friction(stage_b: Setup, found: 
     assert 0.6 < positive < 1.3
 
 
-def test_the_displacement_form_is_better_and_both_are_below_tustins(stage_b: Setup, found: Found) -> None:
+def test_the_displacement_form_is_better_and_both_are_below_tustins(
+    stage_b: Setup, found: IdentificationResult
+) -> None:
     negative, positive = errors_with(stage_b, form_of(found, "displacement"))
     assert 0.3 < max(-negative, positive) < 0.8
     ours = max(-errors_with(stage_b, form_of(found, "exponential"))[0], 1.3)
@@ -81,7 +83,7 @@ def test_the_displacement_form_is_better_and_both_are_below_tustins(stage_b: Set
 
 
 @pytest.mark.parametrize("speed", [2.5e-3, 5e-3])
-def test_it_holds_at_the_other_speeds(stage_b: Setup, found: Found, speed: float) -> None:
+def test_it_holds_at_the_other_speeds(stage_b: Setup, found: IdentificationResult, speed: float) -> None:
     bare = errors_with(stage_b, None, speed)
     negative, positive = errors_with(stage_b, form_of(found, "displacement"), speed)
     assert -5.0 < bare[0] < -4.0
@@ -90,7 +92,7 @@ def test_it_holds_at_the_other_speeds(stage_b: Setup, found: Found, speed: float
 
 @pytest.mark.parametrize("acceleration", [0.05, 0.1, 0.2])
 def test_the_displacement_form_transfers_to_other_accelerations(
-    stage_b: Setup, found: Found, acceleration: float
+    stage_b: Setup, found: IdentificationResult, acceleration: float
 ) -> None:
     """What friction adds to the error of the same loop without any; the jumps of ``M a`` are in both."""
     bare = friction_adds(stage_b, None, acceleration)
@@ -109,33 +111,33 @@ def friction_adds(stage_b: Setup, form: Form | None, acceleration: float) -> flo
     return float(np.max(np.abs(rows["measured"] - without["measured"])[turning])) * 1e6
 
 
-def test_a_form_over_time_does_not_transfer(stage_b: Setup, found: Found) -> None:
+def test_a_form_over_time_does_not_transfer(stage_b: Setup, found: IdentificationResult) -> None:
     gaussian = form_of(found, "gaussian")
     assert friction_adds(stage_b, gaussian, 0.1) < 0.8
     assert friction_adds(stage_b, gaussian, 0.2) > 1.5
 
 
-def test_half_the_integration_step_gives_the_same_errors(stage_b: Setup, found: Found) -> None:
+def test_half_the_integration_step_gives_the_same_errors(stage_b: Setup, found: IdentificationResult) -> None:
     fine = stage_b._replace(file=stage_b.file._replace(simulation=stage_b.file.simulation._replace(substeps=20)))
     form = form_of(found, "displacement")
     coarse = worst(recorded(stage_b, trapezoid(), form))
     assert worst(recorded(stage_b, trapezoid(), form, fine)) == pytest.approx(coarse, abs=0.05)
 
 
-def test_the_unbounded_fit_is_unphysical_and_said(found: Found) -> None:
+def test_the_unbounded_fit_is_unphysical_and_noted(found: IdentificationResult) -> None:
     free = found.details["forms"]["exponential"]["unbounded"]
     assert 7.0 < free["parameters"]["static"]["value"] < 9.0  # 8.2 N in the design's own trials
     assert free["residual_rms"] < found.details["forms"]["exponential"]["residual_rms"]
-    assert any("exponential: without bounds the fit would take static = 8" in note for note in found.notes)
+    assert any(isinstance(note, Note) and note.topic is Topic.PRECISION for note in found.notes)
 
 
-def test_the_comparison_orders_the_forms(found: Found) -> None:
+def test_the_comparison_orders_the_forms(found: IdentificationResult) -> None:
     residual = {name: one["residual_percent"] for name, one in found.details["forms"].items()}
     assert residual["displacement"] < residual["gaussian"] < residual["exponential"] < residual["symmetric"]
     assert 1.0 < residual["displacement"] < 5.0 and 20.0 < residual["symmetric"] < 60.0
 
 
-def test_the_found_form_is_a_block_of_the_stage_file(tmp_path: Path, found: Found) -> None:
+def test_the_found_form_is_a_block_of_the_stage_file(tmp_path: Path, found: IdentificationResult) -> None:
     units = {"form": "", "velocity": " m/s", "slip": " m", "static": " N", "positive": " N", "negative": " N"}
     block = {key: f"{value!r}{units[key]}".strip("'") for key, value in found.changes["compensation"].items()}
     text = SLIDER.read_text(encoding="utf-8").replace("drives/stagectl", f"{SLIDER.parent}/drives/stagectl")
@@ -145,20 +147,22 @@ def test_the_found_form_is_a_block_of_the_stage_file(tmp_path: Path, found: Foun
 
 
 def test_progress_grows_to_its_end_and_the_seed_does_not_matter(
-    stage_b: Setup, uncompensated: NDArray[Any], found: Found
+    stage_b: Setup, uncompensated: NDArray[Any], found: IdentificationResult
 ) -> None:
-    told: list[tuple[int, int]] = []
-    other = identify([capture(uncompensated)], stage_b.file, lambda a, b: told.append((a, b)), "exponential", seed=7)
-    done = [one for one, _ in told]
-    assert done == sorted(done) and told[-1][0] == told[-1][1] and len(told) > 50
+    reported: list[tuple[int, int]] = []
+    other = identify(
+        [capture(uncompensated)], stage_b.file, lambda a, b: reported.append((a, b)), "exponential", seed=7
+    )
+    done = [step for step, _ in reported]
+    assert done == sorted(done) and reported[-1][0] == reported[-1][1] and len(reported) > 50
     first = form_of(found, "exponential")._asdict()
     for name in ("after", "static"):
         assert other.parameters[name].value == pytest.approx(first[name], rel=2e-3)
     assert other.parameters["after"].value != first["after"]  # another seed is another search
-    assert any("holds for the acceleration" in note for note in other.notes)
+    assert Topic.ACCELERATION_BOUND in topics(other.notes)
 
 
-def test_the_intervals_hold_the_plants_own_stribeck_curve(found: Found) -> None:
+def test_the_intervals_hold_the_plants_own_stribeck_curve(found: IdentificationResult) -> None:
     """The fit never sees these: 4.5 N, 5.3 N at rest, 3 mm/s.
 
     The form is not the plant's law: its rise acts on all of the friction, the plant's on what slips only.  So the
@@ -231,14 +235,16 @@ def test_the_raw_force_would_not_do(stage_b: Setup, uncompensated: NDArray[Any])
     assert np.std(fits[1].residual) > 2.0 * np.std(fits[0].residual)
 
 
-def test_a_commanded_current_is_shifted_and_said(stage_b: Setup, uncompensated: NDArray[Any], found: Found) -> None:
+def test_a_commanded_current_is_shifted_and_noted(
+    stage_b: Setup, uncompensated: NDArray[Any], found: IdentificationResult
+) -> None:
     one = reversals(capture(uncompensated, "current"), stage_b.file)
     fit = fitted("displacement", gathered([one]), 1, lambda *_, **__: None)
     assert fit.form[:3] == pytest.approx(form_of(found, "displacement")[:3], rel=0.03)
-    assert "no measured current; the current column, taken to act 0.909 ms later" in one.notes[0]
+    assert topics(one.notes) == {Topic.STAND_IN} and "0.909 ms" in one.notes[0]
 
 
-def test_dwells_are_taken_in(stage_b: Setup, found: Found) -> None:
+def test_dwells_are_taken_in(stage_b: Setup, found: IdentificationResult) -> None:
     one = reversals(capture(recorded(stage_b, trapezoid(dwell=0.2))), stage_b.file)
     fit = fitted("displacement", gathered([one]), 1, lambda *_, **__: None)
     assert len(one.reversals) == 3
@@ -247,34 +253,38 @@ def test_dwells_are_taken_in(stage_b: Setup, found: Found) -> None:
 
 
 @pytest.mark.parametrize(
-    ("motion", "words"),
+    ("motion", "reason"),
     [
-        (Trapezoid(5e-3, 10e-3, 0.1, 0.0, 2, True), "has no reversal of the velocity, it moves one way only"),
-        (Dwell(1.0), "has no reversal of the velocity, it does not move"),
-        (Sine(20e-6, 2.0, 6.0, 1.0), "the motion is too short; record a trapezoid there and back"),
-        (Trapezoid(2e-4, 10e-3, 0.1, 0.0, 3), "keeps no speed within 3 % for 20 ms"),
-        (ONE_LEG, "none with constant friction on both sides: only 1 of 2 legs"),
+        (Trapezoid(5e-3, 10e-3, 0.1, 0.0, 2, True), Refusal.NO_REVERSAL),
+        (Dwell(1.0), Refusal.NO_REVERSAL),
+        (Sine(20e-6, 2.0, 6.0, 1.0), Refusal.FRICTION_UNSETTLED),
+        (Trapezoid(2e-4, 10e-3, 0.1, 0.0, 3), Refusal.NO_STEADY_SPEED),
+        (ONE_LEG, Refusal.NO_STEADY_SPEED),
     ],
 )
-def test_a_motion_that_does_not_tell_is_refused(stage_b: Setup, motion: Trajectory, words: str) -> None:
+def test_a_motion_without_constant_friction_is_refused(stage_b: Setup, motion: Trajectory, reason: Refusal) -> None:
     one = synthetic(Displacement(3e-3, 16e-6, 5.3, 4.5, 4.5), stage_b, motion)
-    with pytest.raises(IdentificationError, match=words):
+    with pytest.raises(IdentificationError) as caught:
         identify([one], stage_b.file)
+    assert caught.value.reason is reason
 
 
 def test_bad_columns_are_refused(stage_b: Setup, uncompensated: NDArray[Any]) -> None:
     good = capture(uncompensated)
     hole = np.array(good.position)
     hole[17] = np.nan
-    for bad, words in (
-        (good._replace(position=hole), r"position\[17\] = nan; must be finite"),
-        (good._replace(dt=5e-3), r"sampling time = 5 ms; must lie in \(0, 4\] ms"),
-        (good._replace(current=-good.current), "does not oppose the motion; check motor.force_constant, the sign"),
-        (good._replace(position=good.position[:50], current=good.current[:50]), "has 50 samples; must have at least"),
+    for bad, reason in (
+        (good._replace(position=hole), Refusal.NOT_FINITE),
+        (good._replace(dt=5e-3), Refusal.SAMPLING),
+        (good._replace(current=-good.current), Refusal.OPPOSITE_SIGN),
+        (good._replace(position=good.position[:50], current=good.current[:50]), Refusal.TOO_SHORT),
     ):
-        with pytest.raises(IdentificationError, match=words):
+        with pytest.raises(IdentificationError) as caught:
             identify([bad], stage_b.file)
-    with pytest.raises(IdentificationError, match="form = cubic; must be one of exponential, gaussian, displacement"):
-        identify([good], stage_b.file, None, "cubic")
-    with pytest.raises(IdentificationError, match="no capture given"):
+        assert caught.value.reason is reason
+    with pytest.raises(IdentificationError) as caught:
+        identify([good], stage_b.file, form="cubic")
+    assert (caught.value.reason, caught.value.value) == (Refusal.UNKNOWN_OPTION, "cubic")
+    with pytest.raises(IdentificationError) as caught:
         identify([], stage_b.file)
+    assert caught.value.reason is Refusal.NO_CAPTURE

@@ -226,7 +226,7 @@ def test_layers_that_were_off_are_told(tmp_path: Path) -> None:
 def test_the_sliders_stiffness_lets_it_ring_at_40_hz() -> None:
     """M (2 pi f)^2 = sum(alpha / delta); Stribeck's curve bounds what slips and stiffens nothing.
 
-    The release itself is simulated in tests/identification/test_release.py.
+    The release itself is simulated in tests/studies/test_release.py.
     """
     setup = load_stage(CONFIG / "linear-slider.yaml")
     operators = setup.stage.friction.operators

@@ -1,4 +1,4 @@
-"""The figures of paper B draw what they are given, in the units that their axes name."""
+"""The figures of the zero-crossing identification draw what they are given, in the units that their axes name."""
 
 from __future__ import annotations
 
@@ -9,16 +9,7 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_blocks import Axis
-from stagectl.report.methods.zero_crossing import (
-    Compensated,
-    Run,
-    compensation,
-    forces,
-    forces_over,
-    release,
-    stroke_end,
-)
-from tests.identification.slider import errors, recorded, slider, trapezoid
+from stagectl.report.methods.zero_crossing import forces_over
 
 
 @pytest.fixture(autouse=True)
@@ -27,37 +18,15 @@ def _closed() -> Iterator[None]:
     plt.close("all")
 
 
-def test_stroke_end_and_release_draw_the_recording() -> None:
-    rows = recorded(slider(), trapezoid())
-    run = Run("10 mm/s", rows, 0.6, 20.0)
-    speed, force = stroke_end([run], (-0.1, 0.1)).axes
-    reference, response = speed.lines[0], speed.lines[1]
-    assert np.max(np.asarray(reference.get_ydata())) == pytest.approx(10.0)  # mm/s
-    assert np.max(np.asarray(response.get_ydata())) == pytest.approx(10.0, rel=0.02)
-    t, newton = np.asarray(force.lines[0].get_xdata()), np.asarray(force.lines[0].get_ydata())
-    assert (t[0], t[-1]) == pytest.approx((-100.0, 100.0), abs=0.5)
-    assert newton[0] == pytest.approx(20.0 * rows["measured_current"][1000], abs=1e-9)
-    (position,) = release([run], (0.0, 0.1)).axes
-    assert np.asarray(position.lines[0].get_ydata())[0] == 0.0
-    assert position.get_ylabel() == "position [µm]" and force.get_ylabel() == "output force [N]"
-
-
-def test_the_compensation_figure_has_the_papers_sign() -> None:
-    rows = recorded(slider(), trapezoid())
-    for instant in (0.6, 1.2):  # both turns: lagging is negative
-        _, error = compensation([Compensated("", rows, errors(rows))], instant).axes
-        assert -5.0 < np.min(np.asarray(error.lines[0].get_ydata())) < -4.0
-        assert error.lines[0].get_label() == "no compensation: -4.6 / +0.6 µm"
-
-
 def test_the_forms_are_drawn_over_time_and_velocity() -> None:
     t = np.linspace(-0.1, 0.1, 50)
     names = ("friction", "exponential", "displacement", "symmetric", "symmetric-free")
     curves = {"time": t, "velocity": -0.1 * t, **{name: np.full(50, float(k)) for k, name in enumerate(names)}}
     details = {"curves": {name: values.tolist() for name, values in curves.items()}}
-    left, right = forces(details).axes
+    (left,) = forces_over("time", details).axes
+    (right,) = forces_over("velocity", details).axes
     assert [line.get_label() for line in left.lines[:2]] == [
-        "seen: F - M a - D v",
+        "measured: F - M a - D v",
         "proposed (exponential), rms 1 N",
     ]
     assert np.asarray(left.lines[0].get_xdata())[0] == pytest.approx(-100.0)  # ms

@@ -1,4 +1,4 @@
-"""A record's reference run again through the controller it was recorded with, on a stage model: the four errors.
+"""A record's reference simulated through the controller it was recorded with, on a stage model: the four errors.
 
 The servo of the EMPS benchmark, a position gain around a velocity gain, with the mean of two positions differentiated::
 
@@ -18,15 +18,12 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.filtering import Motion, Recipe, moved
+from stagectl.identification import thresholds
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
+from stagectl.identification.filtering import FilterDesign, FilteredMotion, filtered_motion
 from stagectl.kernels import friction, stage
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
-
-CUTOFF = 100.0  # Hz
-BEYOND = 10.0  # of the record's stroke: a run that reaches further is unstable
-SUBSTEPS = 20  # of the integration in a sampling time; half the step changes no figure
 
 
 class Servo(NamedTuple):
@@ -37,7 +34,7 @@ class Servo(NamedTuple):
     current_limit: Annotated[float, Quantity("A", "(0, inf]", "the command saturates here")] = math.inf
 
 
-class Errors(NamedTuple):
+class SimulationErrors(NamedTuple):
     """Norm of the difference over norm of the record, in percent."""
 
     position: float
@@ -46,7 +43,7 @@ class Errors(NamedTuple):
     force: float
 
 
-PUBLISHED = Errors(0.013752, 0.22911, 8.6036, 5.848)  # EMPS, symmetric model, with the unit delay of its simulation
+PUBLISHED = SimulationErrors(0.013752, 0.22911, 8.6036, 5.848)  # EMPS, symmetric model, unit delay in its simulation
 
 
 class Simulated(NamedTuple):
@@ -56,52 +53,56 @@ class Simulated(NamedTuple):
     current: Array  # A
 
 
-def simulated(p: stage.Stage, servo: Servo, capture: Capture, substeps: int = SUBSTEPS) -> Simulated:
+def simulated(p: stage.Stage, servo: Servo, capture: Capture, substeps: int = thresholds.SERVO_SUBSTEPS) -> Simulated:
     """The reference of `capture` on the stage `p`, which begins as the record does: in motion, its friction slipping.
 
-    Raises IdentificationError where the capture has no reference, or the run leaves all bounds.
+    Raises IdentificationError where the capture has no reference, or the run is unstable.
     """
     if capture.reference is None:
         raise IdentificationError(
-            f"{capture.name} has no reference, so it cannot be run again in closed loop; record the reference with it"
+            f"{capture.name} has no reference, so it cannot be simulated in closed loop; record the reference with it",
+            Refusal.MISSING_COLUMN,
+            capture=capture.name,
+            value="reference",
         )
-    motion = moved(capture.position, Recipe(_cutoff(capture), 1, capture.dt))
-    begin = float(motion.velocity[0])
+    begin = float(motion(capture.position, capture).velocity[0])
     rows = np.empty((len(capture.reference), 2))
     before = float(capture.position[0]) - begin * capture.dt
     memory = (before, before - 0.5 * begin * capture.dt)
     x = _sliding(p, float(capture.position[0]), begin)
     _run(p, servo, (x, *memory), capture.reference, rows, (capture.dt, substeps))
-    if not float(np.ptp(rows[:, 0])) < BEYOND * float(np.ptp(capture.position)):
+    limit = thresholds.UNSTABLE_STROKES * float(np.ptp(capture.position))
+    if not float(np.ptp(rows[:, 0])) < limit:
         raise IdentificationError(
-            f"{capture.name}: the closed loop on this model is unstable; its parameters cannot be"
+            f"{capture.name}: the closed loop on this model is unstable, so its parameters cannot be right",
+            Refusal.UNSTABLE,
+            capture=capture.name,
+            value=float(np.ptp(rows[:, 0])),
+            unit="rad | m",
+            admissible=f"[0, {limit:g})",
         )
     return Simulated(rows[:, 0], rows[:, 1])
 
 
-def errors(run: Simulated, capture: Capture) -> Errors:
+def errors(run: Simulated, capture: Capture) -> SimulationErrors:
     """The four errors of a run against its record."""
-    recipe = Recipe(_cutoff(capture), 1, capture.dt)
-    ours, theirs = moved(run.position, recipe), moved(capture.position, recipe)
-    return Errors(
+    simulated, recorded = motion(run.position, capture), motion(capture.position, capture)
+    return SimulationErrors(
         _percent(run.position, capture.position),
-        _percent(ours.velocity, theirs.velocity),
-        _percent(ours.acceleration, theirs.acceleration),
+        _percent(simulated.velocity, recorded.velocity),
+        _percent(simulated.acceleration, recorded.acceleration),
         _percent(run.current, capture.current),
     )
 
 
-def motion(position: Array, capture: Capture) -> Motion:
+def motion(position: Array, capture: Capture) -> FilteredMotion:
     """Position (n,), velocity and acceleration by the errors' own filter."""
-    return moved(position, Recipe(_cutoff(capture), 1, capture.dt))
+    cutoff = min(thresholds.ERROR_CUTOFF, 0.4 / capture.dt)
+    return filtered_motion(position, FilterDesign(cutoff, 1, capture.dt))
 
 
-def _cutoff(capture: Capture) -> float:
-    return min(CUTOFF, 0.4 / capture.dt)
-
-
-def _percent(ours: Array, theirs: Array) -> float:
-    return 100.0 * float(np.linalg.norm(ours - theirs) / np.linalg.norm(theirs))
+def _percent(simulated: Array, recorded: Array) -> float:
+    return 100.0 * float(np.linalg.norm(simulated - recorded) / np.linalg.norm(recorded))
 
 
 def _sliding(p: stage.Stage, position: float, velocity: float) -> stage.State:

@@ -1,7 +1,7 @@
 """The delay between current and position that all members of the family share.
 
-``Kt i(t - tau) = J a(t) + ...``: it is found once, by `simultaneous`, whose friction is none of the family's, and taken
-where its interval leaves zero out and a member with it leaves less of the force.
+``Kt i(t - tau) = J a(t) + ...``: it is found once, by `simultaneous`, whose friction model is not of the family.  It is
+used where its interval excludes zero and a member with it has a smaller residual.
 """
 
 from __future__ import annotations
@@ -14,37 +14,37 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification import standard_errors
-from stagectl.identification.capture import Array, Capture, IdentificationError
-from stagectl.identification.result import Parameter
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
+from stagectl.identification.result import Note, Parameter, Topic
 from stagectl.identification.simultaneous import method as simultaneous
+from stagectl.identification.thresholds import NORMAL_95
 
-STEP = 1e-4  # s, of what a note tells
+NOTED_CHANGE = 1e-4  # s of delay, whose effect the note gives
 
 
 class Delay(NamedTuple):
-    """What is taken, and why."""
+    """The delay that is used, and why."""
 
     value: float = 0.0  # s, by which the force follows the capture's current column
-    deviation: float = 0.0  # s, that the parameters' intervals have in them
+    deviation: float = 0.0  # s, included in the parameters' intervals
     known: Parameter | None = None
     words: str = "taken as given"
 
 
-def estimated(captures: list[Capture], file: StageFile, left: Callable[[float], float]) -> Delay:
-    """The delay of all `captures`; `left` is the force (N m | N) that a member leaves at a delay (s)."""
+def estimated(captures: list[Capture], file: StageFile, residual: Callable[[float], float]) -> Delay:
+    """The delay of all `captures`; `residual` gives the rms residual (N m | N) of a member at a delay (s)."""
     try:
-        told = simultaneous.identify(captures, file).parameters["delay"]
+        delay = simultaneous.identify(captures, file).parameters["delay"]
     except IdentificationError as error:
         return Delay(words=f"taken as zero, as `simultaneous` does not find it ({error})")
-    half = 0.5 * (told.high - told.low)
-    said = f"{1e3 * told.value:.3g} ± {1e3 * half:.2g} ms by `simultaneous`"
-    if told.low <= 0.0 <= told.high:
-        about = math.hypot(told.value, half / standard_errors.SURE)  # of zero, which is what is taken
-        return Delay(0.0, about, told._replace(value=0.0), f"taken as zero, which {said} does not leave out")
-    if not left(told.value) < left(0.0):
-        return Delay(words=f"taken as zero: {said} would leave more of the force")
-    return Delay(told.value, half / standard_errors.SURE, told, f"{said}, taken for every model")
+    half = 0.5 * (delay.high - delay.low)
+    words = f"{1e3 * delay.value:.3g} ± {1e3 * half:.2g} ms by `simultaneous`"
+    if delay.low <= 0.0 <= delay.high:
+        about_zero = math.hypot(delay.value, half / NORMAL_95)
+        return Delay(0.0, about_zero, delay._replace(value=0.0), f"taken as zero, which {words} does not exclude")
+    if not residual(delay.value) < residual(0.0):
+        return Delay(words=f"taken as zero: with {words} the residual would be larger")
+    return Delay(delay.value, half / NORMAL_95, delay, f"{words}, taken for every model")
 
 
 def given(delay: float) -> Delay:
@@ -62,30 +62,36 @@ def shifted(capture: Capture, delay: float) -> Capture:
     lost = math.ceil(abs(delay) / capture.dt - 1e-9)
     rows = len(capture.time) - lost
     if rows < 2:
+        duration = capture.dt * len(capture.time)
         raise IdentificationError(
-            f"{capture.name}: delay = {1e3 * delay:.4g} ms; must be shorter than the record, "
-            f"{capture.dt * len(capture.time):.4g} s, either way"
+            f"{capture.name}: delay = {1e3 * delay:.4g} ms; must be shorter than the record, {duration:.4g} s, either "
+            "way",
+            Refusal.UNKNOWN_OPTION,
+            capture=capture.name,
+            value=delay,
+            unit="s",
+            admissible=f"({-duration:g}, {duration:g})",
         )
-    kept = slice(lost, None) if delay > 0.0 else slice(0, rows)
-    current = np.asarray(CubicSpline(capture.time, capture.current)(capture.time[kept] - delay), dtype=np.float64)
+    rows_used = slice(lost, None) if delay > 0.0 else slice(0, rows)
+    current = np.asarray(CubicSpline(capture.time, capture.current)(capture.time[rows_used] - delay), dtype=np.float64)
     return capture._replace(
         time=capture.time[:rows],
-        position=capture.position[kept],
+        position=capture.position[rows_used],
         current=current,
-        excitation=None if capture.excitation is None else capture.excitation[kept],
-        reference=None if capture.reference is None else capture.reference[kept],
+        excitation=None if capture.excitation is None else capture.excitation[rows_used],
+        reference=None if capture.reference is None else capture.reference[rows_used],
     )
 
 
-def note(taken: Delay, names: list[str], values: Array, per_second: Array) -> str:
-    """In words, with what 0.1 ms would change of the parameters `names`, by their changes (k,) a second of delay."""
+def note(delay: Delay, names: list[str], values: Array, per_second: Array) -> Note:
+    """A note with the effect of 0.1 ms on the parameters `names`, by their changes (k,) a second of delay."""
     changes = ", ".join(
-        f"{name} by {100.0 * STEP * abs(slope / value):.2g} %"
+        f"{name} by {100.0 * NOTED_CHANGE * abs(slope / value):.2g} %"
         for name, value, slope in zip(names, values.tolist(), per_second.tolist(), strict=False)
         if value
     )
-    said = f"delay: {taken.words}; 0.1 ms more or less would change {changes}"
-    if taken.deviation:
-        return f"{said}: the intervals hold what is not known of it"
-    advice = "" if taken.known is not None else ": --delay gives one that is known"
-    return f"{said}, which the intervals do not hold{advice}"
+    text = f"delay: {delay.words}; 0.1 ms more or less would change {changes}"
+    if delay.deviation:
+        return Note(Topic.DELAY, f"{text}: the intervals include its uncertainty")
+    advice = "" if delay.known is not None else ": --delay gives one that is known"
+    return Note(Topic.DELAY, f"{text}, which the intervals do not include{advice}")

@@ -1,10 +1,10 @@
-"""The friction family as a regression sees it: each member is a few columns that are linear in its weights.
+"""The friction family as a regression: each member is a few columns that are linear in its weights.
 
 ::
 
     F = J a + D v + offset + sum_j w_j c_j(theta)         w_j >= 0; theta is searched for (variable projection)
 
-What a column is of, and how weights and theta make a law that the plant can run, stands here once for each member.
+For each member this module defines its columns, and how weights and theta make a law that the plant can run.
 The plant has no table and no creep: it gets the stop operators with the same curve from rest, and of the creep its
 steady part ``k tau v``.
 """
@@ -17,15 +17,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
+from stagectl.identification.thresholds import FRICTION_ELEMENTS, TABLE_ROWS
 from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
 from stagectl.kernels.jit import table
 
-ELEMENTS, SPREAD = 6, 30.0  # stop operators, and largest over smallest slip
-NODES = 8  # of the data-based table
 FORCE, STIFFNESS, DAMPING = "N m | N", "N m/rad | N/m", "N m s/rad | N s/m"
 LENGTH, SPEED = "rad | m", "rad/s | m/s"
-RANGE, SHAPE = "range", 2.0  # what is a length is bounded by the capture; Stribeck's curve is Gaussian
+SHAPE = 2.0  # exponent of Stribeck's curve: Gaussian
 
 
 class Searched(NamedTuple):
@@ -60,8 +60,9 @@ class Member(NamedTuple):
         return 3 + len(self.linear) + len(self.searched)
 
 
-_LENGTHS = Searched("range", LENGTH, 2.0, 0.2)  # counts of the encoder; of the stroke
-_SPEEDS = Searched("stribeck_velocity", SPEED, 0.003, 0.5)  # of the largest speed
+# The unit of a length's bounds is an encoder step for the lower and the stroke for the upper one.
+_LENGTHS = Searched("range", LENGTH, thresholds.SHORTEST_RANGE, thresholds.LONGEST_RANGE)
+_SPEEDS = Searched("stribeck_velocity", SPEED, thresholds.SLOWEST_STRIBECK, thresholds.FASTEST_STRIBECK)
 _RISE = Searched("stribeck_rise", "", 1e-3, 1.0)
 NOTHING = friction.bundle([0.0], [1.0])
 
@@ -90,8 +91,10 @@ def _unit_bristle(theta: Sequence[float]) -> friction_bristle.Bristle:
 
 
 def _gms_columns(path: Path, theta: Sequence[float]) -> Array:
-    p = friction.Gms(friction.bundle([1.0] * ELEMENTS, slips(theta[0])), friction.Stribeck(theta[1], theta[2], SHAPE))
-    out = np.empty((len(path.position), ELEMENTS))
+    p = friction.Gms(
+        friction.bundle([1.0] * FRICTION_ELEMENTS, slips(theta[0])), friction.Stribeck(theta[1], theta[2], SHAPE)
+    )
+    out = np.empty((len(path.position), FRICTION_ELEMENTS))
     friction_path.operators(p, path.position, path.dt, out)
     return out
 
@@ -116,12 +119,12 @@ def _table_columns(path: Path, theta: Sequence[float]) -> Array:
 
 def slips(longest: float) -> list[float]:
     """Slips of the elements (rad | m), spaced geometrically."""
-    return [longest * SPREAD ** (j / (ELEMENTS - 1) - 1.0) for j in range(ELEMENTS)]
+    return [longest * thresholds.SLIP_SPREAD ** (j / (FRICTION_ELEMENTS - 1) - 1.0) for j in range(FRICTION_ELEMENTS)]
 
 
 def nodes(longest: float) -> Array:
     """Displacements of the table's rows (rad | m): 0, and geometrically up to `longest`."""
-    return np.concatenate([[0.0], np.geomspace(longest / SPREAD, longest, NODES)])
+    return np.concatenate([[0.0], np.geomspace(longest / thresholds.SLIP_SPREAD, longest, TABLE_ROWS)])
 
 
 def bundled(displacement: Array, force: Array) -> friction.StopOperators:
@@ -195,8 +198,8 @@ FAMILY: dict[str, Member] = {
         _lugre_plant,
     ),
     "gms": Member(
-        f"GMS, {ELEMENTS} elements",
-        tuple((f"weight_{j + 1}", FORCE) for j in range(ELEMENTS)),
+        f"GMS, {FRICTION_ELEMENTS} elements",
+        tuple((f"weight_{j + 1}", FORCE) for j in range(FRICTION_ELEMENTS)),
         (_LENGTHS, _RISE, _SPEEDS),
         _gms_columns,
         _gms_plant,
@@ -210,8 +213,8 @@ FAMILY: dict[str, Member] = {
         whole=False,
     ),
     "table": Member(
-        f"data-based table, {NODES} rows",
-        tuple((f"rise_{j + 1}", FORCE) for j in range(NODES)),
+        f"data-based table, {TABLE_ROWS} rows",
+        tuple((f"rise_{j + 1}", FORCE) for j in range(TABLE_ROWS)),
         (_LENGTHS,),
         _table_columns,
         _table_plant,

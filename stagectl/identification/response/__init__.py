@@ -1,1 +1,1 @@
-"""Frequency response from current to velocity, and what friction does to it; `method` is where it begins."""
+"""Frequency response from current to velocity, and the effect of friction on it; `method` is where it begins."""

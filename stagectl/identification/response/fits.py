@@ -7,11 +7,11 @@ velocity amplitude W and displacement amplitude X = W/w a stop operator of weigh
     N = -j a X/(d W)                                                                            X <= d
 
 so that far from presliding ``Re(Kt/H) = D + 4 Tc/(pi W)``.  Everything is linear in J, D and the weights, which are not
-negative: one convex problem for each delay.  Where the velocity is no sine any more (near standstill) the fundamental
-of its sign takes the place of 4/pi, see `response_lines.Curve.relay`.
+negative: one convex problem for each delay.  Near standstill, where the velocity is not a sine, the fundamental of its
+sign replaces 4/pi (`lines.Curve.relay`).
 
-Residuals are relative, as gains and phases are read from a Bode diagram: each line counts by its standard deviation,
-but none for more than half a per cent, which is what a describing function leaves open.
+Residuals are relative, as gains and phases are read from a Bode diagram.  Each line is weighted by its standard
+deviation, but none is taken as better than half a per cent, the accuracy of a describing function.
 
 Source: Simultaneous Identification ..., section IV.A.1 and Fig. 4; the describing function by integration of the
 stop operator over a period (`kernels.friction`).
@@ -26,16 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
+from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.response.lines import Curve
-from stagectl.identification.response.sampling import Complex
+from stagectl.identification.response.sampling_correction import Complex
 from stagectl.identification.result import Parameter
-
-ELEMENTS = 24
-FLOOR = 0.005  # relative deviation that no line is taken to be better than
-SMALLEST, LARGEST = 0.1, 0.1  # of the displacements: ends of the range of slips that are offered
-EARLIEST, LATEST = -2e-3, 5e-3  # s, delays that are searched
-PAPER_LAG = 0.25e-3  # s, left in the response: what makes the paper's curve fit err downwards
 
 
 class Lines(NamedTuple):
@@ -53,13 +48,13 @@ class Lines(NamedTuple):
         return 2.0 * np.pi * self.frequency
 
 
-class Fit(NamedTuple):
+class ResponseFit(NamedTuple):
     """A model and how it was fitted; NaN where it has no such parameter."""
 
     name: str
     values: Array  # (p,) inertia, viscous, then the weights of the operators
     covariance: NDArray[np.float64]  # (p + 1, p + 1) with the delay as the last one
-    delay: float  # s, beyond what the sampling explains
+    delay: float  # s, beyond that of the sampling
     slip: Array  # (p - 2,) rad | m
     residual: float  # rms, relative
     freedom: int  # of the residual
@@ -69,24 +64,25 @@ class Fit(NamedTuple):
         """Sum of the weights (N m | N), NaN without friction in the model."""
         return float(np.sum(self.values[2:])) if len(self.slip) else math.nan
 
-    def interval(self, of: Array, unit: str) -> Parameter:
-        """The combination `of` (p + 1,) of values and delay with its 95 % interval."""
-        value = float(of @ np.append(self.values, self.delay))
-        half = float(stats.t.ppf(0.975, max(self.freedom, 1)) * math.sqrt(max(float(of @ self.covariance @ of), 0.0)))
+    def interval(self, combination: Array, unit: str) -> Parameter:
+        """The linear `combination` (p + 1,) of values and delay with its 95 % interval."""
+        value = float(combination @ np.append(self.values, self.delay))
+        variance = max(float(combination @ self.covariance @ combination), 0.0)
+        half = float(stats.t.ppf(thresholds.QUANTILE_95, max(self.freedom, 1)) * math.sqrt(variance))
         return Parameter(value, value - half, value + half, unit)
 
 
 def lines(curves: list[Curve], force_constant: float) -> Lines:
     """The sound lines of all `curves`, as effort per velocity."""
-    sound = [(one, one.sound) for one in curves]
-    response = np.concatenate([one.response[keep] for one, keep in sound])
-    deviation = np.nan_to_num(np.concatenate([one.deviation[keep] for one, keep in sound])) / np.abs(response)
-    share = 1.0 / np.hypot(deviation, FLOOR)
+    sound = [(curve, curve.sound) for curve in curves]
+    response = np.concatenate([curve.response[keep] for curve, keep in sound])
+    deviation = np.nan_to_num(np.concatenate([curve.deviation[keep] for curve, keep in sound])) / np.abs(response)
+    share = 1.0 / np.hypot(deviation, thresholds.LINE_ACCURACY)
     return Lines(
-        np.concatenate([one.frequency[keep] for one, keep in sound]),
+        np.concatenate([curve.frequency[keep] for curve, keep in sound]),
         np.asarray(force_constant / response, dtype=np.complex128),
-        np.concatenate([one.velocity[keep] for one, keep in sound]),
-        np.concatenate([one.relay[keep] for one, keep in sound]),
+        np.concatenate([curve.velocity[keep] for curve, keep in sound]),
+        np.concatenate([curve.relay[keep] for curve, keep in sound]),
         share / math.sqrt(float(np.mean(share**2))) * np.abs(response) / force_constant,
     )
 
@@ -101,7 +97,7 @@ def stop_operator(slip: Array, velocity: Array, omega: Array) -> Complex:
     return np.asarray((loss - 1j * stored) / velocity[:, None], dtype=np.complex128)
 
 
-def gain_curve(p: Lines) -> Fit:
+def gain_curve(p: Lines) -> ResponseFit:
     """Least squares on the logarithm of the gain alone, as a Bode gain is fitted by eye."""
     omega, size = p.omega, np.log(np.abs(p.effort))
 
@@ -109,28 +105,32 @@ def gain_curve(p: Lines) -> Fit:
         return np.asarray(np.log(np.abs(1j * omega * math.exp(logs[0]) + math.exp(logs[1]))) - size)
 
     low, high = int(np.argmin(omega)), int(np.argmax(omega))
-    found = optimize.least_squares(residual, [size[high] - math.log(omega[high]), size[low]])
-    rms = math.sqrt(float(np.mean(found.fun**2)))
-    return _plain("gain curve", np.exp(found.x), 0.0, rms)
+    solution = optimize.least_squares(residual, [size[high] - math.log(omega[high]), size[low]])
+    rms = math.sqrt(float(np.mean(solution.fun**2)))
+    return _without_covariance("gain curve", np.exp(solution.x), 0.0, rms)
 
 
-def linear(p: Lines, lag: float = 0.0) -> Fit:
+def linear(p: Lines, lag: float = 0.0) -> ResponseFit:
     """Linear least squares on Kt/H, each line alike, with a `lag` (s) left in the response."""
     values = _linear(p, -lag, np.ones(len(p.frequency)))
     name = f"linear, {lag * 1e3:g} ms of lag left in" if lag else "linear least squares"
     misfit = p.effort * np.exp(1j * p.omega * lag) - (1j * p.omega * values[0] + values[1])
-    return _plain(name, values, lag, math.sqrt(float(np.mean(np.abs(misfit / p.effort) ** 2))))
+    return _without_covariance(name, values, lag, math.sqrt(float(np.mean(np.abs(misfit / p.effort) ** 2))))
 
 
-def with_delay(p: Lines, name: str) -> Fit:
+def with_delay(p: Lines, name: str) -> ResponseFit:
     """Inertia, viscous friction and delay, relative residuals, no friction in the model."""
     return _searched(p, np.zeros(0), name)
 
 
-def with_friction(p: Lines, name: str) -> Fit:
-    """The same with stop operators over the range of displacements that the lines span."""
+def with_friction(p: Lines, name: str) -> ResponseFit:
+    """The same with stop operators over the range of displacements of the lines."""
     displacement = p.velocity / p.omega
-    slip = np.geomspace(SMALLEST * np.min(displacement), LARGEST * np.max(displacement), ELEMENTS)
+    slip = np.geomspace(
+        thresholds.SHORTEST_RESPONSE_SLIP * np.min(displacement),
+        thresholds.LONGEST_RESPONSE_SLIP * np.max(displacement),
+        thresholds.RESPONSE_ELEMENTS,
+    )
     return _searched(p, slip, name)
 
 
@@ -140,24 +140,24 @@ def _linear(p: Lines, delay: float, weight: Array) -> Array:
     return np.array([inertia, float(np.sum(weight * effort.real) / np.sum(weight))])
 
 
-def _plain(name: str, values: Array, delay: float, residual: float) -> Fit:
-    return Fit(name, values, np.zeros((3, 3)), delay, np.zeros(0), residual, 1)
+def _without_covariance(name: str, values: Array, delay: float, residual: float) -> ResponseFit:
+    return ResponseFit(name, values, np.zeros((3, 3)), delay, np.zeros(0), residual, 1)
 
 
-def _searched(p: Lines, slip: Array, name: str) -> Fit:
+def _searched(p: Lines, slip: Array, name: str) -> ResponseFit:
     """Best delay by a bounded search, a convex problem at each."""
     model = _model(p, slip)
 
     def misfit(delay: float) -> float:
         return _solved(p, model, delay)[1]
 
-    rough = np.linspace(EARLIEST, LATEST, 57)
+    rough = np.linspace(thresholds.EARLIEST_DELAY, thresholds.LATEST_DELAY, 57)
     best = float(rough[int(np.argmin([misfit(delay) for delay in rough.tolist()]))])
     step = float(rough[1] - rough[0])
     bounds = (best - step, best + step)
     delay = float(optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-10}).x)
     values, norm = _solved(p, model, delay)
-    return _judged(p, model, Fit(name, values, np.zeros((0, 0)), delay, slip, norm, 0))
+    return _with_covariance(p, model, ResponseFit(name, values, np.zeros((0, 0)), delay, slip, norm, 0))
 
 
 def _model(p: Lines, slip: Array) -> Complex:
@@ -180,7 +180,7 @@ def _solved(p: Lines, model: Complex, delay: float) -> tuple[Array, float]:
     return np.asarray(scaled / length, dtype=np.float64), float(norm)
 
 
-def _judged(p: Lines, model: Complex, fit: Fit) -> Fit:
+def _with_covariance(p: Lines, model: Complex, fit: ResponseFit) -> ResponseFit:
     """Covariance over the values that are not zero and the delay, from the residual's own size."""
     active = np.append(fit.values > 0.0, True)
     turned = p.effort * np.exp(-1j * p.omega * fit.delay)
@@ -191,6 +191,3 @@ def _judged(p: Lines, model: Complex, fit: Fit) -> Fit:
     covariance = np.zeros((len(active), len(active)))
     covariance[np.ix_(active, active)] = inverse @ inverse.T * fit.residual**2 / freedom
     return fit._replace(covariance=covariance, residual=fit.residual / math.sqrt(columns.shape[0]), freedom=freedom)
-
-
-__all__ = ["Fit", "Lines", "gain_curve", "linear", "lines", "stop_operator", "with_delay", "with_friction"]

@@ -1,1 +1,1 @@
-"""Everything from one motion with reversals: the paper's method, made convex; `method` is where it begins."""
+"""Inertia, viscous and rolling friction and delay from one motion with reversals; `method` is where it begins."""

@@ -1,8 +1,8 @@
-"""Equation of motion solved for its parameters and for the delay between current and position.
+"""The equation of motion solved for its parameters and for the delay between current and position.
 
-For each delay the problem is convex (`identification.errors_in_columns`), and its cost is a smooth function of the
-delay: a scan finds the valley, and inside it the moments of the current are interpolated (Chebyshev), so that a long
-capture is filtered a few times only.
+For each delay the problem is convex (`errors_in_variables`), and its cost is a smooth function of the delay.  A scan
+finds the valley.  Inside it the moments of the current are interpolated (Chebyshev), so that a long capture is filtered
+a few times only.
 """
 
 from __future__ import annotations
@@ -14,25 +14,19 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy import optimize
 
-from stagectl.identification.capture import Array, IdentificationError
-from stagectl.identification.simultaneous import errors_in_columns as errors
-from stagectl.identification.simultaneous.instruments import Instruments, seen
+from stagectl.identification import thresholds
+from stagectl.identification.capture import Array, IdentificationError, Refusal
+from stagectl.identification.simultaneous import errors_in_variables as errors
+from stagectl.identification.simultaneous.errors_in_variables import Instruments, seen
 from stagectl.identification.simultaneous.regressors import FREE, ONE, Part, current_noise, currents, encoder_noise
-
-PERIODS, SPARE = 8.0, 1e-3  # delays are searched within 8 sampling times and 1 ms, either way
-NODES, MANY = 9, 25  # of the interpolation: within a millisecond or two, over the whole range
-GRID = 11
-STEPS = 6  # of the search's centre
-SHARES = (1.0, 0.5, 0.25, 0.1)  # of the noise
-ROUNDS = 4  # until noise and parameters agree
 
 
 class Problem(NamedTuple):
-    """Captures and grid of slips, ready to be solved for any delay."""
+    """Captures and a grid of slips, ready to be solved for any delay."""
 
     parts: list[Part]
     columns: Array  # (rows, FREE + j)
-    seen: Array  # the same as the instruments see them; without instruments, `columns`
+    seen: Array  # the same projected on the instruments; without instruments, `columns`
     instruments: Instruments | None
     equations: errors.Equations  # of all columns
     slip: Array  # (j,) rad | m
@@ -54,7 +48,7 @@ class Moments(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Answer: parameters of all columns, 0 where a column was not used."""
+    """A solution: parameters of all columns, 0 where a column was not used."""
 
     theta: Array  # (FREE + j,)
     delay: float  # s
@@ -65,9 +59,9 @@ class Fit(NamedTuple):
 
 
 def widest(parts: list[Part] | float) -> float:
-    """Largest delay (s) that is looked for, at the sampling time of the slowest capture."""
+    """Largest delay (s) that is searched, at the sampling time of the slowest capture."""
     dt = parts if isinstance(parts, float) else max(p.capture.dt for p in parts)
-    return PERIODS * dt + SPARE
+    return thresholds.DELAY_PERIODS * dt + thresholds.DELAY_SPARE
 
 
 def kept(p: Problem, ripple: bool, every: slice = slice(None)) -> list[int]:
@@ -82,18 +76,22 @@ def fitted(p: Problem, keep: list[int], delay: float | None, near: Fit | float) 
     """
     part = selected(p, keep)
     limit = widest(p.parts)
-    step = 0.0 if delay is not None else 2.0 * limit / (GRID - 1)
+    step = 0.0 if delay is not None else 2.0 * limit / (thresholds.DELAY_GRID - 1)
     span = near.span if isinstance(near, Fit) else moments(p, near if delay is None else delay, step)
-    for _ in range(STEPS):
+    for _ in range(thresholds.DELAY_STEPS):
         fit = _settled(p, keep, part, at_delay(p, keep, span))
         if abs(fit.delay - span.middle) <= 0.95 * step:
             return fit
         span = moments(p, min(max(fit.delay, -limit), limit), step)
     raise IdentificationError(
-        f"the search of the delay did not converge: the best is still moving at {1e3 * fit.delay:.3g} ms after {STEPS} "
-        f"steps, within the {1e3 * limit:.3g} ms either way that are looked at: the motion does not tell the delay, or "
+        f"the search for the delay did not converge: the best is still moving at {1e3 * fit.delay:.3g} ms after "
+        f"{thresholds.DELAY_STEPS} steps, within ±{1e3 * limit:.3g} ms: the motion does not determine the delay, or "
         "position and current do not belong together in all of the record; give --delay, from a capture of a position "
-        "sine, or cut the record to its sound part"
+        "sine, or cut the record to its sound part",
+        Refusal.SEARCH,
+        value=fit.delay,
+        unit="s",
+        admissible=f"[{-limit:g}, {limit:g}]",
     )
 
 
@@ -110,7 +108,7 @@ def at_delay(p: Problem, keep: list[int], span: Moments) -> Fit:
 
 
 def _answer(p: Problem, keep: list[int], values: Array, fit: Fit) -> Fit:
-    """`fit` with these `values` of the columns `keep`, and what they leave."""
+    """`fit` with these `values` of the columns `keep`, and their residual."""
     theta = np.zeros(p.columns.shape[1])
     theta[keep] = values
     residual = p.force_constant * currents(p.parts, fit.delay) - p.columns @ theta
@@ -126,14 +124,17 @@ def without_noise(part: errors.Equations, noise: float) -> errors.Equations:
     if cleared is None:
         raise IdentificationError(
             f"acceleration noise of {math.sqrt(noise):.3g} rad/s^2 | m/s^2 rms; the motion's own acceleration must "
-            "exceed it: record a larger current or a faster motion"
+            "exceed it: record a larger current or a faster motion",
+            Refusal.NOISE,
+            value=math.sqrt(noise),
+            unit="rad/s^2 | m/s^2",
         )
     return cleared
 
 
 def with_less(part: errors.Equations, noise: float) -> tuple[errors.Equations, float]:
-    """`part` without as much of `noise` as leaves an acceleration at all, and how much that was: for a first look."""
-    for share in SHARES:
+    """`part` without the largest share of `noise` that leaves an acceleration, and that share: for the coarse grid."""
+    for share in thresholds.NOISE_SHARES:
         cleared = errors.cleared(part, share * noise)
         if cleared is not None:
             return cleared, share * noise
@@ -141,8 +142,8 @@ def with_less(part: errors.Equations, noise: float) -> tuple[errors.Equations, f
 
 
 def _settled(p: Problem, keep: list[int], part: errors.Equations, fit: Fit) -> Fit:
-    """Repeat until the noise taken from the acceleration is that of the residual."""
-    for _ in range(ROUNDS):
+    """Repeat until the noise removed from the acceleration is that of the residual."""
+    for _ in range(thresholds.NOISE_ROUNDS):
         noise = acceleration_noise(p, fit)
         cleared = without_noise(part, noise)
         delay = best(cleared, keep, fit.span)
@@ -154,9 +155,9 @@ def _settled(p: Problem, keep: list[int], part: errors.Equations, fit: Fit) -> F
 def acceleration_noise(p: Problem, fit: Fit) -> float:
     """Variance of the noise in the acceleration column.
 
-    What of the residual is noise, and is no noise of the current's sensor, as an acceleration; at least the encoder's.
+    It is the residual's noise, less that of the current's sensor, as an acceleration; at least the encoder's.
     """
-    if p.instruments is not None:  # what they see is free of it
+    if p.instruments is not None:  # their projection is free of it
         return 0.0
     inertia = float(fit.theta[0])
     least = encoder_noise(p.parts)
@@ -174,12 +175,12 @@ def best(part: errors.Equations, keep: list[int], span: Moments) -> float:
     def cost(delay: float) -> float:
         return errors.solved(part, *span.at(float(delay), keep)).cost
 
-    found = optimize.minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-8})
-    return float(found.x)
+    minimum = optimize.minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-8})
+    return float(minimum.x)
 
 
 def refitted(p: Problem, keep: list[int], fit: Fit) -> tuple[Array, float]:
-    """Parameters (FREE + j,) and delay with other columns, at the noise of `fit`: what the choice of slips changes."""
+    """Parameters (FREE + j,) and delay with other columns, at the noise of `fit`: the effect of the choice of slips."""
     cleared = without_noise(selected(p, keep), fit.noise)
     delay = best(cleared, keep, fit.span)
     theta = np.zeros(p.columns.shape[1])
@@ -187,7 +188,7 @@ def refitted(p: Problem, keep: list[int], fit: Fit) -> tuple[Array, float]:
     return theta, delay
 
 
-def moments(p: Problem, middle: float, half: float = 0.0, nodes: int = NODES) -> Moments:
+def moments(p: Problem, middle: float, half: float = 0.0, nodes: int = thresholds.DELAY_NODES) -> Moments:
     """Moments of the force with all columns, at delays up to `half` either side of `middle` (s)."""
     count = nodes if half > 0.0 else 1
     places = np.cos(math.pi * (np.arange(count) + 0.5) / count)

@@ -4,9 +4,22 @@
 
     Kt i(t - tau) = J a + D w + b + c sin(theta) + d cos(theta) + sum_j alpha_j S_j(x)
 
-All columns and the left side pass the same window (`identification.smoothing`) and are kept once per knot distance.
-What an element carries at the start is not known; it is forgotten once the axis has moved by twice the element's slip
-in either direction, and the rows before that are left out.
+All columns and the left side pass the same window and are kept once per knot distance.  The state of an element at
+the start is not known.  It is forgotten once the axis has moved by twice the element's slip in either direction; the
+rows before that are left out.
+
+The window is the quintic B-spline ``B`` of knot distance ``h = q dt``: 6 h long, -3 dB at 0.187/h, zero phase.  As it
+is smooth itself, the derivative of the filtered signal is the signal filtered with the window's derivative, and a delay
+is the window shifted, without interpolation between samples::
+
+    y(t_k)        = sum_m x_m B(t_k - t_m) dt
+    y'(t_k)       = sum_m x_m B'(t_k - t_m) dt
+    y(t_k - tau)  = sum_m x_m B(t_k - t_m - tau) dt
+
+The sampled window has a sum of exactly 1 at any shift.  Filtering both sides of a linear equation keeps its solution.
+
+Source: modulating functions, M. Shinbrot, Trans. ASME 79, 1957; the paper's zero-phase low-pass (Simultaneous
+Identification ..., section IV.B).
 """
 
 from __future__ import annotations
@@ -16,21 +29,64 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from scipy import interpolate, signal
 
+from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.simultaneous.smoothing import HALF, Rows, delayed, margin, smoothed, window
 from stagectl.kernels import presliding
 
-SHORTEST_KNOTS = 1.5e-3  # s, knot distance: the window passes 125 Hz
-LONGEST_KNOTS = 0.03  # s
-QUIET = 0.003  # noise that the encoder may leave in the acceleration, relative to its rms
+KNOTS = 3  # knot distances to either side
+HALF = KNOTS + 1  # the same with room for a shift by a fraction of a sample
 BLOCK = 4096  # rows at a time, which keeps the memory of a long capture small
 ACCELERATION, VELOCITY, ONE = 0, 1, 2
 FREE = 5  # columns before the operators: the two of the ripple come after `ONE`
 
 
+def window(q: int, dt: float, order: int = 0, shift: float = 0.0) -> Array:
+    """Weights (2 HALF q + 1,) of the window's derivative of this `order`, late by `shift` (s) of at most a sample."""
+    knots = q * dt * (np.arange(2 * KNOTS + 1) - KNOTS)
+    spline = interpolate.BSpline.basis_element(knots, extrapolate=False)
+    offsets = np.arange(-HALF * q, HALF * q + 1) * dt - shift
+    weights = np.nan_to_num(spline.derivative(order)(offsets) if order else spline(offsets))
+    return np.asarray(weights / q, dtype=np.float64)
+
+
+def margin(q: int, dt: float, delay: float) -> int:
+    """Samples that the window needs to either side of its middle at delays up to `delay` (s)."""
+    return HALF * q + math.ceil(delay / dt)
+
+
+class Rows(NamedTuple):
+    """Samples at which a filtered signal is kept: start, start + stride q, ..."""
+
+    start: int
+    number: int
+    q: int  # samples per knot distance
+    stride: int = 1  # knot distances per row: 1, 2, 4 or 8
+
+    @property
+    def step(self) -> int:
+        """Samples per row."""
+        return self.q * self.stride
+
+
+def smoothed(x: Array, weights: Array, rows: Rows) -> Array:
+    """`x` (..., n) filtered with `weights` at the samples `rows`: (..., count)."""
+    half = HALF * rows.q
+    part = x[..., rows.start - half : rows.start + (rows.number - 1) * rows.step + half + 1]
+    full = signal.upfirdn(weights, part, up=1, down=rows.step, axis=-1)
+    first = 2 * half // rows.step
+    return np.asarray(full[..., first : first + rows.number], dtype=np.float64)
+
+
+def delayed(x: Array, delay: float, dt: float, rows: Rows, order: int = 0) -> Array:
+    """``x(t - delay)`` filtered, or its derivative of this `order`, at `rows`."""
+    whole = round(delay / dt)
+    return smoothed(x, window(rows.q, dt, order, delay - whole * dt), rows._replace(start=rows.start - whole))
+
+
 class Part(NamedTuple):
-    """One capture, and the rows that are taken of it."""
+    """The rows of one capture that the regression uses."""
 
     capture: Capture
     places: Rows
@@ -48,16 +104,16 @@ class Part(NamedTuple):
 
 def shortest_knots(capture: Capture) -> int:
     """Samples per knot distance where noise does not matter."""
-    return max(1, round(SHORTEST_KNOTS / capture.dt))
+    return max(1, round(thresholds.SHORTEST_KNOTS / capture.dt))
 
 
 def knots(capture: Capture) -> int:
-    """Samples per knot distance: short, to see a reversal, unless the encoder's noise would fill the acceleration."""
+    """Samples per knot distance: few, to resolve a reversal, unless the encoder's noise would fill the acceleration."""
     q = shortest_knots(capture)
-    while (q + 1) * capture.dt <= LONGEST_KNOTS and 2 * HALF * (q + 1) < len(capture.position) // 4:
+    while (q + 1) * capture.dt <= thresholds.LONGEST_KNOTS and 2 * HALF * (q + 1) < len(capture.position) // 4:
         weights = window(q, capture.dt, 2)
         rms = acceleration(capture, q).std()
-        if position_noise(capture) * math.sqrt(float(weights @ weights)) <= QUIET * float(rms):
+        if position_noise(capture) * math.sqrt(float(weights @ weights)) <= thresholds.WINDOWED_NOISE * float(rms):
             break
         q += 1
     return q
@@ -71,7 +127,7 @@ def acceleration(capture: Capture, q: int, order: int = 2) -> Array:
 
 
 def position_noise(capture: Capture) -> float:
-    """Standard deviation of the measured position: of rounding, or what fourth differences show above it."""
+    """Standard deviation of the position's noise: that of rounding, or of fourth differences where it is larger."""
     differences = np.abs(np.diff(capture.position, 4))
     seen = float(np.median(differences)) / 0.6745 / math.sqrt(70.0) if len(differences) else 0.0
     return max(capture.encoder_step / math.sqrt(12.0), seen)
@@ -89,7 +145,7 @@ def part(capture: Capture, q: int, longest: float, delay: float) -> Part:
 def thinned(parts: list[Part], most: int) -> list[Part]:
     """Every second, fourth or eighth row where there are more than `most` of all parts together."""
     total = sum(p.rows for p in parts)
-    stride = next((one for one in (1, 2, 4) if total <= one * most), 8)
+    stride = next((step for step in (1, 2, 4) if total <= step * most), 8)
     return [p._replace(places=p.places._replace(number=(p.rows + stride - 1) // stride, stride=stride)) for p in parts]
 
 
@@ -97,14 +153,14 @@ def columns(p: Part, slip: Array, order: int = 0) -> Array:
     """Regressor (rows, FREE + j) of one capture for elements of these slips (j,), or its derivative of this `order`."""
     x = p.capture.position - p.capture.position[0]
     smooth = window(p.q, p.capture.dt, order)
-    found = np.full((p.rows, FREE + len(slip)), 1.0 if order == 0 else 0.0)
-    found[:, ACCELERATION] = smoothed(x, window(p.q, p.capture.dt, order + 2), p.places)
-    found[:, VELOCITY] = smoothed(x, window(p.q, p.capture.dt, order + 1), p.places)
-    found[:, ONE + 1] = smoothed(np.sin(p.capture.position), smooth, p.places)
-    found[:, ONE + 2] = smoothed(np.cos(p.capture.position), smooth, p.places)
+    matrix = np.full((p.rows, FREE + len(slip)), 1.0 if order == 0 else 0.0)
+    matrix[:, ACCELERATION] = smoothed(x, window(p.q, p.capture.dt, order + 2), p.places)
+    matrix[:, VELOCITY] = smoothed(x, window(p.q, p.capture.dt, order + 1), p.places)
+    matrix[:, ONE + 1] = smoothed(np.sin(p.capture.position), smooth, p.places)
+    matrix[:, ONE + 2] = smoothed(np.cos(p.capture.position), smooth, p.places)
     for first, block in _operators(p, x, slip, smooth):
-        found[first : first + block.shape[1], FREE:] = block.T
-    return found
+        matrix[first : first + block.shape[1], FREE:] = block.T
+    return matrix
 
 
 def _operators(p: Part, x: Array, slip: Array, smooth: Array) -> Iterator[tuple[int, Array]]:
@@ -127,7 +183,7 @@ def _operators(p: Part, x: Array, slip: Array, smooth: Array) -> Iterator[tuple[
 def _track(x: Array) -> Array:
     """Position (n + 3,) that the operators follow, lightly smoothed (cubic B-spline); two more samples lead, one ends.
 
-    Rounding alone would move them to and fro at standstill.
+    Without it rounding alone would move them to and fro at standstill.
     """
     light = x.copy()
     light[1:-1] = (x[:-2] + 4.0 * x[1:-1] + x[2:]) / 6.0
@@ -135,20 +191,20 @@ def _track(x: Array) -> Array:
 
 
 def _strained(track: Array, rate: Array, states: Array) -> Array:
-    found = np.zeros((len(rate), max(len(track) - 3, 0)))
-    presliding.strains(rate, states, np.ascontiguousarray(track), found)
-    return found
+    states_over_time = np.zeros((len(rate), max(len(track) - 3, 0)))
+    presliding.strains(rate, states, np.ascontiguousarray(track), states_over_time)
+    return states_over_time
 
 
 def currents(parts: list[Part], delay: float, order: int = 0) -> Array:
-    """Current (rows,) of all captures as it was `delay` (s) before, or its derivative in time of this `order`."""
+    """Current (rows,) of all captures as it was `delay` (s) earlier, or its time derivative of this `order`."""
     return np.concatenate([delayed(p.capture.current, delay, p.capture.dt, p.places, order) for p in parts])
 
 
 def current_noise(parts: list[Part]) -> float:
     """Variance (A^2) that a current sensor's white noise leaves in the filtered current, as fourth differences show it.
 
-    A commanded current has none; what a controller answers to the encoder's rounding counts as such noise, too.
+    A commanded current has none.  The controller's response to the encoder's rounding counts as such noise, too.
     """
     total = 0.0
     for p in parts:

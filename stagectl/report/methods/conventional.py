@@ -16,42 +16,41 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
-from stagectl.identification.result import Characteristic, Found
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.identification.result import Characteristic, IdentificationResult
+from stagectl.report.figures import FAINT, STYLE, TARGET, WITH, WITHOUT, embedded
 from stagectl.report.page import Picture
 from stagectl.units import ROTARY
 
 SHADES = ("#f59e0b", "#0ea5e9", "#8b5cf6", "#0f766e", "#be123c", "#334155")
-FAINT = "#94a3b8"
 
 
-def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
-    """The same figures for a page; all that they show is in the answer, the `captures` are not drawn."""
+def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+    """The figures of this method on an identification's page; the `captures` are not drawn."""
     return [Picture(embedded(figure), f"{caption}.") for caption, figure in figures(found, file).items()]
 
 
-def figures(found: Found, file: StageFile) -> dict[str, Figure]:
-    """All figures that this answer of a conventional method has, by caption."""
-    made: dict[str, Figure] = {}
+def figures(found: IdentificationResult, file: StageFile) -> dict[str, Figure]:
+    """All figures of a conventional method's result, by caption."""
+    drawn: dict[str, Figure] = {}
     if "curves" in found.details:
-        made["Frequency response from current to velocity"] = bode(found, file)
+        drawn["Frequency response from current to velocity"] = bode(found, file)
         if found.details["describing"]:
-            made["Effort per velocity over 4/(π W): friction told from damping"] = describing(found, file)
+            drawn["Effort per velocity over 4/(π W): separates friction from damping"] = describing(found, file)
     if "spans" in found.details:
-        made["Constant-speed examination"] = force_over_speed(found, file)
+        drawn["Constant-speed examination"] = force_over_speed(found, file)
     if "strokes" in found.details and found.table is not None:
-        made["Rolling-friction characteristic"] = rolling(found, found.table, file)
-    return made
+        drawn["Rolling-friction characteristic"] = rolling(found, found.table, file)
+    return drawn
 
 
-def bode(found: Found, file: StageFile) -> Figure:
+def bode(found: IdentificationResult, file: StageFile) -> Figure:
     """Gain, phase and coherence of all conditions, and the fitted models (Figs 2 and 4)."""
     with mpl.rc_context(STYLE):
         figure, (gain, phase, coherence) = plt.subplots(
             3, 1, figsize=(7.2, 7.4), sharex=True, height_ratios=[3.0, 2.2, 1.0]
         )
-        for one, colour in zip(found.details["curves"], _colours(len(found.details["curves"])), strict=True):
-            _response(gain, phase, coherence, (one, colour))
+        for curve, colour in zip(found.details["curves"], _colours(len(found.details["curves"])), strict=True):
+            _response((gain, phase, coherence), curve, colour)
         _models(gain, phase, found, file)
         velocity = "rad/(s A)" if file.axis.kind == ROTARY else "m/(s A)"
         gain.set_ylabel(f"gain [dB re 1 {velocity}]")
@@ -70,13 +69,13 @@ def _colours(count: int) -> list[str]:
     return [SHADES[k % len(SHADES)] for k in range(count)]
 
 
-def _response(gain: Axes, phase: Axes, coherence: Axes, what: tuple[dict[str, Any], str]) -> None:
+def _response(axes: tuple[Axes, Axes, Axes], curve: dict[str, Any], colour: str) -> None:
     """One condition: sound lines filled, poor ones hollow, bars of two standard deviations."""
-    one, colour = what
-    frequency, sound = np.array(one["frequency"]), np.array(one["sound"])
-    size = np.array(one["gain"])
-    spread = np.array([0.0 if x is None else x for x in one["deviation"]]) / size
-    decibel, degrees = 20.0 * np.log10(size), np.degrees(one["phase"])
+    gain, phase, coherence = axes
+    frequency, sound = np.array(curve["frequency"]), np.array(curve["sound"])
+    size = np.array(curve["gain"])
+    spread = np.array([0.0 if x is None else x for x in curve["deviation"]]) / size
+    decibel, degrees = 20.0 * np.log10(size), np.degrees(curve["phase"])
     bars = np.minimum(2.0 * spread / np.sqrt(2.0), 0.9)
     dense = len(frequency) > 20
     marks: dict[str, Any] = {
@@ -85,7 +84,7 @@ def _response(gain: Axes, phase: Axes, coherence: Axes, what: tuple[dict[str, An
         "marker": "o",
         "markersize": 2.5 if dense else 4,
     }
-    label = f"{one['amplitude']:.3g} A {one['kind']}{', axis moving' if one['moving'] else ''}"
+    label = f"{curve['amplitude']:.3g} A {curve['kind']}{', axis moving' if curve['moving'] else ''}"
     gain.errorbar(
         frequency[sound], decibel[sound], 8.69 * bars[sound], color=colour, elinewidth=0.7, label=label, **marks
     )
@@ -99,15 +98,15 @@ def _response(gain: Axes, phase: Axes, coherence: Axes, what: tuple[dict[str, An
     }
     gain.plot(frequency[~sound], decibel[~sound], **hollow)
     phase.plot(frequency[~sound], degrees[~sound], **hollow)
-    known = [(f, c) for f, c in zip(one["frequency"], one["coherence"], strict=True) if c is not None]
+    known = [(f, c) for f, c in zip(curve["frequency"], curve["coherence"], strict=True) if c is not None]
     if known:
         coherence.plot(*np.array(known).T, color=colour, **marks)
 
 
-def _models(gain: Axes, phase: Axes, found: Found, file: StageFile) -> None:
-    """Kt/(J s + D) by the gain's curve fit, and as it is believed."""
-    lowest = min(min(one["frequency"]) for one in found.details["curves"])
-    highest = max(max(one["frequency"]) for one in found.details["curves"])
+def _models(gain: Axes, phase: Axes, found: IdentificationResult, file: StageFile) -> None:
+    """Kt/(J s + D) by the gain's curve fit, and by the fit that is taken."""
+    lowest = min(min(curve["frequency"]) for curve in found.details["curves"])
+    highest = max(max(curve["frequency"]) for curve in found.details["curves"])
     frequency = np.geomspace(lowest, highest, 300)
     fits = {row["name"]: row for row in found.details["fits"]}
     shown = [("identified", found.details["fits"][-1], TARGET, "-")]
@@ -122,7 +121,7 @@ def _models(gain: Axes, phase: Axes, found: Found, file: StageFile) -> None:
         phase.plot(frequency, np.degrees(np.angle(response)), **style)
 
 
-def describing(found: Found, file: StageFile) -> Figure:
+def describing(found: IdentificationResult, file: StageFile) -> Figure:
     """Re(Kt/H) over the fundamental of the velocity's sign by its amplitude: slope Tc, intercept D."""
     with mpl.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(7.2, 4.2))
@@ -139,7 +138,7 @@ def describing(found: Found, file: StageFile) -> Figure:
         if any(row["presliding"] for row in rows):
             axes.plot([], [], "o", color=FAINT, markerfacecolor="none", markersize=4, label="in presliding")
         axes.set_xlabel(
-            f"4/(π W) [{'s/rad' if file.axis.kind == ROTARY else 's/m'}], W the velocity's amplitude, harmonics counted"
+            f"4/(π W) [{'s/rad' if file.axis.kind == ROTARY else 's/m'}], W the velocity amplitude, with harmonics"
         )
         axes.set_ylabel(f"Re(Kt/H) [{unit}]")
         straight = [row for row in rows if not row["presliding"]] or rows
@@ -150,19 +149,19 @@ def describing(found: Found, file: StageFile) -> Figure:
     return figure
 
 
-def force_over_speed(found: Found, file: StageFile) -> Figure:
-    """Mean force of each span over its speed with the line, and what is left (Fig. 5)."""
+def force_over_speed(found: IdentificationResult, file: StageFile) -> Figure:
+    """Mean force of each span over its speed with the line, and the residual (Fig. 5)."""
     with mpl.rc_context(STYLE):
-        figure, (force, rest) = plt.subplots(2, 1, figsize=(7.2, 5.6), sharex=True, height_ratios=[2.6, 1.0])
+        figure, (force, residuals) = plt.subplots(2, 1, figsize=(7.2, 5.6), sharex=True, height_ratios=[2.6, 1.0])
         spans, values = found.details["spans"], found.parameters
-        speed = np.array([one["speed"] for one in spans])
+        speed = np.array([span["speed"] for span in spans])
         offset = values["offset"].value if "offset" in values else 0.0
         unit = values["coulomb"].unit
         for sign in sorted({float(np.sign(v)) for v in speed}):
             line = np.array([0.0, sign * np.max(np.abs(speed))])
             model = values["viscous"].value * line + sign * values["coulomb"].value + offset
             force.plot(line, model, color=TARGET, linewidth=1.0)
-        force.plot(speed, [one["force"] for one in spans], "o", color=WITH, markersize=5)
+        force.plot(speed, [span["force"] for span in spans], "o", color=WITH, markersize=5)
         force.set_ylabel(f"mean force [{unit}]")
         force.set_title(
             f"D = {values['viscous'].value:#.4g} {values['viscous'].unit}, "
@@ -172,39 +171,41 @@ def force_over_speed(found: Found, file: StageFile) -> Figure:
             fontsize=9,
             color=TARGET,
         )
-        bars = [2.0 * one["deviation"] * 1e3 for one in spans]
+        bars = [2.0 * span["deviation"] * 1e3 for span in spans]
         residual = np.array(found.details["residual"]) * 1e3
-        rest.errorbar(speed, residual, bars, color=WITH, linestyle="none", marker="o", markersize=4, elinewidth=0.8)
-        rest.axhline(0.0, color=TARGET, linewidth=0.8)
-        rest.set_ylabel(f"residual [m{unit}]")
-        rest.set_xlabel(f"speed [{'rad/s' if file.axis.kind == ROTARY else 'm/s'}]")
+        residuals.errorbar(
+            speed, residual, bars, color=WITH, linestyle="none", marker="o", markersize=4, elinewidth=0.8
+        )
+        residuals.axhline(0.0, color=TARGET, linewidth=0.8)
+        residuals.set_ylabel(f"residual [m{unit}]")
+        residuals.set_xlabel(f"speed [{'rad/s' if file.axis.kind == ROTARY else 'm/s'}]")
         figure.align_ylabels()
         figure.tight_layout()
     return figure
 
 
-def rolling(found: Found, table: Characteristic, file: StageFile) -> Figure:
+def rolling(found: IdentificationResult, table: Characteristic, file: StageFile) -> Figure:
     """Force along the direction over the travel since a reversal: measured strokes and the model (Fig. 6)."""
     with mpl.rc_context(STYLE):
         figure, (whole, near) = plt.subplots(1, 2, figsize=(7.4, 3.8), sharey=True, width_ratios=[1.3, 1.0])
         scale, unit = file.axis.travel_per_unit, file.axis.travel_unit
         offset = found.parameters["offset"].value
         for axes in (whole, near):
-            for one in found.details["strokes"]:
-                colour, name = (WITH, "upwards") if one["direction"] > 0.0 else (WITHOUT, "downwards, mirrored")
-                force = np.array(one["force"]) - one["direction"] * offset
-                axes.plot(_micro(one["displacement"], scale), force, ".", color=colour, markersize=2, label=name)
-            longest = max(max(one["displacement"]) for one in found.details["strokes"])
+            for stroke in found.details["strokes"]:
+                colour, name = (WITH, "upwards") if stroke["direction"] > 0.0 else (WITHOUT, "downwards, mirrored")
+                force = np.array(stroke["force"]) - stroke["direction"] * offset
+                axes.plot(_micro(stroke["displacement"], scale), force, ".", color=colour, markersize=2, label=name)
+            longest = max(max(stroke["displacement"]) for stroke in found.details["strokes"])
             model = np.append(table.force, table.force[-1])
             way = np.append(table.displacement, max(longest, table.displacement[-1]))
             axes.plot(_micro(way, scale), model, color=TARGET, linewidth=1.3, label="stop operators")
             axes.set_xlabel(f"travel since the reversal [µ{unit}]")
         near.set_xlim(0.0, float(_micro([table.displacement[-1]], scale)[0]))
         near.set_title("where it bends", loc="left", fontsize=9, color=TARGET)
-        whole.set_ylabel(f"force, offset taken off [{found.parameters['coulomb'].unit}]")
+        whole.set_ylabel(f"force without offset [{found.parameters['coulomb'].unit}]")
         handles, labels = whole.get_legend_handles_labels()
-        once = dict(zip(labels, handles, strict=True))
-        whole.legend(once.values(), once.keys(), loc="lower right", fontsize=8, markerscale=3)
+        by_label = dict(zip(labels, handles, strict=True))
+        whole.legend(by_label.values(), by_label.keys(), loc="lower right", fontsize=8, markerscale=3)
         figure.tight_layout()
     return figure
 

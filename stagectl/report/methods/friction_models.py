@@ -1,4 +1,4 @@
-"""Figures of the friction family: what each model leaves, how it runs in closed loop, its curve after a reversal."""
+"""Figures of the friction family: residual, errors in closed loop, and curve after a reversal of each model."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction.members import FAMILY, Path
-from stagectl.identification.result import Found
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.identification.result import IdentificationResult
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, displacement_unit, effort_unit, embedded
 from stagectl.report.page import Picture
 
 BARS = (
@@ -28,20 +28,20 @@ POINTS = 400
 SETTLED = 1.1  # the curves are drawn until the slowest of them has come this far beyond its range
 
 
-def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
-    """Of `friction_models.identify`; nothing where one model alone was fitted."""
+def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+    """The figures of this method on an identification's page; none where one model alone was fitted."""
     rows = found.details.get("models")
     if not rows:
         return []
-    made = [Picture(embedded(residuals(rows)), "What each model leaves of the force, of rows it saw and did not see.")]
+    drawn = [Picture(embedded(residuals(rows)), "Residual of each model, of rows it was fitted to and rows held out.")]
     if all("closed_loop" in row for row in rows):
-        words = "The record's reference run again in closed loop on each model."
-        made.append(Picture(embedded(closed_loop(rows, found.details.get("published"))), words))
+        words = "The record's reference simulated in closed loop on each model."
+        drawn.append(Picture(embedded(closed_loop(rows, found.details.get("published"))), words))
     return [
-        *made,
+        *drawn,
         Picture(
             embedded(reversal(rows, file)),
-            "Each model's friction after a full, slow reversal; in brackets above, the number of its parameters.",
+            "Each model's friction after a full, slow reversal.",
         ),
     ]
 
@@ -62,7 +62,7 @@ def residuals(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def closed_loop(rows: Sequence[Mapping[str, Any]], published: Mapping[str, float] | None) -> Figure:
-    """The four errors (%), each beside the published one where there is one."""
+    """The four errors (%), with the published ones where there are any."""
     with mpl.rc_context(STYLE):
         figure, grid = plt.subplots(2, 2, figsize=(5.6, 5.0), sharey=True)
         for axes, name in zip(grid.flat, ("position", "velocity", "acceleration", "force"), strict=True):
@@ -83,8 +83,7 @@ def closed_loop(rows: Sequence[Mapping[str, Any]], published: Mapping[str, float
 
 def reversal(rows: Sequence[Mapping[str, Any]], file: StageFile) -> Figure:
     """Friction over the displacement since a full reversal."""
-    linear = file.axis.kind == "linear"
-    scale, unit = (1e6 * file.axis.travel_per_unit, "µm") if file.axis.travel_unit == "m" else (1e3, "mrad")
+    scale, unit = displacement_unit(file.axis)
     longest = max([row["values"].get("range", 0.0) for row in rows if row["name"] in ("gms", "table")])
     s = SETTLED * 2.0 * longest * np.linspace(0.0, 1.0, POINTS)
     with mpl.rc_context(STYLE):
@@ -92,7 +91,7 @@ def reversal(rows: Sequence[Mapping[str, Any]], file: StageFile) -> Figure:
         for row, colour in zip(rows, COLOURS, strict=True):
             axes.plot(scale * s, curve(row, s), color=colour, linewidth=1.3, label=row["words"])
         axes.set_xlabel(f"displacement since the reversal [{unit}]")
-        axes.set_ylabel(f"friction [{'N' if linear else 'N m'}]")
+        axes.set_ylabel(f"friction [{effort_unit(file.axis)}]")
         axes.legend(loc="lower right", fontsize=7.5)
         figure.tight_layout()
     return figure
@@ -103,10 +102,10 @@ def curve(row: Mapping[str, Any], displacement: Array) -> Array:
     member, values = FAMILY[row["name"]], list(row["values"].values())
     count, dt = len(member.linear), 10.0 / len(displacement)
     weights, theta = np.array(values[2 : 2 + count]), values[3 + count :]
-    there = -np.linspace(0.0, 20.0 * float(displacement[-1]), 20 * len(displacement))
-    path = Path(np.concatenate([there, there[-1] + displacement[1:]]), dt)
+    approach = -np.linspace(0.0, 20.0 * float(displacement[-1]), 20 * len(displacement))
+    path = Path(np.concatenate([approach, approach[-1] + displacement[1:]]), dt)
     force = member.columns(path, theta) @ weights
-    return np.asarray(force[len(there) - 1 :])
+    return np.asarray(force[len(approach) - 1 :])
 
 
 def _models(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:

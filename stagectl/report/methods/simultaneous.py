@@ -1,7 +1,7 @@
 """Figures of the simultaneous identification: force over time, the loop that flattens, and the reversal.
 
-The loops are the paper's Fig. 9: ``T_d = Kt i - J a - D w`` over the position, with nothing taken off, with the viscous
-friction right, and with both right; what is left then is the rolling friction.
+The loops are the paper's Fig. 9: ``T_d = Kt i - J a - D w`` over the position, with nothing subtracted, with the
+viscous friction right, and with both right; then only the rolling friction remains.
 """
 
 from __future__ import annotations
@@ -17,16 +17,26 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
-from stagectl.identification.result import Characteristic, Found
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.identification.result import Characteristic, IdentificationResult
+from stagectl.report.figures import (
+    FAINT,
+    STYLE,
+    TARGET,
+    WITH,
+    WITHOUT,
+    displacement_unit,
+    effort_unit,
+    embedded,
+    weights,
+)
 from stagectl.report.page import Picture
-from stagectl.units import LINEAR
 
 SHOWN = 1.5  # s of force over time
+MOST_REVERSALS = 40  # drawn; more hide each other
 
 
 class _Curves(NamedTuple):
-    """Rows (n,) of the first capture, with what the figures need to know of the axis."""
+    """Rows (n,) of the first capture, with units of the axis for the figures."""
 
     columns: dict[str, NDArray[np.float64]]
     inertia: float
@@ -36,29 +46,29 @@ class _Curves(NamedTuple):
     effort: str
 
 
-def pictures(found: Found, captures: list[Capture], file: StageFile) -> list[Picture]:
-    """All figures of what was `found`, ready for a page."""
+def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+    """The figures of this method on an identification's page."""
     curves = _curves(found, file)
     drawn = [
-        Picture(embedded(force(curves)), "Measured force and the model's, and what is left, of the first capture."),
+        Picture(embedded(force(curves)), "Measured force, model force and residual of the first capture."),
         Picture(
             embedded(loops(curves)),
-            "The disturbance force over the position: inertia and viscous friction are right where the loop lies flat.",
+            "Disturbance force over the position. Inertia and viscous friction are right where the loop lies flat.",
         ),
     ]
     if found.table is not None:
-        drawn.append(Picture(embedded(reversal(found.table, curves)), "The rolling friction after a reversal."))
+        drawn.append(
+            Picture(
+                embedded(reversal(found.table, curves)), "Rolling friction after a reversal, and its stop operators."
+            )
+        )
     return drawn
 
 
-def _curves(found: Found, file: StageFile) -> _Curves:
+def _curves(found: IdentificationResult, file: StageFile) -> _Curves:
     columns = {name: np.asarray(values, dtype=np.float64) for name, values in found.details["curves"].items()}
     inertia, viscous = (found.parameters[name].value for name in ("inertia", "viscous"))
-    in_metres = file.axis.travel_unit == "m"
-    scale = 1e6 * file.axis.travel_per_unit if in_metres else 1e3
-    return _Curves(
-        columns, inertia, viscous, scale, "µm" if in_metres else "mrad", "N" if file.axis.kind == LINEAR else "N m"
-    )
+    return _Curves(columns, inertia, viscous, *displacement_unit(file.axis), effort_unit(file.axis))
 
 
 def force(p: _Curves) -> Figure:
@@ -96,9 +106,9 @@ def loops(p: _Curves) -> Figure:
 
 def _loop(axis: Axes, p: _Curves, inertia: float, viscous: float) -> None:
     large, unit = (1e-3, "mm") if p.unit == "µm" else (1e-3, "rad")
-    left = p.columns["force"] - inertia * p.columns["acceleration"] - viscous * p.columns["velocity"]
+    disturbance = p.columns["force"] - inertia * p.columns["acceleration"] - viscous * p.columns["velocity"]
     place = large * p.scale * (p.columns["position"] - p.columns["position"][0])
-    axis.plot(place, left, color=WITH if inertia else WITHOUT, linewidth=0.6, alpha=0.8)
+    axis.plot(place, disturbance, color=WITH if inertia else WITHOUT, linewidth=0.6, alpha=0.8)
     axis.set_xlabel(f"position [{unit}]")
 
 
@@ -108,18 +118,14 @@ def reversal(table: Characteristic, p: _Curves) -> Figure:
     with mpl.rc_context(STYLE):
         figure, (curve, bars) = plt.subplots(1, 2, figsize=(7.6, 3.4), width_ratios=(3, 2))
         for place, value in reversals(p, end):
-            curve.plot(p.scale * place, value, color="#94a3b8", linewidth=0.6, alpha=0.5)
-        curve.plot([], [], color="#94a3b8", linewidth=0.8, label="Kt i - J a - D w after each reversal")
+            curve.plot(p.scale * place, value, color=FAINT, linewidth=0.6, alpha=0.5)
+        curve.plot([], [], color=FAINT, linewidth=0.8, label="Kt i - J a - D w after each reversal")
         curve.plot(p.scale * table.displacement, table.force, color=WITH, linewidth=1.6, label="stop operators")
         curve.set_xlim(0.0, p.scale * end)
         curve.set_xlabel(f"displacement since the reversal [{p.unit}]")
         curve.set_ylabel(f"friction [{p.effort}]")
         curve.legend(loc="lower right", fontsize=8)
-        bars.vlines(p.scale * table.slip, 0.0, table.weight, color=WITH, linewidth=3.0)
-        bars.set_xscale("log")
-        bars.set_ylim(0.0, 1.1 * float(np.max(table.weight, initial=1e-12)))
-        bars.set_xlabel(f"slip of the element [{p.unit}]")
-        bars.set_ylabel(f"weight [{p.effort}]")
+        weights(bars, table.weight, table.slip, (p.scale, p.unit, p.effort))
         figure.tight_layout()
     return figure
 
@@ -129,11 +135,11 @@ def reversals(p: _Curves, end: float) -> list[tuple[NDArray[np.float64], NDArray
     position = p.columns["position"]
     friction = p.columns["force"] - p.inertia * p.columns["acceleration"] - p.viscous * p.columns["velocity"]
     turns = np.flatnonzero(np.diff(np.sign(np.diff(position))) != 0.0) + 1
-    found: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    strokes: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
     for turn, until in zip(turns, [*turns[1:], len(position)], strict=True):
         moved = position[turn:until] - position[turn]
         heading = float(np.sign(moved[-1]))
-        if abs(float(moved[-1])) > end and len(found) < 40:
+        if abs(float(moved[-1])) > end and len(strokes) < MOST_REVERSALS:
             near = np.abs(moved) <= 1.3 * end
-            found.append((np.abs(moved[near]), heading * friction[turn:until][near]))
-    return found
+            strokes.append((np.abs(moved[near]), heading * friction[turn:until][near]))
+    return strokes

@@ -13,8 +13,8 @@ from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.identification import constant_speed, low_speed
 from stagectl.identification.capture import Capture
 from stagectl.identification.response import method as frequency_response
-from stagectl.identification.response.sampling import known_delay
-from stagectl.identification.result import Found
+from stagectl.identification.response.sampling_correction import known_delay
+from stagectl.identification.result import IdentificationResult
 from stagectl.identification.simultaneous import method as simultaneous
 from stagectl.trajectories import CurrentSweep, Experiment
 from stagectl_studies.reproduction.bench import CONFIG, NOISE, Bench, Run, captured, carried_out, guessed
@@ -51,10 +51,10 @@ class Evidence(NamedTuple):
     bench: Bench
     runs: dict[str, Run]
     captures: dict[str, list[Capture]]
-    response: Found
-    speed: Found
-    slow: Found
-    proposed: dict[str, Found]  # by experiment, and CALIBRATED
+    response: IdentificationResult
+    speed: IdentificationResult
+    slow: IdentificationResult
+    proposed: dict[str, IdentificationResult]  # by experiment, and CALIBRATED
     tracking: Tracking
 
 
@@ -96,7 +96,9 @@ def experiment(name: str, setup: Setup, extent: Extent = WHOLE) -> Experiment:
     return found  # type: ignore[no-any-return]
 
 
-def _proposed(course: Course, captures: dict[str, list[Capture]], bench: Bench, extent: Extent) -> dict[str, Found]:
+def _proposed(
+    course: Course, captures: dict[str, list[Capture]], bench: Bench, extent: Extent
+) -> dict[str, IdentificationResult]:
     """By experiment; the main one once more with the delay known from how a drive samples."""
     tell = course.begin("simultaneous")
     names = (MAIN, *extent.others)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stagectl.identification.result import Found, Parameter
+from stagectl.identification.result import IdentificationResult, Parameter
 from stagectl.report.page import Section, Table
 from stagectl_studies.reproduction import figures_conventional as conventional
 from stagectl_studies.reproduction import figures_proposed as figures
@@ -29,7 +29,7 @@ def parts(e: Evidence) -> list[Part]:
     return [_responses(e), _flattening(e), _conditions(e), parameters(e)]
 
 
-def _model(found: Found) -> tuple[float, float]:
+def _model(found: IdentificationResult) -> tuple[float, float]:
     return found.parameters["inertia"].value, found.parameters["viscous"].value
 
 

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from stagectl.compensation.reversal_error import ReversalError, reversal_errors
 from stagectl.compensation.zero_crossing import FORMS, Form
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.identification.result import Found, Parameter
+from stagectl.identification.result import IdentificationResult, Parameter
 from stagectl.identification.reversal import method as zero_crossing
-from stagectl.identification.reversal.release import Release, holding, released
 from stagectl_studies.reproduction.bench import CONFIG, NO_FRICTION, Bench, Run, captured, carried_out, guessed
 from stagectl_studies.reproduction.progress import Course
+from stagectl_studies.reproduction.release import Release, holding, released
+from stagectl_studies.reproduction.reversal_error import ReversalError, reversal_errors
 
 STAGE = "linear-slider.yaml"
 SPEEDS = ("2.5", "5", "10")  # mm/s
@@ -49,7 +49,7 @@ class Evidence(NamedTuple):
     releases: dict[str, Run]
     holding: dict[str, Parameter]  # N, by speed
     ringing: dict[str, Release]
-    found: Found
+    found: IdentificationResult
     compensated: dict[tuple[str, str], Run]  # by speed and form, velocity feedforward 1
     errors: dict[tuple[str, str], list[ReversalError]]
 
@@ -115,7 +115,7 @@ def _fed_forward(setup: Setup, share: float) -> Setup:
     return setup._replace(file=setup.file._replace(control=control._replace(velocity_feedforward=share)))
 
 
-def form_of(found: Found, name: str) -> Form:
+def form_of(found: IdentificationResult, name: str) -> Form:
     """The fitted form of that name."""
     free = name == FREE
     described = found.details["forms"]["symmetric" if free else name]
@@ -123,7 +123,7 @@ def form_of(found: Found, name: str) -> Form:
     return FORMS["symmetric" if free else name]._make(one["value"] for one in values.values())
 
 
-def _compensated(bench: Bench, found: Found, speed: str, form: str) -> Run:
+def _compensated(bench: Bench, found: IdentificationResult, speed: str, form: str) -> Run:
     believed = bench.believed
     if form == NONE:
         return carried_out(bench, _motion(believed, speed), f"{speed} mm/s", NO_FRICTION)

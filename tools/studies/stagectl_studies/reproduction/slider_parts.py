@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from stagectl.report.figures import WITH, WITHOUT, embedded
-from stagectl.report.methods import zero_crossing as figures
+from stagectl.report.methods.zero_crossing import NAMES, forces_over
 from stagectl.report.page import Picture, Section, Table
 from stagectl.report.panels import Frame, Line, picture
+from stagectl_studies.reproduction import figures_slider as figures
 from stagectl_studies.reproduction import published
 from stagectl_studies.reproduction.bench import Run
 from stagectl_studies.reproduction.part import Part
@@ -30,8 +31,8 @@ def parts(e: Evidence) -> list[Part]:
     return [_stroke_end(e), _standstill(e), _release(e), _models(e), _forces(e), _compensation(e)]
 
 
-def _shown(e: Evidence, run: Run, label: str, instant: float) -> figures.Run:
-    return figures.Run(label, run.samples, instant, e.bench.machine.stage.motor.force_constant)
+def _shown(e: Evidence, run: Run, label: str, instant: float) -> figures.ShownRun:
+    return figures.ShownRun(label, run.samples, instant, e.bench.machine.stage.motor.force_constant)
 
 
 def _turn(run: Run) -> float:
@@ -149,7 +150,7 @@ def _forces(e: Evidence) -> Part:
         for bounds, fit in (("physical", one), ("free", one.get("unbounded"))):
             if fit is None:
                 continue
-            rows.append([figures.NAMES[name], bounds, *_fit_cells(name, fit)])
+            rows.append([NAMES[name], bounds, *_fit_cells(name, fit)])
             values = {key: value["value"] for key, value in fit["parameters"].items()}
             numbers[f"{name}, Cs {bounds}"] = {**values, "residual_rms": fit["residual_rms"]}
     words = [
@@ -164,7 +165,7 @@ def _forces(e: Evidence) -> Part:
     ]
     head = ["form", "Cs", "shapes", "Cs [N]", "residual rms [N]", "of the friction"]
     images = [
-        Picture(embedded(figures.forces_over(over, details)), f"Over {over}, Fig. {number}.")
+        Picture(embedded(forces_over(over, details)), f"Over {over}, Fig. {number}.")
         for over, number in (("time", 8), ("velocity", 9))
     ]
     section = Section("Figs. 8 and 9 - Real and estimated force at 10 mm/s", words, images, [Table("", head, rows)])

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.identification.result import Found
+from stagectl.identification.result import IdentificationResult
 from stagectl_studies.reproduction.bench import CONFIG, NO_FRICTION, NOISE, Bench, Run, believing, carried_out
 
 MOTIONS = ("sine-3.2hz", "sine-1.6hz", "sine-0.8hz")
@@ -31,7 +31,7 @@ class Tracking(NamedTuple):
 
 
 def tracked(
-    bench: Bench, tables: dict[str, Found], motions: tuple[str, ...], tell: Callable[[int, int], None]
+    bench: Bench, tables: dict[str, IdentificationResult], motions: tuple[str, ...], tell: Callable[[int, int], None]
 ) -> Tracking:
     """All runs; `tables` holds what the conventional and the proposed method found."""
     mechanics = {name: tables["proposed"].parameters[name].value for name in ("inertia", "viscous")}

@@ -1,8 +1,8 @@
-"""The axis at rest and let go: the force that holds it, and how it swings when that force is taken away.
+"""The axis held at standstill, and its free vibration when the holding force is removed.
 
 Rolling friction in presliding is a spring with hysteresis: released from a standstill, the axis springs back and
-swings about its new place.  The frequency is the slope of the swings' zero crossings over their number, so a
-centre that is slightly off does not matter: it moves the crossings up and down alternately.
+swings about its new place.  The frequency is the slope of the swings' zero crossings over their number.  A centre that
+is slightly off does not matter, as it moves the crossings up and down alternately.
 
 Source: the friction paper of the linear slider, section 2.2, Figs. 4 and 5.
 """
@@ -16,20 +16,20 @@ import numpy as np
 from scipy import stats
 
 from stagectl.compensation.legs import Array
-from stagectl.identification.capture import IdentificationError
+from stagectl.identification.capture import IdentificationError, Refusal
 from stagectl.identification.result import Parameter
 
 FEWEST = 4  # crossings: three half swings
 LEAST_SWING = 0.05  # of the first swing: smaller ones are not counted
 LEAST_STEPS = 4.0  # encoder steps
-REST = 0.2  # share of the record, at its end, that tells the centre
+REST = 0.2  # share of the record, at its end, that gives the centre
 STANDING = 0.05  # s after a stop, in which the loop settles
-BLOCKS = 4  # parts of a standstill, whose means tell how well the force is known
+BLOCKS = 4  # parts of a standstill; the scatter of their means gives the interval of the force
 SURE = 0.975
 
 
 class Release(NamedTuple):
-    """The free vibration after the force was set to zero."""
+    """The free vibration after the force has been set to zero."""
 
     frequency: Parameter  # Hz
     travel: float  # rad | m, the farthest the axis got from where it was let go
@@ -46,14 +46,20 @@ def released(time: Array, position: Array, opened: float, encoder_step: float = 
     t, x = time[after] - opened, position[after]
     if len(t) < 20:
         raise IdentificationError(
-            f"the record ends {len(t)} samples after the release at {opened:g} s; must have at least 20: watch longer"
+            f"the record ends {len(t)} samples after the release at {opened:g} s; must have at least 20: watch longer",
+            Refusal.TOO_SHORT,
+            value=len(t),
+            admissible="[20, inf)",
         )
     centre = float(np.mean(x[-max(int(REST * len(x)), 10) :]))
     crossings = _crossings(t, x - centre, LEAST_STEPS * encoder_step)
     if len(crossings) < FEWEST:
         raise IdentificationError(
             f"{len(crossings)} swings after the release at {opened:g} s, travel {np.max(np.abs(x - x[0])):.3g} (axis "
-            f"units); must be at least {FEWEST}: let it go while the loop holds it against friction, and watch longer"
+            f"units); must be at least {FEWEST}: let it go while the loop holds it against friction, and watch longer",
+            Refusal.NO_SWING,
+            value=len(crossings),
+            admissible=f"[{FEWEST}, inf)",
         )
     travel = float(np.max(np.abs(x - x[0])))
     return Release(_frequency(crossings), travel, centre - float(x[0]), crossings)
@@ -96,7 +102,9 @@ def holding(time: Array, velocity: Array, force: Array, unit: str = "N") -> Para
     if not means:
         raise IdentificationError(
             f"no standstill behind a motion is longer than {STANDING * 1e3:g} ms; record a trapezoid with a dwell of "
-            "0.1 s or more"
+            "0.1 s or more",
+            Refusal.TOO_SHORT,
+            admissible=f"({STANDING:g}, inf)",
         )
     mean = float(np.mean(means))
     half = float(stats.t.ppf(SURE, len(means) - 1) * np.std(means, ddof=1) / math.sqrt(len(means)))

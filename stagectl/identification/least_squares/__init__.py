@@ -1,0 +1,1 @@
+"""Moving mass, viscous and Coulomb friction and offset by linear least squares; `method` is where it begins."""

@@ -1,0 +1,235 @@
+"""Moving mass, friction and offset of an axis from one record of its position and force, by least squares.
+
+::
+
+    F = M a + Fv v + Fc sgn(v) + offset                                                    every axis
+      + gs sin(q) + gc cos(q)                                                              `gravity`: a joint that lifts
+    F = M a + Fv+ v (v > 0) + Fv- v (v < 0) + Fc+ (v > 0) - Fc- (v < 0)                    `directions`
+
+All columns pass one filter (`filtering`), sgn(v) too.  Rows at standstill are left out: there, friction is whatever
+holds the axis.  The intervals allow for a residual that is neither white nor of one size (`standard_errors`).
+
+Whether the residual is concentrated after reversals is checked: there, friction builds up over a distance, which
+sgn(v) cannot describe.
+
+Source: M. Gautier, P. Poignet, Extended Kalman filtering and weighted least squares dynamic identification of
+robot, Control Engineering Practice 9(12), 2001; A. Janot, M. Gautier, M. Brunot, Data Set and Reference
+Models of EMPS, Workshop on Nonlinear System Identification Benchmarks, 2019; Simultaneous Identification of Linear
+Parameters and Nonlinear Rolling Friction for Ball Screw Driven Stage, section II (friction after a reversal).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.identification import standard_errors, thresholds
+from stagectl.identification.capture import Array, IdentificationError, Refusal
+from stagectl.identification.filtering import FilterDesign, decimated, design_filter, filtered_motion
+from stagectl.identification.least_squares.model import ALWAYS, Estimate, RegressionModel, reported_estimates
+from stagectl.identification.resampling import parts
+from stagectl.identification.result import Note, Topic
+
+
+class RegressionResult(NamedTuple):
+    """Parameters in the units of force (N | N m) over those of position (m | rad)."""
+
+    inertia: Estimate  # M, kg | kg m^2
+    viscous: Estimate  # Fv, N s/m | N m s/rad
+    coulomb: Estimate  # Fc, N | N m
+    offset: Estimate  # N | N m, positive where standing still would need a positive force
+    residual_percent: float  # norm of the force residual over norm of the force, both filtered and decimated
+    condition: float  # of the regressor with columns of unit length, so that it has no units
+    correlation: Array  # (4, 4) of the estimates, in the order above
+    more: dict[str, Estimate]  # of the directions, of gravity
+    solution: tuple[Array, Array]  # (k,) and (k, k): parameters of the regression, and their covariance
+    notes: tuple[str, ...]
+
+
+class _FilteredPart(NamedTuple):
+    """The rows of one part of the record that the regression uses."""
+
+    regressor: Array  # (m, k)
+    force: Array  # (m,)
+    velocity: Array  # (n,) of all rows
+    travelled: Array  # (m,) share of the way from one reversal to the next
+    standing: float  # share of the rows that was left out
+    design: FilterDesign
+
+
+def least_squares(
+    time: Array,
+    position: Array,
+    force: Array,
+    cutoff_hz: float | None = None,
+    decimate: int | None = None,
+    model: RegressionModel = RegressionModel(),  # noqa: B008
+) -> RegressionResult:
+    """Parameters of `force` (n,) N m | N that moves `position` (n,) rad | m at `time` (n,) s.
+
+    Slightly irregular time stamps are resampled, and gaps split the record; `notes` names both.  Raises
+    IdentificationError where samples are not finite, the record is too short for the filter, or the motion does not
+    separate the parameters.
+    """
+    _check(time, position, force)
+    pieces, notes = parts(time, {"position": position, "force": force}, frozenset({"position"}))
+    filtered = [
+        _filtered_part(piece.columns["position"], piece.columns["force"], piece.dt, (cutoff_hz, decimate), model)
+        for piece in pieces
+    ]
+    check_directions(np.concatenate([part.velocity for part in filtered]))
+    regressor = np.vstack([part.regressor for part in filtered])
+    forces = np.concatenate([part.force for part in filtered])
+    notes += [piece.note for piece in pieces if piece.note]
+    result = _solved(regressor, forces, model, (*notes, *_treatment(filtered)))
+    travelled = np.concatenate([part.travelled for part in filtered])
+    doubt = after_reversals(forces - regressor @ result.solution[0], travelled, result.coulomb.value)
+    return result._replace(notes=(*result.notes, doubt)) if doubt else result
+
+
+def _filtered_part(
+    position: Array, force: Array, dt: float, recipe: tuple[float | None, int | None], model: RegressionModel
+) -> _FilteredPart:
+    design = design_filter(position, dt, *recipe)
+    motion = filtered_motion(position, design)
+    standing = _standing(motion.velocity, design)
+    columns = decimated(np.column_stack([model.columns(motion), force]), design)
+    rows = slice(design.edge, len(standing) - design.edge, design.decimate)
+    moving = ~standing[rows][: len(columns)]
+    share = travelled(motion.position, motion.velocity)[rows][: len(columns)][moving]
+    return _FilteredPart(
+        columns[moving, :-1], columns[moving, -1], motion.velocity, share, 1.0 - float(np.mean(moving)), design
+    )
+
+
+def _standing(velocity: Array, design: FilterDesign) -> NDArray[np.bool_]:
+    """Rows (n,) in spans of standstill that are long against the filter."""
+    slow = np.abs(velocity) < thresholds.STANDING_SPEED * float(np.abs(velocity).max())
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], slow, [False]]).astype(np.int8)))
+    standing: NDArray[np.bool_] = np.zeros(len(velocity), dtype=np.bool_)
+    for first, last in edges.reshape(-1, 2):
+        if last - first >= thresholds.STANDING_PERIODS / (design.cutoff * design.dt):
+            standing[first:last] = True
+    return standing
+
+
+def travelled(position: Array, velocity: Array) -> Array:
+    """Share (n,) of the way to the next reversal that is behind each row; NaN before the first and after the last."""
+    edges = np.flatnonzero(np.diff(np.sign(velocity))) + 1
+    share = np.full(len(position), math.nan)
+    ways = [(first, last, float(abs(position[last] - position[first]))) for first, last in itertools.pairwise(edges)]
+    longest = max((way for *_, way in ways), default=0.0)
+    for first, last, way in ways:
+        if way > thresholds.STROKE_LEAST_SHARE * longest:
+            share[first:last] = np.abs(position[first:last] - position[first]) / way
+    return share
+
+
+def after_reversals(residual: Array, share: Array, coulomb: float) -> str:
+    """A note where the force `residual` (m,) N | N m is concentrated after reversals; empty where it is not.
+
+    `share` (m,) is that of the way since the last reversal (`travelled`), `coulomb` the Coulomb friction (N | N m).
+    """
+    early = residual[share < thresholds.AFTER_REVERSAL]
+    late = residual[share >= thresholds.AFTER_REVERSAL]
+    if min(len(early), len(late)) < thresholds.AFTER_REVERSAL_ROWS:
+        return ""
+    there, elsewhere = math.sqrt(float(np.mean(early * early))), math.sqrt(float(np.mean(late * late)))
+    if there <= max(thresholds.CONCENTRATED * elsewhere, thresholds.VISIBLE_RESIDUAL * abs(coulomb)):
+        return ""
+    times = f"{there / max(elsewhere, 1e-12 * there):.2g} times"
+    return Note(
+        Topic.AFTER_REVERSALS,
+        f"in the first tenth of the way after each reversal the residual's rms is {times} that of the rest: friction "
+        "builds up over a distance there, which sgn(v) cannot describe. Inertia, viscous and Coulomb friction are "
+        "biased by more than their intervals show: identify with `simultaneous` instead",
+    )
+
+
+def _treatment(filtered: list[_FilteredPart]) -> list[str]:
+    design = filtered[0].design
+    notes: list[str] = [
+        Note(
+            Topic.METHOD,
+            f"low-pass at {design.cutoff:.4g} Hz, one row of {design.decimate} kept; "
+            "the intervals take the residual as correlated, not as white noise",
+        )
+    ]
+    standing = max(part.standing for part in filtered)
+    if standing > 0.0:
+        text = (
+            f"{100.0 * standing:.3g} % of the rows stand still and are left out: there, friction is what holds the axis"
+        )
+        notes.append(Note(Topic.STANDSTILL, text))
+    return notes
+
+
+def _solved(regressor: Array, force: Array, model: RegressionModel, notes: tuple[str, ...]) -> RegressionResult:
+    """Solve with columns of unit length: neither rounding nor the condition depends on the units."""
+    length = np.linalg.norm(regressor, axis=0)
+    condition = float(np.linalg.cond(regressor / length)) if np.all(length > 0.0) else math.inf
+    if not condition <= thresholds.WORST_CONDITION:
+        raise IdentificationError(
+            f"condition of the regressor = {condition:.3g}; must lie in [1, {thresholds.WORST_CONDITION:g}]: the "
+            "motion does not separate the parameters; record accelerations and several speeds in both directions",
+            Refusal.ILL_CONDITIONED,
+            value=condition,
+            admissible=f"[1, {thresholds.WORST_CONDITION:g}]",
+        )
+    unit = regressor / length
+    scaled, *_ = np.linalg.lstsq(unit, force, rcond=None)
+    residual = force - unit @ scaled
+    values, robust = scaled / length, standard_errors.covariance(unit, residual) / np.outer(length, length)
+    white = standard_errors.white(unit, residual) / np.outer(length, length)
+    estimates, correlation = reported_estimates(model, values, robust, white)
+    share = 100.0 * float(np.linalg.norm(residual) / np.linalg.norm(force))
+    inertia, viscous, coulomb, offset = (estimates.pop(name) for name in ALWAYS)
+    solution = (values, robust)
+    return RegressionResult(
+        inertia, viscous, coulomb, offset, share, condition, correlation, estimates, solution, notes
+    )
+
+
+def _check(time: Array, position: Array, force: Array) -> None:
+    for name, column, unit in (("time", time, "s"), ("position", position, "m"), ("force", force, "N")):
+        if np.shape(column) != (len(time),):
+            raise IdentificationError(
+                f"{name} has shape {np.shape(column)}; must be ({len(time)},) as time",
+                Refusal.SHAPE,
+                value=str(np.shape(column)),
+                admissible=f"({len(time)},)",
+            )
+        if not np.all(np.isfinite(column)):
+            row = int(np.argmin(np.isfinite(column)))
+            raise IdentificationError(
+                f"{name}[{row}] = {column[row]} {unit}; must be finite: cut the record to a part without gaps",
+                Refusal.NOT_FINITE,
+                value=float(column[row]),
+                unit=unit,
+            )
+    if len(time) < 2:
+        raise IdentificationError(
+            f"record of {len(time)} samples; must have more: record longer", Refusal.TOO_SHORT, value=len(time)
+        )
+
+
+def check_directions(velocity: Array) -> None:
+    """Check that `velocity` (n,) has both directions: else Coulomb friction and offset are one number.
+
+    Raises IdentificationError where it has not.
+    """
+    slow = thresholds.DIRECTION_SPEED * float(np.abs(velocity).max())
+    share = min(float(np.mean(velocity > slow)), float(np.mean(velocity < -slow)))
+    if share < thresholds.BOTH_DIRECTIONS:
+        raise IdentificationError(
+            f"share of the samples in the rarer direction = {share:.3g}; must lie in "
+            f"[{thresholds.BOTH_DIRECTIONS}, 0.5]: Coulomb friction and offset can only be separated in a motion "
+            "there and back; record one",
+            Refusal.ONE_DIRECTION,
+            value=share,
+            admissible=f"[{thresholds.BOTH_DIRECTIONS}, 0.5]",
+        )

@@ -1,0 +1,162 @@
+"""A record as parts of equally spaced rows: gaps split it, slightly irregular time stamps are resampled."""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from stagectl.identification import thresholds
+from stagectl.identification.capture import Array, IdentificationError, Refusal
+from stagectl.identification.result import Note, Topic
+from stagectl.number_format import duration
+
+
+class Part(NamedTuple):
+    """Rows without a gap, equally spaced."""
+
+    start: float  # s, of its first row in the record's own time
+    dt: float  # s
+    columns: dict[str, Array]  # (n,) each
+    note: str  # empty where the rows are as they were recorded
+
+
+def parts(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> tuple[list[Part], list[str]]:
+    """Split a record at its gaps; returns the parts and notes on what was done.
+
+    `time` is (n,) s, each column (n,).  A row is used where all `columns` are finite.  Where the time stamps vary,
+    columns named in `smooth` are resampled by a cubic spline, the others linearly.
+    Raises IdentificationError where time does not increase, or too few rows remain.
+    """
+    check_time(time)
+    finite = np.all([np.isfinite(column) for column in columns.values()], axis=0)
+    notes: list[str] = [note for name, column in columns.items() if (note := _missing(name, column, time))]
+    if np.count_nonzero(finite) < thresholds.CAPTURE_LEAST_ROWS:
+        raise _too_few(
+            f"{np.count_nonzero(finite)} of {len(time)} rows have a number in {' and '.join(columns)} at once; at "
+            f"least {thresholds.CAPTURE_LEAST_ROWS} must: record longer (stagectl run with more periods, "
+            "stagectl record --for 10s), or bring the columns to the same instants",
+            notes,
+            int(np.count_nonzero(finite)),
+        )
+    step = float(np.median(np.diff(time)))
+    used_rows = np.flatnonzero(finite)
+    breaks = np.flatnonzero(np.diff(time[used_rows]) > thresholds.GAP_STEPS * step) + 1
+    pieces = np.split(used_rows, breaks)
+    notes += _gaps(time, pieces, step)
+    longest = max(map(len, pieces))
+    least = max(thresholds.CAPTURE_LEAST_ROWS, round(thresholds.PART_LEAST_SHARE * longest))
+    long_enough = [rows for rows in pieces if len(rows) >= least]
+    if len(long_enough) < len(pieces):
+        short = len(pieces) - len(long_enough)
+        text = f"{short} of {len(pieces)} parts between gaps are shorter than {least} rows and are left out"
+        notes.append(Note(Topic.LEFT_OUT, text))
+    if not long_enough:
+        text = f"no part between gaps has {thresholds.CAPTURE_LEAST_ROWS} rows; record without gaps"
+        raise _too_few(text, notes, longest)
+    selections = [_rows(rows) for rows in long_enough]
+    return [
+        _equally_spaced(time[rows], {name: column[rows] for name, column in columns.items()}, smooth)
+        for rows in selections
+    ], notes
+
+
+def _too_few(text: str, notes: list[str], rows: int) -> IdentificationError:
+    return IdentificationError(
+        "; ".join([text, *notes]),
+        Refusal.TOO_SHORT,
+        value=rows,
+        admissible=f"[{thresholds.CAPTURE_LEAST_ROWS}, inf)",
+    )
+
+
+def _rows(rows: NDArray[np.intp]) -> slice | NDArray[np.intp]:
+    """The same rows as a slice where they are consecutive, so that no copy is made of them."""
+    first, last = int(rows[0]), int(rows[-1])
+    return slice(first, last + 1) if last - first + 1 == len(rows) else rows
+
+
+def check_time(time: Array) -> None:
+    """Check that `time` (n,) s is finite and increases strictly.
+
+    Raises IdentificationError, with row and value, where it does not.
+    """
+    if len(time) < 2:
+        raise IdentificationError(
+            f"{len(time)} rows; must have at least {thresholds.CAPTURE_LEAST_ROWS}: record longer "
+            "(stagectl record --for 10s)",
+            Refusal.TOO_SHORT,
+            value=len(time),
+        )
+    if not np.all(finite := np.isfinite(time)):
+        row = int(np.argmin(finite))
+        raise IdentificationError(
+            f"time in row {row + 1} is {time[row]}; must be a number: remove the row",
+            Refusal.NOT_FINITE,
+            value=float(time[row]),
+            unit="s",
+        )
+    if np.any(backwards := np.diff(time) <= 0.0):
+        row = int(np.argmax(backwards)) + 1
+        count = int(np.count_nonzero(backwards))
+        how = "repeats" if time[row] == time[row - 1] else "goes back"
+        raise IdentificationError(
+            f"time {time[row]:.9g} s in row {row + 1} {how} ({time[row - 1]:.9g} s before it), and so in {count} of "
+            f"{len(time)} rows; times must increase strictly: remove repeated rows, or sort the log by time",
+            Refusal.TIME_ORDER,
+            value=float(time[row]),
+            unit="s",
+        )
+
+
+def _missing(name: str, column: Array, time: Array) -> str:
+    finite = np.isfinite(column)
+    if np.all(finite):
+        return ""
+    row = int(np.argmin(finite))
+    return Note(
+        Topic.LEFT_OUT,
+        f"{name} is not a number in {len(column) - np.count_nonzero(finite)} of {len(column)} rows, the first is row "
+        f"{row + 1} at {time[row]:.6g} s: these rows are not used",
+    )
+
+
+def _gaps(time: Array, pieces: list[NDArray[np.intp]], step: float) -> list[str]:
+    if len(pieces) < 2:
+        return []
+    gaps = [(float(time[before[-1]]), float(time[after[0]])) for before, after in itertools.pairwise(pieces)]
+    begin, end = max(gaps, key=lambda gap: gap[1] - gap[0])
+    text = (
+        f"{len(gaps)} {'gap' if len(gaps) == 1 else 'gaps'}, the longest from {begin:.6g} to {end:.6g} s at steps of "
+        f"{duration(step)}: split there into {len(pieces)} parts"
+    )
+    return [Note(Topic.GAPS, text)]
+
+
+def _equally_spaced(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> Part:
+    start, count = float(time[0]), len(time)
+    dt = (float(time[-1]) - start) / (count - 1)
+    steps = np.diff(time)
+    if float(np.max(np.abs(steps - dt))) <= thresholds.JITTER * dt or _only_rounded(time, start, dt):
+        return Part(start, dt, columns, "")
+    grid = start + dt * np.arange(count)
+    grid[-1] = time[-1]
+    resampled = {
+        name: np.asarray(CubicSpline(time, column)(grid) if name in smooth else np.interp(grid, time, column))
+        for name, column in columns.items()
+    }
+    text = (
+        f"time stamps are {duration(float(steps.min()))} to {duration(float(steps.max()))} apart: resampled every "
+        f"{duration(dt)}, {' and '.join(name for name in columns if name in smooth)} by a cubic spline, the rest "
+        "linearly"
+    )
+    return Part(start, dt, resampled, Note(Topic.RESAMPLED, text))
+
+
+def _only_rounded(time: Array, start: float, dt: float) -> bool:
+    """Whether the stamps stay so close to equal spacing that they are rounded and not irregular."""
+    deviation = np.max(np.abs(time - (start + dt * np.arange(len(time)))))
+    return bool(deviation <= thresholds.ROUNDED_STAMPS * dt)

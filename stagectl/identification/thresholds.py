@@ -1,0 +1,212 @@
+"""Numbers that decide something in an identification: what each decides, its unit, and its origin.
+
+"Chosen" means chosen on simulated and recorded captures, not derived.  A share has no unit.  A constant without its own
+origin has that of the line above its group.
+"""
+
+from __future__ import annotations
+
+# Intervals of 95 %.
+NORMAL_95 = 1.959964  # standard deviations either way; normal distribution, seven digits
+QUANTILE_95 = 0.975  # two-sided quantile of Student's distribution
+TIED = 0.95  # correlation from which two parameters are reported as tied; chosen
+
+# Records: the least that is accepted, and how they are split.  Chosen.
+CAPTURE_LEAST_ROWS = 100  # rows of a record or of a part between gaps
+PART_LEAST_SHARE = 0.02  # of the longest part's rows: shorter parts are left out
+GAP_STEPS = 3.5  # median steps that make a gap: one or two lost rows do not
+JITTER = 1e-3  # of the mean step: digits of the time stamps, not irregular sampling
+ROUNDED_STAMPS = 0.02  # of a step: largest deviation of rounded time stamps from equal spacing
+LEAST_EXCITATION = 1e-6  # A, below it a current is constant
+LEAST_ENCODER_STEPS = 10.0  # encoder steps of travel from which an axis has moved enough for a response
+
+# Checks of a capture against the stage file.  Chosen; a nominal model may be wrong by a factor of three.
+MOVED_STEPS = 2.5  # encoder steps: below, the axis did not move
+BEYOND_LIMIT = 1.5  # times a limit of the stage file: more than any overshoot
+MODEL_FITS, MODEL_DIFFERS = 0.5, 0.8  # share of the force that the model leaves unexplained: right units, wrong units
+MUCH_BETTER = 0.45  # times the unexplained share as recorded: a factor of 1000 is not found by chance
+MOTION_BAND = 0.02  # cycles a sample: the motion is below, noise above
+CHECKED_ROWS = 50_000  # rows that are looked at; longer captures are averaged in blocks
+COARSE_STEPS = 30.0  # encoder steps: coarser positions have lost digits
+STEP_ROWS = 20000  # rows in which the step of the positions is looked for
+FAR_FROM_NOMINAL = 30.0  # factor from the stage file's value, either way, that is reported
+JUMP = 10.0  # times the step of 99 % of the rows: a misread row
+FROZEN_ROWS, PUSHED_ROWS = 0.05, 0.3  # of the rows: position without change, and of these with a current that moves
+FROZEN_FRICTION = 2.0  # times the stage file's sliding friction: a current that moves the axis
+CLIPPED_SIDE = 0.5  # of the largest current: a limit on the other side may be lower
+CLIPPED_RUN = 5  # consecutive equal rows at the largest current
+CLIPPED_SHARE = 0.005  # of the rows: fewer clipped ones do no harm
+CLIPPED_RISE = 0.01  # of the largest current, in the last fifth of a rise
+CLIPPED_CORNER = 0.38  # rise in the last tenth over that in the last fifth: a flank has 0.5, a rounded top 0.25
+AT_CURRENT_LIMIT = 0.999  # of the drive's current limit, from which a sample is at the limit
+
+# Filter of the linear regressions; Gautier and Poignet 2001 (cut-off), the rest chosen.
+FILTERED_LEAST_ROWS = 50  # rows after decimation; twelve for each parameter of the smallest model
+FILTER_EDGE = 5.0  # periods of the cut-off frequency that are cut off at each end
+CUTOFF_SHARE = 0.1  # cut-off over sampling rate
+LOWEST_CUTOFF_SHARE = 0.005  # cut-off over sampling rate below which nothing is tried
+ACCELERATION_NOISE = 0.01  # largest share of the acceleration's variance that may be encoder noise
+STIFFEST_SCORES = 0.97  # autocorrelation of the scores beyond which a record is a trend; bounds Andrews' bandwidth
+LONG_RUN_ROWS = 30  # rows over which a residual may be correlated; the window of `simultaneous` alone makes it six
+SAME_COLUMN = 1e-9  # of the largest eigenvalue: below it two columns are one; rounding
+
+# Least squares.  Chosen.
+BOTH_DIRECTIONS = 0.05  # least share of the samples in the rarer direction
+DIRECTION_SPEED = 0.01  # of the largest speed: slower has no direction
+STANDING_SPEED = 0.003  # of the largest speed: slower, for long, is standstill
+STANDING_PERIODS = 10.0  # periods of the cut-off frequency that a standstill must last
+WORST_CONDITION = 1e4  # of the regressor with columns of unit length
+AFTER_REVERSAL = 0.1  # of the way from one reversal to the next that counts as after a reversal
+STROKE_LEAST_SHARE = 0.1  # of the longest way: shorter ones are noise around standstill
+CONCENTRATED = 1.5  # rms after reversals over rms elsewhere; 1.0 where sgn(v) is right, up to 1.3 with a soft step
+VISIBLE_RESIDUAL = 0.005  # of the Coulomb friction: a smaller residual is not reported
+AFTER_REVERSAL_ROWS = 20  # rows after reversals and elsewhere that a comparison needs
+
+# Constant speed.  Chosen.
+SPEED_BLOCK = 0.02  # s, over which a speed is taken
+SPAN_EVEN = 0.03  # largest relative deviation of a block's speed from the middle of its span's
+SPEED_BLOCK_STEPS = 4.0  # encoder steps by which a block's length may err
+SPAN_LEVEL = 0.01  # largest relative difference between the thirds of a span: excludes the peak of a sine
+SHORTEST_SPAN = 0.1  # s
+SPAN_SETTLING = 0.1  # s at the start of a span in which the force still settles; at most a quarter of it
+SPEEDS_APART = 0.05  # relative difference of two speeds
+SPAN_INERTIAL = 0.02  # share of the force that may be inertial over a span
+RIPPLES = 4  # harmonics of a revolution that are removed before a mean's deviation is taken
+SPAN_BATCHES = 10  # batches of a span, for the deviation of its mean
+SPAN_CLIPPED = 0.01  # largest share of a span's samples at the current limit
+LINE_SCATTER = 3.0  # scatter of the means about the line, over their own deviation, that is reported
+
+# Low speed.  Chosen on the paper's motion, 50 um at 0.05 Hz.
+STROKE_BLOCK = 0.01  # s, longest block over which position and force are averaged
+STROKE_BLOCKS = 1000.0  # least number of blocks of a stroke
+STROKE_TURN = 0.25  # of the whole range: return that makes a reversal
+STROKE_APPROACH = 0.45  # of a stroke: way before its first reversal that brings the friction into its direction
+STROKE_USED = 0.95  # of a stroke that is used: near its end the axis is so slow that noise shakes the friction loose
+STROKE_STEPS = 100.0  # least encoder steps of a stroke
+FINEST_SLIP = 8.0  # encoder steps: slip of the stiffest element
+WIDEST_SLIP = 0.4  # of a stroke: slip of the softest element; its bend is at twice that
+SLIPS_PER_DECADE = 10
+LATE_DOUBTFUL, LATE_REFUSED = 0.05, 0.3  # of the force that still rises over the last half of the stroke
+FAST_DOUBTFUL, FAST_REFUSED = 0.01, 0.2  # of the force that is viscous and inertial
+STROKE_BATCHES = 5  # batches of a stroke's end, for the intervals
+TABLE_POINTS, STROKE_POINTS = 256, 500  # rows of the table; points of a stroke that the figure gets
+CARRYING = 1e-6  # of the sum of weights: below it an element has no weight; rounding
+
+# Frequency response.  Chosen, but for those with a source.
+IMAGES = 200  # of the staircase, either way, whose sum is taken; converged
+COHERENT = 0.9  # least coherence of a line that is used
+WELCH_SEGMENTS = 12  # least number of Welch's half overlapping segments
+WELCH_NEIGHBOUR = 0.3  # of the strongest of five bins: weaker ones are leakage
+WELCH_FLOOR = 1e-4  # of the strongest bin's power: weaker ones were not excited
+WELCH_LOWEST = 4.0  # bins: lower ones hold leakage of the mean
+HIGHEST_LINE = 0.4  # of the sampling frequency: highest line that is used
+SINE_SAMPLES = 12  # least samples of a stretch that a sine is fitted to
+HARMONICS = 9  # harmonics of a sine that are fitted with it, to keep the friction's out of it
+STEADY_SIGN = 0.999  # least share of the velocities in one direction of an axis that is kept moving
+FOLLOWING_SIGN = 0.95  # the same, in the direction of a reference that moves both ways
+HANN_OVERLAP = 11.0 / 9.0  # variance of a mean over half overlapping Hann segments, times their number; Welch 1967
+RESPONSE_ELEMENTS = 24  # stop operators of the fit with friction
+LINE_ACCURACY = 0.005  # relative deviation that no line is taken to be better than: that of a describing function
+SHORTEST_RESPONSE_SLIP, LONGEST_RESPONSE_SLIP = 0.1, 0.1  # of the smallest and of the largest displacement
+EARLIEST_DELAY, LATEST_DELAY = -2e-3, 5e-3  # s, delays that are searched
+PAPER_LAG = 0.25e-3  # s, left in the response: it explains why the paper's curve fit errs downwards
+LEAST_LINES = 3  # of a fit: inertia, damping, delay
+BEYOND_PRESLIDING = 15.0  # mean slips: displacement amplitude from which a line is out of presliding
+LINE_AMPLITUDES = 3  # amplitudes at one frequency that a straight line over 4/(pi W) needs
+
+# Reversals (zero crossing).  Chosen on simulations of the slider of the friction paper.
+REVERSAL_CUTOFF = 150.0  # Hz of the low-pass
+SLOWEST_REVERSAL_SAMPLING = 4e-3  # s, sampling time with which a reversal of some 20 ms is still resolved
+SPAN_STEADY = 0.03  # relative deviation from the steady speed
+SPAN_TRIM = 0.25  # of a span, cut off at either end
+SHORTEST_TRIMMED = 0.02  # s, of a trimmed span
+SETTLED_SPAN = 0.1  # relative change of the friction along a span
+STANDING_BAND, LEAST_LEG_SPEED = 2e-3, 0.1  # of the largest speed: slower is standstill; a leg has more than that
+MOST_REVERSALS, MOST_REVERSAL_ROWS = 12, 2000  # of all captures together: more do not change the result
+GENERATIONS, POPULATION, SEARCH_TOLERANCE = 150, 10, 1e-6  # of the differential evolution
+STATIC_ALLOWANCE = 1.05  # times the largest force seen: the low-pass and the thinning reduce a peak
+STATIC_DIP = 1e-3  # times the constant friction: lower bound of the search without physical bounds
+STATIC_FREE = 4.0  # times the largest force seen: its upper bound
+FASTEST_SPANS = 0.9  # of the largest speed: spans that give the constant parts
+AT_BOUND = 1e-3  # relative distance from a bound
+DERIVATIVE_STEP = 1e-4  # of a parameter, for derivatives
+SINGULAR = 1e-6  # of the largest singular value: smaller ones are not inverted
+
+# Friction family.  Chosen on the EMPS record.
+FASTEST_ROWS = 0.75  # of the largest speed: faster rows are held out
+IDENTIFIED_FACTOR = 30.0  # a searched parameter whose interval is wider than this factor is not identified
+COULOMB_STEPS = 20.0  # encoder steps over which a model's jump of Coulomb friction happens in simulation
+DELAY_PROBE = "gms"  # the member whose residual decides whether a delay is used
+FRICTION_ELEMENTS, SLIP_SPREAD = 6, 30.0  # stop operators, and largest over smallest slip
+TABLE_ROWS = 8  # of the data-based table
+SHORTEST_RANGE, LONGEST_RANGE = 2.0, 0.2  # encoder steps, of the stroke: bounds of a presliding range
+SLOWEST_STRIBECK, FASTEST_STRIBECK = 0.003, 0.5  # of the largest speed: bounds of Stribeck's velocity
+SEARCH_GRID = {0: 1, 1: 9, 2: 5, 3: 3}  # points of the grid along each of so many searched parameters
+SEARCH_STEPS, REFIT_STEPS = 10, 3  # evaluations from the grid, and from a fit of nearly the same rows
+SEARCH_DERIVATIVE, SENSITIVITY_STEP = 1e-3, 1.02  # relative step of a derivative; factor of one
+REPEATING, NOT_REPEATING = 0.999, 0.5  # autocorrelation a period later, and what it falls below before
+ERROR_CUTOFF = 100.0  # Hz, of the filter of the closed loop's errors; Janot, Gautier, Brunot 2019
+UNSTABLE_STROKES = 10.0  # times the record's stroke: a run that reaches further is unstable
+SERVO_SUBSTEPS = 20  # of the integration in a sampling time; half the step changes no figure
+
+# Simultaneous: what a record must contain.  Chosen.
+SHORTEST_RECORD = 0.2  # s
+STROKE_NOISE = 100.0  # standard deviations of the position's noise that a motion must exceed
+REVERSAL_TRAVEL = 0.05  # of the stroke, travel on both sides of a reversal
+SLOW_MOTION, WEAK_ACCELERATION = 0.02, 0.05  # of the largest: below it a velocity or an acceleration has no sign
+SIGNIFICANT_ACCELERATION = 4.0  # standard deviations of its noise that an acceleration must exceed
+SAME_SIGN_ROWS = 10  # rows with velocity and acceleration of one sign
+BRAKED = -0.3  # least correlation of current and velocity
+LONGEST_WINDOW = 0.12  # s, over which an acceleration may be averaged
+LOST_ACCELERATION = 0.1  # of the acceleration that may be noise
+FAST_SAMPLING = 2e-3  # s, a sampling time that the message recommends
+SETTLED_EARLY = 0.5  # of the friction below a tenth of the longest slip: it settles, and something else changes
+
+# Simultaneous: columns and windows.
+SHORTEST_KNOTS = 1.5e-3  # s, knot distance: the window passes 125 Hz; chosen
+LONGEST_KNOTS = 0.03  # s; chosen
+WINDOWED_NOISE = 0.003  # noise that the encoder may leave in the acceleration, relative to its rms; chosen
+NOISE_LAG = 4  # rows over which the window's noise is uncorrelated: the window's length in knot distances, halved
+WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one; chosen
+COLUMN_RIDGE = 1e-12  # of a column's squared length: two elements that never differed share their weight
+INSTRUMENT_RIDGE = 1e-10  # of an instrument's squared length; rounding
+FOLLOWED_REFERENCE = 0.05  # of the stroke, rms, between position and reference; chosen
+INSTRUMENT_RATES = 3  # every third slip's rate of change is an instrument, too: it determines the delay; chosen
+
+# Simultaneous: search for the delay.  Chosen.
+DELAY_PERIODS, DELAY_SPARE = 8.0, 1e-3  # sampling times and s, added: delays are searched within them, either way
+DELAY_NODES, DELAY_NODES_WIDE = 9, 25  # of the interpolation: within a millisecond or two, over the whole range
+DELAY_GRID = 11  # places of the interpolation's centre over the whole range
+DELAY_STEPS = 6  # steps of that centre
+NOISE_SHARES = (1.0, 0.5, 0.25, 0.1)  # of the noise that are tried on the coarse grid
+NOISE_ROUNDS = 4  # until noise and parameters agree
+
+# Simultaneous: slips and rows.  Chosen.
+SLIP_STEPS = 8.0  # encoder steps below which no slip is looked for
+SLIP_STROKE = 0.25  # of a motion: the longest slip that is looked for
+SLIP_RATIO = 1.6  # of neighbouring slips of the coarse grid
+SLIP_HEAD = 0.03  # of the friction that may lie below the range
+ELEMENT_GAIN, ELEMENT_CHANCE = 0.002, 50.0  # rise of the cost without an element: relative, and in variances of a row
+LEAST_ELEMENTS = 3
+EARLY_SLIP = 0.1  # of the longest slip: friction that has settled there settles early
+FINE_SLIPS = 24  # of the fine grid
+LAST_SLIP = 0.05  # of the friction that the longest slip may carry; with more, the grid is widened
+WIDENINGS = 3
+EVEN_COST = 10.0  # rise of the cost that even weights may cause, in variances of a row
+EVEN_HALVINGS = 24  # of the regularisation's strength, 15 decades
+SUM_WEIGHT = 1e3  # weight of the condition on the sum of weights against the data
+COARSE_ROWS, MOST_ROWS = 20000, 120000  # of long captures, for the coarse grid and for the result
+FIT_LEAST_ROWS = 60  # at least two for each unknown
+DRAWN_ROWS = 4000  # that the figures get
+
+# Simultaneous: doubts.  Chosen, but for RIPPLE.
+RIPPLE = 12.0  # Wald's statistic above which a ripple is taken out; by chance once in four hundred
+RIPPLE_ROWS = 1000  # rows below which the statistic is not reliable
+RIPPLE_TRAVEL = 1.5  # rad, least travel that separates a ripple from the rest
+HIDDEN_SHARE = 0.5  # of the friction, in elements that sampling hides, from which the rest cannot be separated
+HIDDEN_SLIP = 4.0  # times the travel between two rows around a reversal: sampling hides shorter slips
+SLIPPING = 0.99  # of an element's force: from here on it slips
+HAUSMAN = 3.0  # standard deviations; a smaller difference is added to the interval, so nothing is lost
+UNSURE, USELESS = 0.05, 0.2  # half of an interval over its value: reported; left out of the stage file
+SHORTEST_ELEMENT = 0.05  # of the friction, in the shortest element, that is reported
+MISFIT, POOR_FIT = 2.0, 5.0  # residual's variance over that of its noise; percent of the force that is reported
