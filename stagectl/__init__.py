@@ -103,8 +103,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from stagectl.units import StageError
-
 if TYPE_CHECKING:
     from stagectl.api.comparison import compare
     from stagectl.api.diagnosis import diagnose
@@ -114,6 +112,7 @@ if TYPE_CHECKING:
     from stagectl.api.stage import load_stage
     from stagectl.api.trajectory import load_trajectory
     from stagectl.api.tuning import tune
+    from stagectl.units import StageError
 
 __all__ = [
     "StageError",
@@ -128,27 +127,28 @@ __all__ = [
     "tune",
 ]
 
-_ROOMS = {  # of `api`, each imported when its function is first used
-    "compare": "comparison",
-    "diagnose": "diagnosis",
-    "identify": "identification",
-    "load_log": "record",
-    "load_stage": "stage",
-    "load_trajectory": "trajectory",
-    "run": "motion",
-    "simulate": "motion",
-    "tune": "tuning",
+_MODULES = {  # each imported when its name is first used
+    "StageError": "units",
+    "compare": "api.comparison",
+    "diagnose": "api.diagnosis",
+    "identify": "api.identification",
+    "load_log": "api.record",
+    "load_stage": "api.stage",
+    "load_trajectory": "api.trajectory",
+    "run": "api.motion",
+    "simulate": "api.motion",
+    "tune": "api.tuning",
 }
 
 if not TYPE_CHECKING:  # a type checker would take any name for one of ours
 
     def __getattr__(name: str) -> Any:
         """The function of the API with this name, once it is asked for."""
-        if name not in _ROOMS:
+        if name not in _MODULES:
             raise AttributeError(f"module 'stagectl' has no attribute {name!r}")
         import importlib
 
-        return getattr(importlib.import_module(f"stagectl.api.{_ROOMS[name]}"), name)
+        return getattr(importlib.import_module(f"stagectl.{_MODULES[name]}"), name)
 
     def __dir__() -> list[str]:
         """What there is, for completion."""

@@ -15,6 +15,7 @@ from stagectl.api.progress import ProgressOption, Say, reported
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
+from stagectl.extras import require
 from stagectl.workflows import layer_comparison
 from stagectl.workflows.trials import Machine, Shown, fresh_folder
 
@@ -72,6 +73,7 @@ class LayerComparison(ReportedResult):
 
     def plot(self) -> Figure:
         """Peak error of each repeat."""
+        require("report", "plot")
         from stagectl.report.comparison import peaks
         from stagectl.report.figures import detached
 

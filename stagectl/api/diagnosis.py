@@ -13,6 +13,7 @@ from stagectl.api.arguments import ArgumentError, PathLike, paths_of
 from stagectl.api.progress import ProgressOption, Update, reported
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
+from stagectl.extras import require
 from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library_names import excluded
 from stagectl.gap.logs import load_session
@@ -137,6 +138,7 @@ class GapDiagnosis(ReportedResult):
 
         Raises ArgumentError where the diagnosis holds nothing of the kind.
         """
+        require("report", "plot")
         from stagectl.report.figures import detached
         from stagectl.report.gap.figures import drawings
 

@@ -16,6 +16,7 @@ from stagectl.api.record import MotionRecord, RecordFolder, named_columns
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.config.patch import Change, write
+from stagectl.extras import require
 from stagectl.identification import capture_checks, captures, methods
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import IdentificationResult, Parameter
@@ -90,6 +91,7 @@ class IdentifiedModel(ReportedResult):
 
     def plot(self) -> Figure:
         """Friction after a reversal where the method finds it, else the first capture."""
+        require("report", "plot")
         from stagectl.report import identification as report
         from stagectl.report.figures import detached
 

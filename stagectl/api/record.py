@@ -15,6 +15,7 @@ from stagectl.api.arguments import PathLike
 from stagectl.api.result import PrintedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.evaluation import evaluate, latched_reference
+from stagectl.extras import require
 from stagectl.kernels import rollout
 from stagectl.recording.hdf5 import Recording, open_recording, quantities, save
 
@@ -102,6 +103,7 @@ class MotionRecord(PrintedResult):
 
     def plot(self) -> Figure:
         """Position, tracking error and current over time."""
+        require("report", "plot")
         from stagectl.report.figures import detached
         from stagectl.report.run import figure
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stagectl.api.arguments import ArgumentError, PathLike
+from stagectl.extras import require
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
@@ -83,6 +84,7 @@ class ReportedResult(PrintedResult):
             raise ArgumentError("path", target, "; must end in .json or .html")
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.suffix == ".html":
+            require("report", "the page")
             from stagectl.report.page import write
 
             return write(self.page(), target)

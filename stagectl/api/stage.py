@@ -15,6 +15,7 @@ from stagectl.config import stage_file
 from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
 from stagectl.config.patch import Change, check_values, patched, replace_file
+from stagectl.extras import require
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -99,6 +100,7 @@ class DesignedStage(PrintedResult):
 
     def plot(self) -> Figure:
         """Bode plot of the open loop with its margins."""
+        require("report", "plot")
         from stagectl.report import tuning as report
         from stagectl.report.figures import detached
         from stagectl.tuning.families import judged_loops

@@ -15,6 +15,7 @@ from stagectl.api.stage import DesignedStage
 from stagectl.config import trajectory_file
 from stagectl.config.source import read_text
 from stagectl.config.trajectory_file import axis_of
+from stagectl.extras import require
 from stagectl.trajectories import Experiment, Recorded, TrajectoryError, check, peaks, phases
 from stagectl.workflows.motion import Commanded
 
@@ -96,6 +97,7 @@ class TrajectorySource(PrintedResult):
 
     def plot(self) -> Figure:
         """Position over time, and the injected current where there is one."""
+        require("report", "plot")
         from stagectl.report.figures import detached
         from stagectl.report.panels import Frame, Line, stacked
 

@@ -13,6 +13,7 @@ from stagectl.api.arguments import ArgumentError, PathLike, quantity
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, load_stage
 from stagectl.config.patch import Change, write
+from stagectl.extras import require
 from stagectl.tuning import constants, families, sheet
 from stagectl.tuning import search as tuning
 from stagectl.units import Quantity
@@ -73,6 +74,7 @@ class TunedGains(ReportedResult):
 
         Raises ArgumentError for another name.
         """
+        require("report", "plot")
         from stagectl.report.figures import detached
         from stagectl.report.tuning import drawings
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stagectl.api.progress import progress as progress
-from stagectl.api.progress import terminal
+from stagectl.api.progress import terminal as terminal
 from stagectl.extras import MissingExtraError, require
 from stagectl.number_format import length
 

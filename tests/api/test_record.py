@@ -15,6 +15,7 @@ from stagectl.api.arguments import ArgumentError
 from stagectl.api.record import MotionRecord, RecordFolder
 from stagectl.api.result import MissingPackageError
 from stagectl.api.stage import DesignedStage
+from stagectl.extras import MissingExtraError
 from stagectl.recording.hdf5 import RecordingError
 from tests.identification.synthetic import motion, write_csv
 
@@ -111,3 +112,10 @@ def test_nothing_to_read() -> None:
 def test_arguments_carry_their_name() -> None:
     error = ArgumentError("margin", "2 rad", "; must lie in [0, 1.5] rad")
     assert (error.name, error.value) == ("margin", "2 rad") and isinstance(error, sc.StageError)
+
+
+def test_without_matplotlib_a_plot_says_what_to_install(run: MotionRecord, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stagectl.extras.find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError) as error:
+        run.plot()
+    assert (error.value.package, error.value.extra) == ("matplotlib", "report")
