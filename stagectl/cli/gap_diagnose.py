@@ -63,7 +63,7 @@ def diagnose(
     from stagectl.cli.gap_show import show
     from stagectl.config.stage_file import load_stage
     from stagectl.gap import diagnose as pipeline
-    from stagectl.gap.effects.library_names import excluded
+    from stagectl.gap.effects.library import excluded
     from stagectl.gap.logs import load_session as folders
     from stagectl.gap.result.result_json import as_json, save
     from stagectl.gap.validation.predictions import write

@@ -36,7 +36,7 @@ def fleet(
     Example: stagectl gap fleet captures/machine-*
     """
     single_threaded_algebra()
-    from stagectl.gap.effects.library_names import excluded
+    from stagectl.gap.effects.library import excluded
     from stagectl.gap.fleet import Machine, names_of
 
     names = excluded(exclude or [])

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.table import Table
 
 from stagectl.cli.show import console
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects import library
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import NAMED, Effect, Found, Gap
 from stagectl.gap.result.gap_numbers import parameter, percent, together
@@ -67,7 +67,7 @@ def _where(found: Found) -> list[str]:
         f"{name} {'not judged' if share is None else percent(share)}" for name, share in found.blocks.items()
     )
     ranked = sorted(found.coordinates, key=lambda one: -one.share)[:MOST_COORDINATES]
-    follows = ", ".join(f"{words.coordinate(one.name)} {percent(one.share)}" for one in ranked)
+    follows = ", ".join(f"{library.coordinate_label(one.name)} {percent(one.share)}" for one in ranked)
     lines = [f"where in the loop: {blocks}"] + ([f"what it follows: {follows}"] if ranked else [])
     spans = verdict_text.spans(found._replace(captures=tuple(one for one in found.captures if one.spans)))
     more = [f"and {len(spans) - MOST_SPANS} more captures"] if len(spans) > MOST_SPANS else []

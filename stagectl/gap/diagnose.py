@@ -16,7 +16,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from stagectl.gap.controller_check.command_check import Parity, parity
-from stagectl.gap.effects.library import Scales
+from stagectl.gap.effects.effect import Scales
+from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import propose
 from stagectl.gap.inference import parameter_errors, time_localisation, verdict
 from stagectl.gap.inference.basis_functions import Functions
@@ -153,7 +154,7 @@ def unidentifiable(session: Session) -> str:
 
 def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     """All effects with their columns on these data, and what the null ensemble gives each."""
-    forms = candidates.forms(candidates.without(candidates.library(size), options.excluded))
+    forms = candidates.forms(candidates.without(definitions(size), options.excluded))
     directions = [one for form in forms for one in candidates.directions(form)]
     without = null_ensemble.members(e.base.model, MEMBERS[options.full], SEED, size.coulomb)
     known = gram_matrices.beside_each(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from stagectl.gap.effects.library import put
+from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.logs.session import Array, GapError, Log, Session
 from stagectl.gap.result.diagnosis import Effect, Found
 from stagectl.kernels import friction

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.gap.effects.library import Amplitude, Definition
+from stagectl.gap.effects.effect import Amplitude, Definition
 from stagectl.gap.inference import verdict
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.result.diagnosis import Effect

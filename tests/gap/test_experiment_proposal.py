@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.gap.effects import library
+from stagectl.gap.effects import stage_changes
 from stagectl.gap.experiment_design import (
     catalogue,
     coverage,
@@ -64,12 +64,12 @@ def backlash(p: Stage, gap: float) -> Stage:
     changed = p.mechanics.transmission._replace(
         backlash=gap, load_share=0.3, load_friction=0.9, resonance=800.0, damping=0.1
     )
-    return library.put(p, "mechanics.transmission", changed)
+    return stage_changes.put(p, "mechanics.transmission", changed)
 
 
 def rivals(p: Stage) -> dict[str, Stage]:
     """A gap of 0.17 um, or a rolling zone that is longer by about as much."""
-    return {"backlash": backlash(p, 9e-5), "presliding": library.stretched(p, {"size": 0.03})}
+    return {"backlash": backlash(p, 9e-5), "presliding": stage_changes.stretched(p, {"size": 0.03})}
 
 
 def distance(session: Session, models: dict[str, Stage]) -> float:
@@ -144,8 +144,8 @@ def test_an_exact_symmetry_goes_to_the_hand(session: Session) -> None:
     """A stronger motor, or inertia, damping and friction that are all smaller: no motion tells."""
     p = session.stage
     models = {
-        "force_constant": library.put(p, "motor.force_constant", 1.05 * p.motor.force_constant),
-        "inertia": library.put(p, "mechanics.inertia", p.mechanics.inertia / 1.05),
+        "force_constant": stage_changes.put(p, "motor.force_constant", 1.05 * p.motor.force_constant),
+        "inertia": stage_changes.put(p, "mechanics.inertia", p.mechanics.inertia / 1.05),
     }
     proposed = experiment_proposal.propose(session, models, NAN)
     assert proposed is not None

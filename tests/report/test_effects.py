@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
+from stagectl.gap.effects.effect_names import EFFECTS
 
 from stagectl.config.stage_file import Setup
-from stagectl.gap.effects.effect_names import EFFECTS
 from stagectl.report.effects import pictures, texts
 from stagectl.report.effects.measured_effect import motion_named, seen
 from stagectl.report.effects.scenes import scenes

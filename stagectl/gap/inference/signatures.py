@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from stagectl.gap.effects.library import put
+from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.half_strokes import Run

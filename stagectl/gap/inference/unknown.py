@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.effects.library import Scales
+from stagectl.gap.effects.effect import Scales
 from stagectl.gap.inference import basis_functions, coordinates, unstructured_residual
 from stagectl.gap.inference.basis_functions import ALL, EVEN, INERTIAL, LOOP, ODD, Functions, Smoother
 from stagectl.gap.inference.coordinates import drawn, foretold, means

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stagectl.gap.effects import equivalences
-from stagectl.gap.effects.library import Amplitude, Definition, Shape
+from stagectl.gap.effects import library
+from stagectl.gap.effects.effect import Amplitude, Data, Definition, Shape
 from stagectl.gap.inference import patch_fields
-from stagectl.gap.inference.parameter_errors import SCALED, Shift, common, shared
+from stagectl.gap.inference.parameter_errors import Shift, common, shared
 from stagectl.gap.inference.signatures import Signature
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import friction_family
@@ -84,16 +84,16 @@ def _effect(
 ) -> Effect:
     name, (selected, apart) = one.effect.name, what
     rivals = {other: share for other, share in selected.alternatives[name].items() if share > 0.0}
-    certain = equivalences.alternatives(name, equivalences.EXACT)
+    certain = library.look_alikes(name, Data.ALL)
     close = tuple(
         other
         for other, share in sorted(rivals.items(), key=lambda x: -x[1])
-        if share >= AS_GOOD and other not in equivalences.WIDER.get(name, ())
+        if share >= AS_GOOD and other not in library.generalisations(name)
     )
     rest = [other for other in now.effects if other is not one]
     return Effect(
         name=name,
-        alternatives=tuple(dict.fromkeys([*certain, *close, *(("bias",) if name == "coulomb_asymmetry" else ())])),
+        alternatives=tuple(dict.fromkeys([*certain, *close, *library.look_alikes(name, Data.ONE_SPEED)])),
         probability=min(selected.inclusion[name] / STABLE, 1.0)
         * _clear(selected, one, deviation, apart)
         * probability(selected.clarity[name].doubt, rivals, name),
@@ -129,7 +129,7 @@ def probability(doubt: float, rivals: Mapping[str, float], name: str) -> float:
     The search takes the best, so that it keeps at least an even chance against them all.
     """
     there: float = 1.0 - 0.5 * min(doubt, 1.0) ** STEEPNESS
-    wider = equivalences.WIDER.get(name, frozenset())  # what holds this effect as a special case is no rival to it
+    wider = library.generalisations(name)  # what holds this effect as a special case is no rival to it
     this = 1.0 / (1.0 + sum(min(share, 1.0) ** SHARPNESS for other, share in rivals.items() if other not in wider))
     return float(there * max(this, EVEN))
 
@@ -175,7 +175,7 @@ def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Effec
     """The parameters that are off, by name; a common scale of all of them is that of the force constant."""
     scale = common(found)
     if scale is not None:
-        rest = [one for one in found if one.sure and one.name not in SCALED]
+        rest = [one for one in found if one.sure and one.name not in library.FORCE_SCALED]
         return [_force_constant(session, scale), *(_shifted(session, one, now) for one in rest)]
     sure = sorted((one for one in found if one.sure), key=lambda one: -one.share)
     effects = [_shifted(session, one, now) for one in sure]
@@ -189,7 +189,7 @@ def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Effec
 
 def _alike(sure: Sequence[Shift]) -> bool:
     """Whether inertia, viscous and Coulomb friction have all gone the same way."""
-    changes = [one.change for one in sure if one.name in SCALED]
+    changes = [one.change for one in sure if one.name in library.FORCE_SCALED]
     return len(changes) == 3 and len({change > 0.0 for change in changes}) == 1
 
 
@@ -197,7 +197,7 @@ def _force_constant(session: Session, shift: Shift) -> Effect:
     value = session.stage.motor.force_constant * (1.0 + shift.change)
     return Effect(
         "force_constant",
-        (*equivalences.alternatives("force_constant", equivalences.EXACT), *SCALED),
+        (*library.look_alikes("force_constant", Data.ALL), *library.FORCE_SCALED),
         0.9,
         shift.share,
         {"change": shift.value},
@@ -217,7 +217,7 @@ def _shifted(session: Session, one: Shift, now: Fitted) -> Effect:
         certainty,
         one.share,
         values,
-        block="sensor" if one.name == "time_shift" else "mechanics",
+        block=library.EFFECTS[one.name].block,
         fields=_parameter_fields(session, one, now),
         parameter=True,
         coordinate=sizes.get(one.name, "none"),
@@ -227,8 +227,8 @@ def _shifted(session: Session, one: Shift, now: Fitted) -> Effect:
 def _rivals_of_shift(session: Session, name: str) -> tuple[str, ...]:
     """What the same shift may be as well."""
     unmeasured = any(log.current is None or log.command is None for log in session.logs)
-    sets = [equivalences.ONE_SPEED, *([equivalences.WITHOUT_CURRENT] if unmeasured else [])]
-    return equivalences.alternatives(name, sets)
+    data = Data.ONE_SPEED | Data.WITHOUT_CURRENT if unmeasured else Data.ONE_SPEED
+    return tuple(sorted(library.look_alikes(name, data)))
 
 
 def _parameter_fields(session: Session, one: Shift, now: Fitted) -> Fields:

@@ -15,7 +15,7 @@ from stagectl.config.patch import KEPT, Change, patched, write
 from stagectl.config.source import node_at, read_text
 from stagectl.config.stage_file import Axis, Rolling, StageFile, load_stage
 from stagectl.config.unit_format import hint_at, tag_of
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects import library
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import Effect, Fields, Found, Setting
 from stagectl.gap.result.gap_numbers import percent
@@ -93,7 +93,7 @@ def parts(found: Found, only: Sequence[str] = (), unknown: bool = False) -> tupl
     left = [f"{one.name}: not written, it has no place in a stage file" for one in wanted if not one.fields]
     if found.unknown is not None:
         if (unknown or _UNKNOWN in only) and found.unknown.fields:
-            where = words.coordinate(found.unknown.coordinate)
+            where = library.coordinate_label(found.unknown.coordinate)
             chosen.append(Part(_UNKNOWN, f"a data-based term over {where}, not a cause", found.unknown.fields))
         elif found.unknown.fields:
             left.append("unknown: not written; --unknown adds it as a data-based term")
@@ -113,10 +113,10 @@ def _nothing(found: Found, left: Sequence[str]) -> str:
 
 
 def _why(one: Effect) -> str:
-    told = f"{words.effect(one.name)}, {percent(one.share)} of the closable gap, probability {one.probability:.2f}"
+    told = f"{library.label(one.name)}, {percent(one.share)} of the closable gap, probability {one.probability:.2f}"
     if not one.alternatives:
         return told
-    names = " or ".join(words.effect(name) for name in one.alternatives)
+    names = " or ".join(library.label(name) for name in one.alternatives)
     return f"{told}; {names} would fit these data as well"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects import library
 from stagectl.gap.result.diagnosis import UNEXPLAINED, Effect, Found, Gap, Shape
 from stagectl.gap.result.gap_numbers import percent, together, value
 from stagectl.gap.result.result_json import as_json as as_json  # the same answer for a machine
@@ -122,12 +122,12 @@ def _with_value(one: Effect, found: Found) -> str:
         return either(one)
     name, parameter = next(iter(one.parameters.items()))
     label = "" if one.parameter else f"{name.replace('_', ' ')} "
-    return f"{words.effect(one.name)} ({label}{value(name, parameter, found)})"
+    return f"{library.label(one.name)} ({label}{value(name, parameter, found)})"
 
 
 def either(one: Effect) -> str:
     """The effect, and what these data cannot tell it from: ``bias or current offset``."""
-    return _joined([words.effect(name) for name in (one.name, *one.alternatives)], "or")
+    return _joined([library.label(name) for name in (one.name, *one.alternatives)], "or")
 
 
 def _joined(names: Sequence[str], last: str) -> str:
@@ -155,7 +155,7 @@ def where_unknown(one: Shape) -> str:
     if one.coordinate == "frequency":
         middle = one.grid[int(np.argmax(one.force))]
         return f"it rings, strongest near {middle:.0f} Hz: a band of one and a half octaves holds {told} of it"
-    where = words.coordinate(one.coordinate)
+    where = library.coordinate_label(one.coordinate)
     return f"it follows the {where}, which predicts {told} of it on runs that were not used"
 
 
@@ -200,7 +200,7 @@ def ambiguous(found: Found) -> list[str]:
     """What these data cannot tell apart, a line an effect."""
     return [
         f"{_capital(either(one))}: these data fit all of them alike; "
-        f"{words.effect(one.name)} has probability {one.probability:.2f}."
+        f"{library.label(one.name)} has probability {one.probability:.2f}."
         for one in found.effects
         if one.alternatives
     ]
@@ -211,8 +211,8 @@ def advice(found: Found) -> list[str]:
     one = found.next_experiment
     if one is None:
         return []
-    apart = " from ".join(words.effect(name) for name in one.separates[:2])
-    rest = [words.effect(name) for name in one.separates[2:]]
+    apart = " from ".join(library.label(name) for name in one.separates[:2])
+    rest = [library.label(name) for name in one.separates[2:]]
     told = f"tells {apart}" + (f" (and {', '.join(rest)})" if rest else "") if apart else "shows what no run has shown"
     how_far = f" by {one.separation_sigma:.3g} sigma" if one.separation_sigma > 0.0 else ""
     lines = [f"Next experiment: {one.name}. It {told}{how_far} in {_machine(one.duration)}."]

@@ -6,8 +6,9 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from stagectl.gap.effects import equivalences, library_drive, library_friction, library_mechanics, library_sensor
-from stagectl.gap.effects.library import Aging, Definition, Scales, coulomb, scaled
+from stagectl.gap.effects import library
+from stagectl.gap.effects.effect import Aging, Definition
+from stagectl.gap.effects.stage_changes import coulomb, scaled
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.sensitivities import Direction, Model
 from stagectl.kernels.stage import Stage
@@ -32,12 +33,6 @@ class Named(NamedTuple):
 
     effect: Definition
     values: Mapping[str, float]
-
-
-def library(s: Scales) -> list[Definition]:
-    """All effects that can be searched for on a machine of these sizes."""
-    parts = (library_drive, library_mechanics, library_friction, library_sensor)
-    return [one for part in parts for one in part.definitions(s)]
 
 
 def forms(effects: Sequence[Definition]) -> list[Form]:
@@ -105,5 +100,5 @@ def equipped(p: Model, effects: Sequence[Named]) -> Model:
 
 def without(effects: Sequence[Definition], excluded: Sequence[str]) -> list[Definition]:
     """The library less the effects that must not be candidates, nor under the name of a wider one that holds them."""
-    gone = {*excluded, *(wider for name in excluded for wider in equivalences.WIDER.get(name, ()))}
+    gone = {*excluded, *(wider for name in excluded for wider in library.generalisations(name))}
     return [one for one in effects if one.name not in gone]

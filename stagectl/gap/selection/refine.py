@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.effects.library import Aging, Values
+from stagectl.gap.effects.effect import Aging, Values
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -96,7 +96,7 @@ def refine(e: Evidence, model: Model, effects: Sequence[Named], steps: int = STE
     """The best values of all parameters of `effects` and of the base beside them, from where they stand."""
     residuals = left(e, model, effects)
     now = Fitted(model, tuple(effects), residuals, total(e, residuals))
-    if any(one.effect.bent for one in effects) and np.isfinite(now.misfit):
+    if any(one.effect.nonlinear for one in effects) and np.isfinite(now.misfit):
         e = e._replace(base=e.base._replace(products=_products_beside(e, now)))
     for _ in range(steps if np.isfinite(now.misfit) else 0):  # it diverged: no step can be told
         after = _step(e, now)

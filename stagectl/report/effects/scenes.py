@@ -10,7 +10,8 @@ from collections.abc import Callable
 from typing import Any
 
 from stagectl.gap.effects import library_drive, library_friction, library_mechanics, library_sensor
-from stagectl.gap.effects.library import Definition, Scales, put
+from stagectl.gap.effects.effect import Definition, Scales
+from stagectl.gap.effects.stage_changes import put
 from stagectl.kernels import stage
 from stagectl.kernels.friction import Stribeck
 from stagectl.report.effects.measured_effect import COMMAND, CURRENT, Scene

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import NamedTuple
 
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects import library
 from stagectl.gap.result.diagnosis import BLOCKS, Found
 from stagectl.gap.result.gap_numbers import percent
 from stagectl.report.page import Picture
@@ -78,7 +78,7 @@ def _box(found: Found, number: int, name: str) -> _Box:
         lines = textwrap.wrap(dict(found.impossible).get(name, why), _CHARACTERS)
     else:
         effects = [one for one in found.named if one.block == name]
-        lines = [line for one in effects for line in textwrap.wrap(words.effect(one.name), _CHARACTERS)]
+        lines = [line for one in effects for line in textwrap.wrap(library.label(one.name), _CHARACTERS)]
     if len(lines) > _LINES:
         lines = [*lines[: _LINES - 1], "..."]
     return _Box(_LEFT + number * (_WIDE + _SPACE), name, share, lines)

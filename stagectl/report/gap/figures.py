@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects import library
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Effect, Found, Spans, Trace
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT
 from stagectl.report.panels import DPI as DPI
@@ -42,7 +42,7 @@ def coordinates(found: Found) -> Figure:
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 0.9 + 0.32 * max(len(rows), 3)))
         shares = [100.0 * max(one.share, 0.0) for one in rows]
-        axes.barh([words.coordinate(one.name) for one in rows], shares, color=TARGET, height=0.6)
+        axes.barh([library.coordinate_label(one.name) for one in rows], shares, color=TARGET, height=0.6)
         for place, share in enumerate(shares):
             axes.text(share + 1.5, place, f"{share:.0f} %", va="center", fontsize=8, color=TARGET)
         axes.set_xlim(0.0, 112.0)
@@ -124,7 +124,7 @@ def _beside(axes: Axes, place: tuple[float, float], text: str) -> None:
 
 
 def _share_label(name: str) -> str:
-    called = name if name in (UNEXPLAINED, NOISE) else words.effect(name)
+    called = name if name in (UNEXPLAINED, NOISE) else library.label(name)
     return called.replace(" but ", " but\n") if called == UNEXPLAINED else _wrapped(called)
 
 
@@ -198,7 +198,7 @@ def signature(one: Effect, found: Found) -> Figure:
         label = "residual before"
         axes.plot(across.factor * x[kept], up.factor * residual[kept], ".", color=_GREY, markersize=2.5, label=label)
         middle, mean = binned(x, model)
-        axes.plot(across.factor * middle, up.factor * mean, color=WITH, linewidth=1.8, label=words.effect(one.name))
+        axes.plot(across.factor * middle, up.factor * mean, color=WITH, linewidth=1.8, label=library.label(one.name))
         _frame(axes, one.coordinate, across, f"residual [{up.unit}]")
         _legend_above(axes)
         figure.tight_layout()
@@ -225,7 +225,7 @@ def shape(found: Found) -> Figure:
 
 def _frame(axes: Axes, coordinate: str, across: _Scale, label: str) -> None:
     unit = f" [{across.unit}]" if across.unit else ""
-    axes.set_xlabel(f"{words.coordinate(coordinate)}{unit}")
+    axes.set_xlabel(f"{library.coordinate_label(coordinate)}{unit}")
     axes.set_ylabel(label)
 
 

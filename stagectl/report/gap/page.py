@@ -7,7 +7,7 @@ import re
 
 from matplotlib.figure import Figure
 
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects import library
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, NAMED, Effect, Found, Gap, Trace
 from stagectl.gap.result.gap_numbers import parameter, percent, together
@@ -110,8 +110,8 @@ def _effects(found: Found) -> Table:
 def _effect(one: Effect) -> list[list[str]]:
     """A row, and one for each effect that would fit as well."""
     probability = f"{one.probability:.2f}" + ("" if one.probability >= NAMED else ": not named")
-    rest = [[f"or {words.effect(name)}", "", "", ""] for name in one.alternatives]
-    return [[words.effect(one.name), one.block, percent(one.share), probability], *rest]
+    rest = [[f"or {library.label(name)}", "", "", ""] for name in one.alternatives]
+    return [[library.label(one.name), one.block, percent(one.share), probability], *rest]
 
 
 def _distance(found: Found, _place: str) -> Section | None:
@@ -162,7 +162,7 @@ def _signatures(found: Found, _place: str) -> Section | None:
 
 
 def _name(one: Effect) -> str:
-    name = words.effect(one.name)
+    name = library.label(one.name)
     return name[:1].upper() + name[1:]
 
 
@@ -208,7 +208,7 @@ def _following(found: Found, place: str) -> Section | None:
 
 def _parameters(found: Found, _place: str) -> Section | None:
     rows = [
-        [words.effect(one.name), name.replace("_", " "), parameter(name, value, found)]
+        [library.label(one.name), name.replace("_", " "), parameter(name, value, found)]
         for one in found.named
         for name, value in one.parameters.items()
     ]
