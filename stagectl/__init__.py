@@ -68,7 +68,7 @@
     [19] gap/validation/held_out_gap.py     held-out runs, before and after       gap/experiment_design/experiment_proposal.py  the experiment that separates
               v
          gap/result/diagnosis.py      the answer: report/gap/page.py draws it, gap/result/patch.py writes it into the stage file
-                           report/effects/ pictures each effect for the manual; config/manual_reference.py its YAML pages
+                           config/manual_reference.py  the manual's pages on YAML files
 
     exam/             the machine that the diagnosis is examined on, which shares nothing with the rest; `gap exam`
     exam/blind/       draws its trials, seals the labels, watches the diagnosis, scores it; baselines/ beside it
