@@ -9,14 +9,14 @@ from rich.table import Table
 from stagectl.cli.show import console
 from stagectl.gap.effects import library
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import NAMED, Effect, Found, Gap
+from stagectl.gap.result.diagnosis import NAMED, DiagnosisResult, FoundEffect, Gap
 from stagectl.gap.result.gap_numbers import parameter, percent, together
 
 MOST_COORDINATES = 3
 MOST_SPANS = 8
 
 
-def show(found: Found, folder: Path) -> None:
+def show(found: DiagnosisResult, folder: Path) -> None:
     """Print the diagnosis of `folder`."""
     console.print(f"{found.verdict}: {found.sentence or verdict_text.sentence(found)}")
     if found.effects:
@@ -34,7 +34,7 @@ def show(found: Found, folder: Path) -> None:
         console.print(line, style="bold")
 
 
-def _effects(found: Found) -> Table:
+def _effects(found: DiagnosisResult) -> Table:
     table = Table("effect", "in", "share", "probability", "parameters (95 %)")
     for one in found.effects:
         probability = f"{one.probability:.2f}" + ("" if one.probability >= NAMED else ", not named")
@@ -42,12 +42,12 @@ def _effects(found: Found) -> Table:
     return table
 
 
-def _parameters(one: Effect, found: Found) -> str:
+def _parameters(one: FoundEffect, found: DiagnosisResult) -> str:
     shown = (f"{name.replace('_', ' ')} {parameter(name, value, found)}" for name, value in one.parameters.items())
     return "\n".join(shown)
 
 
-def _gaps(found: Found) -> Table:
+def _gaps(found: DiagnosisResult) -> Table:
     table = Table("held-out runs, rms", "before", "after", "floor", "unit", "closed (95 %)")
     known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
     for name, one in known.items():
@@ -55,12 +55,12 @@ def _gaps(found: Found) -> Table:
     return table
 
 
-def _gap(one: Gap, found: Found) -> list[str]:
+def _gap(one: Gap, found: DiagnosisResult) -> list[str]:
     (before, after, floor), unit = together((one.before, one.after, one.floor), one.unit, found)
     return [before, after, floor, unit, "nothing to close" if found.verdict == "none" else verdict_text.closure(one)]
 
 
-def _where(found: Found) -> list[str]:
+def _where(found: DiagnosisResult) -> list[str]:
     if found.verdict == "none":
         return []
     blocks = ", ".join(
@@ -74,7 +74,7 @@ def _where(found: Found) -> list[str]:
     return [*lines, *(f"open in {one}" for one in spans[:MOST_SPANS]), *more]
 
 
-def _commands(found: Found, folder: Path) -> list[str]:
+def _commands(found: DiagnosisResult, folder: Path) -> list[str]:
     lines = []
     if found.next_experiment is not None and found.next_experiment.trajectory:
         lines.append(f"stagectl gap next {folder}")

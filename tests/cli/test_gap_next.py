@@ -9,17 +9,17 @@ import pytest
 import typer
 
 from stagectl.cli import gap_next
-from stagectl.gap.result.diagnosis import Next
+from stagectl.gap.result.diagnosis import NextExperiment
 from stagectl.gap.result.result_json import save
 from stagectl.units import StageError
 from tests.gap.examples import found
 
 TEXT = "type: sine\namplitude: 5 mm\nfrequency: 2 Hz\nperiods: 3\n"
-MOTION = Next("micro-sweep", "micro-sweep.yaml", ("backlash", "presliding"), 31.4, 18.2, "Micro-sines.", TEXT)
-HAND = Next("added mass", "", ("inertia", "force_constant"), 0.0, 900.0, "Weigh a mass.")
+MOTION = NextExperiment("micro-sweep", "micro-sweep.yaml", ("backlash", "presliding"), 31.4, 18.2, "Micro-sines.", TEXT)
+HAND = NextExperiment("added mass", "", ("inertia", "force_constant"), 0.0, 900.0, "Weigh a mass.")
 
 
-def following(folder: Path, proposed: Next | None, *options: str) -> int:
+def following(folder: Path, proposed: NextExperiment | None, *options: str) -> int:
     save(found("effects", next_experiment=proposed), folder)
     app = typer.Typer()
     gap_next.register(app)

@@ -16,7 +16,7 @@ from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Operators, Rolling, load_stage
 from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.logs.session import GapError
-from stagectl.gap.result.diagnosis import UNORDERED, Fields, Found
+from stagectl.gap.result.diagnosis import UNORDERED, DiagnosisResult, Fields
 from stagectl.gap.result.patch import applied, parts, patch_of
 from stagectl.gap.result.result_json import save
 from stagectl.kernels import effects, friction, friction_bristle
@@ -36,7 +36,7 @@ def stage(tmp_path: Path) -> Path:
     return path
 
 
-def naming(*fields: tuple[str, float]) -> Found:
+def naming(*fields: tuple[str, float]) -> DiagnosisResult:
     return found("effects", effects=(ASYMMETRY._replace(fields=fields),))
 
 
@@ -217,7 +217,7 @@ def test_the_unknown_is_written_on_request_only() -> None:
         (naming(("mechanics.mass", 1.0)), "mechanics.mass is not an entry of such a file"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_patched_is_refused(told: Found, words: str, stage: Path) -> None:
+def test_what_cannot_be_patched_is_refused(told: DiagnosisResult, words: str, stage: Path) -> None:
     before = stage.read_text()
     with pytest.raises(StageError, match=words):
         patch_of(told, stage)

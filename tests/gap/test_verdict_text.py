@@ -13,7 +13,7 @@ import pytest
 
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, Effect, Gap, Value
+from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, FoundEffect, Gap, Value
 from stagectl.gap.result.gap_numbers import parameter, percent, together
 from stagectl.gap.result.result_json import NAME, as_json, load, restored, save
 from stagectl.gap.validation.warnings import doubts
@@ -168,7 +168,7 @@ def test_ambiguity_and_advice_in_words() -> None:
 
 
 def test_an_effect_nobody_has_described_is_shown_by_its_name() -> None:
-    odd = Effect("brand_new_effect", (), 0.9, 0.5, {})
+    odd = FoundEffect("brand_new_effect", (), 0.9, 0.5, {})
     assert "50 % of the closable gap is brand new effect." in found("effects", effects=(odd,)).sentence
 
 

@@ -13,7 +13,7 @@ from stagectl.gap.inference.signatures import Signature
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.result.diagnosis import NAMED, Effect, Fields, Value
+from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import baseline_fit, refine
 from stagectl.gap.selection.candidates import Named, equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -33,7 +33,9 @@ STABLE = 0.8  # share of resamples in which an effect must be found again
 EVEN = 0.55  # least share of a found effect against its rivals
 
 
-def named_effects(session: Session, selected: Selected, deviation: Mapping[str, float], apart: bool) -> list[Effect]:
+def named_effects(
+    session: Session, selected: Selected, deviation: Mapping[str, float], apart: bool
+) -> list[FoundEffect]:
     """The effects of the search, the surest gains first, with the `deviation` of their parameters.
 
     `apart`: what one experiment shows clearly counts, whatever is left in the others.  So it is where only the form of
@@ -45,7 +47,7 @@ def named_effects(session: Session, selected: Selected, deviation: Mapping[str, 
     return [part for one in sorted(found, key=lambda one: -order[one.name]) for part in _parted(one)]
 
 
-def _parted(one: Effect) -> list[Effect]:
+def _parted(one: FoundEffect) -> list[FoundEffect]:
     """An effect that works on another one, and that other one: what lags is a Stribeck friction."""
     if one.name != "friction_lag":
         return [one]
@@ -54,7 +56,7 @@ def _parted(one: Effect) -> list[Effect]:
     return [one._replace(name="stribeck", parameters=curve, coordinate="speed", alternatives=others), one]
 
 
-def sure(e: Evidence, selected: Selected, found: Sequence[Effect]) -> Selected:
+def sure(e: Evidence, selected: Selected, found: Sequence[FoundEffect]) -> Selected:
     """`selected` without what is not named: a cause in doubt must not hide that something is there."""
     named = {one.name for one in found if one.probability >= NAMED}
     stay = [one for one in selected.fitted.effects if one.effect.name in named]
@@ -63,7 +65,7 @@ def sure(e: Evidence, selected: Selected, found: Sequence[Effect]) -> Selected:
     return selected._replace(fitted=refine.refine(e, selected.fitted.model, stay))
 
 
-def with_signatures(effects: Sequence[Effect], found: Sequence[Signature]) -> list[Effect]:
+def with_signatures(effects: Sequence[FoundEffect], found: Sequence[Signature]) -> list[FoundEffect]:
     """Effects and the drive's signatures; the mean of a jittering delay is no dead time of its own."""
     size = next((one.value for one in found if one.effect.name == "jitter"), 0.0)
     own = [one for one in effects if one.name != "dead_time" or one.parameters["time"].value > OF_JITTER * size]
@@ -81,7 +83,7 @@ def _effect(
     one: Named,
     what: tuple[Selected, bool],
     deviation: Mapping[str, float],
-) -> Effect:
+) -> FoundEffect:
     name, (selected, apart) = one.effect.name, what
     rivals = {other: share for other, share in selected.alternatives[name].items() if share > 0.0}
     certain = library.look_alikes(name, Data.ALL)
@@ -91,7 +93,7 @@ def _effect(
         if share >= AS_GOOD and other not in library.generalisations(name)
     )
     rest = [other for other in now.effects if other is not one]
-    return Effect(
+    return FoundEffect(
         name=name,
         alternatives=tuple(dict.fromkeys([*certain, *close, *library.look_alikes(name, Data.ONE_SPEED)])),
         probability=min(selected.inclusion[name] / STABLE, 1.0)
@@ -171,7 +173,7 @@ def _units(effect: Definition, kind: str) -> dict[str, str]:
     return {name: both[-1] if kind == "linear" else both[0] for name, both in parts.items()}
 
 
-def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Effect]:
+def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[FoundEffect]:
     """The parameters that are off, by name; a common scale of all of them is that of the force constant."""
     scale = common(found)
     if scale is not None:
@@ -193,9 +195,9 @@ def _alike(sure: Sequence[Shift]) -> bool:
     return len(changes) == 3 and len({change > 0.0 for change in changes}) == 1
 
 
-def _force_constant(session: Session, shift: Shift) -> Effect:
+def _force_constant(session: Session, shift: Shift) -> FoundEffect:
     value = session.stage.motor.force_constant * (1.0 + shift.change)
-    return Effect(
+    return FoundEffect(
         "force_constant",
         (*library.look_alikes("force_constant", Data.ALL), *library.FORCE_SCALED),
         0.9,
@@ -206,12 +208,12 @@ def _force_constant(session: Session, shift: Shift) -> Effect:
     )
 
 
-def _shifted(session: Session, one: Shift, now: Fitted) -> Effect:
+def _shifted(session: Session, one: Shift, now: Fitted) -> FoundEffect:
     sizes = {"inertia": "acceleration", "viscous": "speed", "coulomb": "direction"}
     certainty = 1.0 / (1.0 + (4.0 * max(one.deviation, 1e-6) / abs(one.change)) ** 2)
     width = 1.96 * one.deviation
     values = {one.name: one.value, "change": Value(one.change, one.change - width, one.change + width, "")}
-    return Effect(
+    return FoundEffect(
         one.name,
         _rivals_of_shift(session, one.name),
         certainty,
@@ -240,7 +242,7 @@ def _parameter_fields(session: Session, one: Shift, now: Fitted) -> Fields:
     return ()
 
 
-def rivals(e: Evidence, selected: Selected, one: Effect) -> dict[str, Stage]:
+def rivals(e: Evidence, selected: Selected, one: FoundEffect) -> dict[str, Stage]:
     """Models in which another effect stands in the place of `one`, each refined to explain the same data."""
     now = selected.fitted
     rest = [other for other in now.effects if other.effect.name != one.name]

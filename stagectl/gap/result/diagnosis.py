@@ -27,7 +27,7 @@ class Value(NamedTuple):
     unit: str
 
 
-class Effect(NamedTuple):
+class FoundEffect(NamedTuple):
     """An effect, or a shifted parameter of the model, by its name in the library."""
 
     name: str
@@ -71,7 +71,7 @@ class Spans(NamedTuple):
     duration: float = 0.0  # s, of the log
 
 
-class Shape(NamedTuple):
+class UnknownTerm(NamedTuple):
     """What is unknown, as a function of the coordinate that orders it best."""
 
     coordinate: str
@@ -82,7 +82,7 @@ class Shape(NamedTuple):
     block: str = "mechanics"  # "drive": `force` is a current (A)
 
 
-UNORDERED = Shape("none", np.zeros(0), np.zeros(0), 0.0)  # what repeats, and no coordinate orders
+UNORDERED = UnknownTerm("none", np.zeros(0), np.zeros(0), 0.0)  # what repeats, and no coordinate orders
 
 
 class Trace(NamedTuple):
@@ -96,7 +96,7 @@ class Trace(NamedTuple):
     floor: float
 
 
-class Next(NamedTuple):
+class NextExperiment(NamedTuple):
     """The experiment that separates what is ambiguous, or would show what no run showed."""
 
     name: str
@@ -108,20 +108,20 @@ class Next(NamedTuple):
     text: str = ""  # YAML of the trajectory
 
 
-class Found(NamedTuple):
+class DiagnosisResult(NamedTuple):
     """The whole answer."""
 
     verdict: str
     sentence: str
-    effects: tuple[Effect, ...]
+    effects: tuple[FoundEffect, ...]
     gap: Gap  # of the measured position; of the effort where no controller is known
     gaps: dict[str, Gap]  # the same for tracking error, effort, current
     blocks: dict[str, float | None]  # excess share of each of BLOCKS; None: that cut was impossible
     coordinates: tuple[Coordinate, ...]
     captures: tuple[Spans, ...]
     shares: tuple[tuple[str, float], ...]  # parameters | each effect | UNEXPLAINED | NOISE; together 1
-    next_experiment: Next | None = None
-    unknown: Shape | None = None
+    next_experiment: NextExperiment | None = None
+    unknown: UnknownTerm | None = None
     traces: tuple[Trace, ...] = ()
     notes: tuple[str, ...] = ()
     cannot_tell: tuple[str, ...] = ()
@@ -133,6 +133,6 @@ class Found(NamedTuple):
     impossible: tuple[tuple[str, str], ...] = ()  # (one of BLOCKS, why it could not be judged)
 
     @property
-    def named(self) -> tuple[Effect, ...]:
+    def named(self) -> tuple[FoundEffect, ...]:
         """The effects that count as named, in their order."""
         return tuple(one for one in self.effects if one.probability >= NAMED)

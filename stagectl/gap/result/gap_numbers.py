@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from stagectl.gap.result.diagnosis import Found, Value
+from stagectl.gap.result.diagnosis import DiagnosisResult, Value
 from stagectl.number_format import duration, length
 
 _SMALL = 1e-12
@@ -15,7 +15,7 @@ _PREFIXES = (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))  # and numbers of a
 _ANGLES = ("phase",)  # parameters in rad that are no position of the axis
 
 
-def quantity(value: float, unit: str, found: Found) -> str:
+def quantity(value: float, unit: str, found: DiagnosisResult) -> str:
     """A gap, a length or a current: ``2.94 µm``, ``31.0 mA``; angles of an axis with a lead as its travel."""
     if not math.isfinite(value):
         return "not known"
@@ -26,7 +26,7 @@ def quantity(value: float, unit: str, found: Found) -> str:
     return length(value, unit)
 
 
-def together(values: Sequence[float], unit: str, found: Found) -> tuple[list[str], str]:
+def together(values: Sequence[float], unit: str, found: DiagnosisResult) -> tuple[list[str], str]:
     """Numbers of one kind to two digits, all in the prefix that fits the largest, and their unit."""
     per, name = (found.travel_per_unit, found.travel_unit) if unit == "rad" else (1.0, unit)
     largest = max((abs(one) * per for one in values if math.isfinite(one)), default=0.0)
@@ -54,7 +54,7 @@ def percent(share: float) -> str:
     return f"{value:.1f} %" if abs(value) < 1.0 else f"{value:.0f} %"
 
 
-def parameter(name: str, one: Value, found: Found) -> str:
+def parameter(name: str, one: Value, found: DiagnosisResult) -> str:
     """``0.182 (0.171 to 0.193)`` with its unit; times and lengths in the prefix that fits."""
     number, unit = _scaled(name, one, found)
     low, high = number(one.low), number(one.high)
@@ -63,7 +63,7 @@ def parameter(name: str, one: Value, found: Found) -> str:
     return f"{number(one.value)} {unit}".rstrip() + f" ({low} to {high})"
 
 
-def value(name: str, one: Value, found: Found) -> str:
+def value(name: str, one: Value, found: DiagnosisResult) -> str:
     """The value alone to three digits, with its unit: ``0.182``, ``14 µm``."""
     scale, unit = _unit(name, one, found)
     return f"{one.value / scale:.3g} {unit}".rstrip()
@@ -80,7 +80,7 @@ class _Number(NamedTuple):
         return f"{scaled:.{self.places}f}" if math.isfinite(scaled) and self.places < _FREE else f"{scaled:.4g}"
 
 
-def _scaled(name: str, one: Value, found: Found) -> tuple[_Number, str]:
+def _scaled(name: str, one: Value, found: DiagnosisResult) -> tuple[_Number, str]:
     """How numbers of this parameter are written, and in which unit."""
     scale, unit = _unit(name, one, found)
     return _Number(scale, _decimals(one, scale)), unit
@@ -92,7 +92,7 @@ def _decimals(one: Value, scale: float) -> int:
     return max(0, 1 - math.floor(math.log10(half))) if math.isfinite(half) and half > 0.0 else _FREE
 
 
-def _unit(name: str, one: Value, found: Found) -> tuple[float, str]:
+def _unit(name: str, one: Value, found: DiagnosisResult) -> tuple[float, str]:
     """SI size of the unit that a parameter is shown in, and its name."""
     unit, per = one.unit, 1.0
     if unit.split("/")[0] == "rad" and found.travel_unit == "m" and found.kind == "rotary" and name not in _ANGLES:

@@ -17,7 +17,7 @@ from stagectl.config.stage_file import Axis, Rolling, StageFile, load_stage
 from stagectl.config.unit_format import hint_at, tag_of
 from stagectl.gap.effects import library
 from stagectl.gap.logs.session import GapError
-from stagectl.gap.result.diagnosis import Effect, Fields, Found, Setting
+from stagectl.gap.result.diagnosis import DiagnosisResult, Fields, FoundEffect, Setting
 from stagectl.gap.result.gap_numbers import percent
 
 _SAME = 1e-6  # relative difference that is none
@@ -52,7 +52,7 @@ class Patch(NamedTuple):
         return [*(f"# {one}" for one in self.comments), *lines]
 
 
-def patch_of(found: Found, source: Path, only: Sequence[str] = (), unknown: bool = False) -> Patch:
+def patch_of(found: DiagnosisResult, source: Path, only: Sequence[str] = (), unknown: bool = False) -> Patch:
     """The patch that adds the named effects to the stage file `source`; with `unknown` the data-based term as well.
 
     Raises GapError where there is nothing to write, ConfigError where the file has no such place.
@@ -69,7 +69,7 @@ def patch_of(found: Found, source: Path, only: Sequence[str] = (), unknown: bool
     return Patch(source, values, text, made.text, made.changes, comments)
 
 
-def check_machine(found: Found, axis: Axis, source: Path) -> None:
+def check_machine(found: DiagnosisResult, axis: Axis, source: Path) -> None:
     """Raise GapError where the diagnosis is of another kind of axis, or of another lead."""
     if axis.kind != found.kind or abs(axis.travel_per_unit / found.travel_per_unit - 1.0) > _SAME:
         raise GapError(
@@ -78,7 +78,7 @@ def check_machine(found: Found, axis: Axis, source: Path) -> None:
         )
 
 
-def parts(found: Found, only: Sequence[str] = (), unknown: bool = False) -> tuple[list[Part], list[str]]:
+def parts(found: DiagnosisResult, only: Sequence[str] = (), unknown: bool = False) -> tuple[list[Part], list[str]]:
     """What is to be written, and in words what is not.
 
     Raises GapError where nothing is, or where `only` names what the diagnosis has not found.
@@ -104,7 +104,7 @@ def parts(found: Found, only: Sequence[str] = (), unknown: bool = False) -> tupl
     return chosen, left
 
 
-def _nothing(found: Found, left: Sequence[str]) -> str:
+def _nothing(found: DiagnosisResult, left: Sequence[str]) -> str:
     if found.verdict == "controller":
         return (
             "nothing to write: the controller that ran is not the one described; mend the stage file's `control` block"
@@ -112,7 +112,7 @@ def _nothing(found: Found, left: Sequence[str]) -> str:
     return "; ".join([f"nothing to write: the verdict is {found.verdict!r}, and no effect is named", *left])
 
 
-def _why(one: Effect) -> str:
+def _why(one: FoundEffect) -> str:
     told = f"{library.label(one.name)}, {percent(one.share)} of the closable gap, probability {one.probability:.2f}"
     if not one.alternatives:
         return told

@@ -19,13 +19,13 @@ from stagectl.gap.result.diagnosis import (
     VERDICTS,
     Array,
     Coordinate,
-    Effect,
+    DiagnosisResult,
     Fields,
-    Found,
+    FoundEffect,
     Gap,
-    Next,
-    Shape,
+    NextExperiment,
     Spans,
+    UnknownTerm,
     Value,
 )
 
@@ -36,7 +36,7 @@ _LARGEST = 50_000_000  # bytes
 Json = dict[str, Any]
 
 
-def as_json(found: Found) -> Json:
+def as_json(found: DiagnosisResult) -> Json:
     """Values that `json` writes; everything in SI and axis units."""
     blocks = {name: _number(share) for name, share in found.blocks.items()}
     return {
@@ -62,14 +62,14 @@ def as_json(found: Found) -> Json:
     }
 
 
-def _effect(one: Effect) -> Json:
+def _effect(one: FoundEffect) -> Json:
     curve = None if one.curve is None else [_thinned(column) for column in one.curve]
     parameters = {name: _plain(value) for name, value in one.parameters.items()}
     fields = _fields(one.fields)
     return {**_plain(one._replace(parameters={}, curve=None)), "parameters": parameters, "curve": curve, **fields}
 
 
-def _shape(one: Shape) -> Json:
+def _shape(one: UnknownTerm) -> Json:
     grid, force = _thinned(one.grid), _thinned(one.force)
     return {**_plain(one._replace(grid=np.empty(0), force=np.empty(0))), "grid": grid, "force": force} | _fields(
         one.fields
@@ -103,14 +103,14 @@ def _thinned(column: Array) -> list[float | None]:
     return [_number(one) for one in column[::step]]
 
 
-def save(found: Found, folder: Path) -> Path:
+def save(found: DiagnosisResult, folder: Path) -> Path:
     """Write ``diagnosis.json`` into the folder of the captures; where it stands now."""
     path = folder / NAME
     path.write_text(json.dumps(as_json(found), indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return path
 
 
-def load(place: Path) -> Found:
+def load(place: Path) -> DiagnosisResult:
     """The diagnosis of a folder that `gap diagnose` has been through, or of the JSON file it wrote.
 
     Raises GapError where there is none, or where it is no diagnosis.
@@ -131,12 +131,12 @@ def load(place: Path) -> Found:
         raise GapError(words) from error
 
 
-def restored(told: Mapping[str, Any]) -> Found:
+def restored(told: Mapping[str, Any]) -> DiagnosisResult:
     """What `as_json` made, as it was, without the traces; raises KeyError, TypeError or ValueError where it was not."""
     if told["verdict"] not in VERDICTS:
         raise ValueError(f"verdict = {told['verdict']!r}; must be one of {', '.join(VERDICTS)}")
     where, axis, unknown, following = told["where"], told["axis"], told["unknown"], told["next_experiment"]
-    return Found(
+    return DiagnosisResult(
         told["verdict"],
         str(told["sentence"]),
         tuple(_restored_effect(one) for one in told["effects"]),
@@ -146,7 +146,7 @@ def restored(told: Mapping[str, Any]) -> Found:
         tuple(Coordinate(one["name"], _float(one["share"])) for one in where["coordinates"]),
         tuple(Spans(one["file"], tuple((a, b) for a, b in one["spans"]), one["duration"]) for one in where["captures"]),
         tuple((one["name"], _float(one["share"])) for one in told["shares"]),
-        None if following is None else Next(**{**following, "separates": tuple(following["separates"])}),
+        None if following is None else NextExperiment(**{**following, "separates": tuple(following["separates"])}),
         None if unknown is None else _restored_shape(unknown),
         notes=tuple(told["notes"]),
         cannot_tell=tuple(told["cannot_tell"]),
@@ -169,7 +169,7 @@ def _gap(one: Mapping[str, Any]) -> Gap:
     return Gap(**numbers, unit=one["unit"], predicted=predicted)
 
 
-def _restored_effect(one: Mapping[str, Any]) -> Effect:
+def _restored_effect(one: Mapping[str, Any]) -> FoundEffect:
     curve = one["curve"]
     made = {
         "alternatives": tuple(one["alternatives"]),
@@ -179,16 +179,16 @@ def _restored_effect(one: Mapping[str, Any]) -> Effect:
         "fields": _restored_fields(one["fields"]),
         "curve": None if curve is None else tuple(_column(column) for column in curve),
     }
-    return Effect(**{**one, **made})
+    return FoundEffect(**{**one, **made})
 
 
 def _restored_value(one: Mapping[str, Any]) -> Value:
     return Value(_float(one["value"]), _float(one["low"]), _float(one["high"]), one["unit"])
 
 
-def _restored_shape(one: Mapping[str, Any]) -> Shape:
+def _restored_shape(one: Mapping[str, Any]) -> UnknownTerm:
     grid, force = _column(one["grid"]), _column(one["force"])
-    return Shape(
+    return UnknownTerm(
         one["coordinate"],
         grid,
         force,

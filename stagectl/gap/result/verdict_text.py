@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from stagectl.gap.effects import library
-from stagectl.gap.result.diagnosis import UNEXPLAINED, Effect, Found, Gap, Shape
+from stagectl.gap.result.diagnosis import UNEXPLAINED, DiagnosisResult, FoundEffect, Gap, UnknownTerm
 from stagectl.gap.result.gap_numbers import percent, together, value
 from stagectl.gap.result.result_json import as_json as as_json  # the same answer for a machine
 
@@ -29,41 +29,41 @@ _LIKELY = 0.3  # probability from which an effect without a name is worth a word
 _ODD = 0.05  # by which a share may lie below nothing or above all, and still be told
 
 
-def sentence(found: Found) -> str:
+def sentence(found: DiagnosisResult) -> str:
     """The verdict, then what it stands on: gap before and after, and the noise floor."""
     return f"{_VERDICTS[found.verdict](found)} {_distance(found)}".strip()
 
 
-def _none(found: Found) -> str:
+def _none(found: DiagnosisResult) -> str:
     likely = max((one for one in found.effects if not one.parameter), key=lambda one: one.probability, default=None)
     if likely is not None and likely.probability >= _LIKELY:
         return f"Nothing is surely missing; {either(likely)} may be, with probability {likely.probability:.2f}."
     return "The model agrees with the machine: no effect is missing and no value is off by more than these logs show."
 
 
-def _parameters(found: Found) -> str:
+def _parameters(found: DiagnosisResult) -> str:
     of = _OF_ALL if _shrinks(found) else ""
     return f"No effect is missing, but values of the model are off: {_shares(found, found.named, of)}."
 
 
-def _effects(found: Found) -> str:
+def _effects(found: DiagnosisResult) -> str:
     return f"{_capital(_missing(found))}."
 
 
-def _partly(found: Found) -> str:
+def _partly(found: DiagnosisResult) -> str:
     return f"{_capital(_missing(found))}; {_unknown(found)}."
 
 
-def _unexplained(found: Found) -> str:
+def _unexplained(found: DiagnosisResult) -> str:
     return f"The model lacks something that no effect of the library explains: {_unknown(found)}."
 
 
-def _controller(found: Found) -> str:
+def _controller(found: DiagnosisResult) -> str:
     told = "The controller that ran is not the one described, so nothing behind it is judged."
     return " ".join(filter(None, [told, found.reason, "Mend its description first, then diagnose again."]))
 
 
-def _unidentifiable(found: Found) -> str:
+def _unidentifiable(found: DiagnosisResult) -> str:
     rivals = [either(one) for one in found.effects if one.alternatives]
     told = f"These logs cannot tell what causes the gap: {rivals[0]}." if rivals else _BLIND
     following = found.next_experiment
@@ -71,7 +71,7 @@ def _unidentifiable(found: Found) -> str:
     return " ".join(filter(None, [told, found.reason, advised]))
 
 
-_VERDICTS: Mapping[str, Callable[[Found], str]] = {
+_VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
     "none": _none,
     "parameters": _parameters,
     "effects": _effects,
@@ -86,7 +86,7 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _missing(found: Found) -> str:
+def _missing(found: DiagnosisResult) -> str:
     """The effects; they are the news, however much more is a value that is off."""
     values = [one for one in found.named if one.parameter]
     effects = [one for one in found.named if not one.parameter] or list(found.effects[:1])
@@ -96,7 +96,7 @@ def _missing(found: Found) -> str:
     return f"{told}; values of the model are off, too: {_shares(found, values, '')}" if values else told
 
 
-def _shares(found: Found, those: Sequence[Effect], of: str = _OF_ALL) -> str:
+def _shares(found: DiagnosisResult, those: Sequence[FoundEffect], of: str = _OF_ALL) -> str:
     """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``."""
     first, *rest = sorted(those, key=lambda one: -one.share)[:MOST]
     if _shrinks(found):
@@ -109,14 +109,14 @@ def _shares(found: Found, those: Sequence[Effect], of: str = _OF_ALL) -> str:
     return ", ".join(told) + (f", and {more} smaller one{'s' if more > 1 else ''}" if more > 0 else "")
 
 
-def _together(found: Found, those: Sequence[Effect]) -> str:
+def _together(found: DiagnosisResult, those: Sequence[FoundEffect]) -> str:
     """What partly undoes each other: shares of 355 % and -170 % tell nobody anything, their sum does."""
     first, *rest = (_with_value(one, found) for one in those)
     whole = percent(sum(one.share for one in those))
     return f"{whole}{_OF_ALL} {first} together with {_joined(rest, 'and')}, which partly undo each other"
 
 
-def _with_value(one: Effect, found: Found) -> str:
+def _with_value(one: FoundEffect, found: DiagnosisResult) -> str:
     """What it is, and its first parameter where there is no doubt which effect it is."""
     if one.alternatives or not one.parameters:
         return either(one)
@@ -125,7 +125,7 @@ def _with_value(one: Effect, found: Found) -> str:
     return f"{library.label(one.name)} ({label}{value(name, parameter, found)})"
 
 
-def either(one: Effect) -> str:
+def either(one: FoundEffect) -> str:
     """The effect, and what these data cannot tell it from: ``bias or current offset``."""
     return _joined([library.label(name) for name in (one.name, *one.alternatives)], "or")
 
@@ -134,7 +134,7 @@ def _joined(names: Sequence[str], last: str) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}"
 
 
-def _unknown(found: Found) -> str:
+def _unknown(found: DiagnosisResult) -> str:
     """What repeats and has no name, and over which coordinate."""
     share = dict(found.shares).get(UNEXPLAINED, 0.0)
     size = f"{percent(share)} of the gap repeats" if share > _SMALL else "a part of the gap repeats"
@@ -145,7 +145,7 @@ def _unknown(found: Found) -> str:
     return f"{size} and has no name; {where_unknown(found.unknown)}"
 
 
-def where_unknown(one: Shape) -> str:
+def where_unknown(one: UnknownTerm) -> str:
     """Where what has no name is found: ``it follows the speed, which predicts 92 % of it ...``."""
     told = percent(one.predicted)
     if one.block == "drive":
@@ -159,7 +159,7 @@ def where_unknown(one: Shape) -> str:
     return f"it follows the {where}, which predicts {told} of it on runs that were not used"
 
 
-def _distance(found: Found) -> str:
+def _distance(found: DiagnosisResult) -> str:
     """The figures: ``Tracking gap 2.9 -> 0.34 µm on held-out runs, floor 0.21 µm``."""
     if found.verdict == "controller":
         return ""
@@ -172,13 +172,13 @@ def _distance(found: Found) -> str:
     return f"{_capital(what)} {size} on held-out runs, {known}{doubt}."
 
 
-def _shrinks(found: Found) -> bool:
+def _shrinks(found: DiagnosisResult) -> bool:
     """Whether the held-out runs say that the gap is smaller with what is named; at its floor they cannot."""
     _, gap = headline(found)
     return not gap.low <= 0.0  # unknown counts as before
 
 
-def headline(found: Found) -> tuple[str, Gap]:
+def headline(found: DiagnosisResult) -> tuple[str, Gap]:
     """The gap that a sentence names: that of the tracking error where it is known."""
     for name in ("tracking_error", "tracking"):
         if name in found.gaps:
@@ -196,7 +196,7 @@ def closure(gap: Gap) -> str:
     return f"{percent(gap.closure)} ({percent(gap.low).removesuffix(' %')} to {percent(gap.high)})"
 
 
-def ambiguous(found: Found) -> list[str]:
+def ambiguous(found: DiagnosisResult) -> list[str]:
     """What these data cannot tell apart, a line an effect."""
     return [
         f"{_capital(either(one))}: these data fit all of them alike; "
@@ -206,7 +206,7 @@ def ambiguous(found: Found) -> list[str]:
     ]
 
 
-def advice(found: Found) -> list[str]:
+def advice(found: DiagnosisResult) -> list[str]:
     """The next experiment in words."""
     one = found.next_experiment
     if one is None:
@@ -223,7 +223,7 @@ def _machine(seconds: float) -> str:
     return f"{seconds:.0f} s of machine time" if seconds < 120.0 else f"{seconds / 60.0:.0f} min of machine time"
 
 
-def spans(found: Found) -> list[str]:
+def spans(found: DiagnosisResult) -> list[str]:
     """When the gap is open, a line a log."""
     shown = []
     for one in found.captures:
@@ -234,6 +234,6 @@ def spans(found: Found) -> list[str]:
     return shown
 
 
-def quietly(found: Found) -> Sequence[str]:
+def quietly(found: DiagnosisResult) -> Sequence[str]:
     """Notes, then what cannot be told."""
     return [*found.notes, *(f"cannot be told: {one}" for one in found.cannot_tell)]

@@ -17,7 +17,7 @@ from html import escape
 from typing import NamedTuple
 
 from stagectl.gap.effects import library
-from stagectl.gap.result.diagnosis import BLOCKS, Found
+from stagectl.gap.result.diagnosis import BLOCKS, DiagnosisResult
 from stagectl.gap.result.gap_numbers import percent
 from stagectl.report.page import Picture
 
@@ -53,25 +53,25 @@ class _Box(NamedTuple):
     lines: list[str]
 
 
-def chain(found: Found) -> Picture:
+def chain(found: DiagnosisResult) -> Picture:
     """The signal chain as a picture of the page."""
     text = base64.b64encode(drawing(found).encode()).decode()
     return Picture(f"data:image/svg+xml;base64,{text}", _caption(found), 760)
 
 
-def _caption(found: Found) -> str:
+def _caption(found: DiagnosisResult) -> str:
     told = "Each block's share of the excess over noise, and the effects that were found in it."
     return f"{told} Hatched: this cut of the loop was not possible." if None in found.blocks.values() else told
 
 
-def drawing(found: Found) -> str:
+def drawing(found: DiagnosisResult) -> str:
     """The same as SVG text."""
     boxes = [_box(found, number, name) for number, name in enumerate(BLOCKS)]
     strength = 0.0 if found.verdict == "none" else 1.0  # shares of next to nothing colour no block
     return "\n".join([_HEAD, *_wires(), *(line for one in boxes for line in _drawn(one, strength)), "</svg>"])
 
 
-def _box(found: Found, number: int, name: str) -> _Box:
+def _box(found: DiagnosisResult, number: int, name: str) -> _Box:
     share = found.blocks.get(name)
     if share is None:
         why = _BEHIND if found.verdict == "controller" else _WHY[name]

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.gap.effects import library
-from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Effect, Found, Spans, Trace
+from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, FoundEffect, Spans, Trace
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT
 from stagectl.report.panels import DPI as DPI
 
@@ -36,7 +36,7 @@ class _Scale(NamedTuple):
     unit: str
 
 
-def coordinates(found: Found) -> Figure:
+def coordinates(found: DiagnosisResult) -> Figure:
     """How much of the gap a smooth function of each coordinate alone explains."""
     rows = sorted(found.coordinates, key=lambda one: one.share)
     with rc_context(STYLE):
@@ -60,7 +60,7 @@ def _rows(axes: Axes) -> None:
     axes.set_axisbelow(True)
 
 
-def most_open(found: Found) -> list[Spans]:
+def most_open(found: DiagnosisResult) -> list[Spans]:
     """The captures that are drawn, in their order: all, or those whose gap is open longest."""
     if len(found.captures) <= MOST_ROWS:
         return list(found.captures)
@@ -72,7 +72,7 @@ def _open(one: Spans) -> float:
     return sum(end - begin for begin, end in one.spans)
 
 
-def spans(found: Found) -> Figure:
+def spans(found: DiagnosisResult) -> Figure:
     """When the gap is open, a row a capture."""
     rows = most_open(found)
     with rc_context(STYLE):
@@ -96,7 +96,7 @@ def _short(name: str) -> str:
     return stem if len(stem) <= _LONGEST else f"{stem[: half - 1]}…{stem[-half:]}"
 
 
-def shares(found: Found) -> Figure:
+def shares(found: DiagnosisResult) -> Figure:
     """The gap taken apart, a step a part; the steps end at 100 %."""
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 0.9 + 0.36 * max(len(found.shares), 3)))
@@ -139,7 +139,7 @@ def _colour(name: str) -> str:
     return {"parameters": TARGET, UNEXPLAINED: WITHOUT, NOISE: "#cbd5e1"}.get(name, WITH)
 
 
-def telling(found: Found) -> Trace | None:
+def telling(found: DiagnosisResult) -> Trace | None:
     """The held-out run with the largest gap before."""
     return max(found.traces, key=lambda one: float(np.nanmean(np.square(one.before))), default=None)
 
@@ -158,7 +158,7 @@ def window(one: Trace, length: float = WINDOW) -> slice:
     return slice(begin, begin + rows)
 
 
-def trace(one: Trace, found: Found) -> Figure:
+def trace(one: Trace, found: DiagnosisResult) -> Figure:
     """Reference, and the model minus the machine before and after, over the telling window."""
     part = window(one)
     per = _Scale(found.travel_per_unit, found.travel_unit)
@@ -185,7 +185,7 @@ def _legend_above(axes: Axes) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=8, borderaxespad=0.0)
 
 
-def signature(one: Effect, found: Found) -> Figure:
+def signature(one: FoundEffect, found: DiagnosisResult) -> Figure:
     """Residual over the coordinate that the effect lives in, and what the effect makes of it."""
     assert one.curve is not None  # asked by the page
     x, residual, model = one.curve
@@ -205,7 +205,7 @@ def signature(one: Effect, found: Found) -> Figure:
     return figure
 
 
-def shape(found: Found) -> Figure:
+def shape(found: DiagnosisResult) -> Figure:
     """The unknown as a function of its coordinate."""
     assert found.unknown is not None  # asked by the page
     grid, force, drive = found.unknown.grid, found.unknown.force, found.unknown.block == "drive"
@@ -236,12 +236,12 @@ def binned(x: Array, y: Array, bins: int = _BINS) -> tuple[Array, Array]:
     return np.array([np.mean(x[part]) for part in groups]), np.array([np.mean(y[part]) for part in groups])
 
 
-def effort(found: Found) -> str:
+def effort(found: DiagnosisResult) -> str:
     """Unit of an effort on this axis."""
     return "N" if found.kind == "linear" else "N m"
 
 
-def coordinate_scale(name: str, values: Array, found: Found) -> _Scale:
+def coordinate_scale(name: str, values: Array, found: DiagnosisResult) -> _Scale:
     """How a coordinate in axis units is drawn: as travel where there is one."""
     unit, per = found.travel_unit, found.travel_per_unit
     if name == "position_mod_pitch" and found.kind == "rotary":

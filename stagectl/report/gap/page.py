@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from stagectl.gap.effects import library
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, NAMED, Effect, Found, Gap, Trace
+from stagectl.gap.result.diagnosis import BLOCKS, NAMED, DiagnosisResult, FoundEffect, Gap, Trace
 from stagectl.gap.result.gap_numbers import parameter, percent, together
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import embedded
@@ -21,7 +21,7 @@ MOST_SIGNATURES = 6
 _UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b)")
 
 
-def page(found: Found, place: str, commands: list[str]) -> Page:
+def page(found: DiagnosisResult, place: str, commands: list[str]) -> Page:
     """The page of the diagnosis of the folder `place`; `commands` do it again."""
     parts = (_loop, _motion, _shares, _distance, _signatures, _unknown, _following, _parameters, _limits)
     sections = [part(found, place) for part in parts]
@@ -42,7 +42,7 @@ def typeset(text: str) -> str:
     return _UNIT.sub("\\1\u00a0\\2", text.replace(" -> ", "\u00a0→ "))
 
 
-def _remark(found: Found) -> list[str]:
+def _remark(found: DiagnosisResult) -> list[str]:
     """What the figures below rest on."""
     about = [f"Verdict: {found.verdict}."]
     if found.captures:
@@ -58,11 +58,11 @@ def _counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _loop(found: Found, _place: str) -> Section:
+def _loop(found: DiagnosisResult, _place: str) -> Section:
     return Section("Where in the loop", _loop_words(found), [chain(found)], [])
 
 
-def _loop_words(found: Found) -> list[str]:
+def _loop_words(found: DiagnosisResult) -> list[str]:
     known = {name: share for name, share in found.blocks.items() if share is not None}
     if found.verdict == "none":
         return ["Nothing exceeds the noise by enough to matter: the shares below are of next to nothing."]
@@ -73,7 +73,7 @@ def _loop_words(found: Found) -> list[str]:
     return [f"{percent(known[worst])} of the excess over noise arises in the {worst}, between {' and '.join(ends)}."]
 
 
-def _motion(found: Found, _place: str) -> Section | None:
+def _motion(found: DiagnosisResult, _place: str) -> Section | None:
     shown = []
     if found.coordinates:
         shown.append(
@@ -94,7 +94,7 @@ def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
     return Picture(embedded(figure, figures.DPI), caption, least)
 
 
-def _shares(found: Found, _place: str) -> Section | None:
+def _shares(found: DiagnosisResult, _place: str) -> Section | None:
     tables = [_effects(found)] if found.effects else []
     shown = [_picture(figures.shares(found), "The squared gap on held-out runs taken apart; the parts make 100 %.")]
     if not found.shares:
@@ -102,19 +102,19 @@ def _shares(found: Found, _place: str) -> Section | None:
     return Section("Which effect", [], shown, tables) if shown or tables else None
 
 
-def _effects(found: Found) -> Table:
+def _effects(found: DiagnosisResult) -> Table:
     rows = [row for one in found.effects for row in _effect(one)]
     return Table("", ["effect", "in", "share of closable gap", "probability"], rows)
 
 
-def _effect(one: Effect) -> list[list[str]]:
+def _effect(one: FoundEffect) -> list[list[str]]:
     """A row, and one for each effect that would fit as well."""
     probability = f"{one.probability:.2f}" + ("" if one.probability >= NAMED else ": not named")
     rest = [[f"or {library.label(name)}", "", "", ""] for name in one.alternatives]
     return [[library.label(one.name), one.block, percent(one.share), probability], *rest]
 
 
-def _distance(found: Found, _place: str) -> Section | None:
+def _distance(found: DiagnosisResult, _place: str) -> Section | None:
     if found.verdict == "controller":
         return None
     known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
@@ -133,19 +133,19 @@ def _window(run: Trace) -> str:
     return f"{part[-1] - part[0]:.2g} s"
 
 
-def _row(name: str, one: Gap, found: Found) -> list[str]:
+def _row(name: str, one: Gap, found: DiagnosisResult) -> list[str]:
     (before, after, floor), unit = together((one.before, one.after, one.floor), one.unit, found)
     factor = f"{one.before / one.after:.1f}" if one.after > 0.0 else ""
     return [name, before, after, unit, factor, floor, _closed(one, found)]
 
 
-def _closed(one: Gap, found: Found) -> str:
+def _closed(one: Gap, found: DiagnosisResult) -> str:
     if found.verdict == "none":
         return "nothing to close"
     return verdict_text.closure(one) if math.isfinite(one.closure) else "not known"
 
 
-def _predicted(found: Found) -> list[str]:
+def _predicted(found: DiagnosisResult) -> list[str]:
     if found.gap.predicted is None or found.verdict == "none":
         return []
     return [
@@ -154,19 +154,19 @@ def _predicted(found: Found) -> list[str]:
     ]
 
 
-def _signatures(found: Found, _place: str) -> Section | None:
+def _signatures(found: DiagnosisResult, _place: str) -> Section | None:
     drawn = [one for one in found.named if one.curve is not None][:MOST_SIGNATURES]
     shown = [_picture(figures.signature(one, found), f"{_name(one)}: {_told(one, found)}") for one in drawn]
     title = "How it shows" if len(shown) == 1 else "How they show"
     return Section(title, [], shown, []) if shown else None
 
 
-def _name(one: Effect) -> str:
+def _name(one: FoundEffect) -> str:
     name = library.label(one.name)
     return name[:1].upper() + name[1:]
 
 
-def _told(one: Effect, found: Found) -> str:
+def _told(one: FoundEffect, found: DiagnosisResult) -> str:
     shown = [f"{name.replace('_', ' ')} {parameter(name, value, found)}" for name, value in one.parameters.items()]
     return f"{', '.join(shown)}." if shown else "no parameters."
 
@@ -178,7 +178,7 @@ _CAPTIONS = {
 }
 
 
-def _unknown(found: Found, place: str) -> Section | None:
+def _unknown(found: DiagnosisResult, place: str) -> Section | None:
     if found.unknown is None:
         return None
     one = found.unknown
@@ -194,7 +194,7 @@ def _unknown(found: Found, place: str) -> Section | None:
     return Section("What has no name", said, shown, [], commands)
 
 
-def _following(found: Found, place: str) -> Section | None:
+def _following(found: DiagnosisResult, place: str) -> Section | None:
     said = [*verdict_text.ambiguous(found), *verdict_text.advice(found)]
     commands = []
     if found.next_experiment is not None and found.next_experiment.trajectory:
@@ -206,7 +206,7 @@ def _following(found: Found, place: str) -> Section | None:
     return Section(title, said, [], [], tuple(commands)) if said else None
 
 
-def _parameters(found: Found, _place: str) -> Section | None:
+def _parameters(found: DiagnosisResult, _place: str) -> Section | None:
     rows = [
         [library.label(one.name), name.replace("_", " "), parameter(name, value, found)]
         for one in found.named
@@ -215,6 +215,6 @@ def _parameters(found: Found, _place: str) -> Section | None:
     return Section("Parameters", [], [], [Table("", ["effect", "", "value (95 % interval)"], rows)]) if rows else None
 
 
-def _limits(found: Found, _place: str) -> Section | None:
+def _limits(found: DiagnosisResult, _place: str) -> Section | None:
     said = [*(f"Cannot be told: {one}" for one in found.cannot_tell), *found.notes]
     return Section("Notes, and what cannot be told", said, [], []) if said else None

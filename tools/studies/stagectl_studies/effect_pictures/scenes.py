@@ -157,7 +157,7 @@ def _mechanics() -> tuple[Scene, ...]:
             "backlash",
             "micro-above",
             "since",
-            {**play, "resonance": 800.0, "damping": 0.1},
+            play,
             band=200.0,
             **AFTER_REVERSAL,
         ),
