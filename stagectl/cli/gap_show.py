@@ -10,7 +10,7 @@ from stagectl.cli.show import console
 from stagectl.gap.effects import library
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import NAMED, DiagnosisResult, FoundEffect, Gap
-from stagectl.gap.result.gap_numbers import parameter, percent, together
+from stagectl.number_format import interval, percent, together
 
 MOST_COORDINATES = 3
 MOST_SPANS = 8
@@ -25,7 +25,7 @@ def show(found: DiagnosisResult, folder: Path) -> None:
         console.print(_gaps(found))
     for line in (
         *_where(found),
-        *verdict_text.quietly(found),
+        *verdict_text.remarks(found),
         *verdict_text.ambiguous(found),
         *verdict_text.advice(found),
     ):
@@ -38,12 +38,14 @@ def _effects(found: DiagnosisResult) -> Table:
     table = Table("effect", "in", "share", "probability", "parameters (95 %)")
     for one in found.effects:
         probability = f"{one.probability:.2f}" + ("" if one.probability >= NAMED else ", not named")
-        table.add_row(verdict_text.either(one), one.block, percent(one.share), probability, _parameters(one, found))
+        table.add_row(verdict_text.candidates(one), one.block, percent(one.share), probability, _parameters(one, found))
     return table
 
 
 def _parameters(one: FoundEffect, found: DiagnosisResult) -> str:
-    shown = (f"{name.replace('_', ' ')} {parameter(name, value, found)}" for name, value in one.parameters.items())
+    shown = (
+        f"{name.replace('_', ' ')} {interval(name, value, found.travel)}" for name, value in one.parameters.items()
+    )
     return "\n".join(shown)
 
 
@@ -51,12 +53,12 @@ def _gaps(found: DiagnosisResult) -> Table:
     table = Table("held-out runs, rms", "before", "after", "floor", "unit", "closed (95 %)")
     known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
     for name, one in known.items():
-        table.add_row(verdict_text.called(name), *_gap(one, found))
+        table.add_row(verdict_text.gap_label(name), *_gap(one, found))
     return table
 
 
 def _gap(one: Gap, found: DiagnosisResult) -> list[str]:
-    (before, after, floor), unit = together((one.before, one.after, one.floor), one.unit, found)
+    (before, after, floor), unit = together((one.before, one.after, one.floor), one.unit, found.travel)
     return [before, after, floor, unit, "nothing to close" if found.verdict == "none" else verdict_text.closure(one)]
 
 

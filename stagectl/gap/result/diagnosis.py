@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.number_format import Travel
+
 Array = NDArray[np.float64]
 
 VERDICTS = ("none", "parameters", "effects", "effects+unknown", "unknown", "controller", "not-identifiable")
@@ -133,6 +135,11 @@ class DiagnosisResult(NamedTuple):
     impossible: tuple[tuple[str, str], ...] = ()  # (one of BLOCKS, why it could not be judged)
 
     @property
+    def travel(self) -> Travel:
+        """How positions of this axis are shown."""
+        return Travel(self.travel_per_unit, self.travel_unit, self.kind == "rotary")
+
+    @property
     def named(self) -> tuple[FoundEffect, ...]:
         """The effects that count as named, in their order."""
-        return tuple(one for one in self.effects if one.probability >= NAMED)
+        return tuple(effect for effect in self.effects if effect.probability >= NAMED)
