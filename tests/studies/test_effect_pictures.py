@@ -77,6 +77,10 @@ def test_a_picture_on_both_grounds(ball_screw: Setup, tmp_path: Path) -> None:
     assert axes.get_ylabel() == "unexplained current [A]" and axes.get_xlabel().endswith("[A]")
     legend = axes.get_legend()
     assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == ["without it", "with it, forward", "with it, backward"]
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "without the effect",
+        "with it, forward",
+        "with it, backward",
+    ]
     plt.close(figure)
     assert not plt.get_fignums()

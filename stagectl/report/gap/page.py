@@ -196,7 +196,7 @@ def _following(result: DiagnosisResult, place: str) -> Section | None:
     if result.next_experiment is not None and result.next_experiment.trajectory:
         commands = [f"stagectl gap next {place}", f"stagectl run STAGE.yaml {result.next_experiment.trajectory}"]
     if any(effect.fields for effect in result.named):
-        lines.append("This command adds the named effects to the stage model. It shows the patch before it writes it:")
+        lines.append("The last command adds the named effects to the stage file. It shows the patch before it writes.")
         commands.append(f"stagectl gap apply {place} STAGE.yaml")
     title = "Ambiguities and next steps" if ambiguous else "Next steps"
     return Section(title, lines, [], [], tuple(commands)) if lines else None

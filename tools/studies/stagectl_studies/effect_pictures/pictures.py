@@ -71,6 +71,7 @@ AXES: dict[str, Across] = {
     "clock": Across("session clock [s]", lambda s, m: s.time),
 }
 FREQUENCY = "frequency"
+WITHOUT = "without the effect"  # label
 RESIDUALS = {
     measured_effect.EFFORT: ("unexplained effort", "N m"),
     measured_effect.CURRENT: ("unexplained current", "A"),
@@ -116,13 +117,14 @@ def _points(axes: Axes, scene: Scene, both: tuple[Residual, Residual], scale: fl
         x = across.of(run, scale)
         y = run.residual * np.sign(run.velocity) if _along_motion(scene) else run.residual
         kept = _kept(scene, run, x)
-        for label, colour, rows in groups(run, scene, theme) if has_effect else [("without it", theme.without, kept)]:
+        for label, colour, rows in groups(run, scene, theme) if has_effect else [(WITHOUT, theme.without, kept)]:
             chosen = np.flatnonzero(rows & kept)
             chosen = chosen[:: max(1, len(chosen) // MOST)]
             size = 1.8 if len(chosen) > FEW else 4.0
             axes.plot(x[chosen], y[chosen], ".", color=colour, markersize=size, label=label)
     if across.log:
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
 
 
 def _along_motion(scene: Scene) -> bool:
@@ -161,7 +163,7 @@ def groups(run: Residual, scene: Scene, theme: Theme) -> list[tuple[str, str, Fl
 
 def _spectra(axes: Axes, scene: Scene, both: tuple[Residual, Residual], dt: float, theme: Theme) -> None:
     largest = 0.0
-    for run, colour, label in zip(both[::-1], (theme.without, theme.forward), ("without it", "with it"), strict=True):
+    for run, colour, label in zip(both[::-1], (theme.without, theme.forward), (WITHOUT, "with it"), strict=True):
         frequency, amplitude = measured_effect.spectrum(run.residual, dt)
         if scene.channel == measured_effect.CURRENT:
             amplitude = amplitude / measured_effect.spectrum(run.current, dt)[1]
@@ -169,6 +171,7 @@ def _spectra(axes: Axes, scene: Scene, both: tuple[Residual, Residual], dt: floa
         largest = max(largest, float(amplitude[rows].max()))
         label = label if amplitude[rows].max() > 1e-9 else f"{label}: none"
         axes.loglog(frequency[rows], amplitude[rows], color=colour, linewidth=1.2, label=label)
+    axes.xaxis.set_major_formatter("{x:g}")
     axes.set_ylim(bottom=largest * 1e-4)
 
 
