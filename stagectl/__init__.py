@@ -61,7 +61,7 @@
     [12] gap/logs/load_session.py     a Session: logs on their periods, nominal model, deployed law, what cannot be told
     [13] gap/controller_check/command_check.py cut A: the command recomputed     gap/residuals/model_tracking.py, cuts.py   cuts B and C, whitened by repeats
     [14] gap/selection/baseline_fit.py       what the model has already, refitted; the friction law is a family, friction_family.py
-    [15] gap/library*.py   every effect: its place in kernels/plant.py, its sizes    gap/residuals/sensitivities.py  what each does
+    [15] gap/effects/library.py      one record per effect     gap/residuals/sensitivities.py  what each effect does
     [16] gap/residuals/gram_matrices.py      all data as small matrices, least_squares.py     gap/selection/null_ensemble.py, limits.py  without any effect
     [17] gap/selection/search.py     scores.py, refine.py, stability.py: which effects, with which values; signatures.py
     [18] gap/inference/verdict.py    names, rivals, intervals; shifts.py   where.py, coordinates.py, unknown.py   where it lies

@@ -119,9 +119,12 @@ def _chosen(hint: Any, value: Any) -> Any:
     return next((member for member in rest if (get_origin(member) or member) is kind), rest[0])
 
 
+_KINDS = {"dict": "an object", "list": "an array", "str": "a text"}
+
+
 def _as(kind: type, data: Any, place: str) -> Any:
     if not isinstance(data, kind):
-        raise TypedJsonError(place, data, {dict: "an object", list: "an array", str: "a text"}.get(kind, kind.__name__))
+        raise TypedJsonError(place, data, _KINDS.get(kind.__name__, kind.__name__))
     return data
 
 

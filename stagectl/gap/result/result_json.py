@@ -17,8 +17,10 @@ from stagectl.typed_json import TypedJsonError, decoded, encoded
 NAME = "diagnosis.json"
 MOST_POINTS = 400  # of a curve
 _LARGEST = 50_000_000  # bytes of a file; a diagnosis has some 100 kB
-_KEYS = ("verdict", "sentence", "reason", "effects", "gap", "gaps", "where", "shares", "next_experiment", "unknown")
-_KEYS += ("notes", "cannot_tell", "axis", "seconds")
+_KEYS = (
+    *("verdict", "sentence", "reason", "effects", "gap", "gaps", "where", "shares", "next_experiment", "unknown"),
+    *("notes", "cannot_tell", "axis", "seconds"),
+)
 _GROUPS: Mapping[str, tuple[str, ...]] = {  # fields of the diagnosis that are one object
     "where": ("blocks", "impossible", "coordinates", "captures"),
     "axis": ("kind", "travel_per_unit", "travel_unit"),
@@ -39,8 +41,10 @@ class NotADiagnosisError(GapError):
 
     def __init__(self, path: Path, reason: str, fault: TypedJsonError | None = None) -> None:
         super().__init__(f"{path} {reason}")
-        self.path, self.place = path, fault.place if fault else ""
-        self.value, self.expected = (fault.value, fault.expected) if fault else (None, "")
+        self.path = path
+        self.place = fault.place if fault else ""
+        self.value: object = fault.value if fault else None
+        self.expected = fault.expected if fault else ""
 
 
 def as_json(result: DiagnosisResult) -> Json:
