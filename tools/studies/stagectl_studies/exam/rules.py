@@ -89,6 +89,8 @@ def entries(answer: Mapping[str, Any]) -> list[Entry]:
 
 def same(name: str, poor: bool = False) -> frozenset[str]:
     """The name and all that counts as the same answer."""
+    if name not in EFFECTS:  # an effect that no library has
+        return frozenset({name})
     return frozenset({name, *look_alikes(name, Data.ALL | Data.FEW_MOTIONS if poor else Data.ALL)})
 
 
