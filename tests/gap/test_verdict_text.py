@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, FoundEffect, Gap, Value
+from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, FoundEffect, Gap
 from stagectl.gap.result.result_json import NAME, NotADiagnosisError, as_json, load, restored, save
 from stagectl.gap.validation.warnings import doubts
-from stagectl.number_format import interval, percent, together
-from tests.gap.examples import ASYMMETRY, COGGING, MICRON, SHAPE, every, found, gap
+from tests.gap.examples import ASYMMETRY, COGGING, SHAPE, every, found, gap
 
 FOUND = every()
 
@@ -87,23 +86,6 @@ def test_effects_without_a_name_are_not_in_the_sentence() -> None:
     assert "Stribeck" not in FOUND["effects"].sentence and len(FOUND["effects"].effects) == 3
     many = tuple(ASYMMETRY._replace(name=f"effect_{n}") for n in range(5))
     assert "and 2 smaller ones" in found("effects", effects=many).sentence
-
-
-def test_numbers_share_the_prefix_of_the_largest() -> None:
-    travel = FOUND["effects"].travel
-    assert together((2.94 * MICRON, 0.336 * MICRON, 0.0), "rad", travel) == (["2.9", "0.34", "0"], "µm")
-    assert together((0.0124, 3.1e-4), "A", travel) == (["12", "0.31"], "mA")
-    assert together((math.nan, 1.5), "N", travel) == (["not known", "1.5"], "N")
-    assert [percent(x) for x in (0.824, 0.0041, -0.0001, 1.0)] == ["82 %", "0.4 %", "0 %", "100 %"]
-
-
-def test_parameters_have_the_digits_of_their_interval() -> None:
-    travel = FOUND["effects"].travel
-    assert interval("time", Value(0.00123, 0.00113, 0.00133, "s"), travel) == "1.23 ms (1.13 to 1.33)"
-    assert interval("phase", Value(1.2, 1.05, 1.35, "rad"), travel) == "1.20 rad (1.05 to 1.35)"
-    assert interval("slip", Value(2.0 * MICRON, 1.9 * MICRON, 2.1 * MICRON, "rad"), travel) == "2.00 µm (1.90 to 2.10)"
-    assert interval("order", Value(4.0, 4.0, 4.0, ""), travel) == "4 (4 to 4)"
-    assert interval("rise", Value(0.3, -math.inf, math.inf, ""), travel) == "0.3"
 
 
 @pytest.mark.parametrize("verdict", sorted(FOUND))
