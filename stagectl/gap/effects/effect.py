@@ -85,7 +85,7 @@ class Shape(NamedTuple):
     high: float = math.inf
 
 
-class Aging(NamedTuple):
+class TimeVariation(NamedTuple):
     """How an effect runs on the session clock: a factor on what a scaled parameter does, as slow as it is."""
 
     of: Mapping[str, str]  # parameter that each amplitude scales: coulomb | viscous
@@ -98,7 +98,7 @@ class Parameters(NamedTuple):
     amplitudes: tuple[Amplitude, ...]
     shapes: tuple[Shape, ...]
     apply: Callable[[Stage, Values], Stage]
-    aging: Aging | None = None  # runs on the session clock: repeats differ by it
+    time_variation: TimeVariation | None = None  # runs on the session clock: repeats differ by it
     resonant: bool = False  # so sharp in its shapes that a fit must begin near: every place on their grid is tried
     nonlinear: bool = False  # its columns hold at their typical sizes only
 
@@ -133,7 +133,7 @@ class Definition(NamedTuple):
     amplitudes: tuple[Amplitude, ...]
     shapes: tuple[Shape, ...]
     apply: Callable[[Stage, Values], Stage]
-    aging: Aging | None = None
+    time_variation: TimeVariation | None = None
     resonant: bool = False
     nonlinear: bool = False
 

@@ -15,13 +15,13 @@ from stagectl.gap.effects.effect import (
     SPEED,
     TIME,
     TURN,
-    Aging,
     Amplitude,
     Data,
     Effect,
     Parameters,
     Scales,
     Shape,
+    TimeVariation,
     Values,
 )
 from stagectl.gap.effects.stage_changes import added, decay, filled, harmonic_parameters, put
@@ -92,7 +92,7 @@ def _thermal_coulomb(_: Scales) -> Parameters:
         (Amplitude("rise", "", (0.1,), -0.9, 5.0),),
         (Shape("time", "s", grids.WARMING_TIMES),),
         filled("friction.warming", rise="rise", time="time"),
-        Aging({"rise": "coulomb"}, decay),
+        TimeVariation({"rise": "coulomb"}, decay),
     )
 
 
@@ -104,7 +104,7 @@ def _step(s: Scales) -> Parameters | None:
         (Amplitude("coulomb", "", (0.1,), -0.9, 5.0), Amplitude("viscous", "", (0.1,), -0.9, 5.0)),
         (Shape("at", "s", times, False),),
         _stepped,
-        Aging({"coulomb": "coulomb", "viscous": "viscous"}, lambda v, t: (t >= v["at"]) * 1.0),
+        TimeVariation({"coulomb": "coulomb", "viscous": "viscous"}, lambda v, t: (t >= v["at"]) * 1.0),
     )
 
 

@@ -13,13 +13,13 @@ from stagectl.gap.effects.effect import (
     SPEED,
     TIME,
     TURN,
-    Aging,
     Amplitude,
     Data,
     Effect,
     Parameters,
     Scales,
     Shape,
+    TimeVariation,
     Values,
 )
 from stagectl.gap.effects.stage_changes import added, decay, filled, get, harmonic_parameters, put
@@ -57,7 +57,7 @@ def _thermal_viscous(_: Scales) -> Parameters:
         (Amplitude("rise", "", (0.2,), -0.9, 5.0),),
         (Shape("time", "s", grids.WARMING_TIMES),),
         filled("mechanics.viscous_warming", rise="rise", time="time"),
-        Aging({"rise": "viscous"}, decay),
+        TimeVariation({"rise": "viscous"}, decay),
     )
 
 

@@ -97,7 +97,7 @@ def _effects(now: Fitted) -> list[Part]:
     """Each effect of the fitted model against all others."""
     rests = [(one, [other for other in now.effects if other is not one]) for one in now.effects]
     return [
-        Part(now.equipped, equipped(now.model, rest), one.effect.block, one.effect.aging is not None)
+        Part(now.equipped, equipped(now.model, rest), one.effect.block, one.effect.time_variation is not None)
         for one, rest in rests
     ]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from stagectl.gap.effects import library
-from stagectl.gap.effects.effect import Aging, Definition
+from stagectl.gap.effects.effect import Definition, TimeVariation
 from stagectl.gap.effects.stage_changes import coulomb, scaled
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.sensitivities import Direction, Model
@@ -55,23 +55,23 @@ def _forms(effect: Definition) -> list[Form]:
 
 def directions(form: Form) -> list[Direction]:
     """The columns of `form`: one amplitude at a time, at its typical size."""
-    if form.effect.aging is not None:
-        return _aging(form, form.effect.aging)
+    if form.effect.time_variation is not None:
+        return _time_varying(form, form.effect.time_variation)
     return [
         direction(Named(form.effect, form.values([0.0] * len(form.typical))), one.name, size, name)
         for one, size, name in zip(form.effect.amplitudes, form.typical, form.names, strict=True)
     ]
 
 
-def _aging(form: Form, aging: Aging) -> list[Direction]:
+def _time_varying(form: Form, time_variation: TimeVariation) -> list[Direction]:
     """Columns of what runs on the session clock: those of the parameter that it scales, times a factor of time."""
 
     def factor(clock: Array) -> Array:
-        found: Array = aging.factor(form.shape, clock)
+        found: Array = time_variation.factor(form.shape, clock)
         return found
 
     return [
-        Direction(name, SCALED[aging.of[one.name]], STEP, factor=factor)
+        Direction(name, SCALED[time_variation.of[one.name]], STEP, factor=factor)
         for one, name in zip(form.effect.amplitudes, form.names, strict=True)
     ]
 
