@@ -1,26 +1,130 @@
-"""Numbers as a person reads them."""
+"""Numbers on screens and pages: a prefix that fits, and as many digits as carry information."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+UNKNOWN = "not known"
+_ROUNDS_UP = 0.9995  # of a prefix's unit, from which three digits round to one
+_SMALL = 1e-12  # below it a number has no prefix
+_MOST_PLACES = 6  # decimal places
+_FREE = 7  # decimal places from which a number is written to four digits
+_PREFIXES = (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))  # and how many of its units are one
+_ANGLES = ("phase",)  # parameters in rad that are not a position of the axis
+_PREFIXED = ("m", "s", "A", "m/s", "rad")  # units that take a prefix
+
+
+class Travel(NamedTuple):
+    """How positions of an axis are shown."""
+
+    per_unit: float  # m per rad, or 1
+    unit: str  # m, or rad where no lead is known
+    rotary: bool
+
+
+class Estimate(Protocol):
+    """A value (SI) with its 95 % interval."""
+
+    @property
+    def value(self) -> float: ...  # noqa: D102
+    @property
+    def low(self) -> float: ...  # noqa: D102
+    @property
+    def high(self) -> float: ...  # noqa: D102
+    @property
+    def unit(self) -> str: ...  # noqa: D102
+
 
 def length(value: float | None, unit: str) -> str:
-    """A small travel in the prefix that fits: ``12.3 nm``, ``4.97 µm``, ``0.2 mm``."""
+    """A small length in the prefix that fits: ``12.3 nm``, ``4.97 µm``, ``0.2 mm``."""
     if value is None:
         return "not reached"
     for scale, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ")):
-        if abs(value) >= 0.9995 * scale:
-            return f"{_digits(value / scale)} {prefix}{unit}"
-    return f"{_digits(value / 1e-9)} n{unit}"
+        if abs(value) >= _ROUNDS_UP * scale:
+            return f"{_three_digits(value / scale)} {prefix}{unit}"
+    return f"{_three_digits(value / 1e-9)} n{unit}"
 
 
-def _digits(value: float) -> str:
-    """Three digits, zeros and all."""
+def _three_digits(value: float) -> str:
+    """``0.20``, ``4.97``, ``230``: with trailing zeros."""
     return f"{value:#.3g}".rstrip(".")
 
 
 def duration(value: float) -> str:
     """A time in the prefix that fits: ``0.5 ms``, ``24.8 s``."""
     for scale, unit in ((1.0, "s"), (1e-3, "ms")):
-        if abs(value) >= 0.09995 * scale or value == 0.0:
+        if abs(value) >= 0.1 * _ROUNDS_UP * scale or value == 0.0:
             return f"{value / scale:.3g} {unit}"
     return f"{value / 1e-6:.3g} µs"
+
+
+def percent(share: float) -> str:
+    """``82 %``; below one per cent with a digit, and never ``-0 %``."""
+    if not math.isfinite(share):
+        return UNKNOWN
+    value = 100.0 * share
+    if abs(value) < 0.05:
+        return "0 %"
+    return f"{value:.1f} %" if abs(value) < 1.0 else f"{value:.0f} %"
+
+
+def prefix(largest: float) -> tuple[str, float]:
+    """The prefix in which a number of this size reads well, and how many of its units are one."""
+    if largest < _SMALL:
+        return _PREFIXES[0]
+    return next(((name, scale) for name, scale in _PREFIXES if largest * scale >= _ROUNDS_UP), _PREFIXES[-1])
+
+
+def together(values: Sequence[float], unit: str, travel: Travel) -> tuple[list[str], str]:
+    """Numbers of one kind to two digits, all in the prefix that fits the largest, and their unit."""
+    per, name = (travel.per_unit, travel.unit) if unit == "rad" else (1.0, unit)
+    letter, scale = prefix(max((abs(value) * per for value in values if math.isfinite(value)), default=0.0))
+    return [_two_digits(value * per * scale) for value in values], f"{letter}{name}"
+
+
+def _two_digits(value: float) -> str:
+    """``2.9``, ``0.34``, ``230``."""
+    if not math.isfinite(value):
+        return UNKNOWN
+    places = 1 - math.floor(math.log10(abs(value))) if abs(value) > 1e-9 else 0
+    return f"{value:.{min(max(places, 0), _MOST_PLACES)}f}"
+
+
+def interval(name: str, estimate: Estimate, travel: Travel) -> str:
+    """The parameter `name` with its interval: ``0.182 (0.171 to 0.193)``, ``14 µm (12 to 16)``."""
+    scale, unit = _unit(name, estimate, travel)
+    places = _decimals(estimate, scale)
+    value, low, high = (_rounded(x / scale, places) for x in (estimate.value, estimate.low, estimate.high))
+    shown = f"{value} {unit}".rstrip()
+    known = math.isfinite(estimate.low) and math.isfinite(estimate.high)
+    return f"{shown} ({low} to {high})" if known else shown
+
+
+def three_digits(name: str, estimate: Estimate, travel: Travel) -> str:
+    """The parameter `name` without its interval: ``0.182``, ``14 µm``."""
+    scale, unit = _unit(name, estimate, travel)
+    return f"{estimate.value / scale:.3g} {unit}".rstrip()
+
+
+def _rounded(value: float, places: int) -> str:
+    return f"{value:.{places}f}" if math.isfinite(value) and places < _FREE else f"{value:.4g}"
+
+
+def _decimals(estimate: Estimate, scale: float) -> int:
+    """Decimal places: two digits of the half width of the interval; `_FREE` where there is no interval."""
+    half = 0.5 * (estimate.high - estimate.low) / scale
+    return max(0, 1 - math.floor(math.log10(half))) if math.isfinite(half) and half > 0.0 else _FREE
+
+
+def _unit(name: str, estimate: Estimate, travel: Travel) -> tuple[float, str]:
+    """SI size of the unit that a parameter is shown in, and its name."""
+    unit, per = estimate.unit, 1.0
+    if unit.split("/")[0] == "rad" and travel.unit == "m" and travel.rotary and name not in _ANGLES:
+        unit, per = unit.replace("rad", "m", 1), travel.per_unit
+    if unit not in _PREFIXED or name in _ANGLES or estimate.value == 0.0:
+        return 1.0 / per, unit
+    text = duration(abs(estimate.value)) if unit == "s" else length(abs(estimate.value) * per, unit)
+    shown = text.partition(" ")[2]
+    return {"m": 1e-3, "µ": 1e-6, "n": 1e-9}.get(shown.removesuffix(unit), 1.0) / per, shown

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import sync_playwright
+from stagectl_studies.effect_pictures.scenes import scenes
 
 from stagectl.config.stage_file import Setup, load_stage
+from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.inference.patch_fields import fields_of
-from stagectl.report.effects.scenes import scenes
 from tests.conftest import ROOT, SOURCES
 from tests.printed import tool
 
@@ -60,19 +61,18 @@ def test_the_lines_below_each_picture_play_its_effect(ball_screw: Setup, tmp_pat
     """Read back, the stage file with the printed lines is the machine of the picture."""
     maker, played = tool("effects"), 0
     for name, scene in scenes().items():
-        if name in maker.WITHOUT_LINES:
+        if not EFFECTS[name].in_stage_file:
             continue
         path = tmp_path / f"{name}.yaml"
         path.write_text(maker.changed(ball_screw, scene))
-        found, base = load_stage(path, designed=False).stage, ball_screw.stage
-        meant = scene.change(scene.base(base))
-        wanted = dict(fields_of(scene.base(base), meant))
-        assert wanted and fields_of(base, found), name
-        for place, value in fields_of(base, found):
+        read_back, base = load_stage(path, designed=False).stage, ball_screw.stage
+        wanted = dict(fields_of(scene.base(base), scene.change(scene.base(base))))
+        assert wanted and fields_of(base, read_back), name
+        for place, value in fields_of(base, read_back):
             if place in wanted and not isinstance(value, str):
                 assert np.allclose(value, wanted[place], rtol=1e-6), (name, place)
         played += 1
-    assert played == len(scenes()) - len(maker.WITHOUT_LINES) >= 34
+    assert played == sum(effect.in_stage_file for effect in EFFECTS.values()) >= 34
 
 
 def test_the_reference_names_every_entry() -> None:

@@ -15,10 +15,10 @@ from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.extras import require
 from stagectl.gap import diagnose as pipeline
-from stagectl.gap.effects.library_names import excluded
+from stagectl.gap.effects.library import excluded
 from stagectl.gap.logs import load_session
 from stagectl.gap.result import patch, result_json
-from stagectl.gap.result.diagnosis import Coordinate, Effect, Found, Gap, Next, Spans
+from stagectl.gap.result.diagnosis import Coordinate, DiagnosisResult, FoundEffect, Gap, NextExperiment, Spans
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +54,7 @@ class GapDiagnosis(ReportedResult):
     """The verdict, what it rests on, and the model that it leads to."""
 
     place: Path
-    diagnosis: Found
+    diagnosis: DiagnosisResult
     session: Session
     improved: Stage  # the nominal model with all that was found
 
@@ -69,12 +69,12 @@ class GapDiagnosis(ReportedResult):
         return self.diagnosis.sentence
 
     @property
-    def effects(self) -> tuple[Effect, ...]:
+    def effects(self) -> tuple[FoundEffect, ...]:
         """Effects and shifted parameters, with probability, share and values; `named` are those that count."""
         return self.diagnosis.effects
 
     @property
-    def named(self) -> tuple[Effect, ...]:
+    def named(self) -> tuple[FoundEffect, ...]:
         """The effects that count as found."""
         return self.diagnosis.named
 
@@ -89,7 +89,7 @@ class GapDiagnosis(ReportedResult):
         return self.diagnosis.gap
 
     @property
-    def next_experiment(self) -> Next | None:
+    def next_experiment(self) -> NextExperiment | None:
         """The experiment that separates what is ambiguous; its `text` is a trajectory file."""
         return self.diagnosis.next_experiment
 
@@ -127,7 +127,7 @@ class GapDiagnosis(ReportedResult):
         from stagectl.report.tables.gap import tables
 
         notes = [
-            *verdict_text.quietly(self.diagnosis),
+            *verdict_text.remarks(self.diagnosis),
             *verdict_text.ambiguous(self.diagnosis),
             *verdict_text.advice(self.diagnosis),
         ]

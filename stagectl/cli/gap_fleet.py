@@ -37,7 +37,7 @@ def fleet(
     single_threaded_algebra()
     from rich.table import Table
 
-    from stagectl.gap.effects.library_names import excluded
+    from stagectl.gap.effects.library import excluded
     from stagectl.gap.fleet import Machine, names_of
 
     names = excluded(exclude or [])

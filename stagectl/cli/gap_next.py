@@ -14,7 +14,7 @@ from stagectl.cli.show import console, emit
 from stagectl.units import ROTARY, StageError
 
 if TYPE_CHECKING:
-    from stagectl.gap.result.diagnosis import Found, Next
+    from stagectl.gap.result.diagnosis import DiagnosisResult, NextExperiment
 
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE.yaml", help="Trajectory file; default: in FOLDER.")
@@ -60,7 +60,7 @@ def following(
         raise typer.Exit(1)
 
 
-def _written(found: Found, one: Next, folder: Path, output: Path | None) -> Path | None:
+def _written(found: DiagnosisResult, one: NextExperiment, folder: Path, output: Path | None) -> Path | None:
     """The trajectory file, with the commands that run it; None where it is done by hand.
 
     Raises StageError where another file stands in its place.
@@ -79,7 +79,7 @@ def _written(found: Found, one: Next, folder: Path, output: Path | None) -> Path
     return path
 
 
-def _commands(one: Next, place: Path, path: Path) -> list[str]:
+def _commands(one: NextExperiment, place: Path, path: Path) -> list[str]:
     """What follows: into a folder of our recordings goes another one, into one from elsewhere another capture."""
     if (place / "captures.yaml").is_file():
         return [
@@ -90,7 +90,7 @@ def _commands(one: Next, place: Path, path: Path) -> list[str]:
     return [f"stagectl run STAGE.yaml {path} --output {recording}", f"stagectl gap diagnose {place}"]
 
 
-def _sampled(found: Found, trajectory: Path, rate: float, path: Path) -> None:
+def _sampled(found: DiagnosisResult, trajectory: Path, rate: float, path: Path) -> None:
     """The reference in axis units, from 0 where the axis stands, and the current to be injected."""
     from stagectl.config.lengths import Lengths
     from stagectl.config.trajectory_file import Axis, load_trajectory

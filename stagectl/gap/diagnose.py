@@ -3,7 +3,7 @@
 ::
 
     session -> runs -> [A controller] -> base refit -> candidates, null ensemble -> search -> names, shifts
-            -> where -> shrink on held-out runs -> next experiment -> Found
+            -> where -> shrink on held-out runs -> next experiment -> DiagnosisResult
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from stagectl.gap.controller_check.command_check import Parity, parity
-from stagectl.gap.effects.library import Scales
+from stagectl.gap.effects.effect import Scales
+from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import propose
 from stagectl.gap.inference import parameter_errors, time_localisation, verdict
 from stagectl.gap.inference.basis_functions import Functions
@@ -28,7 +29,16 @@ from stagectl.gap.logs.session import Array, GapError, Session
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import runs
 from stagectl.gap.residuals.pitch_orders import modes, orders
-from stagectl.gap.result.diagnosis import NAMED, NOISE, UNORDERED, Effect, Found, Gap, Next, Shape
+from stagectl.gap.result.diagnosis import (
+    NAMED,
+    NOISE,
+    UNORDERED,
+    DiagnosisResult,
+    FoundEffect,
+    Gap,
+    NextExperiment,
+    UnknownTerm,
+)
 from stagectl.gap.result.verdict_text import sentence
 from stagectl.gap.selection import baseline_fit, candidates, machine_scales, null_ensemble, refine, search
 from stagectl.gap.selection.detection_thresholds import thresholds
@@ -55,7 +65,7 @@ class Options(NamedTuple):
 class Diagnosis(NamedTuple):
     """The answer, and the model that it leads to."""
 
-    found: Found
+    found: DiagnosisResult
     improved: Stage  # nominal with all that was found
 
 
@@ -153,7 +163,7 @@ def unidentifiable(session: Session) -> str:
 
 def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     """All effects with their columns on these data, and what the null ensemble gives each."""
-    forms = candidates.forms(candidates.without(candidates.library(size), options.excluded))
+    forms = candidates.forms(candidates.without(definitions(size), options.excluded))
     directions = [one for form in forms for one in candidates.directions(form)]
     without = null_ensemble.members(e.base.model, MEMBERS[options.full], SEED, size.coulomb)
     known = gram_matrices.beside_each(
@@ -183,14 +193,14 @@ def _assembled(
     session: Session,
     e: Evidence,
     selected: Selected,
-    effects: list[Effect],
+    effects: list[FoundEffect],
     told: closure.Told,
-    result: tuple[Shape | None, Stage, Parity, Functions],
-) -> Found:
+    result: tuple[UnknownTerm | None, Stage, Parity, Functions],
+) -> DiagnosisResult:
     now, (unknown, improved, agreement, smooth) = selected.fitted, result
     shared = _with_shares(effects, told.shares)
     named = [one for one in shared if one.probability >= NAMED]
-    return Found(
+    return DiagnosisResult(
         verdict=_name(named, unknown),
         sentence="",
         effects=tuple(shared),
@@ -209,7 +219,7 @@ def _assembled(
     )
 
 
-def _name(named: Sequence[Effect], unknown: Shape | None) -> str:
+def _name(named: Sequence[FoundEffect], unknown: UnknownTerm | None) -> str:
     effects = [one for one in named if not one.parameter]
     if effects:
         return "effects+unknown" if unknown is not None else "effects"
@@ -218,7 +228,7 @@ def _name(named: Sequence[Effect], unknown: Shape | None) -> str:
     return "parameters" if named else "none"
 
 
-def _with_shares(effects: Sequence[Effect], shares: dict[str, float]) -> list[Effect]:
+def _with_shares(effects: Sequence[FoundEffect], shares: dict[str, float]) -> list[FoundEffect]:
     """Effects with their shares of the closable gap; parameters divide theirs by what each takes of the misfit."""
     whole = max(1.0 - shares.get(NOISE, 0.0), 1e-9)
     total = sum(one.share for one in effects if one.parameter) or 1.0
@@ -229,7 +239,7 @@ def _with_shares(effects: Sequence[Effect], shares: dict[str, float]) -> list[Ef
     ]
 
 
-def _advised(session: Session, found: Found, selected: Selected, e: Evidence) -> Found:
+def _advised(session: Session, found: DiagnosisResult, selected: Selected, e: Evidence) -> DiagnosisResult:
     """The answer with the next experiment; where none can be laid out, a note says why."""
     try:
         return found._replace(next_experiment=_following(session, found, selected, e))
@@ -237,7 +247,7 @@ def _advised(session: Session, found: Found, selected: Selected, e: Evidence) ->
         return found._replace(notes=(*found.notes, f"no next experiment: {error}"))
 
 
-def _following(session: Session, found: Found, selected: Selected, e: Evidence) -> Next | None:
+def _following(session: Session, found: DiagnosisResult, selected: Selected, e: Evidence) -> NextExperiment | None:
     """What separates the effects named from what explains the data as well."""
     ambiguous = [one for one in found.effects if one.alternatives and one.probability >= NAMED and not one.parameter]
     models = {"nominal": session.stage} if not ambiguous else {}
@@ -247,15 +257,15 @@ def _following(session: Session, found: Found, selected: Selected, e: Evidence) 
     return propose(session, models, found.gap.floor)
 
 
-def _controller(session: Session, agreement: Parity) -> Found:
+def _controller(session: Session, agreement: Parity) -> DiagnosisResult:
     found = _blank(session, "controller", agreement.words)
     return found._replace(blocks={"controller": 1.0, "drive": 0.0, "mechanics": 0.0, "sensor": 0.0})
 
 
-def _blank(session: Session, name: str, reason: str) -> Found:
+def _blank(session: Session, name: str, reason: str) -> DiagnosisResult:
     unit = "m" if session.kind == "linear" else "rad"
     gap = Gap(np.nan, np.nan, np.nan, unit, np.nan, np.nan, np.nan)
-    found = Found(
+    found = DiagnosisResult(
         name,
         "",
         (),

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from stagectl.gap.effects.library import put
+from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.logs.session import Array, GapError, Log, Session
-from stagectl.gap.result.diagnosis import Effect, Found
+from stagectl.gap.result.diagnosis import DiagnosisResult, FoundEffect
 from stagectl.kernels import friction
 from stagectl.kernels.stage import Stage
 
@@ -143,10 +143,10 @@ def _pushed(log: Log, added: Array) -> Log:
     return log._replace(command=log.command + added, current=current, setpoints=None)
 
 
-def judged(knock: Knock, found: Found, before: Found | None = None) -> Told:
+def judged(knock: Knock, found: DiagnosisResult, before: DiagnosisResult | None = None) -> Told:
     """Whether the knocked term is named; an effect that the plain record has already counts for nothing."""
     known = {one.name for one in before.named if not one.parameter} if before is not None else set[str]()
     named = tuple((one.name, *one.alternatives) for one in found.named)
-    mine: list[Effect] = [one for one in found.named if knock.name in (one.name, *one.alternatives)]
+    mine: list[FoundEffect] = [one for one in found.named if knock.name in (one.name, *one.alternatives)]
     right = bool(mine) and knock.name not in known
     return Told(knock.name, knock.way, found.verdict, named, right, found.gap.closure)

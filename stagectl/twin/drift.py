@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
+from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.logs.session import GapError
 
 DAY = 86400.0  # s
 FEWEST = 3  # lines
 _MATERIAL = 0.03  # of the parameter's scale, over the record
-_COMMON = ("inertia", "viscous", "coulomb")
 _RISK = 0.05
 
 
@@ -103,8 +103,8 @@ def _named(trends: tuple[Trend, ...]) -> Drifting:
     drifting = sorted((trend for trend in trends if trend.drifts), key=_pace, reverse=True)
     if not drifting:
         return Drifting(trends, (), (), f"nothing drifts beyond {100 * _MATERIAL:.0f} % over {_span(trends)}")
-    if _one_scale([trend for trend in trends if trend.name in _COMMON]):
-        rest = [trend for trend in drifting if trend.name not in (*_COMMON, "bias")]
+    if _one_scale([trend for trend in trends if trend.name in FORCE_SCALED]):
+        rest = [trend for trend in drifting if trend.name not in (*FORCE_SCALED, "bias")]
         rate = _common(trends)
         words = f"force_constant or current_gain {100 * -rate:+.3g} % a day: inertia, viscous and coulomb drift alike"
         named = ("force_constant", *(trend.name for trend in rest))
@@ -118,7 +118,7 @@ def _pace(trend: Trend) -> float:
 
 def _one_scale(common: Sequence[Trend]) -> bool:
     """Whether inertia, viscous and coulomb drift by one factor, and surely: an exact ambiguity with Kt."""
-    if len(common) < len(_COMMON) or sum(trend.drifts for trend in common) < 2:
+    if len(common) < len(FORCE_SCALED) or sum(trend.drifts for trend in common) < 2:
         return False
     rates = np.array([trend.slope / trend.scale for trend in common])
     errors = np.array([trend.half / trend.scale for trend in common]) / stats.norm.ppf(1.0 - _RISK / 2.0)
@@ -129,7 +129,7 @@ def _one_scale(common: Sequence[Trend]) -> bool:
 
 def _common(trends: Sequence[Trend]) -> float:
     """The factor per day by which all of them rise, weighted by their intervals."""
-    own = [trend for trend in trends if trend.name in _COMMON]
+    own = [trend for trend in trends if trend.name in FORCE_SCALED]
     rates = [trend.slope / trend.scale for trend in own]
     return float(np.average(rates, weights=[(trend.half / trend.scale) ** -2.0 for trend in own]))
 

@@ -17,6 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.effects.effect import Data
+from stagectl.gap.effects.library import look_alikes
 from stagectl.gap.logs.session import Array
 from stagectl.twin.live_model import BEND, PRESLIDING, Block, Candidate, Moments, Twin
 
@@ -26,16 +28,6 @@ SURE = 4.0  # standard errors beyond which something is there: a name is looked 
 _NEGLIGIBLE = 0.03  # of what all candidates explain together beyond those that are named already
 _ALIKE = 0.95  # of the best one's gain, from which another candidate explains the data as well
 _DEPENDENT = 1e-3  # share of a column's power, below which others make it up
-_EXACT = {  # what no data of one axis can tell apart
-    "force_constant": ("current_gain",),
-    "current_gain": ("force_constant",),
-    "dead_time": ("jitter", "current_loop", "time_shift"),
-    "time_shift": ("dead_time",),
-    "bias": ("current_offset", "coulomb_asymmetry"),
-    "current_offset": ("bias",),
-    "viscous": ("thermal_viscous",),
-    "coulomb": ("thermal_coulomb",),
-}
 
 
 class Drift(NamedTuple):
@@ -157,7 +149,9 @@ def _names(candidates: Sequence[Candidate], blocks: Sequence[Moments]) -> tuple[
         if gains[best] <= _NEGLIGIBLE * (total - had) or not _stands(candidates, blocks, [*chosen, best]):
             break
         others = (candidates[k].name for k, gain in gains.items() if k != best and gain >= _ALIKE * gains[best])
-        alternatives[best] = tuple(dict.fromkeys([*others, *_EXACT.get(candidates[best].name, ())]))
+        alternatives[best] = tuple(
+            dict.fromkeys([*others, *look_alikes(candidates[best].name, Data.ALL | Data.IN_OPERATION)])
+        )
         chosen.append(best)
     if not chosen:
         return (), power

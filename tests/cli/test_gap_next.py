@@ -9,17 +9,17 @@ import pytest
 import typer
 
 from stagectl.cli import gap_next
-from stagectl.gap.result.diagnosis import Next
+from stagectl.gap.result.diagnosis import NextExperiment
 from stagectl.gap.result.result_json import save
 from stagectl.units import StageError
 from tests.gap.examples import found
 
 TEXT = "type: sine\namplitude: 5 mm\nfrequency: 2 Hz\nperiods: 3\n"
-MOTION = Next("micro-sweep", "micro-sweep.yaml", ("backlash", "presliding"), 31.4, 18.2, "Micro-sines.", TEXT)
-HAND = Next("added mass", "", ("inertia", "force_constant"), 0.0, 900.0, "Weigh a mass.")
+MOTION = NextExperiment("micro-sweep", "micro-sweep.yaml", ("backlash", "presliding"), 31.4, 18.2, "Micro-sines.", TEXT)
+HAND = NextExperiment("added mass", "", ("inertia", "force_constant"), 0.0, 900.0, "Weigh a mass.")
 
 
-def following(folder: Path, proposed: Next | None, *options: str) -> int:
+def following(folder: Path, proposed: NextExperiment | None, *options: str) -> int:
     save(found("effects", next_experiment=proposed), folder)
     app = typer.Typer()
     gap_next.register(app)
@@ -31,7 +31,7 @@ def test_the_file_and_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture
     assert following(tmp_path, MOTION) == 0
     assert (tmp_path / "micro-sweep.yaml").read_text() == TEXT
     told = capsys.readouterr().err
-    assert "tells backlash from presliding friction by 31.4 sigma in 18 s" in told
+    assert "separates backlash from presliding friction by 31.4 sigma in 18 s" in told
     path = tmp_path / "micro-sweep.yaml"
     assert f"stagectl run STAGE.yaml {path} --output {tmp_path / 'micro-sweep-1.h5'}" in told
     assert f"stagectl gap diagnose {tmp_path}" in told
@@ -55,7 +55,7 @@ def test_nothing_of_the_user_is_overwritten(tmp_path: Path) -> None:
 def test_by_hand_and_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert following(tmp_path, HAND) == 0
     told = capsys.readouterr().err
-    assert "tells inertia from force constant in 15 min" in told and "Weigh a mass." in told
+    assert "separates inertia from force constant in 15 min" in told and "Weigh a mass." in told
     assert following(tmp_path, HAND, "-o", str(tmp_path / "a.yaml")) == 1
     assert not (tmp_path / "a.yaml").exists()
     assert following(tmp_path, None) == 0

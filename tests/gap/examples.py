@@ -6,7 +6,17 @@ import math
 
 import numpy as np
 
-from stagectl.gap.result.diagnosis import Coordinate, Effect, Found, Gap, Next, Shape, Spans, Trace, Value
+from stagectl.gap.result.diagnosis import (
+    Coordinate,
+    DiagnosisResult,
+    FoundEffect,
+    Gap,
+    NextExperiment,
+    Spans,
+    Trace,
+    UnknownTerm,
+    Value,
+)
 from stagectl.gap.result.verdict_text import sentence
 
 PER_UNIT = 0.012 / (2.0 * math.pi)  # m per rad
@@ -19,7 +29,7 @@ def curve(model: np.ndarray, noise: float = 0.02) -> tuple[np.ndarray, np.ndarra
     return SPEED, model + noise * _RANDOM.standard_normal(len(SPEED)), model
 
 
-ASYMMETRY = Effect(
+ASYMMETRY = FoundEffect(
     "viscous_asymmetry",
     (),
     0.97,
@@ -29,7 +39,7 @@ ASYMMETRY = Effect(
     coordinate="speed",
     curve=curve(0.0025 * np.abs(SPEED)),
 )
-COGGING = Effect(
+COGGING = FoundEffect(
     "cogging",
     ("encoder_eccentricity",),
     0.61,
@@ -45,7 +55,7 @@ COGGING = Effect(
     curve=(np.linspace(0.0, 2.0 * np.pi, 400), *curve(0.02 * np.sin(4.0 * np.linspace(0.0, 2.0 * np.pi, 600)))[1:]),
 )
 COGGING = COGGING._replace(curve=tuple(column[:400] for column in COGGING.curve))  # type: ignore[union-attr, arg-type]
-VISCOUS = Effect(
+VISCOUS = FoundEffect(
     "viscous",
     (),
     0.99,
@@ -56,7 +66,7 @@ VISCOUS = Effect(
     coordinate="speed",
     curve=curve(0.028 * SPEED),
 )
-PRESLIDING = Effect(
+PRESLIDING = FoundEffect(
     "presliding",
     (),
     0.93,
@@ -103,7 +113,7 @@ COORDINATES = (
     Coordinate("displacement_since_reversal", 0.06),
 )
 BLOCKS: dict[str, float | None] = {"controller": 0.0, "drive": 0.03, "mechanics": 0.95, "sensor": 0.02}
-NEXT = Next(
+NEXT = NextExperiment(
     "stairs both ways, 8 speeds",
     "next/stairs-both-ways.yaml",
     ("cogging", "encoder_eccentricity"),
@@ -112,12 +122,12 @@ NEXT = Next(
     "Eight speeds from 2 to 80 mm/s, forwards and backwards.",
     "type: sine\n",
 )
-SHAPE = Shape("position", np.linspace(-25.0, 25.0, 60), 0.05 * np.sin(np.linspace(0.0, 9.0, 60)), 0.71)
+SHAPE = UnknownTerm("position", np.linspace(-25.0, 25.0, 60), 0.05 * np.sin(np.linspace(0.0, 9.0, 60)), 0.71)
 
 
-def found(verdict: str, **changes: object) -> Found:
+def found(verdict: str, **changes: object) -> DiagnosisResult:
     """Two effects unless `changes` say otherwise, with its sentence."""
-    plain = Found(
+    plain = DiagnosisResult(
         verdict,
         "",
         (ASYMMETRY, COGGING, WEAK),
@@ -150,7 +160,7 @@ def found(verdict: str, **changes: object) -> Found:
     return changed._replace(sentence=sentence(changed))
 
 
-def every() -> dict[str, Found]:
+def every() -> dict[str, DiagnosisResult]:
     """One of each verdict, and one of a log without a controller."""
     nothing = {"next_experiment": None, "unknown": None}
     return {

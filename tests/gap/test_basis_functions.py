@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stagectl.gap.inference import basis_functions, coordinates, unknown
-from stagectl.gap.result.diagnosis import Shape
+from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection.cross_validation import freed
 from stagectl.kernels import effects
 
@@ -59,7 +59,7 @@ def test_a_function_that_is_not_there_foretells_nothing() -> None:
 )
 def test_the_table_opposes_what_the_force_drives(coordinate: str, code: int) -> None:
     grid = np.linspace(-2.0, 2.0, 9)
-    shape = Shape(coordinate, grid, 0.3 * grid**2 + grid, 0.8, (("residual.coordinate", "any"),))
+    shape = UnknownTerm(coordinate, grid, 0.3 * grid**2 + grid, 0.8, (("residual.coordinate", "any"),))
     p = unknown.as_table(shape)
     assert p.coordinate == code
     for x, force in zip(grid.tolist(), shape.force.tolist(), strict=True):
@@ -68,9 +68,9 @@ def test_the_table_opposes_what_the_force_drives(coordinate: str, code: int) -> 
 
 def test_a_speed_without_sign_goes_into_the_table_of_speeds() -> None:
     grid = np.linspace(0.0, 2.0, 9)
-    shape = Shape("speed", grid, grid, 0.8, (("residual.coordinate", "speed"),))
+    shape = UnknownTerm("speed", grid, grid, 0.8, (("residual.coordinate", "speed"),))
     assert unknown.as_table(shape).coordinate == effects.SPEED
 
 
 def test_what_no_table_holds_stays_neutral() -> None:
-    assert unknown.as_table(Shape("acceleration", np.arange(3.0), np.ones(3), 0.8)) == effects.NO_TABLE
+    assert unknown.as_table(UnknownTerm("acceleration", np.arange(3.0), np.ones(3), 0.8)) == effects.NO_TABLE

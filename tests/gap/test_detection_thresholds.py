@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.gap.effects.library import Amplitude, Definition
+from stagectl.gap.effects.effect import Amplitude, Definition
 from stagectl.gap.inference import verdict
 from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.result.diagnosis import Effect
+from stagectl.gap.result.diagnosis import FoundEffect
 from stagectl.gap.selection import refine, search
 from stagectl.gap.selection.candidates import Form, Named
 from stagectl.gap.selection.detection_thresholds import SMALLEST, Clarity, clarity, thresholds
@@ -89,7 +89,7 @@ def test_an_effect_alone_is_never_idle(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("without_data")
 def test_what_is_not_named_explains_nothing() -> None:
     selected, nothing = _selected({"cogging": 900.0, "dwell": 300.0}, {}), Any
-    effects = [Effect(name, (), p, 0.0, {}) for name, p in (("cogging", 0.9), ("dwell", 0.4))]
+    effects = [FoundEffect(name, (), p, 0.0, {}) for name, p in (("cogging", 0.9), ("dwell", 0.4))]
     sure = verdict.sure(nothing, selected, effects)  # type: ignore[arg-type]
     assert [one.effect.name for one in sure.fitted.effects] == ["cogging"]
     assert verdict.sure(nothing, sure, effects) is sure  # type: ignore[arg-type]

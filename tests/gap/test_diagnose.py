@@ -17,7 +17,7 @@ from stagectl.api.diagnosis import BEGINS
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import Session
-from stagectl.gap.result.diagnosis import Found
+from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.result.result_json import as_json
 from stagectl.gap.validation import predictions
 from tests.gap.captured import SINE, TRAPEZOID, exported, recorded
@@ -29,7 +29,7 @@ def _trial(place: Path, seed: int, stratum: str, **left: Any) -> tuple[Session, 
     return load_session.load([place / "captures"]), truth
 
 
-def _named(found: Found) -> list[str]:
+def _named(found: DiagnosisResult) -> list[str]:
     return [one.name for one in found.effects if one.probability >= 0.5 and not one.parameter]
 
 

@@ -11,10 +11,10 @@ from stagectl_studies.machine.trials import draw
 
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
-from stagectl.gap.result.diagnosis import Found
+from stagectl.gap.result.diagnosis import DiagnosisResult
 
 
-def _diagnosed(place: Path, drawn: Drawn, seed: int, excluded: tuple[str, ...] = ()) -> Found:
+def _diagnosed(place: Path, drawn: Drawn, seed: int, excluded: tuple[str, ...] = ()) -> DiagnosisResult:
     stage_trial(draw(seed, "single" if len(drawn.effects or ()) == 1 else "pair", drawn), place)
     session = load_session.load([place / "captures"])
     return diagnose.diagnose(session, diagnose.Options(excluded=excluded, advice=False), lambda _: None).found

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.gap.effects import library
+from stagectl.gap.effects import stage_changes
 from stagectl.gap.experiment_design import (
     catalogue,
     coverage,
@@ -23,7 +23,7 @@ from stagectl.gap.experiment_design import (
 )
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.result.diagnosis import Next
+from stagectl.gap.result.diagnosis import NextExperiment
 from stagectl.kernels.stage import Stage
 from stagectl.plan import plan
 from stagectl.simulation import simulate
@@ -64,12 +64,12 @@ def backlash(p: Stage, gap: float) -> Stage:
     changed = p.mechanics.transmission._replace(
         backlash=gap, load_share=0.3, load_friction=0.9, resonance=800.0, damping=0.1
     )
-    return library.put(p, "mechanics.transmission", changed)
+    return stage_changes.put(p, "mechanics.transmission", changed)
 
 
 def rivals(p: Stage) -> dict[str, Stage]:
     """A gap of 0.17 um, or a rolling zone that is longer by about as much."""
-    return {"backlash": backlash(p, 9e-5), "presliding": library.stretched(p, {"size": 0.03})}
+    return {"backlash": backlash(p, 9e-5), "presliding": stage_changes.stretched(p, {"size": 0.03})}
 
 
 def distance(session: Session, models: dict[str, Stage]) -> float:
@@ -97,7 +97,7 @@ def distance(session: Session, models: dict[str, Stage]) -> float:
     return nuisance_refit.linear(nuisance_refit.Tangent(second, value, slopes, 0.0), truth)
 
 
-def run(setup: Setup, proposed: Next, model: Stage, place: Path, seed: int | None = None) -> Columns:
+def run(setup: Setup, proposed: NextExperiment, model: Stage, place: Path, seed: int | None = None) -> Columns:
     """(n, 2) position and current as `run` would record them from `model`; quiet without a seed."""
     path = place / proposed.trajectory
     path.write_text(proposed.text)
@@ -110,13 +110,15 @@ def run(setup: Setup, proposed: Next, model: Stage, place: Path, seed: int | Non
 
 
 @pytest.fixture(scope="module")
-def proposed(session: Session) -> Next:
+def proposed(session: Session) -> NextExperiment:
     found = experiment_proposal.propose(session, rivals(session.stage), NAN)
     assert found is not None
     return found
 
 
-def test_the_poor_battery_does_not_tell_and_the_proposed_experiment_does(session: Session, proposed: Next) -> None:
+def test_the_poor_battery_does_not_tell_and_the_proposed_experiment_does(
+    session: Session, proposed: NextExperiment
+) -> None:
     poor = distance(session, rivals(session.stage))
     assert proposed.separates == ("backlash", "presliding")
     assert proposed.name.startswith("micro") and proposed.duration < 30.0
@@ -125,7 +127,7 @@ def test_the_poor_battery_does_not_tell_and_the_proposed_experiment_does(session
 
 @pytest.mark.parametrize("hidden", ["backlash", "presliding"])
 def test_what_three_sines_leave_open_is_told(
-    session: Session, proposed: Next, folder: Path, tmp_path: Path, hidden: str
+    session: Session, proposed: NextExperiment, folder: Path, tmp_path: Path, hidden: str
 ) -> None:
     """Micro-sines on the true machine: the right model leaves the noise alone, the other 10 sigma at least."""
     models = rivals(session.stage)
@@ -144,8 +146,8 @@ def test_an_exact_symmetry_goes_to_the_hand(session: Session) -> None:
     """A stronger motor, or inertia, damping and friction that are all smaller: no motion tells."""
     p = session.stage
     models = {
-        "force_constant": library.put(p, "motor.force_constant", 1.05 * p.motor.force_constant),
-        "inertia": library.put(p, "mechanics.inertia", p.mechanics.inertia / 1.05),
+        "force_constant": stage_changes.put(p, "motor.force_constant", 1.05 * p.motor.force_constant),
+        "inertia": stage_changes.put(p, "mechanics.inertia", p.mechanics.inertia / 1.05),
     }
     proposed = experiment_proposal.propose(session, models, NAN)
     assert proposed is not None
@@ -154,7 +156,9 @@ def test_an_exact_symmetry_goes_to_the_hand(session: Session) -> None:
     assert "by hand" in proposed.words and "Weigh a mass" in proposed.words
 
 
-def test_within_what_the_logs_have_shown(session: Session, proposed: Next, folder: Path, tmp_path: Path) -> None:
+def test_within_what_the_logs_have_shown(
+    session: Session, proposed: NextExperiment, folder: Path, tmp_path: Path
+) -> None:
     """Travel, speed and current stay within those of the sines, or the words say by how much they do not."""
     found = operating_range.room(session)
     per_unit = session.travel_per_unit

@@ -12,7 +12,7 @@ from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.sensitivities import Model
-from stagectl.gap.result.diagnosis import Found
+from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.selection import null_ensemble
 from stagectl.kernels import friction, stage
 from tests.conftest import movable
@@ -22,7 +22,7 @@ NOMINAL = movable((CONFIG / "ball-screw.yaml").read_text())
 ON_AIR = NOMINAL.replace("coulomb: 1.0 N m", "coulomb: 0 N m")
 
 
-def diagnosed(place: Path, machine: str, model: str) -> Found:
+def diagnosed(place: Path, machine: str, model: str) -> DiagnosisResult:
     """What is found where logs of the one are compared with the other."""
     (place / "machine.yaml").write_text(machine)
     (place / "model.yaml").write_text(model)

@@ -9,7 +9,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap import diagnose, knock_out
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.result.diagnosis import Effect, Found, Gap
+from stagectl.gap.result.diagnosis import DiagnosisResult, FoundEffect, Gap
 from stagectl.kernels.stage import sliding
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -70,12 +70,12 @@ def test_unknown_force(session: Session) -> None:
 
 def test_right(session: Session) -> None:
     gap = Gap(1.0, 0.1, 0.0, "N", 0.99, 0.9, 1.0)
-    found = Found("effects", "", (), gap, {}, {}, (), (), ())
-    named = found._replace(effects=(Effect("stribeck", ("dwell",), 0.9, 0.5, {}),))
+    found = DiagnosisResult("effects", "", (), gap, {}, {}, (), (), ())
+    named = found._replace(effects=(FoundEffect("stribeck", ("dwell",), 0.9, 0.5, {}),))
     knock = knock_out.Knock("dwell", "in", session)
     assert knock_out.judged(knock, named).right and knock_out.judged(knock, named).named == (("stribeck", "dwell"),)
     assert not knock_out.judged(knock, found).right
-    already = found._replace(effects=(Effect("dwell", (), 0.9, 0.5, {}),))
+    already = found._replace(effects=(FoundEffect("dwell", (), 0.9, 0.5, {}),))
     assert not knock_out.judged(knock, named, already).right
 
 

@@ -15,10 +15,9 @@ from stagectl.config.lengths import Lengths
 from stagectl.config.patch import patched
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.inference.patch_fields import fields_of
-from stagectl.gap.logs.session import GapError
-from stagectl.gap.result.diagnosis import UNORDERED, Fields, Found
-from stagectl.gap.result.patch import applied, parts, patch_of
+from stagectl.gap.inference.patch_fields import NoLawError, fields_of
+from stagectl.gap.result.diagnosis import UNORDERED, DiagnosisResult, Fields
+from stagectl.gap.result.patch import PatchError, applied, parts, patch_of
 from stagectl.gap.result.result_json import save
 from stagectl.kernels import effects, friction, friction_bristle
 from stagectl.kernels.stage import Stage
@@ -37,7 +36,7 @@ def stage(tmp_path: Path) -> Path:
     return path
 
 
-def naming(*fields: tuple[str, float]) -> Found:
+def naming(*fields: tuple[str, float]) -> DiagnosisResult:
     return found("effects", effects=(ASYMMETRY._replace(fields=fields),))
 
 
@@ -136,7 +135,7 @@ def test_elements_that_stay_a_rolling_friction_are_written_as_one(stage: Path) -
     stretched = friction.bundle([1.2 * x for x in weights.weight], [1.5 * x for x in weights.slip])
     fields = fields_of(NOMINAL, NOMINAL._replace(friction=NOMINAL.friction._replace(operators=stretched)))
     patch = patch_of(found("effects", effects=(PRESLIDING._replace(fields=fields),)), stage)
-    assert [str(one) for one in patch.changes] == [
+    assert [str(change) for change in patch.changes] == [
         "friction.coulomb: 1.0 N m -> 1.2 N m",
         "friction.shortest: 0.3 um -> 0.45 um",
         "friction.longest: 9 um -> 13.5 um",
@@ -181,48 +180,54 @@ def test_the_difference_of_two_models_as_fields(after: Stage, expected: Fields) 
 
 def test_a_friction_no_file_can_hold_is_refused() -> None:
     both = NOMINAL.friction._replace(bristle=friction_bristle.Bristle(1.0, 500.0))
-    with pytest.raises(GapError, match="no law of a stage file has both"):
+    with pytest.raises(NoLawError):
         fields_of(NOMINAL, NOMINAL._replace(friction=both))
 
 
 def test_only_what_is_named_or_asked_for_is_written() -> None:
     weak = COGGING._replace(probability=0.3)
-    told = found("effects", effects=(ASYMMETRY, weak))
-    assert [one.name for one in parts(told)[0]] == ["viscous_asymmetry"]
-    assert [one.name for one in parts(told, ["cogging"])[0]] == ["cogging"]
-    with pytest.raises(GapError, match="--only dwell: this diagnosis has not found it; it has viscous_asymmetry, cogg"):
-        parts(told, ["dwell"])
+    result = found("effects", effects=(ASYMMETRY, weak))
+    assert [part.name for part in parts(result)[0]] == ["viscous_asymmetry"]
+    assert [part.name for part in parts(result, ["cogging"])[0]] == ["cogging"]
+    with pytest.raises(PatchError) as refused:
+        parts(result, ["dwell"])
+    assert (refused.value.place, refused.value.value) == ("--only", "dwell")
 
 
 def test_the_unknown_is_written_on_request_only() -> None:
     shape = SHAPE._replace(fields=(("mechanics.bias", 0.02),))
-    told = found("effects+unknown", effects=(VISCOUS,), unknown=shape)
-    chosen, left = parts(told)
-    assert [one.name for one in chosen] == ["viscous"] and left[0].startswith("unknown: not written; --unknown adds")
-    chosen, left = parts(told, unknown=True)
-    assert chosen[-1] == ("unknown", "a data-based term over position, not a cause", shape.fields) and not left
-    shapeless = told._replace(unknown=UNORDERED)
-    assert parts(shapeless, unknown=True)[1] == ["unknown: not written, no coordinate of a stage file holds it"]
+    result = found("effects+unknown", effects=(VISCOUS,), unknown=shape)
+    chosen, omitted = parts(result)
+    assert [part.name for part in chosen] == ["viscous"] and "--unknown" in omitted[0]
+    chosen, omitted = parts(result, unknown=True)
+    assert (chosen[-1].name, chosen[-1].fields) == ("unknown", shape.fields) and not omitted
+    chosen, omitted = parts(result._replace(unknown=UNORDERED), unknown=True)
+    assert [part.name for part in chosen] == ["viscous"] and len(omitted) == 1
 
 
 @pytest.mark.parametrize(
-    ("told", "words"),
+    ("result", "place", "value"),
     [
-        (FOUND["none"], "nothing to write: the verdict is 'none', and no effect is named"),
-        (FOUND["controller"], "nothing to write: the controller that ran is not the one described"),
+        (FOUND["none"], "verdict", "none"),
+        (FOUND["controller"], "verdict", "controller"),
         (found("effects", effects=(ASYMMETRY, COGGING._replace(fields=(("mechanics.bias", 0.5),)))),
-         "mechanics.bias: viscous_asymmetry wants 0.031 and cogging wants 0.5; write one of them with --only"),
-        (FOUND["effects"]._replace(travel_per_unit=0.001), "give the stage file of the machine that was diagnosed"),
-        (FOUND["foreign"], "is a rotary axis .* the diagnosis is of a linear axis"),
-        (naming(("mechanics.bias", math.nan)), "mechanics.bias = nan from viscous_asymmetry: no number"),
-        (naming(("mechanics.mass", 1.0)), "mechanics.mass is not an entry of such a file"),
+         "mechanics.bias", 0.5),
+        (FOUND["effects"]._replace(travel_per_unit=0.001), "axis.lead", pytest.approx(0.012 / (2.0 * math.pi))),
+        (FOUND["foreign"], "axis.kind", "rotary"),
+        (naming(("mechanics.bias", math.nan)), "mechanics.bias", pytest.approx(math.nan, nan_ok=True)),
     ],
 )  # fmt: skip
-def test_what_cannot_be_patched_is_refused(told: Found, words: str, stage: Path) -> None:
+def test_what_cannot_be_patched_is_refused(result: DiagnosisResult, place: str, value: object, stage: Path) -> None:
     before = stage.read_text()
-    with pytest.raises(StageError, match=words):
-        patch_of(told, stage)
+    with pytest.raises(PatchError) as refused:
+        patch_of(result, stage)
+    assert (refused.value.place, refused.value.value) == (place, value)
     assert stage.read_text() == before
+
+
+def test_a_place_that_no_stage_file_has_is_refused(stage: Path) -> None:
+    with pytest.raises(ConfigError, match=r"mechanics\.mass"):
+        patch_of(naming(("mechanics.mass", 1.0)), stage)
 
 
 def test_a_stage_that_would_be_refused_is_not_written(stage: Path) -> None:
@@ -230,14 +235,15 @@ def test_a_stage_that_would_be_refused_is_not_written(stage: Path) -> None:
     for wrong in (("mechanics.inertia", -1.0), ("drive.current_lag", 0.05)):
         with pytest.raises(ConfigError, match="nothing is written"):
             applied(patch_of(naming(wrong), stage))
-    assert stage.read_text() == before and [one.name for one in stage.parent.iterdir()] == ["machine.yaml"]
+    assert stage.read_text() == before and [path.name for path in stage.parent.iterdir()] == ["machine.yaml"]
 
 
 def test_a_file_that_changed_after_the_review_is_left_alone(stage: Path) -> None:
     patch = patch_of(FOUND["effects"], stage)
     stage.write_text(stage.read_text() + "# somebody else\n")
-    with pytest.raises(GapError, match="has changed since the patch was shown"):
+    with pytest.raises(PatchError) as refused:
         applied(patch)
+    assert refused.value.place == "source"
 
 
 def test_backups_are_never_overwritten(stage: Path) -> None:

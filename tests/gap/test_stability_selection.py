@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stagectl.gap.effects.library import Amplitude, Definition
+from stagectl.gap.effects.effect import Amplitude, Definition
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.selection.candidates import Form
 from stagectl.gap.selection.stability_selection import inclusion

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.effects import library
+from stagectl.gap.effects.effect import Scales
+from stagectl.gap.effects.library import definitions
 from stagectl.gap.residuals import friction_family, least_squares, model_tracking, pitch_orders, whitening
 from stagectl.gap.residuals.half_strokes import half_strokes, known_from, standstills
 from stagectl.gap.residuals.model_tracking import Lacking
@@ -160,7 +161,7 @@ def test_closure_counts_above_the_floor() -> None:
 
 
 def test_an_effect_left_out_is_not_found_under_a_wider_name() -> None:
-    size = library.Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
-    names = {one.name for one in candidates.without(candidates.library(size), ("stribeck",))}
+    size = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
+    names = {one.name for one in candidates.without(definitions(size), ("stribeck",))}
     assert {"stribeck", "friction_lag"}.isdisjoint(names) and "viscous_nonlinear" in names
-    assert "stribeck" in {one.name for one in candidates.without(candidates.library(size), ("friction_lag",))}
+    assert "stribeck" in {one.name for one in candidates.without(definitions(size), ("friction_lag",))}

@@ -19,7 +19,7 @@ from stagectl.gap.logs import load_session
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.half_strokes import runs
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import UNORDERED, Gap, Shape
+from stagectl.gap.result.diagnosis import UNORDERED, Gap, UnknownTerm
 from stagectl.gap.selection import baseline_fit, refine
 from stagectl.gap.validation import closure
 
@@ -95,6 +95,6 @@ def test_a_band_holds_what_lies_in_it(tmp_path: Path) -> None:
 
 
 def test_words_of_a_band() -> None:
-    shape = Shape("frequency", np.array([10.0, 20.0]), np.array([0.1, 0.4]), 0.8)
+    shape = UnknownTerm("frequency", np.array([10.0, 20.0]), np.array([0.1, 0.4]), 0.8)
     assert verdict_text.where_unknown(shape).startswith("it rings, strongest near 20 Hz")
     assert "another current" in verdict_text.where_unknown(shape._replace(block="drive"))

@@ -37,14 +37,14 @@ def texts(verdict: str) -> list[str]:
 @pytest.mark.parametrize(
     ("verdict", "present", "absent"),
     [
-        ("none", "Nothing exceeds the noise", "What to do next"),
-        ("parameters", "0.1681 N m s/rad (0.1665 to 0.1697)", "ambiguous"),
-        ("effects", "stagectl run STAGE.yaml next/stairs-both-ways.yaml", "What has no name"),
-        ("effects+unknown", "What has no name", "Nothing exceeds"),
-        ("unknown", "It is no cause, only a shape", "Parameters"),
+        ("none", "does not exceed the noise significantly", "Next steps"),
+        ("parameters", "0.1681 N m s/rad (0.1665 to 0.1697)", "Ambiguities"),
+        ("effects", "stagectl run STAGE.yaml next/stairs-both-ways.yaml", "Unexplained"),
+        ("effects+unknown", "Unexplained", "does not exceed"),
+        ("unknown", "repeats and has no known cause", "Parameters"),
         ("controller", "The integral gain looks like 0.5 of the nominal one.", "How far it shrinks"),
-        ("not-identifiable", "Only one speed was run.", "Nothing exceeds"),
-        ("foreign", "no current was logged", "Judged on"),
+        ("not-identifiable", "Only one speed was run.", "does not exceed"),
+        ("foreign", "no current was logged", "Checked on"),
     ],
 )
 def test_every_verdict_has_its_page(
@@ -133,7 +133,7 @@ def test_the_window_holds_the_largest_gap() -> None:
 
 
 def test_a_run_is_drawn_in_micrometres_of_the_table() -> None:
-    run = figures.telling(FOUND["effects"])
+    run = figures.largest_trace(FOUND["effects"])
     assert run is not None and run.file == "held-sine-2.4hz-1.csv"
     above, below = figures.trace(run, FOUND["effects"]).axes
     assert above.get_ylabel() == "reference [mm]" and below.get_ylabel().endswith("position [µm]")

@@ -16,7 +16,7 @@ from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options as Drawn
 from stagectl_studies.machine.trials import draw
 
-from stagectl.gap.effects.library import Definition
+from stagectl.gap.effects.effect import Definition
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.selection.candidates import Form

@@ -38,6 +38,10 @@ def test_the_name_first() -> None:
     assert not any(nothing[name] for name in ("alarm", "top1", "covered", "all_found")) and nothing["top"] == "none"
 
 
+def test_an_effect_that_no_library_has_is_only_itself() -> None:
+    assert rules.same("cubic_hysteresis", poor=True) == {"cubic_hysteresis"}
+
+
 def test_exact_symmetries_are_the_same_answer() -> None:
     assert scored(truth("force_constant"), entry("current_gain"))["top1"]
     assert scored(truth("jitter"), entry("dead_time"))["top1"]

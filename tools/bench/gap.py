@@ -19,7 +19,7 @@ from stagectl_studies.machine.trials import draw
 
 from stagectl.config.stage_file import load_stage
 from stagectl.gap import diagnose
-from stagectl.gap.effects.library import put
+from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.logs import load_session
 from stagectl.gap.residuals import model_tracking
 from stagectl.kernels import tracked_model

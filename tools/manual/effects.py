@@ -1,4 +1,4 @@
-"""The pages of the effects: words, pictures, and the lines of a stage file that play each of them."""
+"""The pages of the effects: text, picture, and the lines of a stage file that play each of them."""
 
 from __future__ import annotations
 
@@ -7,75 +7,75 @@ import hashlib
 import os
 from pathlib import Path
 
+from stagectl_studies.effect_pictures.measured_effect import Scene, motion_named
+from stagectl_studies.effect_pictures.scenes import scenes
+from stagectl_studies.effect_pictures.texts import EffectText, chapters
+
 from stagectl.config.lengths import Lengths
 from stagectl.config.patch import patched
 from stagectl.config.source import read_text
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.gap.effects import effect_names
+from stagectl.gap.effects.library import label
 from stagectl.gap.inference.patch_fields import fields_of
 from stagectl.gap.result.patch import arranged
-from stagectl.report.effects import texts
-from stagectl.report.effects.measured_effect import Scene, motion_named
-from stagectl.report.effects.scenes import scenes
 
-PLAIN = "STAGECTL_MANUAL_PLAIN"  # set: pictures are left blank, for a quick look at text and links
+PLAIN = "STAGECTL_MANUAL_PLAIN"  # set: pictures stay blank, for a quick look at text and links
 BLANK = bytes.fromhex(
     "89504e470d0a1a0a0000000d49484452000000010000000108060000001f15c4890000000d49444154789c6360000002000001e5"
     "27de fc0000000049454e44ae426082".replace(" ", "")
 )
-FILES = ("parameters", "friction", "place", "time", "mechanics", "drive", "sensor", "controller")
-SOURCES = ("stagectl/kernels", "stagectl/gap", "stagectl/report/effects", "config/ball-screw.yaml")
-WITHOUT_LINES = {
-    "current_quantisation": "It is `command_scale` of the drive's wire: the step of the object that takes the command.",
-    "time_shift": "It belongs to the log, not to the machine: a stage file has no place for it.",
-    "controller": "It is the `control` block of the stage file, to be brought in line with what runs.",
-}
+SOURCES = (
+    "stagectl/kernels",
+    "stagectl/gap",
+    "tools/studies/stagectl_studies/effect_pictures",
+    "config/ball-screw.yaml",
+)
+INTRODUCTION = """# The effects
+
+The diagnosis searches for these effects, by these names. Each picture shows the residual that the diagnosis works
+with. The ball-screw stage is simulated with the effect. A model without the effect follows the same path. The
+difference is the unexplained effort (or current), drawn over the coordinate of the effect. An unexplained effort that
+opposes the motion is negative where the velocity is positive. Grey points show a machine without the effect.
+
+The lines below each picture play the effect on the virtual drive, in a copy of `config/ball-screw.yaml`.
+`stagectl gap apply` writes the same lines for an effect that a diagnosis names.
+
+| effect | name | typical size | mistaken for |
+|---|---|---|---|
+"""
 
 
 def pages(root: Path) -> dict[str, str]:
-    """Markdown by file name: one page a group, and a table of all."""
+    """Markdown by file name: one page a chapter, and a table of all effects."""
     setup, shown = load_stage(root / "config" / "ball-screw.yaml"), scenes()
-    found = {"effects/index.md": _index()}
-    for file, group in zip(FILES, texts.GROUPS, strict=True):
-        parts = [_effect(setup, told, shown[told.name]) for told in group.effects]
-        found[f"effects/{file}.md"] = "\n\n".join([f"# {group.title}", group.words, *parts]) + "\n"
-    return found
+    files = {"effects/index.md": INTRODUCTION + "".join(_rows())}
+    for chapter in chapters():
+        parts = [_effect(setup, text, shown[text.name]) for text in chapter.effects]
+        files[f"effects/{chapter.file}.md"] = "\n\n".join([f"# {chapter.title}", chapter.text, *parts]) + "\n"
+    return files
 
 
-def _index() -> str:
-    lines = [
-        "# The effects",
-        "",
-        "What the diagnosis looks for, by the names that it uses. Each picture is what the diagnosis itself sees: the "
-        "ball-screw stage is simulated with the effect, the model without it is tied to the path that was made, and "
-        "the effort (or current) that the model then lacks is drawn over the coordinate that orders it. An effort that "
-        "opposes the motion is negative where the velocity is positive: so much did the model lack. Grey is the same "
-        "of a machine without the effect.",
-        "",
-        "The lines below each picture play the effect on the virtual drive, in a copy of `config/ball-screw.yaml`; "
-        "`stagectl gap apply` writes the same ones for what it has found.",
-        "",
-        "| effect | name | typical size | mistaken for |",
-        "|---|---|---|---|",
+def _rows() -> list[str]:
+    """Rows of the table of all effects."""
+    return [
+        f"| [{label(text.name)}]({chapter.file}.md#{text.name}) | `{text.name}` | {text.size} | {text.mistaken_for} |\n"
+        for chapter in chapters()
+        for text in chapter.effects
     ]
-    for file, group in zip(FILES, texts.GROUPS, strict=True):
-        for told in group.effects:
-            name = effect_names.effect(told.name)
-            lines.append(f"| [{name}]({file}.md#{told.name}) | `{told.name}` | {told.size} | {told.rivals} |")
-    return "\n".join(lines) + "\n"
 
 
-def _effect(setup: Setup, told: texts.Told, scene: Scene) -> str:
-    words, motion = effect_names.effect(told.name), motion_named(setup, scene.motion)
-    pictures = "\n".join(f"![{words}](pictures/{told.name}-{ground}.png#only-{ground})" for ground in ("light", "dark"))
+def _effect(setup: Setup, text: EffectText, scene: Scene) -> str:
+    title, motion = label(text.name), motion_named(setup, scene.motion)
+    files = "\n".join(f"![{title}](pictures/{text.name}-{theme}.png#only-{theme})" for theme in ("light", "dark"))
+    facts = (("Typical size", text.size), ("Mistaken for", text.mistaken_for), ("Separated by", text.separated_by))
     return "\n\n".join(
         (
-            f"## {words[0].upper()}{words[1:]} {{ #{told.name} }}",
-            f"`{told.name}`: {told.what}",
-            pictures,
+            f"## {title[0].upper()}{title[1:]} {{ #{text.name} }}",
+            f"`{text.name}`: {text.what}",
+            files,
             f"*Motion: `{scene.motion}`. {motion.separates}*",
-            f"* **Typical size**: {told.size}\n* **Mistaken for**: {told.rivals}\n* **Told apart by**: {told.apart}",
-            _lines(setup, scene),
+            "\n".join(f"* **{name}**: {value}" for name, value in facts),
+            text.lines or _lines(setup, scene),
         )
     )
 
@@ -90,39 +90,36 @@ def changed(setup: Setup, scene: Scene) -> str:
 
 def _lines(setup: Setup, scene: Scene) -> str:
     """The lines of the stage file that are not those of the shipped one."""
-    if scene.name in WITHOUT_LINES:
-        return WITHOUT_LINES[scene.name]
-    text, after = read_text(setup.path), changed(setup, scene)
-    kept = [line for line in difflib.ndiff(text.splitlines(), after.splitlines()) if line[0] in "+-"]
-    context = _blocks(after.splitlines(), [line[2:] for line in kept if line[0] == "+"])
-    return "```yaml\n" + "\n".join(context) + "\n```"
+    before, after = read_text(setup.path).splitlines(), changed(setup, scene).splitlines()
+    new = [line[2:] for line in difflib.ndiff(before, after) if line[0] == "+"]
+    return "```yaml\n" + "\n".join(_with_blocks(after, new)) + "\n```"
 
 
-def _blocks(lines: list[str], new: list[str]) -> list[str]:
-    """Each of the `new` lines below the keys of the blocks that it stands in."""
-    found: list[str] = []
+def _with_blocks(lines: list[str], new: list[str]) -> list[str]:
+    """Each of the `new` lines below the keys of the blocks that hold it."""
+    shown: list[str] = []
     path: list[str] = []
     for line in lines:
         indent = len(line) - len(line.lstrip())
-        path = [one for one in path if len(one) - len(one.lstrip()) < indent]
+        path = [key for key in path if len(key) - len(key.lstrip()) < indent]
         if line in new:
-            found += [one for one in path if one not in found]
-            found += [] if line in found else [line]
+            shown += [key for key in path if key not in shown]
+            shown += [] if line in shown else [line]
         if line.strip() and not line.lstrip().startswith("#"):
             path.append(line.split("#")[0].rstrip())
-    return found
+    return shown
 
 
 def pictures(root: Path) -> dict[str, Path]:
     """Pictures by the name they have in the manual; made once for the sources that they show."""
     folder = root / "build" / "manual" / _hash(root)
-    names = [f"{name}-{ground}.png" for name in scenes() for ground in ("light", "dark")]
+    names = [f"{name}-{theme}.png" for name in scenes() for theme in ("light", "dark")]
     if os.environ.get(PLAIN):
         blank = root / "build" / "manual" / "blank.png"
         blank.parent.mkdir(parents=True, exist_ok=True)
         blank.write_bytes(BLANK)
         return {f"effects/pictures/{name}": blank for name in names}
-    from stagectl.report.effects.pictures import pictures as draw
+    from stagectl_studies.effect_pictures.pictures import pictures as draw
 
     setup = load_stage(root / "config" / "ball-screw.yaml")
     for name, scene in scenes().items():

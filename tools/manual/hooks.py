@@ -6,7 +6,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))  # MkDocs loads this file alone
+# MkDocs loads this file alone; the pictures of the effects belong to the studies.
+sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
+sys.path.insert(0, str(Path(__file__).parent))
 
 import api
 import commands

@@ -7,20 +7,13 @@ speed (stairs), position (scan), displacement since reversal (micro-sines), rest
 from __future__ import annotations
 
 from stagectl.config.stage_file import Setup
+from stagectl.gap.effects.library import excited_by
 from stagectl.gap.experiment_design import motions
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment
 from stagectl.gap.experiment_design.scale import Scale, scale_of, sine_effort
 from stagectl.trajectories import Dwell, Sine, Trajectory
 
 REPEATS, HELD_OUT_REPEATS = 3, 2
-
-_SINE = ("inertia", "viscous", "coulomb", "presliding")
-_STAIRS = ("viscous", "viscous_nonlinear", "stribeck", "coulomb", "coulomb_asymmetry", "viscous_asymmetry")
-_SCAN = ("position_friction", "cable_spring", "lead_friction", "cogging", "encoder_eccentricity", "bias")
-_MICRO = ("presliding", "backlash", "encoder_interpolation", "current_quantisation")
-_STEPS = ("dwell", "base_vibration", "stribeck", "cable_hysteresis")
-_MULTISINE = ("compliance", "dead_time", "current_loop", "inertia")
-_STRONG = ("current_saturation", "voltage_saturation", "force_constant", "load_friction")
 
 
 def battery(setup: Setup) -> tuple[Experiment, ...]:
@@ -45,10 +38,10 @@ def held_out(setup: Setup) -> tuple[Experiment, ...]:
             p, "check-sine-fast", motions.at_speed(p, 0.8 * _speed(p), 2.3, 4.0), "Between the sines that were used."
         ),
         _sine(p, "check-sine-strong", motions.strong(p, 0.7, 4.2), "Less current than the strong sine, and slower."),
-        _made(p, "check-stairs", "Speeds between those of the stairs.", _STAIRS, *motions.stairs(p, speeds, 0.7)),
-        _made(p, "check-scan", "The stroke, faster than the scan.", _SCAN, *motions.scan(p, 3.5, 0.08)),
-        _made(p, "check-micro", "Between the micro-sines.", _MICRO, Dwell(0.1), motions.micro(p, 1.3, 70.0, 2.6)),
-        _made(p, "check-steps", "Other steps, after other dwells.", _STEPS, *motions.steps(p, 2.5 * pre, (0.6, 2.0))),
+        _made(p, "check-stairs", "Speeds between those of the stairs.", "stairs", *motions.stairs(p, speeds, 0.7)),
+        _made(p, "check-scan", "The stroke, faster than the scan.", "scan", *motions.scan(p, 3.5, 0.08)),
+        _made(p, "check-micro", "Between the micro-sines.", "micro", Dwell(0.1), motions.micro(p, 1.3, 70.0, 2.6)),
+        _made(p, "check-steps", "Other steps, after other dwells.", "steps", *motions.steps(p, 2.5 * pre, (0.6, 2.0))),
         _carried(p, "check-multisine", motions.Place(0.55, 11, 0.08, 5.0, 400.0), "Other phases, lines and place."),
     )
     return tuple(one._replace(use=HELD_OUT) for one in found)
@@ -78,7 +71,7 @@ def _strong(p: Scale) -> Experiment:
     words = (
         f"A sine at {100.0 * share:.0f} % of the current limit: what scales with current, and what a drive cannot give."
     )
-    return _made(p, "sine-strong", words, _STRONG, motion)
+    return _made(p, "sine-strong", words, "sine-strong", motion)
 
 
 def _speed_and_place(p: Scale) -> tuple[Experiment, ...]:
@@ -89,10 +82,10 @@ def _speed_and_place(p: Scale) -> tuple[Experiment, ...]:
             p,
             "stairs",
             "Six speeds both ways: friction over speed, its curvature, and its two sides.",
-            _STAIRS,
+            "stairs",
             *speeds,
         ),
-        _made(p, "scan", "The stroke, slowly, both ways: all that depends on the place.", _SCAN, *motions.scan(p, 6.0)),
+        _made(p, "scan", "The stroke, slowly, both ways: what depends on the position.", "scan", *motions.scan(p, 6.0)),
     )
 
 
@@ -100,7 +93,7 @@ def _micro(p: Scale) -> tuple[Experiment, ...]:
     words = "A sine {} presliding: a dead zone shows no force first, rolling friction the most stiffness."
     sizes = (("above", 3.8, 200.0, "beyond"), ("within", 0.6, 60.0, "within"), ("deep", 0.15, 20.0, "deep within"))
     return tuple(
-        _made(p, f"micro-{name}", words.format(where), _MICRO, Dwell(0.1), motions.micro(p, ratio, counts))
+        _made(p, f"micro-{name}", words.format(where), "micro", Dwell(0.1), motions.micro(p, ratio, counts))
         for name, ratio, counts, where in sizes
     )
 
@@ -110,8 +103,8 @@ def _steps(p: Scale) -> tuple[Experiment, ...]:
     small, large = motions.steps(p, 1.5 * p.presliding, dwells), motions.steps(p, p.short, dwells)
     rest = "after dwells of 0.3, 1 and 3 s: friction that grows at rest, and what rings after a step"
     return (
-        _made(p, "steps-small", f"Steps of about the presliding length {rest}.", _STEPS, *small),
-        _made(p, "steps-large", f"Steps far beyond presliding {rest}.", _STEPS, *large),
+        _made(p, "steps-small", f"Steps of about the presliding length {rest}.", "steps", *small),
+        _made(p, "steps-large", f"Steps far beyond presliding {rest}.", "steps", *large),
     )
 
 
@@ -125,12 +118,12 @@ def _multisines(p: Scale) -> tuple[Experiment, ...]:
 
 
 def _sine(p: Scale, name: str, motion: Sine, words: str) -> Experiment:
-    return _made(p, name, words, _SINE, motion)
+    return _made(p, name, words, "sine", motion)
 
 
-def _made(p: Scale, name: str, words: str, effects: tuple[str, ...], *parts: Trajectory) -> Experiment:
-    return Experiment(name, words, effects, motions.preconditioned(p, *parts), p.unit)
+def _made(p: Scale, name: str, words: str, family: str, *parts: Trajectory) -> Experiment:
+    return Experiment(name, words, excited_by(family), motions.preconditioned(p, *parts), p.unit)
 
 
 def _carried(p: Scale, name: str, place: motions.Place, words: str) -> Experiment:
-    return Experiment(name, words, _MULTISINE, motions.carried(p, place), p.unit)
+    return Experiment(name, words, excited_by("multisine"), motions.carried(p, place), p.unit)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
+from stagectl.gap.effects.library import excited_by
 from stagectl.gap.experiment_design import experiment_motions as more
 from stagectl.gap.experiment_design import motions
 from stagectl.gap.experiment_design.experiment import Experiment
@@ -13,22 +14,14 @@ from stagectl.gap.experiment_design.motions import Place, carried, micro, precon
 from stagectl.gap.experiment_design.scale import Scale, scale_of
 from stagectl.trajectories import Dwell, Excited, Trajectory
 
-_FRICTION = ("viscous", "viscous_nonlinear", "stribeck", "coulomb")
-_SIDES = ("coulomb_asymmetry", "viscous_asymmetry", "bias")
-_PLACE = ("position_friction", "cable_spring", "lead_friction", "cogging")
-_ANGLE = ("lead_friction", "cogging", "current_ripple", "ball_pass_ripple", "encoder_eccentricity")
-_ROLLING = ("presliding", "backlash", "cable_hysteresis")
-_WARM = ("thermal_viscous", "thermal_coulomb", "friction_step", "viscous", "coulomb")
-_FAST = ("compliance", "dead_time", "current_loop", "base_vibration", "time_shift")
-
 
 class Recipe(NamedTuple):
     """An experiment before it is made for a stage."""
 
     name: str
     separates: str
-    effects: tuple[str, ...]
     made: Callable[[Scale], tuple[Trajectory, ...] | Excited]
+    family: str = ""  # by which the effects that it excites are known; empty: its name
 
 
 def library(setup: Setup) -> tuple[Experiment, ...]:
@@ -47,7 +40,7 @@ def made(p: Scale) -> tuple[Experiment, ...]:
 def _experiment(p: Scale, recipe: Recipe) -> Experiment:
     made = recipe.made(p)
     motion = made if isinstance(made, Excited) else preconditioned(p, *made)
-    return Experiment(recipe.name, recipe.separates, recipe.effects, motion, p.unit)
+    return Experiment(recipe.name, recipe.separates, excited_by(recipe.family or recipe.name), motion, p.unit)
 
 
 _SPREAD = "Speeds both ways, log-spaced over {}: "
@@ -57,172 +50,147 @@ RECIPES = (
     Recipe(
         "sines-of-one-speed",
         "A slow and a fast sine of one peak speed: inertia acts in the fast one alone, friction in both.",
-        ("inertia", "viscous", "force_constant", "compliance", "time_shift"),
         more.equal_speed_sines,
     ),
     Recipe(
         "stairs-wide",
         _SPREAD.format("two decades") + "viscous friction, its curvature and the Stribeck rise are bent apart.",
-        (*_FRICTION, *_SIDES),
         lambda p: more.speeds(p, 0.01, 1.0, 9, 0.8),
     ),
     Recipe(
         "stairs-creep",
         _SPREAD.format("the slowest decade and a half") + "a Stribeck rise ends there, curvature has not begun.",
-        ("stribeck", "viscous_nonlinear", "friction_lag", "dwell"),
         lambda p: more.speeds(p, 0.002, 0.06, 6, 1.5),
     ),
     Recipe(
         "stairs-fast",
         _SPREAD.format("the fastest quarter") + "curvature of viscous friction, and its two sides.",
-        ("viscous_nonlinear", "viscous_asymmetry", "coulomb_asymmetry", "voltage_saturation"),
         lambda p: more.speeds(p, 0.25, 1.0, 6, 0.8),
     ),
     Recipe(
         "creep",
         "A slow creep: the encoder's periods and the steps of the command, one by one.",
-        ("encoder_interpolation", "current_quantisation", "stribeck", "presliding"),
         more.creep,
     ),
     Recipe(
         "constant-speed-long",
         "Most of the stroke at constant speed: what does not repeat with the turn of the screw drifts against it.",
-        _ANGLE,
         lambda p: more.constant(p, 0.2),
     ),
     Recipe(
         "constant-speed-fast",
         "Most of the stroke at two speeds: errors of the encoder grow with speed squared, forces do not.",
-        ("encoder_eccentricity", *_ANGLE[:4]),
         lambda p: more.constant(p, 0.35, 0.9),
     ),
     Recipe(
         "scan-slow",
         "The stroke both ways, slowly: a spring pushes one way, friction opposes both.",
-        (*_PLACE, "bias"),
         lambda p: motions.scan(p, 15.0),
     ),
     Recipe(
         "scans-at-two-speeds",
         "The stroke at two speeds both ways: what stays in place, and what moves with speed.",
-        (*_PLACE, "encoder_eccentricity"),
         more.two_scans,
     ),
     Recipe(
         "scan-at-two-loads",
         "A few pitches at little and at much current: ripple grows with current, cogging does not.",
-        ("cogging", "current_ripple", "load_friction"),
         more.two_loads,
     ),
     Recipe(
         "speeds-by-acceleration",
         "One speed reached at accelerations over a decade: friction that follows the load is not inertia.",
-        ("load_friction", "inertia", "base_vibration", "force_constant"),
         more.accelerations,
     ),
     Recipe(
         "strokes",
         "Three strokes of the millimetre range: a cable's hysteresis is longer than rolling friction's.",
-        ("cable_hysteresis", "presliding", "cable_spring", "thermal_coulomb"),
         more.strokes,
     ),
     Recipe(
         "micro-sweep",
         "Micro-sines, smaller and smaller: play is dead first and stiff then, rolling friction the opposite.",
-        _ROLLING,
         lambda p: more.sizes(p, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.12),
     ),
     Recipe(
         "micro-slow",
         "A slow sine within presliding: steps of command and encoder stand out.",
-        ("presliding", "current_quantisation", "encoder_interpolation", "backlash"),
         lambda p: (Dwell(0.1), micro(p, 0.5, 20.0, 0.3, 2.0)),
     ),
     Recipe(
         "micro-fast",
         "A fast sine just beyond presliding: what lags behind velocity shows against what follows displacement.",
-        ("presliding", "friction_lag", "backlash", "compliance"),
         lambda p: (Dwell(0.1), micro(p, 3.0, 20.0, 8.0, 12.0)),
     ),
     Recipe(
         "reversals",
         "Turning round at rates over two decades: rolling friction follows displacement, a lag follows time.",
-        ("presliding", "friction_lag", "coulomb_asymmetry", "backlash"),
         more.reversals,
     ),
     Recipe(
         "dwells",
         "Steps after 0.1, 1, 5 and 30 s of rest: only friction that grows with time at rest tells them apart.",
-        ("dwell", "stribeck", "presliding"),
         lambda p: steps(p, p.short, (0.1, 1.0, 5.0, 30.0)),
     ),
     Recipe(
         "dwells-short",
         "Small steps after 0.1, 0.3 and 1 s of rest: dwell within presliding.",
-        ("dwell", "stribeck", "presliding", "current_quantisation"),
         lambda p: steps(p, 2.0 * p.presliding, (0.1, 0.3, 1.0)),
     ),
     Recipe(
         "swing-one-way",
         "One way at a swinging speed: at one speed it passes accelerating and braking, so a lag opens a loop.",
-        ("friction_lag", "presliding", "stribeck", "dwell"),
         lambda p: more.swings(p, 0.06, 2.0),
     ),
     Recipe(
         "swing-three-rates",
         "One way at a speed that swings at three rates: the loop of a lag grows with the rate.",
-        ("friction_lag", "stribeck", "inertia"),
         lambda p: more.swings(p, 0.1, 1.0, 3.0, 9.0),
     ),
-    Recipe("resonance-low", _LINES.format("low end"), _FAST, lambda p: carried(p, Place(0.05, 21, periods=3.0))),
-    Recipe("resonance-middle", _LINES.format("middle"), _FAST, lambda p: carried(p, Place(0.375, 22, periods=3.0))),
-    Recipe("resonance-high", _LINES.format("high end"), _FAST, lambda p: carried(p, Place(0.7, 23, periods=3.0))),
+    Recipe("resonance-low", _LINES.format("low end"), lambda p: carried(p, Place(0.05, 21, periods=3.0)), "resonance"),
+    Recipe(
+        "resonance-middle", _LINES.format("middle"), lambda p: carried(p, Place(0.375, 22, periods=3.0)), "resonance"
+    ),
+    Recipe("resonance-high", _LINES.format("high end"), lambda p: carried(p, Place(0.7, 23, periods=3.0)), "resonance"),
     Recipe(
         "resonance-of-the-base",
         "An odd multisine of 5 to 60 Hz on a moving axis: a base that moves, apart from what lies within the axis.",
-        ("base_vibration", "compliance", "inertia"),
         lambda p: carried(p, Place(0.375, 24, 0.15, 5.0, 60.0, 3.0)),
     ),
     Recipe(
         "step-and-settle",
         "Stops from speed and time to ring out: the base goes on when the axis stands.",
-        ("base_vibration", "compliance", "dwell"),
         lambda p: more.settling(p, 0.75),
     ),
     Recipe(
         "strong-sine",
         "A long sine at nine tenths of the current, or of the limit that it meets first: what a drive cannot give.",
-        ("current_saturation", "force_constant", "load_friction", "voltage_saturation"),
         lambda p: (motions.strong(p, 0.9, 5.0, 10.0),),
     ),
     Recipe(
         "fast-cruise",
         "As fast as travel and current allow: a lack of voltage shows with speed, one of current does not.",
-        ("voltage_saturation", "current_saturation", "viscous_nonlinear"),
         more.fast_cruise,
     ),
     Recipe(
         "rest",
         "Standing still for 10 s: noise, steps of the command, limit cycles.",
-        ("current_quantisation", "bias", "current_offset"),
         more.rest(10.0),
     ),
     Recipe(
         "rest-at-places",
         "Rest at seven places, reached from below and above: a constant force, a spring, and friction's two sides.",
-        ("bias", "coulomb_asymmetry", "cable_spring", "position_friction"),
         more.places,
     ),
     Recipe(
         "one-stroke-again",
         "One stroke again and again for 40 s: a change from one moment to the next, within a run.",
-        _WARM,
         lambda p: more.warm_up(p, 40.0),
+        "warm-up",
     ),
     Recipe(
         "warm-up",
         "The same for 5 minutes; run it cold, and again after a break: what changes with time, and what does not.",
-        _WARM,
         lambda p: more.warm_up(p, 300.0),
     ),
 )

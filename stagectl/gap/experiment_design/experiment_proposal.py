@@ -25,7 +25,7 @@ from stagectl.gap.experiment_design.nuisance_refit import Tangent
 from stagectl.gap.experiment_design.operating_range import Room, laid_out, room
 from stagectl.gap.experiment_design.prediction_distance import Bench, Noise
 from stagectl.gap.logs.session import Session
-from stagectl.gap.result.diagnosis import Next
+from stagectl.gap.result.diagnosis import NextExperiment
 from stagectl.kernels.stage import Stage
 from stagectl.parallel import in_parallel
 
@@ -58,7 +58,7 @@ class Trial(NamedTuple):
         return self.separation * self.separation / self.experiment.duration
 
 
-def propose(session: Session, models: Models, floor: float, seen: Collection[str] = ()) -> Next | None:
+def propose(session: Session, models: Models, floor: float, seen: Collection[str] = ()) -> NextExperiment | None:
     """The experiment that tells `models` apart, each of which explains the data of `session`.
 
     `floor` (rad | m rms) is what repeats differ by in position, for a session without repeats; `seen` are names of
@@ -190,14 +190,14 @@ def _refitted(chosen: Sequence[Trial], models: Models) -> list[Trial]:
     ]
 
 
-def _by_hand(names: tuple[str, ...]) -> Next | None:
+def _by_hand(names: tuple[str, ...]) -> NextExperiment | None:
     """What is to be done by hand where every motion looks alike under all of the models."""
     bearing = [(len(set(one.effects) & set(names)), -one.duration, one) for one in manual_experiments.MANUAL]
     count, _, best = max(bearing, key=lambda entry: entry[:2])
     if count == 0:
         return None
     words = f"No motion tells them apart, so something is to be done by hand.  {best.words}"
-    return Next(best.name, "", names, 0.0, best.duration, words)
+    return NextExperiment(best.name, "", names, 0.0, best.duration, words)
 
 
 def exceeding(p: Trial, space: Room) -> list[str]:
@@ -211,14 +211,14 @@ def exceeding(p: Trial, space: Room) -> list[str]:
     return said
 
 
-def _next(space: Room, best: Trial, names: tuple[str, ...]) -> Next:
+def _next(space: Room, best: Trial, names: tuple[str, ...]) -> NextExperiment:
     words = [best.experiment.separates, _often(best.separation), *_heeds(space, best)]
     if _COLD in best.experiment.effects:
         words.append("Run it with the machine cold, then again.")
     return _made(best, names, words)
 
 
-def _uncovered(session: Session, space: Room, floor: float) -> Next | None:
+def _uncovered(session: Session, space: Room, floor: float) -> NextExperiment | None:
     """The experiment for what no run has shown, put to the nominal model only to see how hard it is."""
     found = coverage.advised(session, space)
     if found is None:
@@ -230,9 +230,11 @@ def _uncovered(session: Session, space: Room, floor: float) -> Next | None:
     return _made(trial, (), [lacking, one.separates, *_heeds(space, trial)])
 
 
-def _made(p: Trial, names: tuple[str, ...], words: Sequence[str]) -> Next:
+def _made(p: Trial, names: tuple[str, ...], words: Sequence[str]) -> NextExperiment:
     one = p.experiment
-    return Next(one.name, f"{one.name}.yaml", names, p.separation, one.duration, "  ".join(words), yaml_of(one))
+    return NextExperiment(
+        one.name, f"{one.name}.yaml", names, p.separation, one.duration, "  ".join(words), yaml_of(one)
+    )
 
 
 def _heeds(space: Room, p: Trial) -> list[str]:

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from stagectl.gap.effects.library import excited_by
+
 
 class Manual(NamedTuple):
     """What no trajectory can do: a change by hand, or a reading."""
 
     name: str
     separates: str
-    effects: tuple[str, ...]
     words: str  # what to do
     duration: float  # s, about
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that it separates."""
+        return excited_by(self.name)
 
 
 MANUAL = (
     Manual(
         "added mass",
         "inertia and force constant: only one of them changes with a mass that is known",
-        ("inertia", "force_constant", "current_gain"),
         "Weigh a mass of 20 to 50 % of the moving one, screw it to the table, and record the sine of 1.6 Hz again.  "
         "The inertia that is found must grow by that mass; if it grows by more or less, the force constant is off by "
         "the same share.",
@@ -28,7 +33,6 @@ MANUAL = (
     Manual(
         "hanging weight",
         "force constant and the common scale of inertia and friction, by a force that is known",
-        ("force_constant", "current_gain", "bias"),
         "Hang a known weight over a pulley on the table, or tilt the axis by a known angle, and record the slow scan: "
         "the constant part of the current times the force constant must be that force.",
         900.0,
@@ -36,28 +40,24 @@ MANUAL = (
     Manual(
         "back-EMF",
         "force constant, without the current: in SI it is the volts per speed of the open motor",
-        ("force_constant",),
         "Disconnect the motor, move the axis at a known speed, and read the voltage between two phases.",
         600.0,
     ),
     Manual(
         "second sensor",
         "errors of the encoder and of the screw from forces: a motor's encoder does not see its screw's lead error",
-        ("encoder_eccentricity", "encoder_interpolation", "cogging", "lead_friction"),
         "Put a laser interferometer or a linear scale on the table and log it along with the slow scan both ways.",
         3600.0,
     ),
     Manual(
         "power-off reading",
         "offset of the current sensor from a force on the axis",
-        ("current_offset", "bias", "coulomb_asymmetry"),
         "Read the drive's current for ten seconds with its power stage off: what it shows is the sensor's offset.",
         60.0,
     ),
     Manual(
         "timestamps",
         "a dead time that varies from one that does not",
-        ("jitter", "dead_time", "time_shift"),
         "Let the drive stamp the frames it receives, or watch SYNC and the current on an oscilloscope: the spread is "
         "the jitter, the mean less the modelled delay the dead time.",
         600.0,
@@ -65,7 +65,6 @@ MANUAL = (
     Manual(
         "object dictionary",
         "steps of the command, by what the drive says of itself",
-        ("current_quantisation", "current_loop", "current_saturation"),
         "Read rated current, current limits, gains of the current loop and the scale of the command object from the "
         "drive's object dictionary or data sheet, and compare them with the stage file.",
         300.0,
@@ -73,7 +72,6 @@ MANUAL = (
     Manual(
         "status word",
         "a limit of current from one of voltage",
-        ("current_saturation", "voltage_saturation"),
         "Log the statusword and the DC voltage along with the sine at the current limit: bit 11 of the statusword says "
         "that an internal limit is active.",
         300.0,
@@ -81,7 +79,6 @@ MANUAL = (
     Manual(
         "measured elsewhere on the base",
         "a base that moves from a compliance within the axis",
-        ("base_vibration", "compliance"),
         "Put an accelerometer on the base and record step and settle: what it shows at the frequency in question is "
         "the base.",
         1800.0,

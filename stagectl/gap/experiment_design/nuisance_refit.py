@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.effects import library
+from stagectl.gap.effects import stage_changes
 from stagectl.gap.experiment_design import prediction_distance
 from stagectl.gap.experiment_design.prediction_distance import Bench, told
 from stagectl.gap.logs.session import Array
@@ -58,18 +58,18 @@ def nuisances(p: Stage, weights: bool) -> list[Nuisance]:
         found.append(_scaled("viscous", "mechanics.viscous"))
     if coulomb > 0.0:
         found += [
-            Nuisance("coulomb", lambda m, a: library.coulomb(m, {"size": math.expm1(a)}), 0.02),
-            Nuisance("length", lambda m, a: library.stretched(m, {"size": math.expm1(a)}), 0.05),
+            Nuisance("coulomb", lambda m, a: stage_changes.coulomb(m, {"size": math.expm1(a)}), 0.02),
+            Nuisance("length", lambda m, a: stage_changes.stretched(m, {"size": math.expm1(a)}), 0.05),
         ]
     return found + (_weights(p, coulomb) if weights and coulomb > 0.0 else [])
 
 
 def _scaled(name: str, place: str) -> Nuisance:
-    return Nuisance(name, lambda p, a: library.put(p, place, library.get(p, place) * math.exp(a)), 0.02)
+    return Nuisance(name, lambda p, a: stage_changes.put(p, place, stage_changes.get(p, place) * math.exp(a)), 0.02)
 
 
 def _added(p: Stage, place: str, amount: float) -> Stage:
-    changed: Stage = library.put(p, place, library.get(p, place) + amount)
+    changed: Stage = stage_changes.put(p, place, stage_changes.get(p, place) + amount)
     return changed
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from stagectl.gap.effects.library import Scales
+from stagectl.gap.effects.effect import Scales
 from stagectl.gap.inference import time_localisation
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, whitening

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
 from stagectl.gap.residuals.sensitivities import Model
@@ -23,7 +24,6 @@ SURE = 4.0  # standard deviations
 RUBS = 0.01  # of the larger Coulomb friction, nominal or fitted: below it the length of the smaller means nothing
 MATERIAL = 0.005  # of the closable misfit before the refit
 LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02, "time_shift": 0.1}
-SCALED = ("inertia", "viscous", "coulomb")  # what an error of the force constant scales
 COMMON = 0.006  # spread of the logarithms of J, D and T_c within which their shift is one common scale
 
 
@@ -153,7 +153,7 @@ def shared(found: Sequence[Shift]) -> frozenset[str]:
     One force constant that is off shifts all three alike; two that agree while the third has changed by itself are as
     well explained by it and that one.
     """
-    scaled = [one for one in found if one.sure and one.name in SCALED and one.change > -0.9]
+    scaled = [one for one in found if one.sure and one.name in FORCE_SCALED and one.change > -0.9]
     pairs = [(one, other) for one in scaled for other in scaled if one is not other]
     alike = [one for one, other in pairs if abs(np.log1p(one.change) - np.log1p(other.change)) < COMMON]
     return frozenset(one.name for one in alike)
@@ -162,7 +162,7 @@ def shared(found: Sequence[Shift]) -> frozenset[str]:
 def common(found: Sequence[Shift]) -> Shift | None:
     """A common shift of inertia, viscous and Coulomb friction: exactly that of the force constant, the other way."""
     by_name = {one.name: one for one in found}
-    three = [by_name[name] for name in SCALED if name in by_name]
+    three = [by_name[name] for name in FORCE_SCALED if name in by_name]
     if len(three) < 3 or not all(abs(one.change) > 0.01 and one.change > -0.9 for one in three):
         return None
     logs = np.log1p([one.change for one in three])

@@ -1,10 +1,11 @@
-"""What differs between two stage models, as places and values of a stage file: the way of an effect into the YAML."""
+"""The difference of two stage models as places and values of a stage file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import Fields, Setting
 from stagectl.kernels import effects
@@ -12,29 +13,37 @@ from stagectl.kernels.friction import Stribeck
 from stagectl.kernels.friction_bristle import Bristle
 from stagectl.kernels.stage import Friction, Stage
 
-_OWN = ("operators", "bristle", "stribeck")  # of the friction: they are its law, and stand in the file in another way
-_PLACELESS = ("drive.current_quantum",)  # in the file it is the scale of the wire, which no diagnosis may touch
+_OF_LAW = ("operators", "bristle", "stribeck")  # fields of the friction that a file has as entries of its law
+_PLACELESS = frozenset(place for effect in EFFECTS.values() if not effect.in_stage_file for place in effect.places)
+
+
+class NoLawError(GapError):
+    """A friction that no law of a stage file describes; `weights` and `bristle` are both in it."""
+
+    def __init__(self, friction: Friction) -> None:
+        super().__init__("the friction has stop operators and a bristle: no law of a stage file has both")
+        self.weights, self.bristle = tuple(friction.operators.weight), friction.bristle
 
 
 def fields_of(before: Stage, after: Stage) -> Fields:
     """Every place at which `after` differs from `before`, with the value that it has there.
 
-    Of a friction that differs in its elements or in its bristle come the law and all that belongs to it.  The step of
-    the command has no place: nothing comes of it.  Raises GapError where no law of a stage file is like the friction.
+    A friction whose elements or bristle differ gives its law and all that belongs to it.  Places that a stage file
+    does not have are left out.  Raises NoLawError where no law of a stage file describes the friction.
     """
-    found: list[tuple[str, Setting]] = []
+    fields: list[tuple[str, Setting]] = []
     for block in ("drive", "motor", "mechanics", "encoder"):
-        found += _differences(block, getattr(before, block), getattr(after, block))
-    rest = {name: getattr(before.friction, name) for name in _OWN}
-    found += [*_law(before.friction, after.friction), *_stribeck(before.friction, after.friction)]
-    found += _differences("friction", before.friction, after.friction._replace(**rest))
+        fields += _differences(block, getattr(before, block), getattr(after, block))
+    rest = {name: getattr(before.friction, name) for name in _OF_LAW}
+    fields += [*_law(before.friction, after.friction), *_stribeck(before.friction, after.friction)]
+    fields += _differences("friction", before.friction, after.friction._replace(**rest))
     if not _same(before.residual, after.residual):
-        found += _table(after.residual)
-    return tuple((name, value) for name, value in found if name not in _PLACELESS)
+        fields += _table(after.residual)
+    return tuple((name, value) for name, value in fields if name not in _PLACELESS)
 
 
 def _differences(place: str, old: Any, new: Any) -> Iterator[tuple[str, Setting]]:
-    """The leaves below `place` that differ; of a shape that is new all of them, so that the block says what it is."""
+    """The leaves below `place` that differ; all leaves of a block that was neutral."""
     for name in new._fields:
         before, after = getattr(old, name), getattr(new, name)
         if _same(before, after):
@@ -53,7 +62,7 @@ def _neutral(block: Any) -> bool:
 
 
 def _leaves(place: str, block: Any) -> Iterator[tuple[str, Setting]]:
-    """All leaves, but those of blocks within that are neutral."""
+    """All leaves, without those of neutral blocks within."""
     for name in block._fields:
         value = getattr(block, name)
         if not hasattr(value, "_fields"):
@@ -63,23 +72,23 @@ def _leaves(place: str, block: Any) -> Iterator[tuple[str, Setting]]:
 
 
 def _law(old: Friction, new: Friction) -> Iterator[tuple[str, Setting]]:
-    """The friction's law with its elements or its bristle, where they are not those of before."""
+    """The friction's law with its elements or its bristle, where they differ."""
     if _same(old.operators, new.operators) and _same(old.bristle, new.bristle):
         return
-    if any(weight > 0.0 for weight in new.operators.weight) and _bends(new):
-        raise GapError("the friction has stop operators and a bristle: no law of a stage file has both")
-    yield from _bristle(new.bristle) if _bends(new) else _operators(new)
+    if any(weight > 0.0 for weight in new.operators.weight) and _has_bristle(new):
+        raise NoLawError(new)
+    yield from _bristle(new.bristle) if _has_bristle(new) else _operators(new)
 
 
-def _bends(p: Friction) -> bool:
+def _has_bristle(p: Friction) -> bool:
     return p.bristle.coulomb > 0.0
 
 
 def _stribeck(old: Friction, new: Friction) -> Iterator[tuple[str, Setting]]:
-    """The Stribeck curve of whichever law it is; Dahl's has none."""
-    if _bends(new) and not _damped(new.bristle):
+    """The Stribeck curve of the law; Dahl's has none."""
+    if _has_bristle(new) and not _damped(new.bristle):
         return
-    before, after = (p.bristle.stribeck if _bends(p) else p.stribeck for p in (old, new))
+    before, after = (p.bristle.stribeck if _has_bristle(p) else p.stribeck for p in (old, new))
     yield from _differences("friction", _Curve(before), _Curve(after))
 
 
@@ -95,8 +104,8 @@ def _damped(p: Bristle) -> bool:
 
 def _operators(p: Friction) -> Iterator[tuple[str, Setting]]:
     yield "friction.law", "stop-operators"
-    yield "friction.weight", tuple(float(one) for one in p.operators.weight)
-    yield "friction.slip", tuple(float(one) for one in p.operators.slip)
+    yield "friction.weight", tuple(float(value) for value in p.operators.weight)
+    yield "friction.slip", tuple(float(value) for value in p.operators.slip)
 
 
 def _bristle(p: Bristle) -> Iterator[tuple[str, Setting]]:
@@ -111,7 +120,7 @@ def _table(p: effects.Table) -> Iterator[tuple[str, Setting]]:
     yield "residual.coordinate", effects.COORDINATES[p.coordinate]
     yield "residual.start", p.start
     yield "residual.step", p.step
-    yield "residual.values", tuple(float(one) for one in p.values)
+    yield "residual.values", tuple(float(value) for value in p.values)
 
 
 def _same(a: Any, b: Any) -> bool:

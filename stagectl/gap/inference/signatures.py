@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from stagectl.gap.effects.library import put
+from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import Path
 from stagectl.gap.residuals.sensitivities import Model
-from stagectl.gap.result.diagnosis import Effect, Value
+from stagectl.gap.result.diagnosis import FoundEffect, Value
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.stage import Stage
 from stagectl.parallel import in_parallel
@@ -38,7 +38,7 @@ CERTAIN = 0.98
 class Signature(NamedTuple):
     """An effect found, and what it changes in the model."""
 
-    effect: Effect
+    effect: FoundEffect
     place: str  # field of the stage
     value: float
 
@@ -94,7 +94,7 @@ def quantised(session: Session, logs: list[Missing]) -> Signature | None:
         return None
     step, _, width = max(found, key=lambda one: one[1])
     value = Value(step, step - width, step + width, "A")
-    effect = Effect(
+    effect = FoundEffect(
         "current_quantisation", (), CERTAIN, 0.0, {"step": value}, "drive", (("drive.current_quantum", step),),
         coordinate="current",
     )  # fmt: skip
@@ -149,7 +149,7 @@ def jittered(runs: list[list[Missing]]) -> Signature | None:
         return None
     size, width = math.sqrt(slope), 0.5 * deviation / math.sqrt(slope)
     value = Value(size, size - 1.96 * width, size + 1.96 * width, "s")
-    effect = Effect(
+    effect = FoundEffect(
         "jitter", (), CERTAIN, 0.0, {"rms": value}, "drive", (("drive.jitter", size),), coordinate="frequency"
     )
     return Signature(effect, "drive.jitter", size)

@@ -19,7 +19,7 @@ from stagectl.gap.residuals import model_tracking, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.sensitivities import Model
 from stagectl.gap.residuals.whitening import KEPT
-from stagectl.gap.result.diagnosis import BLOCKS, Effect, Spans
+from stagectl.gap.result.diagnosis import BLOCKS, FoundEffect, Spans
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -97,12 +97,12 @@ def _effects(now: Fitted) -> list[Part]:
     """Each effect of the fitted model against all others."""
     rests = [(one, [other for other in now.effects if other is not one]) for one in now.effects]
     return [
-        Part(now.equipped, equipped(now.model, rest), one.effect.block, one.effect.aging is not None)
+        Part(now.equipped, equipped(now.model, rest), one.effect.block, one.effect.time_variation is not None)
         for one, rest in rests
     ]
 
 
-def parts(session: Session, now: Fitted, named: Sequence[Effect], improved: Stage) -> list[Part]:
+def parts(session: Session, now: Fitted, named: Sequence[FoundEffect], improved: Stage) -> list[Part]:
     """What was found, for where it acts: the effects; where there are none, the parameters that are off."""
     effects = _effects(now)
     signed = {one.name for one in named} & {"current_quantisation", "jitter"}

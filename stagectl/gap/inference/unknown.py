@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.effects.library import Scales
+from stagectl.gap.effects.effect import Scales
 from stagectl.gap.inference import basis_functions, coordinates, unstructured_residual
 from stagectl.gap.inference.basis_functions import ALL, EVEN, INERTIAL, LOOP, ODD, Functions, Smoother
 from stagectl.gap.inference.coordinates import drawn, foretold, means
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products
-from stagectl.gap.result.diagnosis import UNORDERED, Shape
+from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
 from stagectl.gap.selection import null_ensemble, refine, search
 from stagectl.gap.selection.cross_validation import against, freed, hands
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -59,7 +59,7 @@ def functions(e: Evidence, size: Scales, library: search.Library) -> Functions:
     return basis_functions.functions(basis_functions.Ground(e.base.model, e.base.noise), e.runs, size, known)
 
 
-def unknown(e: Evidence, selected: search.Selected, smooth: Functions) -> Shape | None:
+def unknown(e: Evidence, selected: search.Selected, smooth: Functions) -> UnknownTerm | None:
     """What is left over the coordinate that orders it best, or where else it is found; None where it is nowhere."""
     now = selected.fitted
     own = _own(e, now)
@@ -80,7 +80,7 @@ def unknown(e: Evidence, selected: search.Selected, smooth: Functions) -> Shape 
 
 def _ordered(
     e: Evidence, selected: search.Selected, beside: tuple[Products, Columns], smooth: Functions
-) -> Shape | None:
+) -> UnknownTerm | None:
     """The effort that is left as a function of one coordinate, or of one and what the axis does there."""
     (known, own), now, taken, least = beside, selected.fitted, _taken(e, selected), _least(e)
     if _squares(e, means(now.left)) - _floor(e) <= max(least, 0.0):
@@ -108,7 +108,7 @@ def _of_one(e: Evidence, now: Fitted, own: Columns, smooth: Functions) -> list[F
 
 def _without_order(
     e: Evidence, all_: unstructured_residual.Left, rows: unstructured_residual.Freed, named: float
-) -> Shape | None:
+) -> UnknownTerm | None:
     """What repeats and is too much for any law of friction, though nothing orders it; no term of the model.
 
     `named` is the largest gain of an effect that was named.
@@ -210,7 +210,7 @@ def _tabled(one: Foretold) -> bool:
     return one.smoother.coordinate in TABLES and set(one.parts) <= set(TABLES[one.smoother.coordinate][1])
 
 
-def _shape(e: Evidence, now: Fitted, products: Products, best: Foretold) -> Shape:
+def _shape(e: Evidence, now: Fitted, products: Products, best: Foretold) -> UnknownTerm:
     """Force over the coordinate, fitted beside the base's parameters: those have taken a part of it upon themselves."""
     one = best.smoother
     own = [name for part in best.parts for name in basis_functions.names(one, part)]
@@ -219,7 +219,7 @@ def _shape(e: Evidence, now: Fitted, products: Products, best: Foretold) -> Shap
     amplitude = drawn(g.effort.sum(axis=0), g.of(own), beside)[len(beside) :]
     split = dict(zip(best.parts, np.split(amplitude, len(best.parts)), strict=True))
     grid, force = _force(one, split)
-    shape = Shape(one.coordinate, grid, force, min(best.share, 1.0))
+    shape = UnknownTerm(one.coordinate, grid, force, min(best.share, 1.0))
     return shape._replace(fields=_fields(shape)) if _tabled(best) else shape
 
 
@@ -233,7 +233,7 @@ def _force(one: Smoother, split: dict[str, Array]) -> tuple[Array, Array]:
     return grid, force
 
 
-def _fields(shape: Shape) -> tuple[tuple[str, str | float | tuple[float, ...]], ...]:
+def _fields(shape: UnknownTerm) -> tuple[tuple[str, str | float | tuple[float, ...]], ...]:
     p = _table(shape)
     return (
         ("residual.coordinate", effects.COORDINATES[p.coordinate]),
@@ -243,7 +243,7 @@ def _fields(shape: Shape) -> tuple[tuple[str, str | float | tuple[float, ...]], 
     )
 
 
-def with_shape(e: Evidence, now: Fitted, shape: Shape) -> Fitted:
+def with_shape(e: Evidence, now: Fitted, shape: UnknownTerm) -> Fitted:
     """`now` with the table of `shape` in its model, and all other parameters refitted beside it.
 
     Without that refit the gap may widen: a base that had bent towards the unknown must bend back.
@@ -252,7 +252,7 @@ def with_shape(e: Evidence, now: Fitted, shape: Shape) -> Fitted:
     return refine.refine(e, now.model._replace(stage=stage), now.effects)
 
 
-def as_table(shape: Shape) -> effects.Table:
+def as_table(shape: UnknownTerm) -> effects.Table:
     """`shape` as the stage model's data-based term; neutral where no coordinate of the model can hold it.
 
     The table opposes the motor, so it is the force that the model lacks with its sign turned.
@@ -260,7 +260,7 @@ def as_table(shape: Shape) -> effects.Table:
     return _table(shape) if shape.fields else effects.NO_TABLE
 
 
-def _table(shape: Shape) -> effects.Table:
+def _table(shape: UnknownTerm) -> effects.Table:
     name = TABLES[shape.coordinate][0]
     if name == "velocity" and shape.grid[0] >= 0.0:
         name = "speed"

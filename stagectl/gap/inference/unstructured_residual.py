@@ -18,7 +18,7 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products
 from stagectl.gap.residuals.whitening import KEPT
-from stagectl.gap.result.diagnosis import Shape
+from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import cross_validation, null_ensemble, refine
 from stagectl.gap.selection.cross_validation import hands
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -52,7 +52,7 @@ def left_of(now: Fitted, known: Products) -> Left:
     return Left(now, known, gram_matrices.dealt(known, means(now.left)))
 
 
-def in_a_band(e: Evidence, rows: Freed, least: float) -> Shape | None:
+def in_a_band(e: Evidence, rows: Freed, least: float) -> UnknownTerm | None:
     """What rings: a band that holds most of what is left, and more than `least` and than any law of friction.
 
     `rows` are those of the mechanics' cut.
@@ -66,10 +66,10 @@ def in_a_band(e: Evidence, rows: Freed, least: float) -> Shape | None:
     clear = held > ABOVE_FORM * float((form + noise)[band].sum()) and held > least
     if not clear or held < MOST * float(found.sum()):
         return None
-    return Shape(BANDS, *_spectrum(e, edges, found, 0), min(held / float(found.sum()), 1.0))
+    return UnknownTerm(BANDS, *_spectrum(e, edges, found, 0), min(held / float(found.sum()), 1.0))
 
 
-def in_the_drive(e: Evidence, all_: Left) -> Shape | None:
+def in_the_drive(e: Evidence, all_: Left) -> UnknownTerm | None:
     """A current that repeats and that neither the model of the drive nor a delay of the record explains."""
     whole = all_.grams.current.sum(axis=0)
     if not whole[-1, -1] > 0.0:
@@ -83,10 +83,10 @@ def in_the_drive(e: Evidence, all_: Left) -> Shape | None:
     if left < max(OF_NOISE["drive"] * floor, OF_FORM["drive"] * before):
         return None
     found = powers(e, freed(e, all_, 1).left) - powers(e, _noise(e, 1))
-    return Shape(BANDS, *_spectrum(e, edges_of(e), found, 1), min(left / (left + floor), 1.0), block="drive")
+    return UnknownTerm(BANDS, *_spectrum(e, edges_of(e), found, 1), min(left / (left + floor), 1.0), block="drive")
 
 
-def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) -> Shape | None:
+def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) -> UnknownTerm | None:
     """Friction or damping that has changed from run to run in another way than any effect named."""
     if smooth.clock is None:
         return None
@@ -94,7 +94,7 @@ def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) ->
     (held, noise), (first, _) = _foretold(e, after), _foretold(e, before)
     if held < max(OF_NOISE[TIME] * noise, OF_FORM[TIME] * first, least):
         return None
-    return Shape(TIME, *_course(e, after, smooth), min(held / max(first, held), 1.0))
+    return UnknownTerm(TIME, *_course(e, after, smooth), min(held / max(first, held), 1.0))
 
 
 def _foretold(e: Evidence, g: Grams) -> tuple[float, float]:

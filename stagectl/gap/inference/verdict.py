@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stagectl.gap.effects import equivalences
-from stagectl.gap.effects.library import Amplitude, Definition, Shape
+from stagectl.gap.effects import library
+from stagectl.gap.effects.effect import Amplitude, Data, Definition, Shape
 from stagectl.gap.inference import patch_fields
-from stagectl.gap.inference.parameter_errors import SCALED, Shift, common, shared
+from stagectl.gap.inference.parameter_errors import Shift, common, shared
 from stagectl.gap.inference.signatures import Signature
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.result.diagnosis import NAMED, Effect, Fields, Value
+from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import baseline_fit, refine
 from stagectl.gap.selection.candidates import Named, equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -33,7 +33,9 @@ STABLE = 0.8  # share of resamples in which an effect must be found again
 EVEN = 0.55  # least share of a found effect against its rivals
 
 
-def named_effects(session: Session, selected: Selected, deviation: Mapping[str, float], apart: bool) -> list[Effect]:
+def named_effects(
+    session: Session, selected: Selected, deviation: Mapping[str, float], apart: bool
+) -> list[FoundEffect]:
     """The effects of the search, the surest gains first, with the `deviation` of their parameters.
 
     `apart`: what one experiment shows clearly counts, whatever is left in the others.  So it is where only the form of
@@ -45,7 +47,7 @@ def named_effects(session: Session, selected: Selected, deviation: Mapping[str, 
     return [part for one in sorted(found, key=lambda one: -order[one.name]) for part in _parted(one)]
 
 
-def _parted(one: Effect) -> list[Effect]:
+def _parted(one: FoundEffect) -> list[FoundEffect]:
     """An effect that works on another one, and that other one: what lags is a Stribeck friction."""
     if one.name != "friction_lag":
         return [one]
@@ -54,7 +56,7 @@ def _parted(one: Effect) -> list[Effect]:
     return [one._replace(name="stribeck", parameters=curve, coordinate="speed", alternatives=others), one]
 
 
-def sure(e: Evidence, selected: Selected, found: Sequence[Effect]) -> Selected:
+def sure(e: Evidence, selected: Selected, found: Sequence[FoundEffect]) -> Selected:
     """`selected` without what is not named: a cause in doubt must not hide that something is there."""
     named = {one.name for one in found if one.probability >= NAMED}
     stay = [one for one in selected.fitted.effects if one.effect.name in named]
@@ -63,7 +65,7 @@ def sure(e: Evidence, selected: Selected, found: Sequence[Effect]) -> Selected:
     return selected._replace(fitted=refine.refine(e, selected.fitted.model, stay))
 
 
-def with_signatures(effects: Sequence[Effect], found: Sequence[Signature]) -> list[Effect]:
+def with_signatures(effects: Sequence[FoundEffect], found: Sequence[Signature]) -> list[FoundEffect]:
     """Effects and the drive's signatures; the mean of a jittering delay is no dead time of its own."""
     size = next((one.value for one in found if one.effect.name == "jitter"), 0.0)
     own = [one for one in effects if one.name != "dead_time" or one.parameters["time"].value > OF_JITTER * size]
@@ -81,19 +83,19 @@ def _effect(
     one: Named,
     what: tuple[Selected, bool],
     deviation: Mapping[str, float],
-) -> Effect:
+) -> FoundEffect:
     name, (selected, apart) = one.effect.name, what
     rivals = {other: share for other, share in selected.alternatives[name].items() if share > 0.0}
-    certain = equivalences.alternatives(name, equivalences.EXACT)
+    certain = library.look_alikes(name, Data.ALL)
     close = tuple(
         other
         for other, share in sorted(rivals.items(), key=lambda x: -x[1])
-        if share >= AS_GOOD and other not in equivalences.WIDER.get(name, ())
+        if share >= AS_GOOD and other not in library.generalisations(name)
     )
     rest = [other for other in now.effects if other is not one]
-    return Effect(
+    return FoundEffect(
         name=name,
-        alternatives=tuple(dict.fromkeys([*certain, *close, *(("bias",) if name == "coulomb_asymmetry" else ())])),
+        alternatives=tuple(dict.fromkeys([*certain, *close, *library.look_alikes(name, Data.ONE_SPEED)])),
         probability=min(selected.inclusion[name] / STABLE, 1.0)
         * _clear(selected, one, deviation, apart)
         * probability(selected.clarity[name].doubt, rivals, name),
@@ -129,7 +131,7 @@ def probability(doubt: float, rivals: Mapping[str, float], name: str) -> float:
     The search takes the best, so that it keeps at least an even chance against them all.
     """
     there: float = 1.0 - 0.5 * min(doubt, 1.0) ** STEEPNESS
-    wider = equivalences.WIDER.get(name, frozenset())  # what holds this effect as a special case is no rival to it
+    wider = library.generalisations(name)  # what holds this effect as a special case is no rival to it
     this = 1.0 / (1.0 + sum(min(share, 1.0) ** SHARPNESS for other, share in rivals.items() if other not in wider))
     return float(there * max(this, EVEN))
 
@@ -171,11 +173,11 @@ def _units(effect: Definition, kind: str) -> dict[str, str]:
     return {name: both[-1] if kind == "linear" else both[0] for name, both in parts.items()}
 
 
-def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Effect]:
+def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[FoundEffect]:
     """The parameters that are off, by name; a common scale of all of them is that of the force constant."""
     scale = common(found)
     if scale is not None:
-        rest = [one for one in found if one.sure and one.name not in SCALED]
+        rest = [one for one in found if one.sure and one.name not in library.FORCE_SCALED]
         return [_force_constant(session, scale), *(_shifted(session, one, now) for one in rest)]
     sure = sorted((one for one in found if one.sure), key=lambda one: -one.share)
     effects = [_shifted(session, one, now) for one in sure]
@@ -189,15 +191,15 @@ def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Effec
 
 def _alike(sure: Sequence[Shift]) -> bool:
     """Whether inertia, viscous and Coulomb friction have all gone the same way."""
-    changes = [one.change for one in sure if one.name in SCALED]
+    changes = [one.change for one in sure if one.name in library.FORCE_SCALED]
     return len(changes) == 3 and len({change > 0.0 for change in changes}) == 1
 
 
-def _force_constant(session: Session, shift: Shift) -> Effect:
+def _force_constant(session: Session, shift: Shift) -> FoundEffect:
     value = session.stage.motor.force_constant * (1.0 + shift.change)
-    return Effect(
+    return FoundEffect(
         "force_constant",
-        (*equivalences.alternatives("force_constant", equivalences.EXACT), *SCALED),
+        (*library.look_alikes("force_constant", Data.ALL), *library.FORCE_SCALED),
         0.9,
         shift.share,
         {"change": shift.value},
@@ -206,18 +208,18 @@ def _force_constant(session: Session, shift: Shift) -> Effect:
     )
 
 
-def _shifted(session: Session, one: Shift, now: Fitted) -> Effect:
+def _shifted(session: Session, one: Shift, now: Fitted) -> FoundEffect:
     sizes = {"inertia": "acceleration", "viscous": "speed", "coulomb": "direction"}
     certainty = 1.0 / (1.0 + (4.0 * max(one.deviation, 1e-6) / abs(one.change)) ** 2)
     width = 1.96 * one.deviation
     values = {one.name: one.value, "change": Value(one.change, one.change - width, one.change + width, "")}
-    return Effect(
+    return FoundEffect(
         one.name,
         _rivals_of_shift(session, one.name),
         certainty,
         one.share,
         values,
-        block="sensor" if one.name == "time_shift" else "mechanics",
+        block=library.EFFECTS[one.name].block,
         fields=_parameter_fields(session, one, now),
         parameter=True,
         coordinate=sizes.get(one.name, "none"),
@@ -227,8 +229,8 @@ def _shifted(session: Session, one: Shift, now: Fitted) -> Effect:
 def _rivals_of_shift(session: Session, name: str) -> tuple[str, ...]:
     """What the same shift may be as well."""
     unmeasured = any(log.current is None or log.command is None for log in session.logs)
-    sets = [equivalences.ONE_SPEED, *([equivalences.WITHOUT_CURRENT] if unmeasured else [])]
-    return equivalences.alternatives(name, sets)
+    data = Data.ONE_SPEED | Data.WITHOUT_CURRENT if unmeasured else Data.ONE_SPEED
+    return tuple(sorted(library.look_alikes(name, data)))
 
 
 def _parameter_fields(session: Session, one: Shift, now: Fitted) -> Fields:
@@ -240,7 +242,7 @@ def _parameter_fields(session: Session, one: Shift, now: Fitted) -> Fields:
     return ()
 
 
-def rivals(e: Evidence, selected: Selected, one: Effect) -> dict[str, Stage]:
+def rivals(e: Evidence, selected: Selected, one: FoundEffect) -> dict[str, Stage]:
     """Models in which another effect stands in the place of `one`, each refined to explain the same data."""
     now = selected.fitted
     rest = [other for other in now.effects if other.effect.name != one.name]

@@ -1,4 +1,4 @@
-"""What a diagnosis finds, in one structure: the page, the JSON and the patch all read it."""
+"""The result of a diagnosis: the page, the JSON and the patch all read it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.gap.effects.effect import CONTROLLER, DRIVE, MECHANICS, SENSOR
+from stagectl.number_format import Travel
+
 Array = NDArray[np.float64]
 
 VERDICTS = ("none", "parameters", "effects", "effects+unknown", "unknown", "controller", "not-identifiable")
-BLOCKS = ("controller", "drive", "mechanics", "sensor")
+BLOCKS = (CONTROLLER, DRIVE, MECHANICS, SENSOR)  # of the signal chain, in its order
 UNEXPLAINED, NOISE = "repeatable but unexplained", "not repeatable"  # names among the shares
-NAMED = 0.5  # probability from which an effect counts as named
+NAMED = 0.5  # probability from which an effect counts as named: more likely there than not
 
 Setting = float | str | tuple[float, ...]  # a value of the stage file, in SI; a word; a list
-Fields = tuple[tuple[str, Setting], ...]  # (dotted place in the stage file, what is to stand there)
+Fields = tuple[tuple[str, Setting], ...]  # (dotted place in the stage file, its new value)
 
 
 class Value(NamedTuple):
@@ -27,19 +30,19 @@ class Value(NamedTuple):
     unit: str
 
 
-class Effect(NamedTuple):
-    """An effect, or a shifted parameter of the model, by its name in the library."""
+class FoundEffect(NamedTuple):
+    """An effect, or a parameter error, by its name in the library."""
 
     name: str
-    alternatives: tuple[str, ...]  # what explains these data as well
+    alternatives: tuple[str, ...]  # effects that explain these data as well
     probability: float  # that it is this one; >= 0.5: named
     share: float  # of the closable gap
     parameters: dict[str, Value]
     block: str = "mechanics"  # of BLOCKS
-    fields: Fields = ()  # to be written; with "friction.law" among them that block is replaced as a whole
-    parameter: bool = False  # a shift of a value that the model has already
+    fields: Fields = ()  # of the stage file; with "friction.law" among them that block is replaced as a whole
+    parameter: bool = False  # every model has it: an error of its value
     coordinate: str = "none"
-    curve: tuple[Array, Array, Array] | None = None  # coordinate, residual, model: its signature in these data
+    curve: tuple[Array, Array, Array] | None = None  # coordinate, residual, and what the effect explains of it
     curve_unit: str = ""  # of residual and model; empty: that of the effort
 
 
@@ -71,18 +74,18 @@ class Spans(NamedTuple):
     duration: float = 0.0  # s, of the log
 
 
-class Shape(NamedTuple):
-    """What is unknown, as a function of the coordinate that orders it best."""
+class UnknownTerm(NamedTuple):
+    """The unexplained part of the residual, as a function of the coordinate that orders it best."""
 
     coordinate: str
     grid: Array  # of that coordinate
     force: Array  # N m | N
     predicted: float  # share of the residual that it predicts on data it has not seen
-    fields: Fields = ()  # the same as a data-based term of the stage file
+    fields: Fields = ()  # its data-based term in the stage file
     block: str = "mechanics"  # "drive": `force` is a current (A)
 
 
-UNORDERED = Shape("none", np.zeros(0), np.zeros(0), 0.0)  # what repeats, and no coordinate orders
+UNORDERED = UnknownTerm("none", np.zeros(0), np.zeros(0), 0.0)  # repeats, and follows no coordinate
 
 
 class Trace(NamedTuple):
@@ -96,32 +99,32 @@ class Trace(NamedTuple):
     floor: float
 
 
-class Next(NamedTuple):
-    """The experiment that separates what is ambiguous, or would show what no run showed."""
+class NextExperiment(NamedTuple):
+    """The experiment that separates ambiguous effects, or shows what no run has shown."""
 
     name: str
-    trajectory: str  # file that `run` takes; empty where no trajectory can do it
+    trajectory: str  # file that `run` takes; empty for an experiment by hand
     separates: tuple[str, ...]
     separation_sigma: float
     duration: float  # s of machine time
-    words: str = ""  # what it does, and what is to be done by hand
+    words: str = ""  # what it does, and what the user does by hand
     text: str = ""  # YAML of the trajectory
 
 
-class Found(NamedTuple):
-    """The whole answer."""
+class DiagnosisResult(NamedTuple):
+    """All of it."""
 
     verdict: str
     sentence: str
-    effects: tuple[Effect, ...]
+    effects: tuple[FoundEffect, ...]
     gap: Gap  # of the measured position; of the effort where no controller is known
     gaps: dict[str, Gap]  # the same for tracking error, effort, current
-    blocks: dict[str, float | None]  # excess share of each of BLOCKS; None: that cut was impossible
+    blocks: dict[str, float | None]  # excess share of each of BLOCKS; None: not judged
     coordinates: tuple[Coordinate, ...]
     captures: tuple[Spans, ...]
     shares: tuple[tuple[str, float], ...]  # parameters | each effect | UNEXPLAINED | NOISE; together 1
-    next_experiment: Next | None = None
-    unknown: Shape | None = None
+    next_experiment: NextExperiment | None = None
+    unknown: UnknownTerm | None = None
     traces: tuple[Trace, ...] = ()
     notes: tuple[str, ...] = ()
     cannot_tell: tuple[str, ...] = ()
@@ -129,10 +132,15 @@ class Found(NamedTuple):
     travel_per_unit: float = 1.0
     travel_unit: str = "m"
     seconds: tuple[tuple[str, float], ...] = ()  # of each step
-    reason: str = ""  # a sentence: what is wrong with the controller, or why nothing can be told
+    reason: str = ""  # a sentence: the fault of the controller, or why nothing is identifiable
     impossible: tuple[tuple[str, str], ...] = ()  # (one of BLOCKS, why it could not be judged)
 
     @property
-    def named(self) -> tuple[Effect, ...]:
+    def travel(self) -> Travel:
+        """How positions of this axis are shown."""
+        return Travel(self.travel_per_unit, self.travel_unit, self.kind == "rotary")
+
+    @property
+    def named(self) -> tuple[FoundEffect, ...]:
         """The effects that count as named, in their order."""
-        return tuple(one for one in self.effects if one.probability >= NAMED)
+        return tuple(effect for effect in self.effects if effect.probability >= NAMED)

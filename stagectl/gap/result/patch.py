@@ -1,4 +1,4 @@
-"""From a diagnosis to a patch of the stage file that a person can review: a diff, and why each line changes."""
+"""From a diagnosis to a patch of the stage file that a person can review: a diff, and the reason for each line."""
 
 from __future__ import annotations
 
@@ -18,21 +18,29 @@ from stagectl.config.source import node_at, read_text
 from stagectl.config.stage_blocks import Axis, StageFile
 from stagectl.config.stage_file import load_stage
 from stagectl.config.unit_format import hint_at
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.logs.session import GapError
-from stagectl.gap.result.diagnosis import Effect, Fields, Found, Setting
-from stagectl.gap.result.gap_numbers import percent
+from stagectl.gap.result.diagnosis import DiagnosisResult, Fields, FoundEffect, Setting
+from stagectl.number_format import percent
 
-_SAME = 1e-6  # relative difference that is none
+_SAME = 1e-6  # relative difference up to which two numbers are the same; that of numbers in a stage file
 _ELEMENTS = {"law", "weight", "slip"}
-_UNKNOWN = "unknown"  # its name among those that `--only` takes
+_UNKNOWN = "unknown"  # the unexplained part among the names that `--only` takes
+
+
+class PatchError(GapError):
+    """A diagnosis that cannot be written into a stage file: the `place` and the `value` that prevent it."""
+
+    def __init__(self, message: str, place: str, value: object) -> None:
+        super().__init__(message)
+        self.place, self.value = place, value
 
 
 class Part(NamedTuple):
     """What one effect writes."""
 
     name: str
-    why: str
+    reason: str
     fields: Fields
 
 
@@ -52,105 +60,117 @@ class Patch(NamedTuple):
         old, new = self.before.splitlines(), self.after.splitlines()
         name = str(self.source)
         lines = difflib.unified_diff(old, new, name, f"{name} (patched)", lineterm="")
-        return [*(f"# {one}" for one in self.comments), *lines]
+        return [*(f"# {comment}" for comment in self.comments), *lines]
 
 
 def patch_of(
-    found: Found, source: Path, only: Sequence[str] = (), unknown: bool = False, text: str | None = None
+    result: DiagnosisResult, source: Path, only: Sequence[str] = (), unknown: bool = False, text: str | None = None
 ) -> Patch:
     """The patch that adds the named effects to the stage file `source`; with `unknown` the data-based term as well.
 
     `text` is the content of `source` where that is in memory.
 
-    Raises GapError where there is nothing to write, ConfigError where the file has no such place.
+    Raises PatchError where there is nothing to write, ConfigError where the file has no such place.
     """
-    chosen, left = parts(found, only, unknown)
+    chosen, omitted = parts(result, only, unknown)
     settings = merged(chosen)
     file = load_stage(source, designed=False, text=text).file
     axis = file.axis
-    check_machine(found, axis, source)
+    check_machine(result, axis, source)
     text = read_text(source) if text is None else text
     values, replaced = arranged(settings, file, text)
-    made = patched(text, values, Lengths(axis.kind, axis.lead))
-    comments = (*(f"{one.name}: {one.why}" for one in chosen), *replaced, *left)
-    return Patch(source, values, text, made.text, made.changes, comments)
+    change = patched(text, values, Lengths(axis.kind, axis.lead))
+    comments = (*(f"{part.name}: {part.reason}" for part in chosen), *replaced, *omitted)
+    return Patch(source, values, text, change.text, change.changes, comments)
 
 
-def check_machine(found: Found, axis: Axis, source: Path) -> None:
-    """Raise GapError where the diagnosis is of another kind of axis, or of another lead."""
-    if axis.kind != found.kind or abs(axis.travel_per_unit / found.travel_per_unit - 1.0) > _SAME:
-        raise GapError(
-            f"{source} is a {axis.kind} axis of {axis.travel_per_unit:.6g} m a unit; the diagnosis is of a "
-            f"{found.kind} axis of {found.travel_per_unit:.6g} m: give the stage file of the machine that was diagnosed"
+def check_machine(result: DiagnosisResult, axis: Axis, source: Path) -> None:
+    """Raise PatchError where the diagnosis is of another kind of axis, or of another lead."""
+    hint = "give the stage file of the diagnosed machine"
+    if axis.kind != result.kind:
+        raise PatchError(
+            f"{source}: axis.kind = {axis.kind}; the diagnosis is of a {result.kind} axis: {hint}",
+            "axis.kind",
+            axis.kind,
+        )
+    if abs(axis.travel_per_unit / result.travel_per_unit - 1.0) > _SAME:
+        raise PatchError(
+            f"{source}: the axis travels {axis.travel_per_unit:.6g} m a unit; that of the diagnosis travels "
+            f"{result.travel_per_unit:.6g} m: {hint}",
+            "axis.lead",
+            axis.travel_per_unit,
         )
 
 
-def parts(found: Found, only: Sequence[str] = (), unknown: bool = False) -> tuple[list[Part], list[str]]:
-    """What is to be written, and in words what is not.
+def parts(result: DiagnosisResult, only: Sequence[str] = (), unknown: bool = False) -> tuple[list[Part], list[str]]:
+    """What is to be written, and a comment on each part that is not.
 
-    Raises GapError where nothing is, or where `only` names what the diagnosis has not found.
+    Raises PatchError where nothing is, or where `only` names what the diagnosis has not found.
     """
-    known = [one.name for one in found.effects] + ([_UNKNOWN] if found.unknown is not None else [])
+    known = [effect.name for effect in result.effects] + ([_UNKNOWN] if result.unknown is not None else [])
     strange = [name for name in only if name not in known]
     if strange:
         listed = ", ".join(known) or "no effect"
-        raise GapError(f"--only {strange[0]}: this diagnosis has not found it; it has {listed}")
-    wanted = [one for one in found.effects if one.name in only] if only else list(found.named)
-    chosen = [Part(one.name, _why(one), one.fields) for one in wanted if one.fields]
-    left = [f"{one.name}: not written, it has no place in a stage file" for one in wanted if not one.fields]
-    if found.unknown is not None:
-        if (unknown or _UNKNOWN in only) and found.unknown.fields:
-            where = words.coordinate(found.unknown.coordinate)
-            chosen.append(Part(_UNKNOWN, f"a data-based term over {where}, not a cause", found.unknown.fields))
-        elif found.unknown.fields:
-            left.append("unknown: not written; --unknown adds it as a data-based term")
-        else:
-            left.append("unknown: not written, no coordinate of a stage file holds it")
+        raise PatchError(f"--only {strange[0]}: the diagnosis has found {listed}", "--only", strange[0])
+    wanted = [effect for effect in result.effects if effect.name in only] if only else list(result.named)
+    chosen = [Part(effect.name, _reason(effect), effect.fields) for effect in wanted if effect.fields]
+    omitted = [f"{effect.name}: not written, it has no place in a stage file" for effect in wanted if not effect.fields]
+    term = result.unknown
+    if term is not None and not term.fields:
+        omitted.append("unknown: not written, no coordinate of a stage file holds it")
+    elif term is not None and (unknown or _UNKNOWN in only):
+        over = coordinate_label(term.coordinate)
+        chosen.append(Part(_UNKNOWN, f"a data-based term over {over}, its cause is not known", term.fields))
+    elif term is not None:
+        omitted.append("unknown: not written; --unknown adds it as a data-based term")
     if not chosen:
-        raise GapError(_nothing(found, left))
-    return chosen, left
+        raise PatchError(_nothing(result, omitted), "verdict", result.verdict)
+    return chosen, omitted
 
 
-def _nothing(found: Found, left: Sequence[str]) -> str:
-    if found.verdict == "controller":
+def _nothing(result: DiagnosisResult, omitted: Sequence[str]) -> str:
+    if result.verdict == "controller":
         return (
-            "nothing to write: the controller that ran is not the one described; mend the stage file's `control` block"
+            "nothing to write: the controller that ran is not the one described; correct the stage file's `control` "
+            "block"
         )
-    return "; ".join([f"nothing to write: the verdict is {found.verdict!r}, and no effect is named", *left])
+    return "; ".join([f"nothing to write: the verdict is {result.verdict!r}, and no effect is named", *omitted])
 
 
-def _why(one: Effect) -> str:
-    told = f"{words.effect(one.name)}, {percent(one.share)} of the closable gap, probability {one.probability:.2f}"
-    if not one.alternatives:
-        return told
-    names = " or ".join(words.effect(name) for name in one.alternatives)
-    return f"{told}; {names} would fit these data as well"
+def _reason(effect: FoundEffect) -> str:
+    share = f"{percent(effect.share)} of the closable gap"
+    reason = f"{label(effect.name)}, {share}, probability {effect.probability:.2f}"
+    if not effect.alternatives:
+        return reason
+    return f"{reason}; {' or '.join(map(label, effect.alternatives))} would fit these data as well"
 
 
 def merged(chosen: Iterable[Part]) -> dict[str, Setting]:
     """The fields of all parts together.
 
-    Raises GapError where two of them want different values in one place, or a value is not finite.
+    Raises PatchError where two of them want different values in one place, or a value is not finite.
     """
     settings: dict[str, Setting] = {}
     owner: dict[str, str] = {}
     for part in chosen:
         for name, value in part.fields:
             if isinstance(value, float) and not math.isfinite(value):
-                raise GapError(f"{name} = {value} from {part.name}: no number for a stage file; leave {part.name} out")
+                raise PatchError(f"{name} = {value} from {part.name}: must be finite; omit {part.name}", name, value)
             if settings.setdefault(name, value) != value:
-                raise GapError(
+                raise PatchError(
                     f"{name}: {owner[name]} wants {settings[name]} and {part.name} wants {value}; "
-                    f"write one of them with --only {part.name}"
+                    f"write one of them with --only {part.name}",
+                    name,
+                    value,
                 )
             owner.setdefault(name, part.name)
     return settings
 
 
 def arranged(settings: Mapping[str, Setting], file: StageFile, text: str) -> tuple[dict[str, Any], list[str]]:
-    """As `config.patch` takes them, and what is to be said: a friction that follows another law is a block as a whole.
+    """The settings as `config.patch` takes them, and comments: another friction law replaces its block as a whole.
 
-    Of the old block stay the entries that the new law has as well and that nothing new is said of.
+    Of the old block stay the entries that the new law has as well, unless the settings hold them.
     """
     if "friction.law" not in settings:
         return dict(settings), []
@@ -163,24 +183,24 @@ def arranged(settings: Mapping[str, Setting], file: StageFile, text: str) -> tup
     before = _law(text)
     if before == own["law"]:
         return {"friction": block, **rest}, []
-    told = f"friction: the law changes from {before} to {own['law']}, so its block is replaced as a whole"
-    return {"friction": block, **rest}, [told]
+    comment = f"friction: the law changes from {before} to {own['law']}, so its block is replaced as a whole"
+    return {"friction": block, **rest}, [comment]
 
 
 def _as_rolling(own: Mapping[str, Any], law: Any) -> dict[str, Any] | None:
     """What changes in a rolling friction, if the elements of `own` are equal and spaced as that law spaces them."""
     if not isinstance(law, Rolling) or len(own.get("weight", ())) != law.elements or set(own) != _ELEMENTS:
         return None
-    asked = law._replace(coulomb=sum(own["weight"]), shortest=own["slip"][0], longest=own["slip"][-1])
-    given = asked.operators()
-    if not (_near(given.weight, own["weight"]) and _near(given.slip, own["slip"])):
+    rolling = law._replace(coulomb=sum(own["weight"]), shortest=own["slip"][0], longest=own["slip"][-1])
+    elements = rolling.operators()
+    if not (_near(elements.weight, own["weight"]) and _near(elements.slip, own["slip"])):
         return None
-    changed = {name: getattr(asked, name) for name in ("coulomb", "shortest", "longest")}
+    changed = {name: getattr(rolling, name) for name in ("coulomb", "shortest", "longest")}
     return {f"friction.{name}": value for name, value in changed.items() if not _near([value], [getattr(law, name)])}
 
 
-def _near(found: Iterable[float], wanted: Iterable[float]) -> bool:
-    return all(abs(a - b) <= _SAME * abs(b) for a, b in zip(found, wanted, strict=True))
+def _near(values: Iterable[float], others: Iterable[float]) -> bool:
+    return all(abs(a - b) <= _SAME * abs(b) for a, b in zip(values, others, strict=True))
 
 
 def _direct(name: str) -> bool:
@@ -202,7 +222,7 @@ def _kept(law: str, text: str) -> list[str]:
 
 
 def backup(path: Path) -> Path:
-    """A copy beside `path` under a name that is not taken: ``stage.yaml.bak``, ``stage.yaml.bak2``, ..."""
+    """A copy next to `path` under a free name: ``stage.yaml.bak``, ``stage.yaml.bak2``, ..."""
     numbers = ("", *range(2, 1000))
     free = next(target for n in numbers if not (target := path.with_name(f"{path.name}.bak{n}")).exists())
     shutil.copy2(path, free)
@@ -210,16 +230,21 @@ def backup(path: Path) -> Path:
 
 
 def applied(patch: Patch, target: Path | None = None) -> Path | None:
-    """Write the patch into its file, or into a new file `target`; the backup of what was overwritten.
+    """Write the patch into its file, or into a new file `target`; returns the backup of what was overwritten.
 
-    The result has been read back: it gives the same numbers.  Raises GapError where `target` exists or the file is not
-    the one that was reviewed, ConfigError where the patched stage would be refused; nothing is changed then.
+    The result has been read back: it gives the same numbers.  Raises PatchError where `target` exists or the file is
+    not the one that was reviewed, ConfigError where the patched stage would be refused; nothing is changed then.
     """
     if read_text(patch.source) != patch.before:
-        raise GapError(f"{patch.source} has changed since the patch was shown: nothing is written, look at it again")
+        raise PatchError(
+            f"{patch.source} has changed since the patch was shown: nothing is written, review it again",
+            "source",
+            patch.source,
+        )
     if target is not None:
         if target.exists():
-            raise GapError(f"{target} exists: choose another name, or patch it itself by naming it as the stage file")
+            message = f"{target} exists: choose another name, or patch that file by naming it as the stage file"
+            raise PatchError(message, "target", target)
         write(patch.source, target, patch.values)
         return None
     saved = backup(patch.source)

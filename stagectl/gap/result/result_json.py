@@ -1,206 +1,110 @@
-"""The diagnosis as JSON, and back: section 5 of the design, and beside it what `apply` and `next` need.
+"""The diagnosis as JSON, and back: what pages, `gap apply` and `gap next` need.
 
-Left out are the traces, which only the page draws; curves keep every so manieth point.  What is not a number in JSON
-(NaN, infinity) is null there, and NaN when it comes back.
+Traces are left out, as only the page draws them.  Curves are thinned to `MOST_POINTS`.
 """
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from stagectl.gap.logs.session import GapError
-from stagectl.gap.result.diagnosis import (
-    VERDICTS,
-    Array,
-    Coordinate,
-    Effect,
-    Fields,
-    Found,
-    Gap,
-    Next,
-    Shape,
-    Spans,
-    Value,
-)
+from stagectl.gap.result.diagnosis import VERDICTS, Array, DiagnosisResult
+from stagectl.typed_json import TypedJsonError, decoded, encoded
 
 NAME = "diagnosis.json"
 MOST_POINTS = 400  # of a curve
-_LARGEST = 50_000_000  # bytes
+_LARGEST = 50_000_000  # bytes of a file; a diagnosis has some 100 kB
+_KEYS = (
+    *("verdict", "sentence", "reason", "effects", "gap", "gaps", "where", "shares", "next_experiment", "unknown"),
+    *("notes", "cannot_tell", "axis", "seconds"),
+)
+_GROUPS: Mapping[str, tuple[str, ...]] = {  # fields of the diagnosis that are one object
+    "where": ("blocks", "impossible", "coordinates", "captures"),
+    "axis": ("kind", "travel_per_unit", "travel_unit"),
+}
 
 Json = dict[str, Any]
 
 
-def as_json(found: Found) -> Json:
+class _Share(NamedTuple):
+    """One part of the gap."""
+
+    name: str
+    share: float
+
+
+class NotADiagnosisError(GapError):
+    """The file at `path` is not a diagnosis; `place`, `value` and `expected` where one entry is at fault."""
+
+    def __init__(self, path: Path, reason: str, fault: TypedJsonError | None = None) -> None:
+        super().__init__(f"{path} {reason}")
+        self.path = path
+        self.place = fault.place if fault else ""
+        self.value: object = fault.value if fault else None
+        self.expected = fault.expected if fault else ""
+
+
+def as_json(result: DiagnosisResult) -> Json:
     """Values that `json` writes; everything in SI and axis units."""
-    blocks = {name: _number(share) for name, share in found.blocks.items()}
-    return {
-        "verdict": found.verdict,
-        "sentence": found.sentence,
-        "reason": found.reason,
-        "effects": [_effect(one) for one in found.effects],
-        "gap": _plain(found.gap),
-        "gaps": {name: _plain(one) for name, one in found.gaps.items()},
-        "where": {
-            "blocks": blocks,
-            "impossible": dict(found.impossible),
-            "coordinates": [_plain(one) for one in found.coordinates],
-            "captures": [_plain(one) for one in found.captures],
-        },
-        "shares": [{"name": name, "share": _number(share)} for name, share in found.shares],
-        "next_experiment": None if found.next_experiment is None else _plain(found.next_experiment),
-        "unknown": None if found.unknown is None else _shape(found.unknown),
-        "notes": list(found.notes),
-        "cannot_tell": list(found.cannot_tell),
-        "axis": {"kind": found.kind, "travel_per_unit": found.travel_per_unit, "travel_unit": found.travel_unit},
-        "seconds": {name: _number(seconds) for name, seconds in found.seconds},
-    }
+    effects = tuple(effect._replace(curve=_thinned_curve(effect.curve)) for effect in result.effects)
+    unknown = result.unknown
+    if unknown is not None:
+        unknown = unknown._replace(grid=_thinned(unknown.grid), force=_thinned(unknown.force))
+    fields = encoded(result._replace(effects=effects, unknown=unknown, traces=()), DiagnosisResult)
+    fields |= {"shares": [{"name": name, "share": share} for name, share in fields["shares"].items()]}
+    groups = {key: {name: fields[name] for name in names} for key, names in _GROUPS.items()}
+    return {key: groups.get(key, fields.get(key)) for key in _KEYS}
 
 
-def _effect(one: Effect) -> Json:
-    curve = None if one.curve is None else [_thinned(column) for column in one.curve]
-    parameters = {name: _plain(value) for name, value in one.parameters.items()}
-    fields = _fields(one.fields)
-    return {**_plain(one._replace(parameters={}, curve=None)), "parameters": parameters, "curve": curve, **fields}
+def _thinned_curve(curve: tuple[Array, Array, Array] | None) -> tuple[Array, Array, Array] | None:
+    return None if curve is None else (_thinned(curve[0]), _thinned(curve[1]), _thinned(curve[2]))
 
 
-def _shape(one: Shape) -> Json:
-    grid, force = _thinned(one.grid), _thinned(one.force)
-    return {**_plain(one._replace(grid=np.empty(0), force=np.empty(0))), "grid": grid, "force": force} | _fields(
-        one.fields
-    )
+def _thinned(column: Array) -> Array:
+    return column[:: max(1, -(-len(column) // MOST_POINTS))]
 
 
-def _fields(fields: Fields) -> Json:
-    return {"fields": {name: _value(setting) for name, setting in fields}}
-
-
-def _plain(one: Any) -> Json:
-    return {name: _value(value) for name, value in one._asdict().items()}
-
-
-def _value(value: Any) -> Any:
-    if isinstance(value, (list, tuple)):
-        return [_value(one) for one in value]
-    if isinstance(value, np.ndarray):
-        return [_number(one) for one in value]
-    if isinstance(value, (float, np.floating)):
-        return _number(value)
-    return value
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) else None
-
-
-def _thinned(column: Array) -> list[float | None]:
-    step = max(1, -(-len(column) // MOST_POINTS))
-    return [_number(one) for one in column[::step]]
-
-
-def save(found: Found, folder: Path) -> Path:
-    """Write ``diagnosis.json`` into the folder of the captures; where it stands now."""
+def save(result: DiagnosisResult, folder: Path) -> Path:
+    """Write ``diagnosis.json`` into the folder of the captures; returns the file."""
     path = folder / NAME
-    path.write_text(json.dumps(as_json(found), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(as_json(result), indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return path
 
 
-def load(place: Path) -> Found:
+def load(place: Path) -> DiagnosisResult:
     """The diagnosis of a folder that `gap diagnose` has been through, or of the JSON file it wrote.
 
-    Raises GapError where there is none, or where it is no diagnosis.
+    Raises NotADiagnosisError where there is none.
     """
     path = place / NAME if place.is_dir() else place
     if not path.exists():
-        raise GapError(f"{path} does not exist: run `stagectl gap diagnose {place}` first")
+        raise NotADiagnosisError(path, f"does not exist: run `stagectl gap diagnose {place}` first")
+    if path.stat().st_size > _LARGEST:
+        raise NotADiagnosisError(path, f"is larger than {_LARGEST / 1e6:g} MB: it is not a diagnosis")
     try:
-        if path.stat().st_size > _LARGEST:
-            raise GapError(f"{path} is larger than {_LARGEST / 1e6:g} MB: no diagnosis")
-        told = json.loads(path.read_text(encoding="utf-8"))
+        return restored(json.loads(path.read_text(encoding="utf-8")))
+    except TypedJsonError as error:
+        raise NotADiagnosisError(
+            path, f"is not a diagnosis: {error}; run `stagectl gap diagnose` again", error
+        ) from error
     except (OSError, ValueError) as error:
-        raise GapError(f"{path} cannot be read as JSON: {error}; run `stagectl gap diagnose` again") from error
-    try:
-        return restored(told)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        words = f"{path} is no diagnosis: {type(error).__name__} at {error}; run `stagectl gap diagnose` again"
-        raise GapError(words) from error
+        raise NotADiagnosisError(path, f"cannot be read as JSON: {error}; run `stagectl gap diagnose` again") from error
 
 
-def restored(told: Mapping[str, Any]) -> Found:
-    """What `as_json` made, as it was, without the traces; raises KeyError, TypeError or ValueError where it was not."""
-    if told["verdict"] not in VERDICTS:
-        raise ValueError(f"verdict = {told['verdict']!r}; must be one of {', '.join(VERDICTS)}")
-    where, axis, unknown, following = told["where"], told["axis"], told["unknown"], told["next_experiment"]
-    return Found(
-        told["verdict"],
-        str(told["sentence"]),
-        tuple(_restored_effect(one) for one in told["effects"]),
-        _gap(told["gap"]),
-        {name: _gap(one) for name, one in told["gaps"].items()},
-        dict(where["blocks"]),
-        tuple(Coordinate(one["name"], _float(one["share"])) for one in where["coordinates"]),
-        tuple(Spans(one["file"], tuple((a, b) for a, b in one["spans"]), one["duration"]) for one in where["captures"]),
-        tuple((one["name"], _float(one["share"])) for one in told["shares"]),
-        None if following is None else Next(**{**following, "separates": tuple(following["separates"])}),
-        None if unknown is None else _restored_shape(unknown),
-        notes=tuple(told["notes"]),
-        cannot_tell=tuple(told["cannot_tell"]),
-        kind=axis["kind"],
-        travel_per_unit=float(axis["travel_per_unit"]),
-        travel_unit=axis["travel_unit"],
-        seconds=tuple((name, _float(one)) for name, one in told["seconds"].items()),
-        reason=str(told["reason"]),
-        impossible=tuple(where["impossible"].items()),
-    )
-
-
-def _float(value: Any) -> float:
-    return math.nan if value is None else float(value)
-
-
-def _gap(one: Mapping[str, Any]) -> Gap:
-    numbers = {name: _float(value) for name, value in one.items() if name not in ("unit", "predicted")}
-    predicted = None if one["predicted"] is None else float(one["predicted"])
-    return Gap(**numbers, unit=one["unit"], predicted=predicted)
-
-
-def _restored_effect(one: Mapping[str, Any]) -> Effect:
-    curve = one["curve"]
-    made = {
-        "alternatives": tuple(one["alternatives"]),
-        "probability": _float(one["probability"]),
-        "share": _float(one["share"]),
-        "parameters": {name: _restored_value(value) for name, value in one["parameters"].items()},
-        "fields": _restored_fields(one["fields"]),
-        "curve": None if curve is None else tuple(_column(column) for column in curve),
-    }
-    return Effect(**{**one, **made})
-
-
-def _restored_value(one: Mapping[str, Any]) -> Value:
-    return Value(_float(one["value"]), _float(one["low"]), _float(one["high"]), one["unit"])
-
-
-def _restored_shape(one: Mapping[str, Any]) -> Shape:
-    grid, force = _column(one["grid"]), _column(one["force"])
-    return Shape(
-        one["coordinate"],
-        grid,
-        force,
-        _float(one["predicted"]),
-        _restored_fields(one["fields"]),
-        one.get("block", "mechanics"),
-    )
-
-
-def _restored_fields(told: Mapping[str, Any]) -> Fields:
-    return tuple((name, tuple(value) if isinstance(value, list) else value) for name, value in told.items())
-
-
-def _column(values: Any) -> Array:
-    return np.array([_float(value) for value in values])
+def restored(data: Any) -> DiagnosisResult:
+    """The diagnosis that `as_json` wrote as `data`, without its traces; raises TypedJsonError."""
+    if not isinstance(data, dict) or data.get("verdict") not in VERDICTS:
+        verdict = data.get("verdict") if isinstance(data, dict) else data
+        raise TypedJsonError("verdict", verdict, f"one of {', '.join(VERDICTS)}")
+    fields: Json = {key: value for key, value in data.items() if key not in _GROUPS}
+    for key in _GROUPS:
+        group = data.get(key)
+        if not isinstance(group, dict):
+            raise TypedJsonError(key, group, "an object")
+        fields |= group
+    fields |= {"shares": dict(decoded(data.get("shares"), tuple[_Share, ...], "shares"))}
+    result: DiagnosisResult = decoded(fields, DiagnosisResult)
+    return result

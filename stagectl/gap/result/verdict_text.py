@@ -1,4 +1,4 @@
-"""A diagnosis in words: one sentence that can be understood at night, and the lines below it."""
+"""A diagnosis in words: the verdict in a sentence or two, and the lines below it."""
 
 from __future__ import annotations
 
@@ -6,72 +6,62 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from stagectl.gap.effects import effect_names as words
-from stagectl.gap.result.diagnosis import UNEXPLAINED, Effect, Found, Gap, Shape
-from stagectl.gap.result.gap_numbers import percent, together, value
-from stagectl.gap.result.result_json import as_json as as_json  # the same answer for a machine
+from stagectl.gap.effects.library import coordinate_label, label
+from stagectl.gap.result.diagnosis import UNEXPLAINED, DiagnosisResult, FoundEffect, Gap, UnknownTerm
+from stagectl.number_format import percent, three_digits, together
 
-_PLACES = {  # a quantity that a gap is measured in, as a sentence calls it
-    "position": "position gap",
-    "tracking_error": "tracking gap",
-    "tracking": "tracking gap",
-    "effort": "effort gap",
-    "torque": "torque gap",
-    "force": "force gap",
-    "current": "current gap",
-}
-_NOT_CLOSED = ("none", "not-identifiable")  # verdicts under which nothing was put into the model
-_BLIND = "These logs cannot tell what causes the gap."
-MOST = 3  # effects in the sentence, and values that are off
-_OF_ALL = " of the closable gap is"
-_SMALL = 0.005  # share that is not worth a word
-_LIKELY = 0.3  # probability from which an effect without a name is worth a word
-_ODD = 0.05  # by which a share may lie below nothing or above all, and still be told
+_GAP_LABELS = {"tracking_error": "tracking gap"}  # of gaps that are not labelled by their key
+_NOTHING_CHANGED = ("none", "not-identifiable")  # verdicts under which the model stays as it is
+MOST = 3  # effects in the sentence, parameters in it, and spans in a line; chosen for one line each
+_SMALL = 0.005  # share of the gap below which its size is not stated
+_LIKELY = 0.3  # probability from which an effect that is not named is mentioned
+_BEYOND = 0.05  # by which a share may lie below 0 or above 1 and still be stated by itself; chosen
 
 
-def sentence(found: Found) -> str:
-    """The verdict, then what it stands on: gap before and after, and the noise floor."""
-    return f"{_VERDICTS[found.verdict](found)} {_distance(found)}".strip()
+def sentence(result: DiagnosisResult) -> str:
+    """The verdict, then the gap before and after, and the noise floor."""
+    return f"{_VERDICTS[result.verdict](result)} {_distance(result)}".strip()
 
 
-def _none(found: Found) -> str:
-    likely = max((one for one in found.effects if not one.parameter), key=lambda one: one.probability, default=None)
+def _none(result: DiagnosisResult) -> str:
+    effects = (effect for effect in result.effects if not effect.parameter)
+    likely = max(effects, key=lambda effect: effect.probability, default=None)
     if likely is not None and likely.probability >= _LIKELY:
-        return f"Nothing is surely missing; {either(likely)} may be, with probability {likely.probability:.2f}."
-    return "The model agrees with the machine: no effect is missing and no value is off by more than these logs show."
+        return f"No effect is certain. {_capital(candidates(likely))}: probability {likely.probability:.2f}."
+    return "The model agrees with the machine: these logs show no missing effect and no parameter error."
 
 
-def _parameters(found: Found) -> str:
-    of = _OF_ALL if _shrinks(found) else ""
-    return f"No effect is missing, but values of the model are off: {_shares(found, found.named, of)}."
+def _parameters(result: DiagnosisResult) -> str:
+    return f"No effect is missing, but parameters of the model are off: {_causes(result, result.named)}."
 
 
-def _effects(found: Found) -> str:
-    return f"{_capital(_missing(found))}."
+def _effects(result: DiagnosisResult) -> str:
+    return f"{_capital(_missing(result))}."
 
 
-def _partly(found: Found) -> str:
-    return f"{_capital(_missing(found))}; {_unknown(found)}."
+def _partly(result: DiagnosisResult) -> str:
+    return f"{_capital(_missing(result))}. {_capital(_unknown(result))}."
 
 
-def _unexplained(found: Found) -> str:
-    return f"The model lacks something that no effect of the library explains: {_unknown(found)}."
+def _unexplained(result: DiagnosisResult) -> str:
+    return f"No effect of the library explains the gap. {_capital(_unknown(result))}."
 
 
-def _controller(found: Found) -> str:
-    told = "The controller that ran is not the one described, so nothing behind it is judged."
-    return " ".join(filter(None, [told, found.reason, "Mend its description first, then diagnose again."]))
+def _controller(result: DiagnosisResult) -> str:
+    verdict = "The controller that ran is not the one described, so the blocks after it are not judged."
+    return " ".join(filter(None, [verdict, result.reason, "Correct its description, then diagnose again."]))
 
 
-def _unidentifiable(found: Found) -> str:
-    rivals = [either(one) for one in found.effects if one.alternatives]
-    told = f"These logs cannot tell what causes the gap: {rivals[0]}." if rivals else _BLIND
-    following = found.next_experiment
-    advised = f"The experiment {following.name!r} would tell." if following is not None else ""
-    return " ".join(filter(None, [told, found.reason, advised]))
+def _unidentifiable(result: DiagnosisResult) -> str:
+    ambiguous = [candidates(effect) for effect in result.effects if effect.alternatives]
+    cause = f": {ambiguous[0]}" if ambiguous else ""
+    following = result.next_experiment
+    advised = f"The experiment {following.name!r} would identify it." if following is not None else ""
+    verdict = f"These logs do not identify the cause of the gap{cause}."
+    return " ".join(filter(None, [verdict, result.reason, advised]))
 
 
-_VERDICTS: Mapping[str, Callable[[Found], str]] = {
+_VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
     "none": _none,
     "parameters": _parameters,
     "effects": _effects,
@@ -86,154 +76,162 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _missing(found: Found) -> str:
-    """The effects; they are the news, however much more is a value that is off."""
-    values = [one for one in found.named if one.parameter]
-    effects = [one for one in found.named if not one.parameter] or list(found.effects[:1])
-    if values and _shrinks(found) and not all(-_ODD <= one.share <= 1.0 + _ODD for one in (*effects, *values)):
-        return _together(found, [*effects, *values])
-    told = _shares(found, effects)
-    return f"{told}; values of the model are off, too: {_shares(found, values, '')}" if values else told
+def _missing(result: DiagnosisResult) -> str:
+    """The effects first: they are the news, however much more of the gap is a parameter error."""
+    parameters = [effect for effect in result.named if effect.parameter]
+    effects = [effect for effect in result.named if not effect.parameter] or list(result.effects[:1])
+    if parameters and _shrinks(result) and not all(_is_share(effect.share) for effect in (*effects, *parameters)):
+        return _sum(result, [*effects, *parameters])
+    causes = _causes(result, effects, "missing in the model: ")
+    if not parameters:
+        return causes
+    return f"{causes}; parameters of the model are off as well: {_causes(result, parameters, whole='')}"
 
 
-def _shares(found: Found, those: Sequence[Effect], of: str = _OF_ALL) -> str:
-    """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``."""
-    first, *rest = sorted(those, key=lambda one: -one.share)[:MOST]
-    if _shrinks(found):
-        told = [f"{percent(first.share)}{of} {_with_value(first, found)}"]
-        told += [f"{percent(one.share)} {_with_value(one, found)}" for one in rest]
-    else:  # shares of a gap that stays are no shares
-        told = [f"{'the model lacks ' if of else ''}{_with_value(first, found)}"]
-        told += [_with_value(one, found) for one in rest]
-    more = len(those) - MOST
-    return ", ".join(told) + (f", and {more} smaller one{'s' if more > 1 else ''}" if more > 0 else "")
+def _is_share(share: float) -> bool:
+    return -_BEYOND <= share <= 1.0 + _BEYOND
 
 
-def _together(found: Found, those: Sequence[Effect]) -> str:
-    """What partly undoes each other: shares of 355 % and -170 % tell nobody anything, their sum does."""
-    first, *rest = (_with_value(one, found) for one in those)
-    whole = percent(sum(one.share for one in those))
-    return f"{whole}{_OF_ALL} {first} together with {_joined(rest, 'and')}, which partly undo each other"
+_OF_WHOLE = " of the closable gap is"
 
 
-def _with_value(one: Effect, found: Found) -> str:
-    """What it is, and its first parameter where there is no doubt which effect it is."""
-    if one.alternatives or not one.parameters:
-        return either(one)
-    name, parameter = next(iter(one.parameters.items()))
-    label = "" if one.parameter else f"{name.replace('_', ' ')} "
-    return f"{words.effect(one.name)} ({label}{value(name, parameter, found)})"
+def _causes(result: DiagnosisResult, effects: Sequence[FoundEffect], unsized: str = "", whole: str = _OF_WHOLE) -> str:
+    """``82 % of the closable gap is viscous asymmetry (0.18), 9 % cogging``; without shares after `unsized`."""
+    first, *rest = sorted(effects, key=lambda effect: -effect.share)[:MOST]
+    if _shrinks(result):
+        causes = [f"{percent(first.share)}{whole} {_with_value(first, result)}"]
+        causes += [f"{percent(effect.share)} {_with_value(effect, result)}" for effect in rest]
+    else:  # a gap that does not shrink has no shares
+        causes = [unsized + _with_value(first, result), *(_with_value(effect, result) for effect in rest)]
+    more = len(effects) - MOST
+    return ", ".join(causes) + (f", and {more} smaller one{'s' if more > 1 else ''}" if more > 0 else "")
 
 
-def either(one: Effect) -> str:
-    """The effect, and what these data cannot tell it from: ``bias or current offset``."""
-    return _joined([words.effect(name) for name in (one.name, *one.alternatives)], "or")
+def _sum(result: DiagnosisResult, effects: Sequence[FoundEffect]) -> str:
+    """Effects that partly cancel: only the sum of their shares means something."""
+    first, *rest = (_with_value(effect, result) for effect in effects)
+    whole = percent(sum(effect.share for effect in effects))
+    return f"{whole}{_OF_WHOLE} {first} together with {_joined(rest, 'and')}, which partly cancel"
+
+
+def _with_value(effect: FoundEffect, result: DiagnosisResult) -> str:
+    """The effect, and its first parameter where no other effect fits as well."""
+    if effect.alternatives or not effect.parameters:
+        return candidates(effect)
+    name, estimate = next(iter(effect.parameters.items()))
+    prefix = "" if effect.parameter else f"{name.replace('_', ' ')} "
+    return f"{label(effect.name)} ({prefix}{three_digits(name, estimate, result.travel)})"
+
+
+def candidates(effect: FoundEffect) -> str:
+    """The effect, and what these data do not separate from it: ``bias or current offset``."""
+    return _joined([label(name) for name in (effect.name, *effect.alternatives)], "or")
 
 
 def _joined(names: Sequence[str], last: str) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}"
 
 
-def _unknown(found: Found) -> str:
-    """What repeats and has no name, and over which coordinate."""
-    share = dict(found.shares).get(UNEXPLAINED, 0.0)
-    size = f"{percent(share)} of the gap repeats" if share > _SMALL else "a part of the gap repeats"
-    if found.unknown is None:
-        return f"{size} and has no name"
-    if found.unknown.coordinate == "none":
-        return f"{size} and has no name; no coordinate that was tried predicts most of it"
-    return f"{size} and has no name; {where_unknown(found.unknown)}"
+def _unknown(result: DiagnosisResult) -> str:
+    """How much repeats and is unexplained, and over which coordinate."""
+    share = dict(result.shares).get(UNEXPLAINED, 0.0)
+    size = f"{percent(share)} of the gap" if share > _SMALL else "a part of the gap"
+    if result.unknown is None:
+        return f"{size} repeats and is unexplained"
+    if result.unknown.coordinate == "none":
+        return f"{size} repeats and is unexplained; no coordinate predicts most of it"
+    return f"{size} repeats and is unexplained; {where_unknown(result.unknown)}"
 
 
-def where_unknown(one: Shape) -> str:
-    """Where what has no name is found: ``it follows the speed, which predicts 92 % of it ...``."""
-    told = percent(one.predicted)
-    if one.block == "drive":
-        return "the drive gives another current than its model, more than the scatter of repeats"
-    if one.coordinate == "time":
+def where_unknown(term: UnknownTerm) -> str:
+    """Where the unexplained part lies: ``it follows the speed, which predicts 92 % of it ...``."""
+    predicted = percent(term.predicted)
+    if term.block == "drive":
+        return "the drive gives another current than its model, by more than the scatter of repeats"
+    if term.coordinate == "time":
         return "friction changes from run to run in another way than any effect of the library"
-    if one.coordinate == "frequency":
-        middle = one.grid[int(np.argmax(one.force))]
-        return f"it rings, strongest near {middle:.0f} Hz: a band of one and a half octaves holds {told} of it"
-    where = words.coordinate(one.coordinate)
-    return f"it follows the {where}, which predicts {told} of it on runs that were not used"
+    if term.coordinate == "frequency":
+        middle = term.grid[int(np.argmax(term.force))]
+        return f"it oscillates, most near {middle:.0f} Hz: a band of one and a half octaves holds {predicted} of it"
+    return f"it follows the {coordinate_label(term.coordinate)}, which predicts {predicted} of it on unused runs"
 
 
-def _distance(found: Found) -> str:
-    """The figures: ``Tracking gap 2.9 -> 0.34 µm on held-out runs, floor 0.21 µm``."""
-    if found.verdict == "controller":
+def _distance(result: DiagnosisResult) -> str:
+    """The figures: ``Tracking gap 2.9 -> 0.34 µm on held-out runs, noise floor 0.21 µm.``."""
+    if result.verdict == "controller":
         return ""
-    what, gap = headline(found)
-    (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, found)
-    size = f"{before} {unit}" if found.verdict in _NOT_CLOSED else f"{before} -> {after} {unit}"
-    known = f"floor {floor} {unit}" if gap.floor > 0.0 else "floor not known: no run was repeated"
-    put_in = found.named and found.verdict not in _NOT_CLOSED
-    doubt = "" if _shrinks(found) or not put_in else ": not surely smaller, so only the forces speak for it"
-    return f"{_capital(what)} {size} on held-out runs, {known}{doubt}."
+    name, gap = headline(result)
+    (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, result.travel)
+    unchanged = result.verdict in _NOTHING_CHANGED
+    size = f"{before} {unit}" if unchanged else f"{before} -> {after} {unit}"
+    noise = f"noise floor {floor} {unit}" if gap.floor > 0.0 else "noise floor not known: no run was repeated"
+    doubt = "" if _shrinks(result) or unchanged or not result.named else "; this decrease is not significant"
+    return f"{_capital(name)} {size} on held-out runs, {noise}{doubt}."
 
 
-def _shrinks(found: Found) -> bool:
-    """Whether the held-out runs say that the gap is smaller with what is named; at its floor they cannot."""
-    _, gap = headline(found)
-    return not gap.low <= 0.0  # unknown counts as before
+def _shrinks(result: DiagnosisResult) -> bool:
+    """Whether the gap of the held-out runs decreases significantly; true where its interval is not known."""
+    _, gap = headline(result)
+    return not gap.low <= 0.0
 
 
-def headline(found: Found) -> tuple[str, Gap]:
-    """The gap that a sentence names: that of the tracking error where it is known."""
+def headline(result: DiagnosisResult) -> tuple[str, Gap]:
+    """The gap of the sentence: that of the tracking error where it is known."""
     for name in ("tracking_error", "tracking"):
-        if name in found.gaps:
-            return called(name), found.gaps[name]
-    return ("effort gap" if found.gap.unit in ("N m", "N") else "position gap"), found.gap
+        if name in result.gaps:
+            return gap_label(name), result.gaps[name]
+    return ("effort gap" if result.gap.unit in ("N m", "N") else "position gap"), result.gap
 
 
-def called(name: str) -> str:
+def gap_label(name: str) -> str:
     """``tracking gap`` for the key ``tracking_error`` of the gaps."""
-    return _PLACES.get(name, f"{name.replace('_', ' ')} gap")
+    return _GAP_LABELS.get(name, f"{name.replace('_', ' ')} gap")
 
 
 def closure(gap: Gap) -> str:
-    """``closed 98 % (96 to 99 %)``."""
+    """``98 % (96 to 99 %)``."""
     return f"{percent(gap.closure)} ({percent(gap.low).removesuffix(' %')} to {percent(gap.high)})"
 
 
-def ambiguous(found: Found) -> list[str]:
-    """What these data cannot tell apart, a line an effect."""
+def ambiguous(result: DiagnosisResult) -> list[str]:
+    """Effects that these data do not separate, a line each."""
     return [
-        f"{_capital(either(one))}: these data fit all of them alike; "
-        f"{words.effect(one.name)} has probability {one.probability:.2f}."
-        for one in found.effects
-        if one.alternatives
+        f"{_capital(candidates(effect))}: these data fit each of them; "
+        f"{label(effect.name)} has probability {effect.probability:.2f}."
+        for effect in result.effects
+        if effect.alternatives
     ]
 
 
-def advice(found: Found) -> list[str]:
+def advice(result: DiagnosisResult) -> list[str]:
     """The next experiment in words."""
-    one = found.next_experiment
-    if one is None:
+    following = result.next_experiment
+    if following is None:
         return []
-    apart = " from ".join(words.effect(name) for name in one.separates[:2])
-    rest = [words.effect(name) for name in one.separates[2:]]
-    told = f"tells {apart}" + (f" (and {', '.join(rest)})" if rest else "") if apart else "shows what no run has shown"
-    how_far = f" by {one.separation_sigma:.3g} sigma" if one.separation_sigma > 0.0 else ""
-    lines = [f"Next experiment: {one.name}. It {told}{how_far} in {_machine(one.duration)}."]
-    return [*lines, one.words] if one.words else lines
+    names = [label(name) for name in following.separates]
+    more = f" (and {', '.join(names[2:])})" if names[2:] else ""
+    purpose = f"separates {' from '.join(names[:2])}{more}" if names else "shows what no run has shown"
+    size = f" by {following.separation_sigma:.3g} sigma" if following.separation_sigma > 0.0 else ""
+    line = f"Next experiment: {following.name}. It {purpose}{size} in {_machine_time(following.duration)}."
+    return [line, following.words] if following.words else [line]
 
 
-def _machine(seconds: float) -> str:
+def _machine_time(seconds: float) -> str:
     return f"{seconds:.0f} s of machine time" if seconds < 120.0 else f"{seconds / 60.0:.0f} min of machine time"
 
 
-def spans(found: Found) -> list[str]:
+def spans(result: DiagnosisResult) -> list[str]:
     """When the gap is open, a line a log."""
-    shown = []
-    for one in found.captures:
-        open_for = sum(end - begin for begin, end in one.spans)
-        where = ", ".join(f"{begin:.2f} to {end:.2f} s" for begin, end in one.spans[:MOST])
-        more = f" and {len(one.spans) - MOST} more" if len(one.spans) > MOST else ""
-        shown.append(f"{one.file}: {where}{more} ({open_for:.2g} s)" if one.spans else f"{one.file}: nowhere")
-    return shown
+    lines = []
+    for capture in result.captures:
+        total = sum(end - begin for begin, end in capture.spans)
+        listed = ", ".join(f"{begin:.2f} to {end:.2f} s" for begin, end in capture.spans[:MOST])
+        more = f" and {len(capture.spans) - MOST} more" if len(capture.spans) > MOST else ""
+        where = f"{listed}{more} ({total:.2g} s)" if capture.spans else "nowhere"
+        lines.append(f"{capture.file}: {where}")
+    return lines
 
 
-def quietly(found: Found) -> Sequence[str]:
-    """Notes, then what cannot be told."""
-    return [*found.notes, *(f"cannot be told: {one}" for one in found.cannot_tell)]
+def remarks(result: DiagnosisResult) -> list[str]:
+    """Notes, then the limits of these logs."""
+    return [*result.notes, *(f"Limit of these logs: {limit}" for limit in result.cannot_tell)]

@@ -6,8 +6,9 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from stagectl.gap.effects import equivalences, library_drive, library_friction, library_mechanics, library_sensor
-from stagectl.gap.effects.library import Aging, Definition, Scales, coulomb, scaled
+from stagectl.gap.effects import library
+from stagectl.gap.effects.effect import Definition, TimeVariation
+from stagectl.gap.effects.stage_changes import coulomb, scaled
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals.sensitivities import Direction, Model
 from stagectl.kernels.stage import Stage
@@ -34,12 +35,6 @@ class Named(NamedTuple):
     values: Mapping[str, float]
 
 
-def library(s: Scales) -> list[Definition]:
-    """All effects that can be searched for on a machine of these sizes."""
-    parts = (library_drive, library_mechanics, library_friction, library_sensor)
-    return [one for part in parts for one in part.definitions(s)]
-
-
 def forms(effects: Sequence[Definition]) -> list[Form]:
     """Every effect at every place of its grid."""
     return [form for effect in effects for form in _forms(effect)]
@@ -60,23 +55,23 @@ def _forms(effect: Definition) -> list[Form]:
 
 def directions(form: Form) -> list[Direction]:
     """The columns of `form`: one amplitude at a time, at its typical size."""
-    if form.effect.aging is not None:
-        return _aging(form, form.effect.aging)
+    if form.effect.time_variation is not None:
+        return _time_varying(form, form.effect.time_variation)
     return [
         direction(Named(form.effect, form.values([0.0] * len(form.typical))), one.name, size, name)
         for one, size, name in zip(form.effect.amplitudes, form.typical, form.names, strict=True)
     ]
 
 
-def _aging(form: Form, aging: Aging) -> list[Direction]:
+def _time_varying(form: Form, time_variation: TimeVariation) -> list[Direction]:
     """Columns of what runs on the session clock: those of the parameter that it scales, times a factor of time."""
 
     def factor(clock: Array) -> Array:
-        found: Array = aging.factor(form.shape, clock)
+        found: Array = time_variation.factor(form.shape, clock)
         return found
 
     return [
-        Direction(name, SCALED[aging.of[one.name]], STEP, factor=factor)
+        Direction(name, SCALED[time_variation.of[one.name]], STEP, factor=factor)
         for one, name in zip(form.effect.amplitudes, form.names, strict=True)
     ]
 
@@ -105,5 +100,5 @@ def equipped(p: Model, effects: Sequence[Named]) -> Model:
 
 def without(effects: Sequence[Definition], excluded: Sequence[str]) -> list[Definition]:
     """The library less the effects that must not be candidates, nor under the name of a wider one that holds them."""
-    gone = {*excluded, *(wider for name in excluded for wider in equivalences.WIDER.get(name, ()))}
+    gone = {*excluded, *(wider for name in excluded for wider in library.generalisations(name))}
     return [one for one in effects if one.name not in gone]

@@ -110,7 +110,7 @@ def score_of(free: Array, at: Sequence[int], form: Form) -> Score:
 
 def _solved(matrix: Array, form: Form) -> Array:
     """Amplitudes (k,) within their bounds, of the form's columns and the residual in `matrix` (k + 1, k + 1)."""
-    if form.effect.bent:
+    if form.effect.nonlinear:
         return np.array(form.typical)
     a, b = matrix[:-1, :-1], matrix[:-1, -1]
     if not np.all(np.diag(a) > 0.0):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stagectl.gap.effects.library import Scales
+from stagectl.gap.effects.effect import Scales
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.half_strokes import Run

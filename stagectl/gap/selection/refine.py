@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.effects.library import Aging, Values
+from stagectl.gap.effects.effect import TimeVariation, Values
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -58,7 +58,7 @@ def repeated(e: Evidence) -> bool:
 def left(e: Evidence, model: Model, effects: Sequence[Named]) -> list[list[Array]]:
     """Whitened residual of each run and repeat under `model` with `effects`."""
     whole = equipped(model, effects)
-    if any(one.effect.aging is not None for one in effects):
+    if any(one.effect.time_variation is not None for one in effects):
         return sensitivities.residuals_of(whole, e.runs, e.base.noise)
     means = sensitivities.mean_residuals(whole, e.runs, e.base.noise)
     return [[mean + one for one in repeats] for mean, repeats in zip(means, e.deviations, strict=True)]
@@ -96,7 +96,7 @@ def refine(e: Evidence, model: Model, effects: Sequence[Named], steps: int = STE
     """The best values of all parameters of `effects` and of the base beside them, from where they stand."""
     residuals = left(e, model, effects)
     now = Fitted(model, tuple(effects), residuals, total(e, residuals))
-    if any(one.effect.bent for one in effects) and np.isfinite(now.misfit):
+    if any(one.effect.nonlinear for one in effects) and np.isfinite(now.misfit):
         e = e._replace(base=e.base._replace(products=_products_beside(e, now)))
     for _ in range(steps if np.isfinite(now.misfit) else 0):  # it diverged: no step can be told
         after = _step(e, now)
@@ -154,8 +154,8 @@ def parameters(now: Fitted) -> list[Direction]:
     """
     found = []
     for k, one in enumerate(now.effects):
-        if one.effect.aging is not None:
-            found += _drifting(one, one.effect.aging)
+        if one.effect.time_variation is not None:
+            found += _drifting(one, one.effect.time_variation)
             continue
         for amplitude in one.effect.amplitudes:
             step = 0.1 * max(abs(one.values[amplitude.name]), 0.3 * abs(amplitude.typical[0]))
@@ -166,11 +166,16 @@ def parameters(now: Fitted) -> list[Direction]:
     return found
 
 
-def _drifting(one: Named, aging: Aging) -> list[Direction]:
+def _drifting(one: Named, time_variation: TimeVariation) -> list[Direction]:
     """The same for what runs on the session clock: factors of time on the columns of what it scales."""
     name, values = one.effect.name, dict(one.values)
     found = [
-        Direction(f"{name}.{x.name}", SCALED[aging.of[x.name]], STEP, factor=lambda t: aging.factor(values, t))
+        Direction(
+            f"{name}.{x.name}",
+            SCALED[time_variation.of[x.name]],
+            STEP,
+            factor=lambda t: time_variation.factor(values, t),
+        )
         for x in one.effect.amplitudes
     ]
     for shape in one.effect.shapes:
@@ -179,10 +184,10 @@ def _drifting(one: Named, aging: Aging) -> list[Direction]:
             scale = values[first] / (0.05 * values[shape.name])
 
             def factor(t: Array, more: Values = more, scale: float = scale) -> Array:
-                changed: Array = scale * (aging.factor(more, t) - aging.factor(values, t))
+                changed: Array = scale * (time_variation.factor(more, t) - time_variation.factor(values, t))
                 return changed
 
-            found.append(Direction(f"{name}.{shape.name}", SCALED[aging.of[first]], STEP, factor=factor))
+            found.append(Direction(f"{name}.{shape.name}", SCALED[time_variation.of[first]], STEP, factor=factor))
     return found
 
 

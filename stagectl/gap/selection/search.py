@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.effects import equivalences
-from stagectl.gap.effects.library import Definition
+from stagectl.gap.effects.effect import Definition
+from stagectl.gap.effects.library import EFFECTS, generalisations, kin
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Grams, Products
@@ -172,7 +172,7 @@ def material(e: Evidence) -> float:
 def _eligible(e: Evidence, found: Scored, library: Library, now: Fitted) -> list[Score]:
     good = []
     # Across a gap the others' columns are not what they were: only what stands out is believed beside it.
-    least = DOMINANT if any(one.effect.bent for one in now.effects) else 0.0
+    least = DOMINANT if any(one.effect.nonlinear for one in now.effects) else 0.0
     for score in best_of(found.scores).values():
         material = score.gain > _least(e, found, library, score) and score.worst > least
         if material and _beyond(found, library, score):
@@ -211,7 +211,7 @@ def _next(e: Evidence, library: Library, now: Fitted, taken: Mapping[str, float]
     if not good:
         return None
     rivals = [score for score in good if score.gain >= RIVAL * good[0].gain]
-    first = rivals[:2] + [one for one in rivals[2:] if equivalences.narrower(rivals[0].form.effect.name, _name(one))]
+    first = rivals[:2] + [one for one in rivals[2:] if _name(one) in generalisations(_name(rivals[0]))]
     tried = [(score, refine.refine(e, now.model, _joined(e, now, score))) for score in first]
     # What a simulation confirms counts, not what a linear estimate promised.
     better = [one for score, one in tried if now.misfit - one.misfit > _least(e, found, library, score)]
@@ -220,7 +220,7 @@ def _next(e: Evidence, library: Library, now: Fitted, taken: Mapping[str, float]
 
 def _joined(e: Evidence, now: Fitted, score: Score) -> list[Named]:
     """The effects with one more, which takes the place of the one that it is a wider form of, and its values."""
-    under = next((one for one in now.effects if one.effect.name == equivalences.OVER.get(_name(score))), None)
+    under = next((one for one in now.effects if one.effect.name == EFFECTS[_name(score)].extends), None)
     if under is None:
         return [*now.effects, _begun(e, now, score)]
     wide = named(score)
@@ -243,20 +243,19 @@ def _simplest(better: Sequence[Fitted], least: float) -> Fitted:
     """The best of them, or a special case of it that leaves little more above the floor `least`."""
     best = min(better, key=lambda one: one.misfit)
     wide = best.effects[-1].effect.name
-    special = [one for one in better if equivalences.narrower(wide, one.effects[-1].effect.name)]
+    special = [one for one in better if one.effects[-1].effect.name in generalisations(wide)]
     return next((one for one in special if (1.0 - OF_KIN) * (one.misfit - least) < best.misfit - least), best)
 
 
 def _stands_out(score: Score, taken: Mapping[str, float]) -> bool:
     """Whether it is more than the error of form of an effect that was added, or that effect with more to it."""
-    more = equivalences.OVER.get(_name(score)) in taken
-    kin = max(_of_kin(_name(score), taken), default=0.0)
-    return score.gain > OF_KIN * kin or (more and score.worst > OF_MORE)
+    more = EFFECTS[_name(score)].extends in taken
+    resembling = max(_of_kin(_name(score), taken), default=0.0)
+    return score.gain > OF_KIN * resembling or (more and score.worst > OF_MORE)
 
 
 def _of_kin(name: str, taken: Mapping[str, float]) -> list[float]:
-    kin = {other for one in equivalences.KIN if name in one for other in one}
-    return [gain for other, gain in taken.items() if other in kin]
+    return [gain for other, gain in taken.items() if other in kin(name)]
 
 
 def _name(score: Score) -> str:

@@ -1,4 +1,4 @@
-"""The map of where: the loop as a chain of blocks, each with its share of the gap and the effects that sit in it.
+"""The loop as a chain of blocks, each with its share of the gap and its effects.
 
 ::
 
@@ -16,25 +16,25 @@ from collections.abc import Mapping
 from html import escape
 from typing import NamedTuple
 
-from stagectl.gap.effects import effect_names as words
-from stagectl.gap.result.diagnosis import BLOCKS, Found
-from stagectl.gap.result.gap_numbers import percent
+from stagectl.gap.effects.library import label
+from stagectl.gap.result.diagnosis import BLOCKS, DiagnosisResult
+from stagectl.number_format import percent
 from stagectl.report.page import Picture
 
 WIDTH, HEIGHT = 980, 268  # px
 _LEFT, _TOP, _WIDE, _HIGH, _SPACE = 108.0, 46.0, 174.0, 152.0, 36.0
-SIGNALS = ("command", "current", "position", "measured")  # behind each block: where the loop is cut
+SIGNALS = ("command", "current", "position", "measured")  # after each block: where the loop is cut
 _INK, _SOFT, _LINE = "#1e293b", "#64748b", "#94a3b8"
 _SMALL = f'font-size="12" fill="{_SOFT}"'
 _LINES = 4  # of effects in a block
 _CHARACTERS = 23  # of one line in a block
-_WHY: Mapping[str, str] = {  # a cut that was not possible, where nothing else is said of it
+_WHY: Mapping[str, str] = {  # reason for a cut that was not possible, where the diagnosis gives none
     "controller": "not judged: no controller or no command is known",
     "drive": "not judged: no measured current",
     "mechanics": "not judged",
     "sensor": "not judged",
 }
-_BEHIND = "not judged before the controller is the one described"
+_AFTER_CONTROLLER = "not judged: the controller is not the one described"
 _HEAD = f"""<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"
  font-family="system-ui, 'DejaVu Sans', sans-serif" font-size="13" fill="{_INK}">
 <defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8" markerHeight="8" orient="auto">
@@ -53,32 +53,32 @@ class _Box(NamedTuple):
     lines: list[str]
 
 
-def chain(found: Found) -> Picture:
+def chain(result: DiagnosisResult) -> Picture:
     """The signal chain as a picture of the page."""
-    text = base64.b64encode(drawing(found).encode()).decode()
-    return Picture(f"data:image/svg+xml;base64,{text}", _caption(found), 760)
+    text = base64.b64encode(drawing(result).encode()).decode()
+    return Picture(f"data:image/svg+xml;base64,{text}", _caption(result), 760)
 
 
-def _caption(found: Found) -> str:
-    told = "Each block's share of the excess over noise, and the effects that were found in it."
-    return f"{told} Hatched: this cut of the loop was not possible." if None in found.blocks.values() else told
+def _caption(result: DiagnosisResult) -> str:
+    caption = "Share of the excess over noise that arises in each block, and the effects found in it."
+    return f"{caption} Hatched: not judged." if None in result.blocks.values() else caption
 
 
-def drawing(found: Found) -> str:
+def drawing(result: DiagnosisResult) -> str:
     """The same as SVG text."""
-    boxes = [_box(found, number, name) for number, name in enumerate(BLOCKS)]
-    strength = 0.0 if found.verdict == "none" else 1.0  # shares of next to nothing colour no block
-    return "\n".join([_HEAD, *_wires(), *(line for one in boxes for line in _drawn(one, strength)), "</svg>"])
+    boxes = [_box(result, number, name) for number, name in enumerate(BLOCKS)]
+    strength = 0.0 if result.verdict == "none" else 1.0  # shares of a gap within the noise colour no block
+    return "\n".join([_HEAD, *_wires(), *(line for box in boxes for line in _drawn(box, strength)), "</svg>"])
 
 
-def _box(found: Found, number: int, name: str) -> _Box:
-    share = found.blocks.get(name)
+def _box(result: DiagnosisResult, number: int, name: str) -> _Box:
+    share = result.blocks.get(name)
     if share is None:
-        why = _BEHIND if found.verdict == "controller" else _WHY[name]
-        lines = textwrap.wrap(dict(found.impossible).get(name, why), _CHARACTERS)
+        why = _AFTER_CONTROLLER if result.verdict == "controller" else _WHY[name]
+        lines = textwrap.wrap(dict(result.impossible).get(name, why), _CHARACTERS)
     else:
-        effects = [one for one in found.named if one.block == name]
-        lines = [line for one in effects for line in textwrap.wrap(words.effect(one.name), _CHARACTERS)]
+        effects = [label(effect.name) for effect in result.named if effect.block == name]
+        lines = [line for effect in effects for line in textwrap.wrap(effect, _CHARACTERS)]
     if len(lines) > _LINES:
         lines = [*lines[: _LINES - 1], "..."]
     return _Box(_LEFT + number * (_WIDE + _SPACE), name, share, lines)
@@ -88,12 +88,12 @@ def _drawn(box: _Box, strength: float) -> list[str]:
     middle = box.left + 0.5 * _WIDE
     fill = "url(#hatch)" if box.share is None else _shade(strength * box.share)
     dash = ' stroke-dasharray="5 4"' if box.share is None else ""
-    told = "?" if box.share is None else percent(box.share)
+    share = "?" if box.share is None else percent(box.share)
     size = f'x="{box.left}" y="{_TOP}" width="{_WIDE}" height="{_HIGH}" rx="6"'
     return [
         f'<rect {size} fill="{fill}" stroke="{_LINE}"{dash}/>',
         _text(middle, _TOP + 24.0, box.name, 'font-weight="600" font-size="15"'),
-        _text(middle, _TOP + 58.0, told, 'font-size="26" font-weight="600"'),
+        _text(middle, _TOP + 58.0, share, 'font-size="26" font-weight="600"'),
         *(_text(middle, _TOP + 84.0 + 17.0 * row, line) for row, line in enumerate(box.lines)),
     ]
 
@@ -129,5 +129,5 @@ def _arrow(path: str) -> str:
     return f'<path d="{path}" fill="none" stroke="{_LINE}" stroke-width="1.5" marker-end="url(#tip)"/>'
 
 
-def _text(x: float, y: float, words_: str, style: str = "") -> str:
-    return f'<text x="{x}" y="{y}" text-anchor="middle" {style}>{escape(words_)}</text>'
+def _text(x: float, y: float, text: str, style: str = "") -> str:
+    return f'<text x="{x}" y="{y}" text-anchor="middle" {style}>{escape(text)}</text>'

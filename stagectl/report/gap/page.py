@@ -1,4 +1,4 @@
-"""The page of a diagnosis: the verdict in a sentence, where the gap lies, which effect makes it, how far it shrinks."""
+"""The page of a diagnosis: the verdict, where the gap arises, which effects cause it, and how far it shrinks."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import re
 
 from matplotlib.figure import Figure
 
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects.library import label
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, Effect, Found, Trace
-from stagectl.gap.result.gap_numbers import parameter, percent
+from stagectl.gap.result.diagnosis import BLOCKS, DiagnosisResult, FoundEffect
+from stagectl.number_format import interval, percent
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import embedded
 from stagectl.report.gap import figures
@@ -21,19 +21,19 @@ MOST_SIGNATURES = 6
 _UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b)")
 
 
-def page(found: Found, place: str, commands: list[str]) -> Page:
+def page(result: DiagnosisResult, place: str, commands: list[str]) -> Page:
     """The page of the diagnosis of the folder `place`; `commands` do it again."""
     parts = (_loop, _motion, _shares, _distance, _signatures, _unknown, _following, _parameters, _limits)
-    sections = [part(found, place) for part in parts]
+    sections = [part(result, place) for part in parts]
     return Page(
         f"stagectl gap diagnose: {place}",
-        typeset(found.sentence or verdict_text.sentence(found)),
-        _remark(found),
+        typeset(result.sentence or verdict_text.sentence(result)),
+        _basis(result),
         [],
         [],
         commands,
         versions(),
-        sections=tuple(one for one in sections if one is not None),
+        sections=tuple(section for section in sections if section is not None),
     )
 
 
@@ -42,30 +42,30 @@ def typeset(text: str) -> str:
     return _UNIT.sub("\\1\u00a0\\2", text.replace(" -> ", "\u00a0→ "))
 
 
-def _remark(found: Found) -> list[str]:
-    """What the figures below rest on."""
-    about = [f"Verdict: {found.verdict}."]
-    if found.captures:
-        about.append(f"From {_counted(len(found.captures), 'capture')}.")
-    if found.traces:
-        about.append(f"Judged on {_counted(len(found.traces), 'held-out run')} that chose nothing.")
-    if found.seconds:
-        about.append(f"Took {sum(seconds for _, seconds in found.seconds):.0f} s.")
+def _basis(result: DiagnosisResult) -> list[str]:
+    """The data behind the page."""
+    about = [f"Verdict: {result.verdict}."]
+    if result.captures:
+        about.append(f"Data: {_counted(len(result.captures), 'capture')}.")
+    if result.traces:
+        about.append(f"Checked on {_counted(len(result.traces), 'held-out run')}.")
+    if result.seconds:
+        about.append(f"Computing time: {sum(seconds for _, seconds in result.seconds):.0f} s.")
     return [" ".join(about)]
 
 
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _loop(found: Found, _place: str) -> Section:
-    return Section("Where in the loop", _loop_words(found), [chain(found)], [])
+def _loop(result: DiagnosisResult, _place: str) -> Section:
+    return Section("Where in the loop", _largest_block(result), [chain(result)], [])
 
 
-def _loop_words(found: Found) -> list[str]:
-    known = {name: share for name, share in found.blocks.items() if share is not None}
-    if found.verdict == "none":
-        return ["Nothing exceeds the noise by enough to matter: the shares below are of next to nothing."]
+def _largest_block(result: DiagnosisResult) -> list[str]:
+    known = {name: share for name, share in result.blocks.items() if share is not None}
+    if result.verdict == "none":
+        return ["The gap does not exceed the noise significantly, so the shares below mean little."]
     if not known:
         return []
     worst = max(known, key=lambda name: known[name])
@@ -73,117 +73,113 @@ def _loop_words(found: Found) -> list[str]:
     return [f"{percent(known[worst])} of the excess over noise arises in the {worst}, between {' and '.join(ends)}."]
 
 
-def _motion(found: Found, _place: str) -> Section | None:
-    shown = []
-    if found.coordinates:
-        shown.append(
-            _picture(figures.coordinates(found), "What the gap follows; coordinates overlap, so these do not add up.")
-        )
-    if found.captures:
-        drawn = len(figures.most_open(found))
-        rest = (
-            ""
-            if drawn == len(found.captures)
-            else f" The {drawn} of {len(found.captures)} in which it is open longest."
-        )
-        shown.append(_picture(figures.spans(found), f"When the gap is open (orange), a row a capture.{rest}"))
-    return Section("Where in the motion", [], shown, []) if shown else None
+def _motion(result: DiagnosisResult, _place: str) -> Section | None:
+    pictures = []
+    if result.coordinates:
+        caption = "Share of the gap that follows each coordinate. Coordinates overlap, so the shares do not add up."
+        pictures.append(_picture(figures.coordinates(result), caption))
+    if result.captures:
+        drawn, count = len(figures.most_open(result)), len(result.captures)
+        rest = "" if drawn == count else f" These are the {drawn} of {count} captures with the longest times."
+        pictures.append(_picture(figures.spans(result), f"Times with a gap (orange), a row a capture.{rest}"))
+    return Section("Where in the motion", [], pictures, []) if pictures else None
 
 
 def _picture(figure: Figure, caption: str, least: int = 0) -> Picture:
     return Picture(embedded(figure, figures.DPI), caption, least)
 
 
-def _shares(found: Found, _place: str) -> Section | None:
-    shown_tables = [tables.effects(found)] if found.effects else []
-    shown = [_picture(figures.shares(found), "The squared gap on held-out runs taken apart; the parts make 100 %.")]
-    if not found.shares:
-        shown = []
-    return Section("Which effect", [], shown, shown_tables) if shown or shown_tables else None
+def _shares(result: DiagnosisResult, _place: str) -> Section | None:
+    effects = [tables.effects(result)] if result.effects else []
+    caption = "The squared gap on held-out runs, split into its parts. The parts add up to 100 %."
+    pictures = [_picture(figures.shares(result), caption)] if result.shares else []
+    return Section("Which effect", [], pictures, effects) if pictures or effects else None
 
 
-def _distance(found: Found, _place: str) -> Section | None:
-    if found.verdict == "controller":
+def _distance(result: DiagnosisResult, _place: str) -> Section | None:
+    if result.verdict == "controller":
         return None
-    run = figures.telling(found)
-    shown = []
+    run = figures.largest_trace(result)
+    pictures = []
     if run is not None:
-        caption = f"{run.file}, the held-out run with the largest gap: its {_window(run)} with the largest gap."
-        shown.append(_picture(figures.trace(run, found), caption, 700))
-    return Section("How far it shrinks", _predicted(found), shown, [tables.gaps(found)])
+        window = run.time[figures.window(run)]
+        caption = f"{run.file}, the held-out run with the largest gap: its worst {window[-1] - window[0]:.2g} s."
+        pictures.append(_picture(figures.trace(run, result), caption, 700))
+    return Section("How far it shrinks", _predicted(result), pictures, [tables.gaps(result)])
 
 
-def _window(run: Trace) -> str:
-    part = run.time[figures.window(run)]
-    return f"{part[-1] - part[0]:.2g} s"
-
-
-def _predicted(found: Found) -> list[str]:
-    if found.gap.predicted is None or found.verdict == "none":
+def _predicted(result: DiagnosisResult) -> list[str]:
+    if result.gap.predicted is None or result.verdict == "none":
         return []
     return [
-        f"Expected beforehand, on the data that chose the effects: {percent(found.gap.predicted)} of the closable gap "
-        f"closed; reached on the held-out runs: {percent(found.gap.closure)}."
+        f"Predicted from the data that selected the effects: {percent(result.gap.predicted)} of the closable gap "
+        f"closes. Measured on the held-out runs: {percent(result.gap.closure)}."
     ]
 
 
-def _signatures(found: Found, _place: str) -> Section | None:
-    drawn = [one for one in found.named if one.curve is not None][:MOST_SIGNATURES]
-    shown = [_picture(figures.signature(one, found), f"{_name(one)}: {_told(one, found)}") for one in drawn]
-    title = "How it shows" if len(shown) == 1 else "How they show"
-    return Section(title, [], shown, []) if shown else None
+def _signatures(result: DiagnosisResult, _place: str) -> Section | None:
+    drawn = [effect for effect in result.named if effect.curve is not None][:MOST_SIGNATURES]
+    pictures = [
+        _picture(figures.signature(effect, result), f"{_title(effect)}: {_values(effect, result)}") for effect in drawn
+    ]
+    return Section("Residual of each effect", [], pictures, []) if pictures else None
 
 
-def _name(one: Effect) -> str:
-    name = words.effect(one.name)
+def _title(effect: FoundEffect) -> str:
+    name = label(effect.name)
     return name[:1].upper() + name[1:]
 
 
-def _told(one: Effect, found: Found) -> str:
-    shown = [f"{name.replace('_', ' ')} {parameter(name, value, found)}" for name, value in one.parameters.items()]
+def _values(effect: FoundEffect, result: DiagnosisResult) -> str:
+    shown = [
+        f"{name.replace('_', ' ')} {interval(name, estimate, result.travel)}"
+        for name, estimate in effect.parameters.items()
+    ]
     return f"{', '.join(shown)}." if shown else "no parameters."
 
 
+_UNKNOWN_TITLE = "Unexplained"
 _CAPTIONS = {
-    "frequency": "What is unknown: root mean square in each half octave.",
-    "time": "What is unknown: friction at half the largest speed over the session, less its mean.",
-    "none": "What is unknown, positive where it opposes the motor.",
+    "frequency": "Unexplained effort: root mean square in each half octave.",
+    "time": "Unexplained friction at half the largest speed over the session, minus its mean.",
 }
+_CAPTION = "Unexplained effort, positive where it opposes the motor."
 
 
-def _unknown(found: Found, place: str) -> Section | None:
-    if found.unknown is None:
+def _unknown(result: DiagnosisResult, place: str) -> Section | None:
+    term = result.unknown
+    if term is None:
         return None
-    one = found.unknown
-    if one.coordinate == "none":
-        lost = (
-            "What repeats and has no name follows no coordinate that was tried: it is more than any law of friction "
-            "leaves along the measured path, or it keeps the simulated loop from following the machine."
+    if term.coordinate == "none":
+        text = (
+            "A part of the gap repeats but follows no coordinate. It is larger than the error of any friction law "
+            "along the measured path, or it keeps the simulated loop from following the machine."
         )
-        return Section("What has no name", [lost], [], [], ())
-    said = [f"What repeats and has no name: {verdict_text.where_unknown(one)}. It is no cause, only a shape."]
-    shown = [_picture(figures.shape(found), _CAPTIONS.get(one.coordinate, _CAPTIONS["none"]))]
-    commands = (f"stagectl gap apply {place} STAGE.yaml --unknown",) if one.fields else ()
-    return Section("What has no name", said, shown, [], commands)
+        return Section(_UNKNOWN_TITLE, [text], [], [], ())
+    text = f"A part of the gap repeats and has no known cause: {verdict_text.where_unknown(term)}."
+    pictures = [_picture(figures.unknown(result), _CAPTIONS.get(term.coordinate, _CAPTION))]
+    commands = (f"stagectl gap apply {place} STAGE.yaml --unknown",) if term.fields else ()
+    return Section(_UNKNOWN_TITLE, [text], pictures, [], commands)
 
 
-def _following(found: Found, place: str) -> Section | None:
-    said = [*verdict_text.ambiguous(found), *verdict_text.advice(found)]
+def _following(result: DiagnosisResult, place: str) -> Section | None:
+    ambiguous = verdict_text.ambiguous(result)
+    lines = [*ambiguous, *verdict_text.advice(result)]
     commands = []
-    if found.next_experiment is not None and found.next_experiment.trajectory:
-        commands = [f"stagectl gap next {place}", f"stagectl run STAGE.yaml {found.next_experiment.trajectory}"]
-    if any(one.fields for one in found.named):
-        said.append("What is named goes into the stage model as a patch that is shown before it is written:")
+    if result.next_experiment is not None and result.next_experiment.trajectory:
+        commands = [f"stagectl gap next {place}", f"stagectl run STAGE.yaml {result.next_experiment.trajectory}"]
+    if any(effect.fields for effect in result.named):
+        lines.append("The last command adds the named effects to the stage file. It shows the patch before it writes.")
         commands.append(f"stagectl gap apply {place} STAGE.yaml")
-    title = "What is ambiguous, and what to do next" if verdict_text.ambiguous(found) else "What to do next"
-    return Section(title, said, [], [], tuple(commands)) if said else None
+    title = "Ambiguities and next steps" if ambiguous else "Next steps"
+    return Section(title, lines, [], [], tuple(commands)) if lines else None
 
 
-def _parameters(found: Found, _place: str) -> Section | None:
-    values = tables.values(found)
+def _parameters(result: DiagnosisResult, _place: str) -> Section | None:
+    values = tables.values(result)
     return Section("Parameters", [], [], [values]) if values.rows else None
 
 
-def _limits(found: Found, _place: str) -> Section | None:
-    said = [*(f"Cannot be told: {one}" for one in found.cannot_tell), *found.notes]
-    return Section("Notes, and what cannot be told", said, [], []) if said else None
+def _limits(result: DiagnosisResult, _place: str) -> Section | None:
+    lines = verdict_text.remarks(result)
+    return Section("Notes and limits", lines, [], []) if lines else None

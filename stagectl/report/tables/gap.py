@@ -1,64 +1,63 @@
-"""A diagnosis in tables: effects, their values, and how far the gap shrinks."""
+"""A diagnosis in tables: effects, their values, and how far the gap closes."""
 
 from __future__ import annotations
 
 import math
 
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects.library import label
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import NAMED, Effect, Found, Gap
-from stagectl.gap.result.gap_numbers import parameter, percent, together
+from stagectl.gap.result.diagnosis import NAMED, DiagnosisResult, FoundEffect, Gap
+from stagectl.number_format import UNKNOWN, interval, percent, together
 from stagectl.report.page import Table
 
 
-def tables(found: Found) -> list[Table]:
-    """The effects, their values, and how far the gap shrinks."""
+def tables(result: DiagnosisResult) -> list[Table]:
+    """The effects, their values, and how far the gap closes."""
     return [
-        *([effects(found)] if found.effects else []),
-        *([values(found)] if any(effect.parameters for effect in found.named) else []),
-        *([gaps(found)] if found.verdict != "controller" else []),
+        *([effects(result)] if result.effects else []),
+        *([values(result)] if any(effect.parameters for effect in result.named) else []),
+        *([gaps(result)] if result.verdict != "controller" else []),
     ]
 
 
-def effects(found: Found) -> Table:
+def effects(result: DiagnosisResult) -> Table:
     """Each effect with its share and probability."""
-    rows = [row for one in found.effects for row in _effect(one)]
+    rows = [row for effect in result.effects for row in _effect(effect)]
     return Table("", ["effect", "in", "share of closable gap", "probability"], rows)
 
 
-def _effect(one: Effect) -> list[list[str]]:
-    """A row, and one for each effect that would fit as well."""
-    probability = f"{one.probability:.2f}" + ("" if one.probability >= NAMED else ": not named")
-    rest = [[f"or {words.effect(name)}", "", "", ""] for name in one.alternatives]
-    return [[words.effect(one.name), one.block, percent(one.share), probability], *rest]
+def _effect(effect: FoundEffect) -> list[list[str]]:
+    """A row, and one for each effect that fits as well."""
+    probability = f"{effect.probability:.2f}" + ("" if effect.probability >= NAMED else ": not named")
+    rest = [[f"or {label(name)}", "", "", ""] for name in effect.alternatives]
+    return [[label(effect.name), effect.block, percent(effect.share), probability], *rest]
 
 
-def gaps(found: Found) -> Table:
+def gaps(result: DiagnosisResult) -> Table:
     """The gap before and after."""
-    known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
-    rows = [_row(verdict_text.called(name), gap, found) for name, gap in known.items()]
-    return Table(
-        "", ["rms on held-out runs", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"], rows
-    )
+    known = {"position" if result.gap.unit in ("rad", "m") else "effort": result.gap, **result.gaps}
+    rows = [_row(verdict_text.gap_label(name), gap, result) for name, gap in known.items()]
+    head = ["rms on held-out runs", "before", "after", "unit", "factor", "noise floor", "closed (95 %)"]
+    return Table("", head, rows)
 
 
-def _row(name: str, one: Gap, found: Found) -> list[str]:
-    (before, after, floor), unit = together((one.before, one.after, one.floor), one.unit, found)
-    factor = f"{one.before / one.after:.1f}" if one.after > 0.0 else ""
-    return [name, before, after, unit, factor, floor, _closed(one, found)]
+def _row(name: str, gap: Gap, result: DiagnosisResult) -> list[str]:
+    (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, result.travel)
+    factor = f"{gap.before / gap.after:.1f}" if gap.after > 0.0 else ""
+    return [name, before, after, unit, factor, floor, _closed(gap, result)]
 
 
-def _closed(one: Gap, found: Found) -> str:
-    if found.verdict == "none":
+def _closed(gap: Gap, result: DiagnosisResult) -> str:
+    if result.verdict == "none":
         return "nothing to close"
-    return verdict_text.closure(one) if math.isfinite(one.closure) else "not known"
+    return verdict_text.closure(gap) if math.isfinite(gap.closure) else UNKNOWN
 
 
-def values(found: Found) -> Table:
-    """Values of what is named, with their intervals."""
+def values(result: DiagnosisResult) -> Table:
+    """Values of the named effects, with their intervals."""
     rows = [
-        [words.effect(one.name), name.replace("_", " "), parameter(name, value, found)]
-        for one in found.named
-        for name, value in one.parameters.items()
+        [label(effect.name), name.replace("_", " "), interval(name, estimate, result.travel)]
+        for effect in result.named
+        for name, estimate in effect.parameters.items()
     ]
     return Table("", ["effect", "", "value (95 % interval)"], rows)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from stagectl.gap.effects import effect_names as words
+from stagectl.gap.effects import library
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT
 
 WIDTH = 5.4  # inch: two stand side by side
@@ -22,7 +22,7 @@ _TICKS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 def called(name: str) -> str:
     """An effect as people call it; other answers as they are."""
-    return words.effect(name) if name in words.EFFECTS else name
+    return library.label(name) if name in library.EFFECTS else name
 
 
 def confusion(counts: Sequence[Sequence[Any]]) -> Figure:

@@ -3,8 +3,8 @@
 * Only entries with a probability of at least 0.5 count as named; their order is the ranking.
 * An entry that is a shift of a value that truly is off (the user's inertia, viscous or Coulomb friction), or that a
   hidden effect needs as its companion, is true and is passed over where the hidden effects are looked for.
-* What no motion of this kind tells apart is the same answer (`EXACT`; on the poor battery `NEAR` as well).  A common
-  change of inertia, viscous and Coulomb friction is the answer "force constant".
+* Effects that all logs show alike are the same answer (on the poor battery also those that few motions show alike).
+  A common change of inertia, viscous and Coulomb friction is the answer "force constant".
 * Top-1: the first entry that is left *names* the effect.  Found: it stands in an entry's name or alternatives, each
   effect in an entry of its own.  Covered: it is among name and alternatives of the first entry that is left.
 * The verdict ``controller`` is the entry "controller"; what a diagnosis that failed says is nothing.
@@ -15,62 +15,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from stagectl.gap.effects.effect import FAMILIES, Data
+from stagectl.gap.effects.library import EFFECTS, FORCE_SCALED, look_alikes
+
 NAMED = 0.5
 COMMON = 0.03  # spread of changes that are one common change
 OFF = 1e-3  # share from which a value of the model is off
 
-EXACT: tuple[frozenset[str], ...] = (
-    frozenset({"force_constant", "current_gain"}),
-    frozenset({"dead_time", "jitter"}),
+EXACT: tuple[frozenset[str], ...] = tuple(
+    dict.fromkeys(frozenset({name, *alike}) for name in EFFECTS if (alike := look_alikes(name, Data.ALL)))
 )
-NEAR: tuple[frozenset[str], ...] = (
-    frozenset({"bias", "current_offset", "coulomb_asymmetry"}),
-    frozenset({"encoder_eccentricity", "cogging"}),
-    frozenset({"dead_time", "jitter", "time_shift"}),
-    frozenset({"thermal_viscous", "viscous"}),
-    frozenset({"viscous_nonlinear", "stribeck"}),
-    frozenset({"presliding", "thermal_coulomb"}),
-)
-WIDER: dict[str, frozenset[str]] = {  # what holds an effect as a special case, and so explains all it does
-    "stribeck": frozenset({"friction_lag"}),
-    "lead_friction": frozenset({"ball_pass_ripple"}),
-}
-SCALED = frozenset({"inertia", "viscous", "coulomb"})
-
-CLASSES: dict[str, tuple[str, ...]] = {
-    "parameters": ("inertia", "force_constant", "viscous", "coulomb", "bias"),
-    "friction over speed": (
-        "viscous_nonlinear",
-        "coulomb_asymmetry",
-        "viscous_asymmetry",
-        "stribeck",
-        "friction_lag",
-        "load_friction",
-    ),
-    "friction with memory": ("presliding", "dwell", "cable_hysteresis", "backlash"),
-    "over position": (
-        "position_friction",
-        "lead_friction",
-        "cogging",
-        "current_ripple",
-        "ball_pass_ripple",
-        "cable_spring",
-    ),
-    "over the session": ("thermal_viscous", "thermal_coulomb", "friction_step"),
-    "structure": ("compliance", "base_vibration"),
-    "drive": (
-        "dead_time",
-        "jitter",
-        "current_loop",
-        "current_saturation",
-        "voltage_saturation",
-        "current_quantisation",
-        "current_gain",
-        "current_offset",
-    ),
-    "encoder and record": ("encoder_eccentricity", "encoder_interpolation", "time_shift"),
-    "controller": ("controller",),
-}
+WIDER = {name: frozenset(effect.generalisations) for name, effect in EFFECTS.items() if effect.generalisations}
+SCALED = frozenset(FORCE_SCALED)
+CLASSES = {family: tuple(e.name for e in EFFECTS.values() if e.family == family) for family in FAMILIES}
 CLASS_OF = {name: kind for kind, names in CLASSES.items() for name in names}
 BLOCKS = {  # by what the plant says an effect is seen in
     "torque": ("mechanics",),
@@ -79,46 +36,7 @@ BLOCKS = {  # by what the plant says an effect is seen in
     "position": ("sensor",),
     "command": ("controller",),
 }
-_TURN, _SPEED, _ZONE = ("position_mod_pitch",), ("speed", "direction"), ("displacement_since_reversal",)
-COORDINATES: dict[str, tuple[str, ...]] = {  # in which the effect's residual lives, any of them
-    "inertia": ("acceleration",),
-    "force_constant": ("current", "direction", "acceleration", "speed"),
-    "viscous": ("speed",),
-    "viscous_nonlinear": ("speed",),
-    "coulomb": _SPEED,
-    "coulomb_asymmetry": ("direction", "none", *_ZONE),
-    "viscous_asymmetry": ("speed",),
-    "stribeck": (*_SPEED, *_ZONE),
-    "presliding": _ZONE,
-    "dwell": (*_ZONE, "time"),
-    "friction_lag": (*_SPEED, "acceleration", *_ZONE),
-    "load_friction": ("current", "acceleration"),
-    "position_friction": ("position",),
-    "lead_friction": _TURN,
-    "cogging": _TURN,
-    "current_ripple": (*_TURN, "current"),
-    "ball_pass_ripple": (*_TURN, "position", "frequency"),
-    "encoder_eccentricity": _TURN,
-    "encoder_interpolation": (*_TURN, "position", "frequency"),
-    "current_quantisation": ("current", "frequency", "time"),
-    "dead_time": ("frequency",),
-    "jitter": ("frequency", "time"),
-    "current_loop": ("frequency",),
-    "current_saturation": ("current",),
-    "voltage_saturation": ("current", "speed"),
-    "current_gain": ("current", "direction", "acceleration", "speed"),
-    "current_offset": ("none", "current", "direction", "position"),
-    "bias": ("none", "direction", "position", "current"),
-    "cable_spring": ("position",),
-    "cable_hysteresis": (*_ZONE, "position"),
-    "thermal_viscous": ("time", "speed"),
-    "thermal_coulomb": ("time", *_SPEED),
-    "friction_step": ("time", *_SPEED),
-    "backlash": (*_ZONE, "frequency", "acceleration"),
-    "compliance": ("frequency", "acceleration"),
-    "base_vibration": ("frequency", "acceleration"),
-    "time_shift": ("frequency", "acceleration"),
-}
+COORDINATES = {name: effect.seen_over for name, effect in EFFECTS.items() if effect.seen_over}
 
 
 class Entry(NamedTuple):
@@ -171,8 +89,9 @@ def entries(answer: Mapping[str, Any]) -> list[Entry]:
 
 def same(name: str, poor: bool = False) -> frozenset[str]:
     """The name and all that counts as the same answer."""
-    sets = (*EXACT, *NEAR) if poor else EXACT
-    return frozenset({name}.union(*(one for one in sets if name in one)))
+    if name not in EFFECTS:  # an effect that no library has
+        return frozenset({name})
+    return frozenset({name, *look_alikes(name, Data.ALL | Data.FEW_MOTIONS if poor else Data.ALL)})
 
 
 def any_same(names: Iterable[str], poor: bool) -> frozenset[str]:

@@ -1,19 +1,21 @@
-"""Every effect at a size that machines have, with a motion of the battery that shows it.
+"""A scene for every effect: a size that machines have, and a motion of the battery that shows it.
 
-The machine is the ball-screw stage of the paper; the sizes are those of the design of the diagnosis, section 4.
+The machine is the ball-screw stage of the paper.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
 
-from stagectl.gap.effects import library_drive, library_friction, library_mechanics, library_sensor
-from stagectl.gap.effects.library import Definition, Scales, put
+from stagectl.gap.effects.effect import Scales, definition
+from stagectl.gap.effects.library import EFFECTS
+from stagectl.gap.effects.stage_changes import put
 from stagectl.kernels import stage
 from stagectl.kernels.friction import Stribeck
-from stagectl.report.effects.measured_effect import COMMAND, CURRENT, Scene
+from stagectl_studies.effect_pictures.measured_effect import COMMAND, CURRENT, Scene
 
 TURN = 2.0 * math.pi
 UM = TURN / 12e-3 * 1e-6  # rad of the motor for a micrometre of table travel
@@ -34,48 +36,44 @@ SIZES = Scales(  # of the ball-screw stage and the battery on it
     voltage=50.0,
     orders=ORDERS,
 )
-FULL = 1e9  # Hz: all that is there
-# After the reversal that comes before a micro-sine (s), and the way after each reversal (um).
-CLOSE: dict[str, Any] = {"part": (0.6, math.inf), "zoom": (0.8, 24.0)}
+FULL_BAND = 1e9  # Hz
+# Part of a micro-sine after its first reversal (s), and displacement after each reversal (um).
+AFTER_REVERSAL: dict[str, Any] = {"part": (0.6, math.inf), "zoom": (0.8, 24.0)}
 SLOPES = (-0.45, 0.45)  # A/ms
-FALL = 4e3 * UM  # rad/s: speed over which a Stribeck curve falls
+FALL = 4e3 * UM  # rad/s, Stribeck velocity
 WARMING = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 420.0, 540.0)  # s
 
 
-def _definitions() -> dict[str, Definition]:
-    parts = (
-        library_mechanics.parameters(SIZES),
-        *(part.definitions(SIZES) for part in (library_drive, library_mechanics, library_friction, library_sensor)),
-    )
-    return {one.name: one for part in parts for one in part}
+def change(name: str, values: dict[str, float]) -> Callable[[stage.Stage], stage.Stage]:
+    """What the effect with these values does to a stage model; without values, nothing.
+
+    An effect that is not searched for has one value, that of its place.
+    """
+    effect = EFFECTS[name]
+    parameters = definition(effect, SIZES)
+    if parameters is not None:
+        return lambda p: parameters.apply(p, values)
+    return lambda p: functools.reduce(lambda q, place: put(q, place, values["value"]), effect.places, p)
 
 
-DEFINITIONS = _definitions()
-
-
-def effect(name: str, **values: float) -> Callable[[stage.Stage], stage.Stage]:
-    """The change of the stage model that the diagnosis knows by this name."""
-    return lambda p: DEFINITIONS[name].apply(p, values)
-
-
-def _volts(p: stage.Stage) -> stage.Stage:
-    """A motor that needs more voltage the faster it turns."""
+def _with_windings(p: stage.Stage) -> stage.Stage:
+    """A motor whose voltage rises with its speed."""
     return p._replace(drive=p.drive._replace(resistance=1.0, back_emf=0.72))
 
 
-def _falling(p: stage.Stage) -> stage.Stage:
-    """A friction whose Stribeck curve is known, but not that it lags."""
+def _with_stribeck(p: stage.Stage) -> stage.Stage:
+    """A model that has the Stribeck curve, but not its lag."""
     return put(p, "friction.stribeck", Stribeck(0.3, FALL, 1.0))
 
 
 def _scene(name: str, motion: str, across: str, values: dict[str, float], **more: Any) -> Scene:
-    return Scene(name, effect(name, **values), motion, across, **more)
+    return Scene(name, change(name, values), motion, across, **more)
 
 
 def scenes() -> dict[str, Scene]:
     """By the effects' names, in the order of the manual."""
-    every = (*_parameters(), *_friction(), *_place(), *_time(), *_mechanics(), *_drive(), *_sensor())
-    return {one.name: one for one in every}
+    parts = (_parameters(), _friction(), _place(), _time(), _mechanics(), _drive(), _sensor())
+    return {scene.name: scene for part in parts for scene in part}
 
 
 def _parameters() -> tuple[Scene, ...]:
@@ -83,7 +81,7 @@ def _parameters() -> tuple[Scene, ...]:
         _scene("inertia", "sine-medium", "acceleration", {"size": 0.1}),
         _scene("viscous", "stairs", "velocity", {"size": 0.1}),
         _scene("coulomb", "stairs", "velocity", {"size": 0.1}),
-        _scene("presliding", "micro-above", "since", {"size": 0.5}, opposing=True, **CLOSE),
+        _scene("presliding", "micro-above", "since", {"size": 0.5}, opposing=True, **AFTER_REVERSAL),
         _scene("force_constant", "sine-strong", "current", {"size": 0.05}, colours="gain"),
         _scene("bias", "stairs", "velocity", {"effort": 0.1}),
     )
@@ -103,11 +101,11 @@ def _friction() -> tuple[Scene, ...]:
             "pace",
             lagging,
             colours="gain",
-            base=_falling,
+            base=_with_stribeck,
             opposing=True,
             zoom=(1.0, 14.0),
         ),
-        _scene("dwell", "dwells-short", "since", aged, colours="rest", opposing=True, **CLOSE),
+        _scene("dwell", "dwells-short", "since", aged, colours="rest", opposing=True, **AFTER_REVERSAL),
         _scene("load_friction", "speeds-by-acceleration", "load", {"share": 0.05}, opposing=True),
     )
 
@@ -145,41 +143,56 @@ def _time() -> tuple[Scene, ...]:
 
 
 def _mechanics() -> tuple[Scene, ...]:
-    play: dict[str, float] = {"gap": 4.0 * UM, "load_share": 0.3, "load_friction": 0.9}
+    play: dict[str, float] = {
+        "gap": 4.0 * UM,
+        "load_share": 0.3,
+        "load_friction": 0.9,
+        "resonance": 800.0,
+        "damping": 0.1,
+    }
     spring: dict[str, float] = {"load_share": 0.3, "load_friction": 0.8, "resonance": 250.0, "damping": 0.03}
     base: dict[str, float] = {"ratio": 0.08, "frequency": 20.0, "damping": 0.03}
     return (
-        _scene("backlash", "micro-above", "since", {**play, "resonance": 800.0, "damping": 0.1}, band=200.0, **CLOSE),
-        _scene("compliance", "multisine-middle", "frequency", spring, band=FULL),
+        _scene(
+            "backlash",
+            "micro-above",
+            "since",
+            play,
+            band=200.0,
+            **AFTER_REVERSAL,
+        ),
+        _scene("compliance", "multisine-middle", "frequency", spring, band=FULL_BAND),
         _scene("base_vibration", "step-and-settle", "time", base, above=4.0, part=(0.0, 2.85)),
     )
 
 
 def _drive() -> tuple[Scene, ...]:
-    quantum = Scene(
-        "current_quantisation", lambda p: put(p, "drive.current_quantum", 0.05), "micro-slow", "current", CURRENT
-    )._replace(zoom=(0.9, 1.2))
-    jitter = Scene("jitter", lambda p: put(p, "drive.jitter", 0.0001), "sine-strong", "slope", CURRENT, zoom=SLOPES)
-    deployed = Scene("controller", lambda p: p, "stairs", "error", COMMAND, gain=1.05)
-    limited: dict[str, float] = {"depth": 0.15, "continuous": 0.0}
     return (
         _scene("dead_time", "sine-strong", "slope", {"time": 0.0003}, channel=CURRENT, zoom=SLOPES),
         _scene("current_loop", "multisine-middle", "frequency", {"lag": 0.0002}, channel=CURRENT),
-        jitter,
-        quantum._replace(base=lambda p: put(p, "drive.current_quantum", 0.0)),
+        _scene("jitter", "sine-strong", "slope", {"value": 0.0001}, channel=CURRENT, zoom=SLOPES),
+        _scene(
+            "current_quantisation",
+            "micro-slow",
+            "current",
+            {"value": 0.05},
+            channel=CURRENT,
+            base=lambda p: put(p, "drive.current_quantum", 0.0),
+            zoom=(0.9, 1.2),
+        ),
         _scene("current_gain", "sine-strong", "current", {"size": 0.02}, channel=CURRENT),
         _scene("current_offset", "sine-strong", "current", {"current": 0.05, "reported": 1.0}, channel=CURRENT),
-        _scene("current_saturation", "sine-strong", "current", limited, channel=CURRENT),
-        _scene("voltage_saturation", "fast-cruise", "velocity", {"depth": 0.3}, channel=CURRENT, base=_volts),
-        deployed,
+        _scene("current_saturation", "sine-strong", "current", {"depth": 0.15, "continuous": 0.0}, channel=CURRENT),
+        _scene("voltage_saturation", "fast-cruise", "velocity", {"depth": 0.3}, channel=CURRENT, base=_with_windings),
+        _scene("controller", "stairs", "error", {}, channel=COMMAND, gain=1.05),
     )
 
 
 def _sensor() -> tuple[Scene, ...]:
     disc: dict[str, float] = {"sine": 30e-5, "cosine": 0.0, "order": 1.0}
-    late = Scene("time_shift", lambda p: p, "sine-strong", "slope", shift=1, zoom=SLOPES)
+    period: dict[str, float] = {"sine": 3e-5, "cosine": 0.0, "order": 512.0}
     return (
         _scene("encoder_eccentricity", "constant-speed-fast", "turn", disc, colours="pace", band=40.0),
-        _scene("encoder_interpolation", "creep", "period", {"sine": 3e-5, "cosine": 0.0, "order": 512.0}, band=FULL),
-        late,
+        _scene("encoder_interpolation", "creep", "period", period, band=FULL_BAND),
+        _scene("time_shift", "sine-strong", "slope", {}, shift=1, zoom=SLOPES),
     )

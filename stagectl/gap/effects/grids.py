@@ -1,0 +1,23 @@
+"""Grids on which the shapes of effects are searched, and sizes at which their columns are taken.
+
+All are chosen, not derived: each grid is as coarse as its neighbours still find an effect that lies between them.
+"""
+
+from __future__ import annotations
+
+# Share by which a limit lies below the largest current (voltage) of the logs.  A drive that did reach its limit gave
+# it as its largest value, up to the noise of the measurement: hence the smallest one.
+LIMIT_DEPTHS = (0.01, 0.05, 0.25)
+STRIBECK_SPEEDS = (0.001, 0.004, 0.015, 0.06, 0.2)  # of the largest speed
+DWELL_SLIPS = (0.15, 0.4, 1.0)  # of the rolling zone: about the mean slip of its elements, and 2.5 times less and more
+DWELL_TIMES = (0.03, 0.2)  # s
+FRICTION_LAGS = (0.003, 0.012)  # s
+WARMING_TIMES = (30.0, 100.0, 300.0, 1000.0)  # s
+MOST_STEP_TIMES = 24  # instants of the session at which a step of the friction is tried
+CABLE_SLIPS = (0.02, 0.05, 0.12, 0.3)  # of half the stroke
+BACKLASH_GAPS = (0.04, 0.1, 0.25, 0.6, 1.5)  # of the rolling zone
+COMPLIANCE_FREQUENCIES = (80.0, 120.0, 180.0, 270.0, 400.0, 600.0, 900.0, 1350.0)  # Hz
+BASE_FREQUENCIES = (8.0, 11.0, 15.0, 21.0, 29.0, 40.0, 55.0)  # Hz
+SAME_FREQUENCY = 0.05  # relative distance below which a base frequency of the grid is one that the logs show
+_ARCSECOND = 7.7e-7  # of a pitch of one turn
+ENCODER_ERRORS = (30.0 * _ARCSECOND, 3.0 * _ARCSECOND)  # of a pitch: once per turn, once per signal period

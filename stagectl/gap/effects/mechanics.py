@@ -1,0 +1,270 @@
+"""Effects of motor, screw, cable, table and base: all that is not a factor on friction."""
+
+from __future__ import annotations
+
+from stagectl.gap.effects import grids
+from stagectl.gap.effects.effect import (
+    ACCELERATION,
+    CURRENT,
+    FREQUENCY,
+    MECHANICS,
+    POSITION,
+    SINCE_REVERSAL,
+    SPEED,
+    TIME,
+    TURN,
+    Amplitude,
+    Data,
+    Effect,
+    Parameters,
+    Scales,
+    Shape,
+    TimeVariation,
+    Values,
+)
+from stagectl.gap.effects.stage_changes import added, decay, filled, get, harmonic_parameters, put
+from stagectl.kernels.stage import Stage
+
+_EFFORT, _STIFFNESS = "N m | N", "N m/rad | N/m"
+_TRANSMISSION = ("load_share", "load_friction", "resonance", "damping")
+
+
+def _cogging(s: Scales) -> Parameters:
+    return harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, s.orders.get("cogging", ()))
+
+
+def _ripple(s: Scales) -> Parameters:
+    return harmonic_parameters("motor.ripple", "", 0.01, s.orders.get("current_ripple", ()))
+
+
+def _viscous_nonlinear(s: Scales) -> Parameters:
+    def apply(p: Stage, v: Values) -> Stage:
+        """`size`: share of the viscous friction at the largest speed that follows its square or its root."""
+        effort = v["size"] * s.viscous * s.speed
+        place, scale = ("root", s.speed**0.5) if v["root"] else ("quadratic", s.speed**2)
+        return put(p, f"mechanics.{place}", get(p.mechanics, place) + effort / scale)
+
+    return Parameters((Amplitude("size", "", (0.2,), -2.0, 2.0),), (Shape("root", "", (0.0, 1.0), False),), apply)
+
+
+def _viscous_asymmetry(_: Scales) -> Parameters:
+    size = Amplitude("size", "", (0.1,), -0.9, 0.9)
+    return Parameters((size,), (), added(size="mechanics.viscous_asymmetry"))
+
+
+def _thermal_viscous(_: Scales) -> Parameters:
+    return Parameters(
+        (Amplitude("rise", "", (0.2,), -0.9, 5.0),),
+        (Shape("time", "s", grids.WARMING_TIMES),),
+        filled("mechanics.viscous_warming", rise="rise", time="time"),
+        TimeVariation({"rise": "viscous"}, decay),
+    )
+
+
+def _cable_spring(s: Scales) -> Parameters:
+    def apply(p: Stage, v: Values) -> Stage:
+        return put(p, "mechanics.cable", p.mechanics.cable._replace(stiffness=v["stiffness"], centre=s.centre))
+
+    return Parameters((Amplitude("stiffness", _STIFFNESS, (0.1 * s.coulomb / s.stroke,)),), (), apply)
+
+
+def _cable_hysteresis(s: Scales) -> Parameters:
+    return Parameters(
+        (Amplitude("effort", _EFFORT, (0.1 * s.coulomb,), 0.0),),
+        (Shape("slip", "rad | m", tuple(s.stroke * f for f in grids.CABLE_SLIPS)),),
+        filled("mechanics.cable", hysteresis="effort", slip="slip"),
+    )
+
+
+def _backlash(s: Scales) -> Parameters:
+    gaps = tuple(f * s.length for f in grids.BACKLASH_GAPS)
+    return Parameters(
+        (Amplitude("gap", "rad | m", gaps, 0.0, 20.0 * s.length),),
+        (
+            Shape("load_share", "", (0.3,), True, 0.02, 0.95),
+            Shape("load_friction", "", (0.9, 0.4), True, 0.01, 1.0),
+            Shape("resonance", "Hz", (800.0,), True, 200.0, 2500.0),
+            Shape("damping", "", (0.1,), True, 0.01, 1.0),
+        ),
+        lambda p, v: _with_load(p, v, backlash=v["gap"]) if v["gap"] > 0.0 else p,
+        nonlinear=True,
+    )
+
+
+def _compliance(_: Scales) -> Parameters:
+    return Parameters(
+        (Amplitude("load_share", "", (0.3,), 0.0, 0.95),),
+        (
+            Shape("resonance", "Hz", grids.COMPLIANCE_FREQUENCIES, True, 50.0, 2500.0),
+            Shape("damping", "", (0.03,), True, 0.002, 1.0),
+            Shape("load_friction", "", (0.8,), True, 0.01, 1.0),
+        ),
+        lambda p, v: _with_load(p, v) if v["load_share"] > 0.0 else p,
+        resonant=True,
+    )
+
+
+def _with_load(p: Stage, v: Values, **more: float) -> Stage:
+    """The stage with a load behind its transmission."""
+    changed = p.mechanics.transmission._replace(**{name: v[name] for name in _TRANSMISSION}, **more)
+    return put(p, "mechanics.transmission", changed)
+
+
+def _base_vibration(s: Scales) -> Parameters:
+    grid = (
+        *s.modes,
+        *(f for f in grids.BASE_FREQUENCIES if all(abs(f - mode) > grids.SAME_FREQUENCY * f for mode in s.modes)),
+    )
+    return Parameters(
+        (Amplitude("ratio", "", (0.05,), 0.0, 1.0),),
+        (Shape("frequency", "Hz", grid), Shape("damping", "", (0.03,), True, 0.002, 1.0)),
+        filled("mechanics.base", ratio="ratio", frequency="frequency", damping="damping"),
+    )
+
+
+EFFECTS = (
+    Effect(
+        "cogging",
+        "cogging",
+        "over position",
+        MECHANICS,
+        TURN,
+        seen_over=(TURN,),
+        places=("motor.cogging",),
+        experiments=(
+            "scan",
+            "constant-speed-long",
+            "constant-speed-fast",
+            "scan-slow",
+            "scans-at-two-speeds",
+            "scan-at-two-loads",
+            "second sensor",
+        ),
+        parameters=_cogging,
+        look_alikes={"encoder_eccentricity": Data.FEW_MOTIONS},
+        kin=("angle",),
+    ),
+    Effect(
+        "current_ripple",
+        "current ripple",
+        "over position",
+        MECHANICS,
+        TURN,
+        seen_over=(TURN, CURRENT),
+        places=("motor.ripple",),
+        experiments=("constant-speed-long", "constant-speed-fast", "scan-at-two-loads"),
+        parameters=_ripple,
+        kin=("angle",),
+    ),
+    Effect(
+        "viscous_nonlinear",
+        "nonlinear viscous friction",
+        "friction over speed",
+        MECHANICS,
+        SPEED,
+        seen_over=(SPEED,),
+        places=("mechanics.root", "mechanics.quadratic"),
+        experiments=("stairs", "stairs-wide", "stairs-creep", "stairs-fast", "fast-cruise"),
+        parameters=_viscous_nonlinear,
+        look_alikes={"stribeck": Data.FEW_MOTIONS},
+        kin=("speed",),
+    ),
+    Effect(
+        "viscous_asymmetry",
+        "viscous asymmetry",
+        "friction over speed",
+        MECHANICS,
+        SPEED,
+        seen_over=(SPEED,),
+        places=("mechanics.viscous_asymmetry",),
+        experiments=("stairs", "stairs-wide", "stairs-fast"),
+        parameters=_viscous_asymmetry,
+    ),
+    Effect(
+        "thermal_viscous",
+        "thermal viscous friction",
+        "over the session",
+        MECHANICS,
+        TIME,
+        seen_over=(TIME, SPEED),
+        places=("mechanics.viscous_warming",),
+        experiments=("warm-up",),
+        parameters=_thermal_viscous,
+        look_alikes={"viscous": Data.IN_OPERATION | Data.FEW_MOTIONS},
+        kin=("session",),
+    ),
+    Effect(
+        "cable_spring",
+        "cable spring",
+        "over position",
+        MECHANICS,
+        POSITION,
+        seen_over=(POSITION,),
+        places=("mechanics.cable",),
+        experiments=("scan", "scan-slow", "scans-at-two-speeds", "strokes", "rest-at-places"),
+        parameters=_cable_spring,
+        kin=("stroke",),
+    ),
+    Effect(
+        "cable_hysteresis",
+        "cable hysteresis",
+        "friction with memory",
+        MECHANICS,
+        SINCE_REVERSAL,
+        seen_over=(SINCE_REVERSAL, POSITION),
+        places=("mechanics.cable",),
+        experiments=("steps", "strokes", "micro-sweep"),
+        parameters=_cable_hysteresis,
+        kin=("stroke", "reversal"),
+    ),
+    Effect(
+        "backlash",
+        "backlash",
+        "friction with memory",
+        MECHANICS,
+        SINCE_REVERSAL,
+        seen_over=(SINCE_REVERSAL, FREQUENCY, ACCELERATION),
+        places=("mechanics.transmission",),
+        experiments=("micro", "micro-sweep", "micro-slow", "micro-fast", "reversals"),
+        parameters=_backlash,
+        kin=("reversal",),
+    ),
+    Effect(
+        "compliance",
+        "compliance",
+        "structure",
+        MECHANICS,
+        FREQUENCY,
+        seen_over=(FREQUENCY, ACCELERATION),
+        places=("mechanics.transmission",),
+        experiments=(
+            "multisine",
+            "sines-of-one-speed",
+            "micro-fast",
+            "resonance",
+            "resonance-of-the-base",
+            "step-and-settle",
+            "measured elsewhere on the base",
+        ),
+        parameters=_compliance,
+        kin=("reversal",),
+    ),
+    Effect(
+        "base_vibration",
+        "vibration of the base",
+        "structure",
+        MECHANICS,
+        FREQUENCY,
+        seen_over=(FREQUENCY, ACCELERATION),
+        places=("mechanics.base",),
+        experiments=(
+            "steps",
+            "speeds-by-acceleration",
+            "resonance",
+            "resonance-of-the-base",
+            "step-and-settle",
+            "measured elsewhere on the base",
+        ),
+        parameters=_base_vibration,
+    ),
+)

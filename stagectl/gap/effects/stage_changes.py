@@ -1,0 +1,91 @@
+"""Changes of a stage model that effects are made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from stagectl.gap.effects.effect import Amplitude, Parameters, Shape, Values
+from stagectl.kernels import friction
+from stagectl.kernels.stage import Stage
+
+Block = TypeVar("Block")  # a NamedTuple of parameters
+Change = Callable[[Stage, Values], Stage]
+
+
+def put(p: Block, place: str, value: Any) -> Block:
+    """`p` with the field at the dotted `place` replaced."""
+    name, _, rest = place.partition(".")
+    block: Any = p
+    changed: Block = block._replace(**{name: put(getattr(p, name), rest, value) if rest else value})
+    return changed
+
+
+def get(p: Any, place: str) -> Any:
+    """The field of `p` at the dotted `place`."""
+    for name in place.split("."):
+        p = getattr(p, name)
+    return p
+
+
+def scaled(place: str) -> Change:
+    """The field at `place`, multiplied by 1 + size."""
+    return lambda p, v: put(p, place, get(p, place) * (1.0 + v["size"]))
+
+
+def added(**places: str) -> Change:
+    """Each parameter of the effect, added to a field."""
+
+    def apply(p: Stage, v: Values) -> Stage:
+        for name, place in places.items():
+            p = put(p, place, get(p, place) + v[name])
+        return p
+
+    return apply
+
+
+def filled(place: str, **names: str) -> Change:
+    """The block at `place`, with each named field set to the parameter of the effect that `names` gives."""
+    return lambda p, v: put(p, place, get(p, place)._replace(**{field: v[name] for field, name in names.items()}))
+
+
+def harmonic(place: str) -> Change:
+    """``sine sin(order angle) + cosine cos(order angle)`` as amplitude, order and phase of the Harmonic at `place`."""
+
+    def apply(p: Stage, v: Values) -> Stage:
+        size, phase = math.hypot(v["sine"], v["cosine"]), math.atan2(v["cosine"], v["sine"])
+        return put(p, place, get(p, place)._replace(amplitude=size, order=v["order"], phase=phase))
+
+    return apply
+
+
+def harmonic_parameters(place: str, unit: str, size: float, orders: tuple[float, ...]) -> Parameters:
+    """Sine and cosine of typically `size`, at each of the `orders`, of the Harmonic at `place`."""
+    pair = (Amplitude("sine", unit, (size,)), Amplitude("cosine", unit, (size,)))
+    return Parameters(pair, (Shape("order", "", orders, False),), harmonic(place))
+
+
+def coulomb(p: Stage, v: Values) -> Stage:
+    """All friction but the viscous part, multiplied by 1 + size."""
+    factor = 1.0 + v["size"]
+    rolling, bristle = p.friction.operators, p.friction.bristle
+    operators = rolling._replace(weight=rolling.weight * factor)
+    changed = bristle._replace(coulomb=bristle.coulomb * factor, stiffness=bristle.stiffness * factor)
+    return p._replace(friction=p.friction._replace(operators=operators, bristle=changed))
+
+
+def stretched(p: Stage, v: Values) -> Stage:
+    """The rolling zone, longer by the share `size`."""
+    factor = 1.0 + v["size"]
+    rolling, bristle = p.friction.operators, p.friction.bristle
+    operators = friction.bundle(rolling.weight, rolling.slip * factor)
+    changed = bristle._replace(stiffness=bristle.stiffness / factor)
+    return p._replace(friction=p.friction._replace(operators=operators, bristle=changed))
+
+
+def decay(v: Values, t: Any) -> Any:
+    """``exp(-t / time)`` at the session clock `t` (n,) s: 1 on a cold machine, 0 on a warm one."""
+    return np.exp(-t / v["time"])

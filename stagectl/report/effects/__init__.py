@@ -1,1 +1,0 @@
-"""Each effect of the gap as the manual shows it: what it is, its picture, its lines in a stage file."""
