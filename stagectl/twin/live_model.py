@@ -22,7 +22,7 @@ import numpy as np
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import model_tracking
-from stagectl.kernels import feedback, friction, law, parity, rollout, stage, tracked_model
+from stagectl.kernels import feedback, law, parity, rollout, stage, tracked_model
 
 SUBSTEPS = 4  # a period: what rolling friction needs
 NUDGE = 0.01  # of a candidate's unit: far from curved, far from rounding
@@ -160,10 +160,7 @@ def _moved(field: str, scale: float) -> Callable[[stage.Stage], stage.Stage]:
 
 
 def _coulomb(p: stage.Stage) -> stage.Stage:
-    factor, rolling, bristle = 1.0 + NUDGE, p.friction.operators, p.friction.bristle
-    operators = rolling._replace(weight=rolling.weight * factor)
-    bent = bristle._replace(coulomb=bristle.coulomb * factor, stiffness=bristle.stiffness * factor)
-    return p._replace(friction=p.friction._replace(operators=operators, bristle=bent))
+    return p._replace(friction=stage.scaled_friction(p.friction, 1.0 + NUDGE))
 
 
 def _force_constant(p: stage.Stage) -> stage.Stage:
@@ -172,10 +169,7 @@ def _force_constant(p: stage.Stage) -> stage.Stage:
 
 def _stretched(p: stage.Stage) -> stage.Stage:
     """The rolling zone, longer."""
-    factor, rolling, bristle = 1.0 + NUDGE, p.friction.operators, p.friction.bristle
-    operators = friction.bundle(rolling.weight, (float(slip) * factor for slip in rolling.slip))
-    softer = bristle._replace(stiffness=bristle.stiffness / factor)
-    return p._replace(friction=p.friction._replace(operators=operators, bristle=softer))
+    return p._replace(friction=stage.stretched_friction(p.friction, 1.0 + NUDGE))
 
 
 def _bent(p: stage.Stage) -> stage.Stage:

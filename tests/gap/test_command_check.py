@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.controller_check.command_check import Parity, parity, resolution
+from stagectl.gap.controller_check.command_check import CommandCheck, check_command, resolution
 from stagectl.gap.logs.load_session import load
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, Columns, edit, exported, recorded, rewrite
 
@@ -36,21 +36,21 @@ def folder(original: Path, tmp_path: Path) -> Path:
     return tmp_path / "copy"
 
 
-def controller(folder: Path, change: Callable[[dict[str, Any]], dict[str, Any]]) -> Parity:
-    """Parity where the description of the controller says otherwise than what ran."""
+def controller(folder: Path, change: Callable[[dict[str, Any]], dict[str, Any]]) -> CommandCheck:
+    """CommandCheck where the description of the controller says otherwise than what ran."""
     edit(folder / "nominal.yaml", lambda found: found["controller"].update(change(found["controller"])))
-    return parity(load([folder]))
+    return check_command(load([folder]))
 
 
 def test_our_own_command_to_the_last_bit(recordings: list[Path]) -> None:
-    found = parity(load(recordings))
+    found = check_command(load(recordings))
     assert found.checked and found.agrees and found.worst == 0.0
 
 
 def test_from_the_folder_alone_to_1e_5(folder: Path) -> None:
     """The description's promise; the limit is 1e-4 of some ampere."""
     session = load([folder])
-    found = parity(session)
+    found = check_command(session)
     assert found.agrees and 0.0 < found.worst < 1e-5
     command = session.logs[0].command
     assert command is not None and found.limit == pytest.approx(1e-4 * float(np.sqrt(np.mean(command**2))))
@@ -118,7 +118,7 @@ def _dithered(columns: Columns) -> Columns:
 )
 def test_a_column_that_is_another_is_named(folder: Path, change: Callable[[Columns], Columns], words: str) -> None:
     rewrite(folder / "sine-1.csv", change)
-    found = parity(load([folder]))
+    found = check_command(load([folder]))
     assert not found.agrees and re.search(words, found.words), found.words
 
 
@@ -128,16 +128,16 @@ def test_an_injection_that_is_not_in_the_command(folder: Path) -> None:
     dither = "".join(f"{0.05 * math.sin(0.3 * k):.12f}\n" for k in range(rows))
     (folder / "dither.csv").write_text("injection_A\n" + dither)
     edit(folder / "captures.yaml", lambda found: found["captures"][0].update(injection="dither.csv"))
-    found = parity(load([folder]))
+    found = check_command(load([folder]))
     assert not found.agrees and "the injected current seems to be missing from the logged command" in found.words
     edit(folder / "captures.yaml", lambda found: found["captures"][0].pop("injection"))
     rewrite(folder / "sine-1.csv", _dithered)
-    assert "no single cause explains it" in parity(load([folder])).words
+    assert "no single cause explains it" in check_command(load([folder])).words
 
 
 def test_corners_of_the_reference_are_harmless(tmp_path: Path) -> None:
     """Where the acceleration jumps, the samples do not hold what the controller knew: half an ampere at some rows."""
-    found = parity(load([exported(recorded(tmp_path / "own", TRAPEZOID, 1), tmp_path / "out", setpoints=False)]))
+    found = check_command(load([exported(recorded(tmp_path / "own", TRAPEZOID, 1), tmp_path / "out", setpoints=False)]))
     assert found.agrees and found.worst < 1e-5
     assert "corners of its reference the command differs by up to 0." in found.words
 
@@ -149,7 +149,7 @@ def _gap(columns: Columns) -> Columns:
 
 def test_gaps_are_passed_over(folder: Path) -> None:
     rewrite(folder / "sine-1.csv", _gap)
-    found = parity(load([folder]))
+    found = check_command(load([folder]))
     assert found.agrees and "after gaps the integrator is taken as it was" in found.words
 
 
@@ -159,7 +159,7 @@ def test_a_command_in_steps_agrees_within_one(folder: Path) -> None:
         return columns
 
     rewrite(folder / "sine-1.csv", stepped)
-    found = parity(load([folder]))
+    found = check_command(load([folder]))
     assert found.agrees and found.limit == pytest.approx(0.004, rel=1e-3) and 0.0015 < found.worst < 0.0025
 
 
@@ -175,20 +175,20 @@ def test_resolution() -> None:
 )
 def test_what_is_missing_is_not_checked(folder: Path, column: str, words: str) -> None:
     rewrite(folder / "sine-1.csv", lambda columns: {n: v for n, v in columns.items() if n != column})
-    found = parity(load([folder]))
+    found = check_command(load([folder]))
     assert not found.checked and words in found.words
 
 
 def test_without_a_controller_nothing_is_checked(folder: Path) -> None:
     edit(folder / "nominal.yaml", lambda found: found.pop("controller"))
-    found = parity(load([folder]))
+    found = check_command(load([folder]))
     assert not found.checked and "the deployed controller is not known" in found.words
 
 
 def test_a_constant_may_be_in_the_integrator(folder: Path) -> None:
     """A record that begins at rest while the controller runs: harmless, and said."""
     rewrite(folder / "sine-1.csv", _biased)
-    found = parity(load([folder]))
+    found = check_command(load([folder]))
     assert found.agrees and "it begins while the controller runs: 0.125 A are in its integrator" in found.words
 
 
@@ -216,14 +216,14 @@ def test_every_part_of_our_controllers_survives(tmp_path: Path, changes: dict[st
     """In the words of nominal.yaml and back: the commands agree to 1e-5 A."""
     (tmp_path / "stage.yaml").write_text(_with((CONFIG / "ball-screw.yaml").read_text(), **changes))
     folder = exported(recorded(tmp_path / "own", SINE, 1, tmp_path / "stage.yaml"), tmp_path / "out", setpoints=False)
-    found = parity(load([folder]))
+    found = check_command(load([folder]))
     assert found.agrees and found.worst < 1e-5, found.words
 
 
 def test_a_cascade_survives_and_agrees(tmp_path: Path) -> None:
     folder = exported(recorded(tmp_path / "own", SINE, 1, "linear-slider"), tmp_path / "out", setpoints=False)
     session = load([folder])
-    found = parity(session)
+    found = check_command(session)
     assert session.law is not None and session.law.cascaded
     assert found.agrees and found.worst < 1e-5
 
@@ -232,9 +232,9 @@ def test_a_cascade_survives_and_agrees(tmp_path: Path) -> None:
 def test_the_benchmark_is_told_from_a_wrong_controller() -> None:
     """0.0037 V rms are left, half a count of the position times kv: rounding, not another law."""
     session = load([EMPS], load_stage(CONFIG / "emps.yaml"))
-    found = parity(session)
+    found = check_command(session)
     assert found.agrees and "what a count of the position makes" in found.words
     assert found.worst == pytest.approx(243.45 * 5e-8 / 1e-3, rel=0.02)  # one count
     assert session.law is not None
     slower = session.law._replace(cascade=session.law.cascade._replace(position=0.98 * 160.18))
-    assert not parity(session._replace(law=slower)).agrees
+    assert not check_command(session._replace(law=slower)).agrees

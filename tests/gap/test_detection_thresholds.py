@@ -12,10 +12,10 @@ from stagectl.gap.inference import verdict
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.result.diagnosis import Effect
 from stagectl.gap.selection import refine, search
-from stagectl.gap.selection.candidates import Form, Named
+from stagectl.gap.selection.candidates import EffectValues, Form
 from stagectl.gap.selection.detection_thresholds import SMALLEST, Clarity, clarity, thresholds
 from stagectl.gap.selection.refine import Fitted
-from stagectl.gap.selection.search import Selected
+from stagectl.gap.selection.swap_tests import Selection
 
 EFFECT = Definition("effect", "mechanics", "none", (Amplitude("size", "", (1.0,)),), (), lambda p, _: p)
 FORM = Form(EFFECT, {}, (1.0,), ("effect.size",))
@@ -56,10 +56,10 @@ def test_noise_gives_the_limit_where_no_law_does() -> None:
     assert gain == pytest.approx(HALF_STROKES * 20, rel=0.2)
 
 
-def _selected(gains: dict[str, float], inclusion: dict[str, float]) -> Selected:
-    effects = tuple(Named(EFFECT._replace(name=name), {}) for name in gains)
+def _selected(gains: dict[str, float], inclusion: dict[str, float]) -> Selection:
+    effects = tuple(EffectValues(EFFECT._replace(name=name), {}) for name in gains)
     fitted = Fitted(None, effects, [], 0.0)  # type: ignore[arg-type]
-    return Selected(fitted, {}, gains, {}, inclusion, dict.fromkeys(gains, Clarity(0.1, 0.0)), 0.0)
+    return Selection(fitted, {}, gains, {}, inclusion, dict.fromkeys(gains, Clarity(0.1, 0.0)), 0.0)
 
 
 @pytest.fixture
@@ -128,5 +128,5 @@ def test_what_is_faint_on_all_data_is_clear_where_one_experiment_says_so(
     """Of 250 units of an effect beside 10 000 unexplained ones; not for a delay, which is a share of another cut."""
     gain = 250.0 if block == "mechanics" else 40.0
     selected = _selected({name: gain}, {name: 1.0})._replace(unexplained=10_000.0, clarity={name: Clarity(0.1, 0.6)})
-    one = Named(EFFECT._replace(name=name, block=block), {"time": 1e-4})
+    one = EffectValues(EFFECT._replace(name=name, block=block), {"time": 1e-4})
     assert verdict._clear(selected, one, {"dead_time.time": 0.0}, apart) == pytest.approx(clear)

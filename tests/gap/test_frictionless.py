@@ -11,7 +11,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.residuals import friction_family
-from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Found
 from stagectl.gap.selection import null_ensemble
 from stagectl.kernels import friction, stage
@@ -61,6 +61,6 @@ def test_machines_with_another_law_where_the_refit_has_left_no_friction() -> Non
     none = p._replace(friction=p.friction._replace(operators=friction.bundle([0.0, 0.0], [1e-4, 1e-3])))
     assert friction_family.size(p) == stage.sliding(p.friction) and friction_family.length(none.friction) == 1e-3
     assert friction_family.size(none) == pytest.approx(0.01 * p.motor.force_constant)
-    model = Model(none, None, 0.0)  # type: ignore[arg-type]
+    model = TrackedModel(none, None, 0.0)  # type: ignore[arg-type]
     laws = [one.change(model).stage.friction for one in null_ensemble.members(model, 6, 1, 2.0)]
     assert np.allclose([stage.sliding(law) for law in laws], 2.0)

@@ -10,14 +10,15 @@ import pytest
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.model_tracking import Path
+from stagectl.gap.residuals.model_tracking import MeasuredPath
+from stagectl.gap.residuals.run_products import first_fold
 
 ROWS, STROKES, REPEATS = 60, 4, 3
 SHARED, CLOCKED = ("a", "b", "c", "d"), ("warm", "step")
 
 
 def _run(source: np.random.Generator) -> Run:
-    path = Path(np.zeros((ROWS, 3)), 0.0, 5e-4)
+    path = MeasuredPath(np.zeros((ROWS, 3)), 0.0, 5e-4)
     cluster = np.repeat(np.arange(STROKES), ROWS // STROKES)
     weight = (source.random(ROWS) > 0.2).astype(np.float64)
     return Run("sine", (), (path,) * REPEATS, path, weight, cluster)
@@ -61,9 +62,9 @@ def test_the_matrices_are_what_they_are_defined_as(
     left = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)] for _ in runs]
     p = gram_matrices.products(runs, [{name: one[name] for name in ("own", *steps[0])} for one in x], "own")
     for more in steps[1:]:
-        p = gram_matrices.beside(p, [{name: one[name] for name in more} for one in x])
+        p = gram_matrices.with_columns(p, [{name: one[name] for name in more} for one in x])
     names = [name for step in steps for name in step] if chosen is None else list(chosen)
-    g = gram_matrices.grams(p if chosen is None else gram_matrices.only(p, names), left)
+    g = gram_matrices.grams(p if chosen is None else gram_matrices.selected(p, names), left)
     assert list(g.names) == names
     for k, (run, one) in enumerate(zip(runs, x, strict=True)):
         wanted = _defined(run, one, left[k], names)
@@ -77,7 +78,7 @@ def test_one_residual_for_all_repeats_and_a_column_beside_chosen_ones() -> None:
     source = np.random.default_rng(8)
     run, x = _run(source), _columns(source)
     p = gram_matrices.products([run], [{name: x[name] for name in ("own", "a", "b", "warm")}], "own")
-    p = gram_matrices.beside(gram_matrices.only(p, ["warm", "a"]), [{"step": x["step"], "c": x["c"]}])
+    p = gram_matrices.with_columns(gram_matrices.selected(p, ["warm", "a"]), [{"step": x["step"], "c": x["c"]}])
     mean = [[source.standard_normal((ROWS, 2))]]
     once = {name: [np.mean(each, axis=0)] for name, each in x.items()}
     wanted = _defined(run, once, mean[0], ("warm", "a", "step", "c"))
@@ -92,7 +93,7 @@ def test_another_block_leaves_what_is_there() -> None:
     left = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)]]
     p = gram_matrices.products([run], [{name: x[name] for name in ("own", "a", "warm")}], "own")
     before = gram_matrices.grams(p, left).effort.copy()
-    gram_matrices.grams(gram_matrices.beside(p, [{"step": x["step"], "b": x["b"]}]), left)
+    gram_matrices.grams(gram_matrices.with_columns(p, [{"step": x["step"], "b": x["b"]}]), left)
     assert np.array_equal(gram_matrices.grams(p, left).effort, before)
 
 
@@ -104,13 +105,13 @@ def test_dealt_matrices_are_the_half_strokes_of_each_hand_added_up(repeats: int)
     x = [_columns(source) for _ in runs]
     left = [[source.standard_normal((ROWS, 2)) for _ in range(repeats)] for _ in runs]
     p = gram_matrices.products(runs, [{name: one[name] for name in ("own", "a", "warm")} for one in x], "own")
-    p = gram_matrices.only(
-        gram_matrices.beside(p, [{name: one[name] for name in ("b", "step")} for one in x]), ["step", "b", "a"]
+    p = gram_matrices.selected(
+        gram_matrices.with_columns(p, [{name: one[name] for name in ("b", "step")} for one in x]), ["step", "b", "a"]
     )
-    whole, hands = gram_matrices.grams(p, left), gram_matrices.dealt(p, left)
+    whole, hands = gram_matrices.grams(p, left), gram_matrices.fold_sums(p, left)
     assert hands.names == whole.names
-    assert gram_matrices.first_hand(hands.stroke).tolist() == [True, False]
-    first = gram_matrices.first_hand(whole.stroke)
+    assert first_fold(hands.stroke).tolist() == [True, False]
+    first = first_fold(whole.stroke)
     for cut in ("effort", "current", "floor"):
         each, sums = getattr(whole, cut), getattr(hands, cut)
         np.testing.assert_allclose(sums, [each[first].sum(axis=0), each[~first].sum(axis=0)], rtol=1e-12, atol=1e-12)

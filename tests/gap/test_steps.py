@@ -13,8 +13,9 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap.effects import library
 from stagectl.gap.residuals import friction_family, least_squares, model_tracking, pitch_orders, whitening
 from stagectl.gap.residuals.half_strokes import half_strokes, known_from, standstills
-from stagectl.gap.residuals.model_tracking import Lacking
-from stagectl.gap.residuals.model_tracking import Path as Measured
+from stagectl.gap.residuals.model_tracking import MeasuredPath as Measured
+from stagectl.gap.residuals.model_tracking import ModelResidual
+from stagectl.gap.residuals.thresholds import ROLL_OFF, TRACKER_BANDWIDTH
 from stagectl.gap.selection import candidates
 from stagectl.gap.validation import held_out_gap
 from stagectl.kernels import effects, feedback, stage, tracked_model
@@ -38,7 +39,7 @@ def _tied(p: stage.Stage) -> tracked_model.Tied:
 
 
 def test_a_true_model_lacks_nothing() -> None:
-    lacks = model_tracking.lacking(_tied(SETUP.stage), _driven(SETUP.stage), 10)
+    lacks = model_tracking.tracking_residual(_tied(SETUP.stage), _driven(SETUP.stage), 10)
     assert np.abs(lacks.effort).max() < 1e-9
     assert np.abs(lacks.current).max() < 1e-12
 
@@ -47,13 +48,13 @@ def test_a_true_model_lacks_nothing_behind_an_encoder_that_is_out() -> None:
     """From the first row on: it stands where the encoder reads it, not where it would be without errors."""
     encoder = SETUP.stage.encoder._replace(step=0.0, eccentricity=effects.Harmonic(3e-4, 1.0, 0.3))
     p = SETUP.stage._replace(encoder=encoder)
-    assert np.abs(model_tracking.lacking(_tied(p), _driven(p), 10).effort).max() < 1e-9
+    assert np.abs(model_tracking.tracking_residual(_tied(p), _driven(p), 10).effort).max() < 1e-9
 
 
 def test_a_constant_effort_is_told_as_it_is() -> None:
     p = SETUP.stage
     machine = p._replace(mechanics=p.mechanics._replace(bias=0.2))
-    lacks = model_tracking.lacking(_tied(p), _driven(machine), 10)
+    lacks = model_tracking.tracking_residual(_tied(p), _driven(machine), 10)
     assert np.median(lacks.effort[len(lacks.effort) // 2 :]) == pytest.approx(0.2, rel=0.02)
 
 
@@ -63,24 +64,22 @@ def test_what_two_changes_lack_adds_up() -> None:
     damped = p._replace(mechanics=p.mechanics._replace(viscous=1.2 * p.mechanics.viscous))
     heavy = p._replace(mechanics=p.mechanics._replace(inertia=1.1 * p.mechanics.inertia))
     both = damped._replace(mechanics=damped.mechanics._replace(inertia=heavy.mechanics.inertia))
-    one, two, three = (model_tracking.lacking(_tied(x), path, 10).effort for x in (damped, heavy, both))
+    one, two, three = (model_tracking.tracking_residual(_tied(x), path, 10).effort for x in (damped, heavy, both))
     assert np.linalg.norm(three - one - two) < 0.02 * np.linalg.norm(three)
 
 
 def test_the_tracker_does_not_change_with_the_candidate() -> None:
-    gains = feedback.place_poles(
-        SETUP.stage.mechanics, SETUP.stage.motor.force_constant, model_tracking.BANDWIDTH / SETUP.dt
-    )
+    gains = feedback.place_poles(SETUP.stage.mechanics, SETUP.stage.motor.force_constant, TRACKER_BANDWIDTH / SETUP.dt)
     assert model_tracking.tracker(SETUP.stage, SETUP.dt) == feedback.discretised(gains, SETUP.dt)
 
 
 def test_whitened_noise_is_flat() -> None:
     source = np.random.default_rng(7)
-    noise = [Lacking(0.03 * source.standard_normal(20000), 0.01 * source.standard_normal(20000)) for _ in range(3)]
-    found = whitening.whitener(noise, (0.0, 0.0), SETUP.dt)
-    flat = dataclasses.replace(
-        found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / whitening.ROLL_OFF)
-    )
+    noise = [
+        ModelResidual(0.03 * source.standard_normal(20000), 0.01 * source.standard_normal(20000)) for _ in range(3)
+    ]
+    found = whitening.whitener(noise, whitening.NoiseLevel(0.0, 0.0), SETUP.dt)
+    flat = dataclasses.replace(found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / ROLL_OFF))
     white = whitening.whitened(flat, noise[0], SETUP.dt)[:, 0]
     assert 0.85 < white.var() < 1.15
 
@@ -94,7 +93,7 @@ def test_bounded_least_squares() -> None:
     assert free == pytest.approx([2.0, -1.0, 0.5], abs=1e-9)
     held = least_squares.bounded(z.T @ z, [0, 1, 2], np.zeros(3), np.full(3, np.inf))
     assert held[1] == pytest.approx(0.0, abs=1e-9) and held[0] > 1.5
-    assert least_squares.misfit(z.T @ z, [0, 1, 2], free) == pytest.approx(0.0, abs=1e-6)
+    assert least_squares.residual_sum_of_squares(z.T @ z, [0, 1, 2], free) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_column_that_the_data_do_not_have_moves_nothing() -> None:

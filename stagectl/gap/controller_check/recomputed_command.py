@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.gap.logs.row_validity import runs
+from stagectl.gap.logs.row_validity import stretches
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.kernels import law, rollout
 from stagectl.number_format import duration
@@ -84,7 +84,7 @@ def _levelled(difference: Array, counts: NDArray[np.bool_], forgotten: int) -> t
     What was not told there stays in the integrator; the first `forgotten` rows do not count, either.
     """
     found, largest = np.where(counts, difference, np.nan), 0.0
-    for begin, end in runs(counts):
+    for begin, end in stretches(counts):
         if begin == 0:
             continue
         start = min(begin + forgotten, end)
@@ -125,6 +125,6 @@ def _corners(difference: Array, log: Log, dt: float, allowed: float) -> tuple[Ar
         return difference, []
     worst = float(np.nanmax(np.abs(difference)))
     return left, [
-        f"around {len(runs(near))} corners of its reference the command differs by up to {worst:.2g} A, as the "
+        f"around {len(stretches(near))} corners of its reference the command differs by up to {worst:.2g} A, as the "
         "samples do not hold them: these rows do not count"
     ]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from stagectl.kernels import friction
+from stagectl.kernels import stage
 from stagectl.kernels.stage import Stage
 
 Values = Mapping[str, float]
@@ -65,7 +65,7 @@ class Shape(NamedTuple):
     high: float = math.inf
 
 
-class Aging(NamedTuple):
+class TimeVariation(NamedTuple):
     """How an effect runs on the session clock: a factor on what a scaled parameter does, as slow as it is."""
 
     of: Mapping[str, str]  # parameter that each amplitude scales: coulomb | viscous
@@ -81,9 +81,9 @@ class Definition(NamedTuple):
     amplitudes: tuple[Amplitude, ...]
     shapes: tuple[Shape, ...]
     apply: Callable[[Stage, Values], Stage]
-    aging: Aging | None = None  # runs on the session clock: repeats differ by it
+    time_variation: TimeVariation | None = None  # runs on the session clock: repeats differ by it
     resonant: bool = False  # so sharp in its shapes that a fit must begin near: every place on their grid is tried
-    bent: bool = False  # so far from linear that its columns hold at their typical sizes only
+    nonlinear: bool = False  # so far from linear that its columns hold at their typical sizes only
 
 
 def put(p: Block, place: str, value: Any) -> Block:
@@ -129,11 +129,7 @@ def harmonic(place: str) -> Callable[[Stage, Values], Stage]:
 
 def coulomb(p: Stage, v: Values) -> Stage:
     """All friction but the viscous part, scaled."""
-    factor = 1.0 + v["size"]
-    rolling, bristle = p.friction.operators, p.friction.bristle
-    operators = rolling._replace(weight=rolling.weight * factor)
-    changed = bristle._replace(coulomb=bristle.coulomb * factor, stiffness=bristle.stiffness * factor)
-    return p._replace(friction=p.friction._replace(operators=operators, bristle=changed))
+    return p._replace(friction=stage.scaled_friction(p.friction, 1.0 + v["size"]))
 
 
 def cold(v: Values, t: Any) -> Any:
@@ -143,8 +139,4 @@ def cold(v: Values, t: Any) -> Any:
 
 def stretched(p: Stage, v: Values) -> Stage:
     """The rolling zone, longer by the share `size`."""
-    factor = 1.0 + v["size"]
-    rolling, bristle = p.friction.operators, p.friction.bristle
-    operators = friction.bundle(rolling.weight, rolling.slip * factor)
-    changed = bristle._replace(stiffness=bristle.stiffness / factor)
-    return p._replace(friction=p.friction._replace(operators=operators, bristle=changed))
+    return p._replace(friction=stage.stretched_friction(p.friction, 1.0 + v["size"]))

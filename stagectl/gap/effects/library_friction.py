@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from stagectl.gap.effects.library import Aging, Amplitude, Definition, Scales, Shape, Values, added, cold, harmonic, put
+from stagectl.gap.effects.library import (
+    Amplitude,
+    Definition,
+    Scales,
+    Shape,
+    TimeVariation,
+    Values,
+    added,
+    cold,
+    harmonic,
+    put,
+)
 from stagectl.kernels.stage import Stage
 
 STATIONS = 24  # instants at which a step of the friction is looked for
@@ -125,7 +136,7 @@ def _of_time(s: Scales) -> list[Definition]:
             (Amplitude("rise", "", (0.1,), -0.9, 5.0),),
             (Shape("time", "s", (30.0, 100.0, 300.0, 1000.0)),),
             lambda p, v: put(p, "friction.warming", p.friction.warming._replace(rise=v["rise"], time=v["time"])),
-            aging=Aging({"rise": "coulomb"}, cold),
+            time_variation=TimeVariation({"rise": "coulomb"}, cold),
         )
     ]
     if stations:
@@ -137,7 +148,9 @@ def _of_time(s: Scales) -> list[Definition]:
                 (Amplitude("coulomb", "", (0.1,), -0.9, 5.0), Amplitude("viscous", "", (0.1,), -0.9, 5.0)),
                 (Shape("at", "s", stations, False),),
                 _stepped,
-                aging=Aging({"coulomb": "coulomb", "viscous": "viscous"}, lambda v, t: (t >= v["at"]) * 1.0),
+                time_variation=TimeVariation(
+                    {"coulomb": "coulomb", "viscous": "viscous"}, lambda v, t: (t >= v["at"]) * 1.0
+                ),
             )
         )
     return found

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from stagectl.gap.effects.library import (
-    Aging,
     Amplitude,
     Definition,
     Scales,
     Shape,
+    TimeVariation,
     Values,
     added,
     cold,
@@ -99,7 +99,7 @@ def _viscous(s: Scales) -> list[Definition]:
             lambda p, v: put(
                 p, "mechanics.viscous_warming", p.mechanics.viscous_warming._replace(rise=v["rise"], time=v["time"])
             ),
-            aging=Aging({"rise": "viscous"}, cold),
+            time_variation=TimeVariation({"rise": "viscous"}, cold),
         ),
     ]
 
@@ -149,7 +149,7 @@ def _masses(s: Scales) -> list[Definition]:
                 Shape("damping", "", (0.1,), True, 0.01, 1.0),
             ),
             _backlash,
-            bent=True,
+            nonlinear=True,
         ),
         Definition(
             "compliance",

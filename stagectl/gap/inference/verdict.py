@@ -11,13 +11,13 @@ from stagectl.gap.inference import patch_fields
 from stagectl.gap.inference.parameter_errors import SCALED, Shift, common, shared
 from stagectl.gap.inference.signatures import Signature
 from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.residuals import friction_family
+from stagectl.gap.residuals import friction_family, linear_fit
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.result.diagnosis import NAMED, Effect, Fields, Value
-from stagectl.gap.selection import baseline_fit, refine
-from stagectl.gap.selection.candidates import Named, equipped
+from stagectl.gap.selection import refine
+from stagectl.gap.selection.candidates import EffectValues, equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.search import Selected
+from stagectl.gap.selection.swap_tests import Selection
 from stagectl.kernels.stage import Stage
 
 AS_GOOD = 0.9  # of an effect's own gain: what takes as much explains these data as well
@@ -33,7 +33,7 @@ STABLE = 0.8  # share of resamples in which an effect must be found again
 EVEN = 0.55  # least share of a found effect against its rivals
 
 
-def named_effects(session: Session, selected: Selected, deviation: Mapping[str, float], apart: bool) -> list[Effect]:
+def named_effects(session: Session, selected: Selection, deviation: Mapping[str, float], apart: bool) -> list[Effect]:
     """The effects of the search, the surest gains first, with the `deviation` of their parameters.
 
     `apart`: what one experiment shows clearly counts, whatever is left in the others.  So it is where only the form of
@@ -54,7 +54,7 @@ def _parted(one: Effect) -> list[Effect]:
     return [one._replace(name="stribeck", parameters=curve, coordinate="speed", alternatives=others), one]
 
 
-def sure(e: Evidence, selected: Selected, found: Sequence[Effect]) -> Selected:
+def sure(e: Evidence, selected: Selection, found: Sequence[Effect]) -> Selection:
     """`selected` without what is not named: a cause in doubt must not hide that something is there."""
     named = {one.name for one in found if one.probability >= NAMED}
     stay = [one for one in selected.fitted.effects if one.effect.name in named]
@@ -72,14 +72,14 @@ def with_signatures(effects: Sequence[Effect], found: Sequence[Signature]) -> li
 
 def deviations(e: Evidence, now: Fitted, g: Grams) -> dict[str, float]:
     """Standard deviations of all parameters, an effect's as ``effect.parameter``; `g` holds their columns."""
-    return baseline_fit.robust(g, [*refine.nuisances(e), *(one.name for one in refine.parameters(now))])
+    return linear_fit.standard_deviations(g, [*refine.nuisances(e), *(one.name for one in refine.parameters(now))])
 
 
 def _effect(
     session: Session,
     now: Fitted,
-    one: Named,
-    what: tuple[Selected, bool],
+    one: EffectValues,
+    what: tuple[Selection, bool],
     deviation: Mapping[str, float],
 ) -> Effect:
     name, (selected, apart) = one.effect.name, what
@@ -105,7 +105,7 @@ def _effect(
     )
 
 
-def _clear(selected: Selected, one: Named, deviation: Mapping[str, float], apart: bool) -> float:
+def _clear(selected: Selection, one: EffectValues, deviation: Mapping[str, float], apart: bool) -> float:
     """Below 1 where so much of the mechanics stays unexplained that an effect may be a part of it.
 
     Of the drive's effects it is a delay: what bends the time shift of the base looks like one.
@@ -143,7 +143,7 @@ def changed(before: Stage, after: Stage) -> Fields:
         return patch_fields.fields_of(before, after._replace(friction=law))
 
 
-def parameters(one: Named, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
+def parameters(one: EffectValues, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
     """Values with intervals, a sine and a cosine as amplitude and phase."""
     values = dict(one.values)
     spread = {name: 1.96 * deviation.get(f"{one.effect.name}.{name}", 0.0) for name in values}
@@ -240,7 +240,7 @@ def _parameter_fields(session: Session, one: Shift, now: Fitted) -> Fields:
     return ()
 
 
-def rivals(e: Evidence, selected: Selected, one: Effect) -> dict[str, Stage]:
+def rivals(e: Evidence, selected: Selection, one: Effect) -> dict[str, Stage]:
     """Models in which another effect stands in the place of `one`, each refined to explain the same data."""
     now = selected.fitted
     rest = [other for other in now.effects if other.effect.name != one.name]

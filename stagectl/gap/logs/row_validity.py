@@ -66,7 +66,7 @@ def _unasked(columns: dict[str, Array], dt: float) -> tuple[Rows, str]:
     """A longer gap of the reference: what was asked for there is not known, nor how the loop came out of it."""
     lost = np.isnan(columns["reference"]) if "reference" in columns else np.zeros(len(columns["position"]), np.bool_)
     found = np.zeros(len(lost), dtype=np.bool_)
-    for begin, end in runs(lost):
+    for begin, end in stretches(lost):
         if (end - begin) * dt > SHORT:
             found[begin : end + round(SETTLED / dt)] = True
     return found, f"a gap of the reference, and {duration(SETTLED)} after it"
@@ -105,7 +105,7 @@ def _frozen(columns: dict[str, Array], dt: float, step: float) -> tuple[Rows, st
     if "reference" not in columns:
         return none, words
     far = _MOVED * step if step > 0.0 else 0.05 * float(np.nanmax(np.abs(np.diff(columns["reference"])))) * FROZEN / dt
-    for begin, end in runs(np.concatenate([[False], np.diff(position) == 0.0])):
+    for begin, end in stretches(np.concatenate([[False], np.diff(position) == 0.0])):
         asked = columns["reference"][begin:end]
         if (end - begin) * dt > FROZEN and np.any(np.isfinite(asked)) and np.nanmax(asked) - np.nanmin(asked) > far > 0:
             none[begin - 1 : end] = True
@@ -131,7 +131,7 @@ def _plateau(columns: dict[str, Array], limit: float) -> list[str]:
     if largest == 0.0 or largest > 0.99 * limit:
         return []
     cut = (current > _TOP * largest) & (command > 1.05 * largest)
-    rows = sum(end - begin for begin, end in runs(cut) if end - begin >= _PLATEAU)
+    rows = sum(end - begin for begin, end in stretches(cut) if end - begin >= _PLATEAU)
     if not rows:
         return []
     return [
@@ -139,7 +139,7 @@ def _plateau(columns: dict[str, Array], limit: float) -> list[str]:
     ]
 
 
-def runs(rows: Rows) -> list[tuple[int, int]]:
+def stretches(rows: Rows) -> list[tuple[int, int]]:
     """Begin and end (beyond) of all stretches of true rows."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -17,8 +17,8 @@ from stagectl.gap.experiment_design import battery, catalogue
 from stagectl.gap.experiment_design.experiment import Experiment
 from stagectl.gap.inference import basis_functions, time_localisation
 from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.residuals.model_tracking import Path as Tied
-from stagectl.gap.residuals.sensitivities import lacks, model_of
+from stagectl.gap.residuals.model_tracking import MeasuredPath as Tied
+from stagectl.gap.residuals.sensitivities import model_of, model_residual
 from stagectl.kernels import rollout, stage
 from stagectl.simulation import noise, structured
 
@@ -113,7 +113,7 @@ def _lacking(setup: Setup, base: stage.Stage, scene: Scene, path: Tied, rows: ND
     if scene.channel == COMMAND:
         return _recomputed(setup, rows)
     model = model_of(_session(setup, base), base)
-    found = lacks(model, path)
+    found = model_residual(model, path)
     if scene.channel == CURRENT:
         return found.current
     effort = time_localisation.untracked(found.effort, model, setup.dt)

@@ -1,0 +1,82 @@
+"""Which candidates the search may add: clear of the null ensemble, material, and more than an error of form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from stagectl.gap.effects import equivalences
+from stagectl.gap.selection import refine
+from stagectl.gap.selection.candidate_scores import CandidateScores, Library, name_of
+from stagectl.gap.selection.cross_validation import Score, best_of
+from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection.thresholds import (
+    BEYOND,
+    DOMINANT,
+    FAR,
+    MATERIAL,
+    MATERIAL_UNREPEATED,
+    OF_ALL,
+    OF_ALL_CLEAR,
+    OF_KIN,
+    OF_MORE,
+    SMALLEST_GAIN,
+)
+
+
+def material(e: Evidence) -> float:
+    """Share of the rest that an effect must explain."""
+    return MATERIAL if refine.repeated(e) else MATERIAL_UNREPEATED
+
+
+def eligible(e: Evidence, found: CandidateScores, library: Library, now: Fitted) -> list[Score]:
+    """The best form of each effect that is material and beyond the null ensemble, largest gain first."""
+    # Across a gap the others' columns change: next to one, only what stands out is believed.
+    worst = DOMINANT if any(one.effect.nonlinear for one in now.effects) else 0.0
+    good = [
+        score
+        for score in best_of(found.scores).values()
+        if score.gain > least_gain(e, found, library, score)
+        and score.worst > worst
+        and _beyond_null(found, library, score)
+    ]
+    return sorted(good, key=lambda score: -score.gain)
+
+
+def _beyond_null(found: CandidateScores, library: Library, score: Score) -> bool:
+    """Whether machines without an effect give less, on all data or on one experiment."""
+    known = library.thresholds[name_of(score)]
+    clear = score.gain > known.limit or score.worst > max(BEYOND * known.share, DOMINANT)
+    return clear or found.clarity(library.forms_of(name_of(score))).doubt < 1.0
+
+
+def least_gain(e: Evidence, found: CandidateScores, library: Library, score: Score) -> float:
+    """Gain that makes an effect material: of what no nuisance explains now, and of the gap at the beginning."""
+    channel = library.channel(score.form.effect)
+    left = score.before - float(found.floor[channel])
+    clear = score.worst > DOMINANT and score.gain > FAR * library.thresholds[name_of(score)].limit
+    of_all = OF_ALL_CLEAR if clear else OF_ALL
+    return max(material(e) * left, of_all * library.first[channel], SMALLEST_GAIN)
+
+
+def stands_out(score: Score, gains: Mapping[str, float]) -> bool:
+    """Whether it is more than the error of form of an effect that was added, or a wider form of that effect.
+
+    `gains` holds what each effect explained when it was added.
+    """
+    wider = equivalences.OVER.get(name_of(score)) in gains
+    kin = max(_gains_of_kin(name_of(score), gains), default=0.0)
+    return score.gain > OF_KIN * kin or (wider and score.worst > OF_MORE)
+
+
+def _gains_of_kin(name: str, gains: Mapping[str, float]) -> list[float]:
+    kin = {other for group in equivalences.KIN if name in group for other in group}
+    return [gain for other, gain in gains.items() if other in kin]
+
+
+def simplest(better: Sequence[Fitted], floor: float) -> Fitted:
+    """The best of these models, or a special case of it that leaves little more above `floor`."""
+    best = min(better, key=lambda fitted: fitted.residual_sum_of_squares)
+    wide = best.effects[-1].effect.name
+    special = [one for one in better if equivalences.narrower(wide, one.effects[-1].effect.name)]
+    left = best.residual_sum_of_squares - floor
+    return next((one for one in special if (1.0 - OF_KIN) * (one.residual_sum_of_squares - floor) < left), best)
