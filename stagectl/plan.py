@@ -21,13 +21,13 @@ from stagectl.config.stage_file import Setup
 from stagectl.kernels import friction_path, rollout, stage
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
+from stagectl.kernels.friction_bristle import Bristle
 from stagectl.kernels.jit import table
-from stagectl.kernels.law import Setpoint
+from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.trajectories import Experiment, Phases, Span, Trajectory, TrajectoryError, peaks, phases
 from stagectl.trajectories.motion import Array
 
 LONGEST = 10_000_000  # control periods, 83 minutes at 2 kHz: what a memory holds
-_COLUMN = {name: number for number, name in enumerate(Setpoint._fields)}
 _ARTICLE = {"travel": "a", "speed": "a", "acceleration": "an"}
 SETTLE = 0.1  # s of standstill after the motion, in which the axis must come into position
 
@@ -68,9 +68,13 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, stops: 
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
     setpoints(ahead, seen, relaxed(feedforward.friction) if stops is None else stops, rows)
     if ahead.with_friction and setup.stage.friction.bristle.coulomb > 0.0:
-        rows[:, _COLUMN["friction"]] += _bristle(setup, seen) / feedforward.force_constant
+        rows[:, SETPOINT_COLUMNS["friction"]] += (
+            bristle_force(setup.stage.friction.bristle, seen, setup.dt) / feedforward.force_constant
+        )
     if feedforward.with_friction and not model:
-        rows[:, _COLUMN["friction"]] = _compensation(setup, parts.motion, len(rows)) / feedforward.force_constant
+        rows[:, SETPOINT_COLUMNS["friction"]] = (
+            _compensation(setup, parts.motion, len(rows)) / feedforward.force_constant
+        )
     _experiment(setup, parts, rows)
     return Plan(rows, parts.steady, parts.duration, _excitation(parts))
 
@@ -80,12 +84,12 @@ def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
     t = setup.dt * np.arange(len(rows))
     if parts.current is not None:
         _check_current(setup, parts.current.amplitude)
-        rows[:, _COLUMN["injection"]] = parts.current.at(t - parts.start)
+        rows[:, SETPOINT_COLUMNS["injection"]] = parts.current.at(t - parts.start)
     opened = t >= parts.opens - 1e-9
     for name in ("feedforward", "friction", "velocity", "closed"):
-        rows[opened, _COLUMN[name]] = 0.0
+        rows[opened, SETPOINT_COLUMNS[name]] = 0.0
     if parts.opens == 0.0:
-        _check_open(setup, rows[:, _COLUMN["injection"]])
+        _check_open(setup, rows[:, SETPOINT_COLUMNS["injection"]])
 
 
 def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
@@ -96,11 +100,11 @@ def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
     return force
 
 
-def _bristle(setup: Setup, seen: Foreseen) -> Array:
-    """Friction (n,) N m | N of the stage's bristle along the reference, from rest."""
-    p, place = setup.stage.friction.bristle, np.concatenate([seen.reference[:1], seen.friction])
+def bristle_force(p: Bristle, seen: Foreseen, dt: float) -> Array:
+    """Friction (n,) N m | N of a bristle along the reference, from rest."""
+    place = np.concatenate([seen.reference[:1], seen.friction])
     columns = np.empty((len(place), 2))
-    friction_path.bristle(p, place, setup.dt, columns)
+    friction_path.bristle(p, place, dt, columns)
     force: Array = (columns[:, 0] + p.damping * columns[:, 1])[1:]
     return force
 

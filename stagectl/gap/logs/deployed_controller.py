@@ -32,7 +32,7 @@ _KEYS = (
 )
 
 
-class Deployed(NamedTuple):
+class DeployedController(NamedTuple):
     """All that decides the commands, besides reference and position."""
 
     law: law.Law
@@ -45,7 +45,7 @@ class Deployed(NamedTuple):
     form: Any = None  # of the compensation, where it is not the model's
 
 
-def read(file: Block) -> Deployed | None:
+def read(file: Block) -> DeployedController | None:
     """The controller in a nominal.yaml; None where there is none, or it is described in free words only.
 
     Raises GapError with file, key, value and range where a value is missing or cannot be.
@@ -65,7 +65,7 @@ def read(file: Block) -> Deployed | None:
     ahead, advance = _feedforward(c, dt)
     rubbing = ahead.with_friction or c.has("friction_compensation") or c.has("friction_bristle")
     late = c.number("friction_advance_s", _ADVANCE, advance + 0.5 * dt) if rubbing else 0.0
-    return Deployed(
+    return DeployedController(
         _law(c, dt),
         dt,
         ahead,

@@ -163,4 +163,4 @@ def _setpoints(one: Repeat, machine: Believed) -> Array | None:
     injection = row_validity.filled(grid.columns["injection"]) if "injection" in grid.columns else None
     if machine.deployed is None or len(time) < setpoints.LEAST:
         return None
-    return setpoints.rows(machine.deployed, setpoints.Asked(time, reference, rows, injection))
+    return setpoints.setpoint_rows(machine.deployed, setpoints.LoggedReference(time, reference, rows, injection))

@@ -28,7 +28,7 @@ class Believed(NamedTuple):
     stage: stage.Stage
     law: Law | None
     dt: float  # s, control period; 0: not known
-    deployed: deployed_controller.Deployed | None  # for setpoints that are not recorded
+    deployed: deployed_controller.DeployedController | None  # for setpoints that are not recorded
     trusted: frozenset[str]
     nominal: dict[str, Any]
     notes: tuple[str, ...]

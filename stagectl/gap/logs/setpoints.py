@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from stagectl.gap.logs.deployed_controller import Deployed
+from stagectl.gap.logs.deployed_controller import DeployedController
 from stagectl.gap.logs.session import Array
 from stagectl.kernels import feedforward, friction, friction_path, rollout
 from stagectl.kernels.law import Setpoint
@@ -22,7 +22,7 @@ LEAST = 6  # samples that a quintic spline needs
 _COLUMN = {name: number for number, name in enumerate(Setpoint._fields)}
 
 
-class Asked(NamedTuple):
+class LoggedReference(NamedTuple):
     """What a log says of the motion that was asked for."""
 
     time: Array  # (m,) s, of the reference's samples; row k of the log is at k Ts
@@ -31,7 +31,7 @@ class Asked(NamedTuple):
     injection: Array | None = None  # (rows,) A
 
 
-def rows(p: Deployed, asked: Asked) -> Array:
+def setpoint_rows(p: DeployedController, asked: LoggedReference) -> Array:
     """Setpoints (rows, 8), the fields of `kernels.law.Setpoint`."""
     count = asked.rows + asked.rows % 2  # whole frames
     at = _curve(asked)
@@ -49,7 +49,7 @@ def rows(p: Deployed, asked: Asked) -> Array:
     return found
 
 
-def _curve(asked: Asked) -> Callable[[Array], Array]:
+def _curve(asked: LoggedReference) -> Callable[[Array], Array]:
     """Position and velocity (n, 2) at any times (n,); outside it stands at its first or last sample."""
     first, last = float(asked.time[0]), float(asked.time[-1])
     spline: BSpline = make_interp_spline(asked.time, asked.reference, k=5)
@@ -62,7 +62,7 @@ def _curve(asked: Asked) -> Callable[[Array], Array]:
     return at
 
 
-def _compensation(p: Deployed, seen: feedforward.Foreseen, ahead: Array) -> Array:
+def _compensation(p: DeployedController, seen: feedforward.Foreseen, ahead: Array) -> Array:
     """Current (n,) A of a friction compensation that is none of stop operators."""
     if p.form is not None:
         force: Array = p.form.force(ahead[:, 0], ahead[:, 1], p.dt)

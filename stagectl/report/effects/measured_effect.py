@@ -20,6 +20,8 @@ from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals.model_tracking import MeasuredPath as Tied
 from stagectl.gap.residuals.sensitivities import model_of, model_residual
 from stagectl.kernels import rollout, stage
+from stagectl.kernels.law import OUTPUT_COLUMNS
+from stagectl.recording.replay import recomputed
 from stagectl.simulation import noise, structured
 
 EFFORT, CURRENT, COMMAND = "effort", "current", "command"
@@ -129,10 +131,7 @@ def _recomputed(setup: Setup, rows: NDArray[Any]) -> Array:
     """Cut A: the logged command less the one that the model of the controller gives."""
     law = design.design(setup.stage, setup.file.control).law
     setpoints = np.stack([rows[name] for name in rollout.COLUMNS[1 : 1 + rollout.SETPOINTS]], axis=1)
-    out = np.zeros((len(rows), 7))
-    rollout.answers(law, (np.ascontiguousarray(setpoints), np.ascontiguousarray(rows["measured"]), out))
-    column = rollout.COLUMNS.index("current") - 1 - rollout.SETPOINTS
-    difference: Array = rows["current"] - out[:, column]
+    difference: Array = rows["current"] - recomputed(law, setpoints, rows["measured"])[:, OUTPUT_COLUMNS["current"]]
     return difference
 
 
