@@ -16,6 +16,7 @@ from stagectl.gap.experiment_design.scale import WORKING, Scale
 from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs import deployed_controller, setpoints
 from stagectl.gap.logs.deployed_controller import DeployedController
+from stagectl.gap.logs.grid import LoggedReference
 from stagectl.gap.logs.nominal_values import of_file
 from stagectl.gap.logs.session import Array, GapError, Log, Session
 from stagectl.gap.residuals.thresholds import TRACKER_BANDWIDTH
@@ -172,4 +173,4 @@ def laid_out(session: Session, p: Room, experiment: Experiment) -> Array:
     t: Array = session.dt * np.arange(rows, dtype=np.float64)
     reference = p.start + parts.motion.at(t).position / session.travel_per_unit
     injection = None if parts.current is None else parts.current.at(t - parts.start)
-    return setpoints.setpoint_rows(p.deployed, setpoints.LoggedReference(t, reference, rows, injection))
+    return setpoints.setpoint_rows(p.deployed, LoggedReference(t, reference), rows, injection)
