@@ -15,9 +15,10 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 from scipy.signal import welch
 
@@ -75,8 +76,8 @@ def density(signals: Sequence[Array], dt: float) -> tuple[Array, Array]:
     segment = min(WELCH_SEGMENT, *(len(signal) for signal in signals))
     spectra = [welch(signal, 1.0 / dt, nperseg=segment) for signal in signals]
     samples = sum(len(signal) for signal in signals)
-    mean = sum(power * len(signal) for (_, power), signal in zip(spectra, signals, strict=True)) / samples
-    return spectra[0][0], smoothed(mean)
+    total = sum(power * len(signal) for (_, power), signal in zip(spectra, signals, strict=True))
+    return spectra[0][0], smoothed(np.asarray(total / samples))
 
 
 def smoothed(power: Array) -> Array:
@@ -129,7 +130,7 @@ def gains(p: Whitener, lines: Array, dt: float) -> tuple[Array, Array]:
     return effort, np.interp(lines, p.frequency, p.current) * shape
 
 
-def roll_off(lines: Array, dt: float) -> Array:
+def roll_off(lines: NDArray[np.floating[Any]], dt: float) -> Array:
     """Factor (f,) by which the weight of an effort falls at the frequencies `lines` (f,) Hz."""
     attenuation: Array = np.hypot(1.0, lines * dt / ROLL_OFF)
     return attenuation
