@@ -1,4 +1,4 @@
-"""Why a logged command differs from the recomputed one: the simple cause that explains most of the difference.
+"""Why a logged command differs from the recomputed comparison: the simple cause that explains most of the difference.
 
 The terms of the command are linear in the gains, so a wrong gain is a factor on its term, found by least squares.
 """
@@ -10,19 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.controller_check import thresholds
 from stagectl.gap.controller_check.recomputed_command import Comparison
-from stagectl.gap.controller_check.thresholds import (
-    ALONE,
-    EXPLAINED,
-    EXPLAINED_WITHIN,
-    LARGEST_SHIFT,
-    LEAST_FACTOR,
-    MISSING_TERM,
-    NOISE,
-    POLE_FACTORS,
-    SAME_UNIT,
-    SINGULAR,
-)
 from stagectl.gap.logs.session import Array, Session
 from stagectl.kernels import friction, friction_path, law
 from stagectl.recording.replay import recomputed
@@ -66,7 +55,7 @@ class _Terms(NamedTuple):
 
 def probable(session: Session, comparisons: Sequence[Comparison], allowed: float) -> Cause:
     """The most probable cause of a difference above `allowed` (A); its kind is "none" where none explains it."""
-    worst = max(comparisons, key=lambda one: one.worst[0])
+    worst = max(comparisons, key=lambda comparison: comparison.worst[0])
     causes = [
         *_factors(session, comparisons),
         *_model_errors(session, worst),
@@ -76,9 +65,11 @@ def probable(session: Session, comparisons: Sequence[Comparison], allowed: float
     ]
     best = min(causes, key=lambda cause: cause.left)
     several = _several(session, comparisons)
-    if best.left < EXPLAINED and best.left < several.left / ALONE + allowed / _rms(worst.difference):
+    if best.left < thresholds.EXPLAINED and best.left < several.left / thresholds.ALONE + allowed / _rms(
+        worst.difference
+    ):
         return best
-    if several.left < EXPLAINED:
+    if several.left < thresholds.EXPLAINED:
         return several
     words = (
         "no single cause explains it.  Check the units of gains and columns, the sampling time, what else is added to "
@@ -90,40 +81,40 @@ def probable(session: Session, comparisons: Sequence[Comparison], allowed: float
 def within_limit(session: Session, comparisons: Sequence[Comparison]) -> Cause | None:
     """A factor on a term that explains a difference within the limit; None where there is none."""
     best = min(_factors(session, comparisons), key=lambda cause: cause.left)
-    wrong_gain = best.kind == "factor" and abs(best.value - 1.0) >= LEAST_FACTOR
-    return best if best.left <= EXPLAINED_WITHIN and wrong_gain else None
+    wrong_gain = best.kind == "factor" and abs(best.value - 1.0) >= thresholds.LEAST_FACTOR
+    return best if best.left <= thresholds.EXPLAINED_WITHIN and wrong_gain else None
 
 
 def unexplained(session: Session, comparisons: Sequence[Comparison]) -> bool:
     """Whether no cause explains any of the difference: it is noise, such as that of rounding."""
-    worst = max(comparisons, key=lambda one: _rms(one.difference))
+    worst = max(comparisons, key=lambda comparison: _rms(comparison.difference))
     causes = [*_factors(session, comparisons), *_model_errors(session, worst), *_shifts(session, worst)]
-    return min(cause.left for cause in (*causes, _several(session, comparisons))) > NOISE
+    return min(cause.left for cause in (*causes, _several(session, comparisons))) > thresholds.NOISE
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values * values)))
 
 
-def _terms(session: Session, one: Comparison) -> dict[str, Array]:
+def _terms(session: Session, comparison: Comparison) -> dict[str, Array]:
     """The parts (n,) A of one recomputed command."""
-    setpoints = one.log.setpoints
+    setpoints = comparison.log.setpoints
     assert setpoints is not None
     known = {name: setpoints[:, j] for name, j in law.SETPOINT_COLUMNS.items()}
     feedback = ("proportional", "integral", "derivative", "observer")
-    parts = {name: one.terms[:, law.OUTPUT_COLUMNS[name]] for name in feedback}
+    parts = {name: comparison.terms[:, law.OUTPUT_COLUMNS[name]] for name in feedback}
     parts |= {"feedforward": known["feedforward"], "friction": known["friction"]}
     return parts | {"added": known["learned"] + known["injection"]}
 
 
 def _joined(session: Session, comparisons: Sequence[Comparison]) -> _Terms:
-    counting = [np.isfinite(one.difference) for one in comparisons]
-    terms = [_terms(session, one) for one in comparisons]
+    counting = [np.isfinite(comparison.difference) for comparison in comparisons]
+    terms = [_terms(session, comparison) for comparison in comparisons]
     parts = {
         name: np.concatenate([part[name][rows] for part, rows in zip(terms, counting, strict=True)])
         for name in terms[0]
     }
-    differences = [one.difference[rows] for one, rows in zip(comparisons, counting, strict=True)]
+    differences = [comparison.difference[rows] for comparison, rows in zip(comparisons, counting, strict=True)]
     return _Terms({name: part for name, part in parts.items() if np.any(part)}, np.concatenate(differences))
 
 
@@ -158,7 +149,7 @@ def _share(difference: Array, part: Array) -> float:
 
 
 def _factor_words(name: str, factor: float) -> str:
-    if abs(factor) < MISSING_TERM:
+    if abs(factor) < thresholds.MISSING_TERM:
         return f"{name} seems to be missing from the logged command"
     return f"{name} seems to be {factor:.3g} of the nominal one"
 
@@ -168,7 +159,7 @@ def _command_words(session: Session, factor: float) -> str:
     words = f"the logged command is about {factor:.4g} times the recomputed one"
     constant = session.stage.motor.force_constant
     for value, unit in ((constant, "an effort instead of a current"), (1e3, "mA"), (-1.0, "of the opposite sign")):
-        if abs(factor / value - 1.0) < SAME_UNIT:
+        if abs(factor / value - 1.0) < thresholds.SAME_UNIT:
             return f"{words}, as if it were {unit}"
     return f"{words}: check the scale and the unit of the column"
 
@@ -178,26 +169,26 @@ def _several(session: Session, comparisons: Sequence[Comparison]) -> Cause:
     parts, difference = _joined(session, comparisons)
     table = np.column_stack(list(parts.values()))
     size = np.sqrt(np.mean(table * table, axis=0))
-    factors = np.linalg.lstsq(table / size, difference, rcond=SINGULAR)[0] / size
+    factors = np.linalg.lstsq(table / size, difference, rcond=thresholds.SINGULAR)[0] / size
     left = _rms(difference - table @ factors) / _rms(difference)
     moved = [
         f"{_name(session, term)} {1.0 + factor:.3g}"
         for term, factor in zip(parts, factors, strict=True)
-        if abs(factor) > LEAST_FACTOR
+        if abs(factor) > thresholds.LEAST_FACTOR
     ]
     words = f"several terms differ; as shares of the nominal ones: {', '.join(moved)}"
     return Cause("several", "command", float(np.abs(factors).max(initial=0.0)), left, words)
 
 
-def _shifts(session: Session, one: Comparison) -> Iterator[Cause]:
+def _shifts(session: Session, comparison: Comparison) -> Iterator[Cause]:
     """Reference, position or command shifted by some rows."""
-    log, p = one.log, session.law
+    log, p = comparison.log, session.law
     assert log.setpoints is not None and log.command is not None and p is not None
-    position, setpoints, own = log.position, log.setpoints, one.recomputed
-    inside = np.isfinite(one.difference)
-    inside[:LARGEST_SHIFT] = inside[len(inside) - LARGEST_SHIFT :] = False
+    position, setpoints, own = log.position, log.setpoints, comparison.recomputed
+    inside = np.isfinite(comparison.difference)
+    inside[: thresholds.LARGEST_SHIFT] = inside[len(inside) - thresholds.LARGEST_SHIFT :] = False
     ahead = setpoints[:, law.SETPOINT_COLUMNS["feedforward"]] + setpoints[:, law.SETPOINT_COLUMNS["friction"]]
-    for n in (n for n in range(-LARGEST_SHIFT, LARGEST_SHIFT + 1) if n):
+    for n in (n for n in range(-thresholds.LARGEST_SHIFT, thresholds.LARGEST_SHIFT + 1) if n):
         rows = f"{abs(n)} {'row' if abs(n) == 1 else 'rows'} {'later' if n > 0 else 'earlier'}"
         for column, acts, again in (
             ("reference", "the reference acts", _command(p, _shifted(setpoints, n), position)),
@@ -205,7 +196,7 @@ def _shifts(session: Session, one: Comparison) -> Iterator[Cause]:
             ("command", "the command is logged", _shifted(own, n)),
             ("feedforward", "feedforward and friction compensation act", own + _shifted(ahead, n) - ahead),
         ):
-            left = _rms((log.command - again)[inside]) / _rms(one.difference)
+            left = _rms((log.command - again)[inside]) / _rms(comparison.difference)
             yield Cause("shift", column, n, left, f"{acts} {rows} than the description says")
 
 
@@ -219,35 +210,35 @@ def _shifted(values: Array, n: int) -> Array:
     return values[np.clip(np.arange(len(values)) - n, 0, len(values) - 1)]
 
 
-def _poles(session: Session, one: Comparison) -> Iterator[Cause]:
+def _poles(session: Session, comparison: Comparison) -> Iterator[Cause]:
     """Another pole of the derivative's filter."""
-    p, log, dt = session.law, one.log, session.dt
+    p, log, dt = session.law, comparison.log, session.dt
     assert p is not None and log.setpoints is not None and log.command is not None
     if p.cascaded or p.feedback.derivative == 0.0:
         return
     pole = 2.0 * (1.0 - p.feedback.decay) / (dt * (1.0 + p.feedback.decay))
     gain = p.feedback.derivative * (2.0 + pole * dt) / (2.0 * pole)
-    rows = np.isfinite(one.difference)
-    for factor in POLE_FACTORS:
+    rows = np.isfinite(comparison.difference)
+    for factor in thresholds.POLE_FACTORS:
         a = factor * pole
         other = p.feedback._replace(derivative=2.0 * gain * a / (2.0 + a * dt), decay=(2.0 - a * dt) / (2.0 + a * dt))
         again = _command(p._replace(feedback=other), log.setpoints, log.position)
-        left = _rms((log.command - again)[rows]) / _rms(one.difference)
+        left = _rms((log.command - again)[rows]) / _rms(comparison.difference)
         words = f"the pole of the derivative's filter seems to be {factor:.2g} of the nominal one"
         yield Cause("pole", "derivative", factor, left, words)
 
 
-def _model_errors(session: Session, one: Comparison) -> Iterator[Cause]:
+def _model_errors(session: Session, comparison: Comparison) -> Iterator[Cause]:
     """A feedforward or friction compensation of another model than is described."""
-    reference = one.log.reference
+    reference = comparison.log.reference
     if reference is None:
         return
     p, dt = session.stage, session.dt
     velocity = np.gradient(reference, dt)
     force = np.zeros((len(reference), len(p.friction.operators.weight)))
     friction_path.operators(friction.Gms(p.friction.operators), reference, dt, force)
-    rows = np.isfinite(one.difference)
-    difference = one.difference[rows]
+    rows = np.isfinite(comparison.difference)
+    difference = comparison.difference[rows]
     for term, name, effort in (
         ("inertia", "the inertia of the feedforward", p.mechanics.inertia * np.gradient(velocity, dt)),
         ("viscous", "the viscous friction of the feedforward", p.mechanics.viscous * velocity),
@@ -256,16 +247,16 @@ def _model_errors(session: Session, one: Comparison) -> Iterator[Cause]:
         part = effort[rows] / p.motor.force_constant
         if np.any(part):
             share = _share(difference, part)
-            left = _rms(difference - share * part) / _rms(one.difference)
+            left = _rms(difference - share * part) / _rms(comparison.difference)
             yield Cause("model", term, share, left, f"{name} seems to differ by {share:+.3g} of the model's")
 
 
-def _limit(one: Comparison) -> Cause:
+def _limit(comparison: Comparison) -> Cause:
     """A limit that was active in the logged command."""
-    command = one.log.command
+    command = comparison.log.command
     assert command is not None
-    rows = np.isfinite(one.difference)
+    rows = np.isfinite(comparison.difference)
     high, low = float(command[rows].max()), float(command[rows].min())
-    left = _rms((command - np.clip(one.recomputed, low, high))[rows]) / _rms(one.difference)
+    left = _rms((command - np.clip(comparison.recomputed, low, high))[rows]) / _rms(comparison.difference)
     words = f"a limit is active: the logged command stays within [{low:.4g}, {high:.4g}] A"
     return Cause("limit", "command", high, left, words)

@@ -1,4 +1,4 @@
-"""The command check: the command recomputed from reference and position with the deployed law, against the logged one.
+"""The command check: the command recomputed with the deployed law from reference and position, against the logged one.
 
 Neither machine nor drive takes part in it, so both must agree to the digits of the log.  Where they do not, the
 controller that ran is not the one that is described, and all further results would rest on a wrong basis.
@@ -12,22 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.controller_check import thresholds
 from stagectl.gap.controller_check.causes import Cause, probable, unexplained, within_limit
 from stagectl.gap.controller_check.recomputed_command import Comparison, comparable, compared
-from stagectl.gap.controller_check.thresholds import (
-    AGREEMENT,
-    COMMAND_SAMPLES,
-    DECIMALS,
-    DIGITS,
-    ENCODER_ALIGNED,
-    POSITION_SAMPLES,
-    ROUNDED,
-    SAME_STEP,
-    STEP_ERROR,
-    STEP_ERROR_EACH,
-    STEPPED,
-    STEPS_COUNTED,
-)
 from stagectl.gap.logs.load_session import gathered
 from stagectl.gap.logs.session import Array, Log, Session
 
@@ -62,7 +49,7 @@ def check_command(session: Session) -> CommandCheck:
     if strict.agrees or one_count <= allowed:
         return strict
     comparisons = compared(session, one_count)
-    worst = max(one.worst[0] for one in comparisons)
+    worst = max(comparison.worst[0] for comparison in comparisons)
     if worst > one_count or not unexplained(session, comparisons):
         return strict
     words = (
@@ -74,8 +61,12 @@ def check_command(session: Session) -> CommandCheck:
 
 def _judged(session: Session, comparisons: Sequence[Comparison], allowed: float) -> CommandCheck:
     """Whether all agree within the limit `allowed` (A), and no wrong gain hides within it."""
-    worst = max(one.worst[0] for one in comparisons)
-    hidden = within_limit(session, comparisons) if DIGITS / AGREEMENT * allowed < worst <= allowed else None
+    worst = max(comparison.worst[0] for comparison in comparisons)
+    hidden = (
+        within_limit(session, comparisons)
+        if thresholds.DIGITS / thresholds.AGREEMENT * allowed < worst <= allowed
+        else None
+    )
     if worst <= allowed and hidden is None:
         words = f"the recomputed command agrees within {worst:.2g} A (limit {allowed:.2g} A)"
         return _agreement(session, comparisons, allowed, words)
@@ -90,9 +81,9 @@ def _judged(session: Session, comparisons: Sequence[Comparison], allowed: float)
 
 
 def _agreement(session: Session, comparisons: Sequence[Comparison], allowed: float, words: str) -> CommandCheck:
-    largest = max(comparisons, key=lambda one: one.worst[0])
+    largest = max(comparisons, key=lambda comparison: comparison.worst[0])
     worst, row = largest.worst
-    notes = [(one.log.name, harmless.words) for one in comparisons for harmless in one.harmless]
+    notes = [(comparison.log.name, harmless.words) for comparison in comparisons for harmless in comparison.harmless]
     return CommandCheck(
         agrees=True,
         words=words + "".join(f"; {note}" for note in gathered(notes, len(comparisons))),
@@ -100,7 +91,7 @@ def _agreement(session: Session, comparisons: Sequence[Comparison], allowed: flo
         limit=allowed,
         log=largest.log.name,
         time=row * session.dt,
-        harmless=frozenset(harmless.kind for one in comparisons for harmless in one.harmless),
+        harmless=frozenset(harmless.kind for comparison in comparisons for harmless in comparison.harmless),
     )
 
 
@@ -122,19 +113,19 @@ def limit(session: Session, logs: Sequence[Log]) -> float:
     if not len(commands):
         return 0.0
     rms = float(np.sqrt(np.mean(commands * commands)))
-    return max(AGREEMENT * rms, resolution(commands), *(_rounding(session, log) for log in logs))
+    return max(thresholds.AGREEMENT * rms, resolution(commands), *(_rounding(session, log) for log in logs))
 
 
 def resolution(values: Array) -> float:
     """The step to which `values` (n,) were rounded; 0 where they were not."""
     steps = np.diff(np.unique(values))
-    steps = steps[steps > SAME_STEP * float(np.abs(values).max(initial=0.0))]
+    steps = steps[steps > thresholds.SAME_STEP * float(np.abs(values).max(initial=0.0))]
     if not len(steps):
         return 0.0
     step = float(steps.min())
-    whole = values[:: max(len(values) // COMMAND_SAMPLES, 1)] / step
-    allowed = STEP_ERROR + STEP_ERROR_EACH * np.minimum(np.abs(whole), STEPS_COUNTED)
-    return step if np.mean(np.abs(whole - np.rint(whole)) < allowed) > STEPPED else 0.0
+    whole = values[:: max(len(values) // thresholds.COMMAND_SAMPLES, 1)] / step
+    allowed = thresholds.STEP_ERROR + thresholds.STEP_ERROR_EACH * np.minimum(np.abs(whole), thresholds.STEPS_COUNTED)
+    return step if np.mean(np.abs(whole - np.rint(whole)) < allowed) > thresholds.STEPPED else 0.0
 
 
 def _rounding(session: Session, log: Log) -> float:
@@ -153,10 +144,10 @@ def _gain(session: Session) -> float:
 
 def _decimal(values: Array, step: float) -> float:
     """The decimal to which `values` (n,) were rounded; 0 where there is none, or it is the encoder's own `step`."""
-    some = values[:: max(len(values) // POSITION_SAMPLES, 1)]
-    for digits in DECIMALS:
+    some = values[:: max(len(values) // thresholds.POSITION_SAMPLES, 1)]
+    for digits in thresholds.DECIMALS:
         unit = 10.0**-digits
-        if np.all(np.abs(some / unit - np.rint(some / unit)) < ROUNDED) and np.any(some != some[0]):
-            own = step > 0.0 and abs(step / unit - round(step / unit)) < ENCODER_ALIGNED
+        if np.all(np.abs(some / unit - np.rint(some / unit)) < thresholds.ROUNDED) and np.any(some != some[0]):
+            own = step > 0.0 and abs(step / unit - round(step / unit)) < thresholds.ENCODER_ALIGNED
             return 0.0 if own else unit
     return 0.0

@@ -13,16 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from stagectl.gap.logs import thresholds
 from stagectl.gap.logs.session import Array, LogError
-from stagectl.gap.logs.thresholds import (
-    GAP_STEPS,
-    LEAST_ROWS,
-    NOTED_DRIFT,
-    NOTED_SCATTER,
-    SAME_INSTANT,
-    SAME_STEP,
-    SCATTER,
-)
 from stagectl.number_format import duration
 
 SMOOTH = frozenset({"position", "reference"})
@@ -55,8 +47,8 @@ def on_control_periods(name: str, time: Array, columns: Mapping[str, Array], dt:
 
     Raises LogError where too few rows are left.
     """
-    if len(time) < LEAST_ROWS or time[-1] < LEAST_ROWS * dt:
-        words = f"must be at least {LEAST_ROWS} of {duration(dt)}: record longer"
+    if len(time) < thresholds.LEAST_ROWS or time[-1] < thresholds.LEAST_ROWS * dt:
+        words = f"must be at least {thresholds.LEAST_ROWS} of {duration(dt)}: record longer"
         raise LogError("short", (name,), f"{name}: {len(time)} rows over {time[-1]:.6g} s; {words}")
     rows, notes = _periods(time, dt)
     if rows is None:
@@ -94,7 +86,7 @@ def _periods(time: Array, dt: float) -> tuple[NDArray[np.intp] | None, list[str]
     """The control period of each row, or None where the rows must be resampled; and notes."""
     steps = np.diff(time)
     step = float(np.median(steps))
-    if abs(step / dt - 1.0) > SAME_STEP:
+    if abs(step / dt - 1.0) > thresholds.SAME_STEP:
         return None, [f"rows are {duration(step)} apart, the control period is {duration(dt)}: resampled"]
     counted = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(steps / step), 1.0))])
     slope = float(np.polyfit(counted, time, 1)[0])
@@ -104,7 +96,7 @@ def _periods(time: Array, dt: float) -> tuple[NDArray[np.intp] | None, list[str]
             return None, [f"several rows fall into one control period of {duration(dt)}: resampled"]
         rows = np.arange(len(time), dtype=np.intp)
     scatter = float(np.std(time - slope * rows))
-    if scatter > SCATTER * dt:
+    if scatter > thresholds.SCATTER * dt:
         words = f"time stamps scatter by {duration(scatter)} rms around periods of {duration(dt)}: resampled"
         return None, [f"{words}, position and reference by a cubic spline, the other columns linearly"]
     return rows, _clock_notes(scatter, slope, dt)
@@ -112,9 +104,9 @@ def _periods(time: Array, dt: float) -> tuple[NDArray[np.intp] | None, list[str]
 
 def _clock_notes(scatter: float, slope: float, dt: float) -> list[str]:
     notes = []
-    if scatter > NOTED_SCATTER * dt:
+    if scatter > thresholds.NOTED_SCATTER * dt:
         notes.append(f"time stamps scatter by {duration(scatter)} rms: each row is taken as its control period")
-    if abs(slope / dt - 1.0) > NOTED_DRIFT:
+    if abs(slope / dt - 1.0) > thresholds.NOTED_DRIFT:
         notes.append(f"its clock counts {slope / dt:.6g} s per second of the controller: rows are taken as periods")
     return notes
 
@@ -129,12 +121,12 @@ def _interpolated(grid: Array, time: Array, column: Array, smooth: bool) -> Arra
     """A column at the times of `grid`; NaN within its gaps."""
     sound = np.isfinite(column)
     t, values = time[sound], column[sound]
-    if len(t) < LEAST_ROWS:
+    if len(t) < thresholds.LEAST_ROWS:
         return np.full(len(grid), np.nan)
     signal = np.asarray(CubicSpline(t, values)(grid) if smooth else np.interp(grid, t, values), dtype=np.float64)
     steps = np.diff(t)
     after = np.clip(np.searchsorted(t, grid, side="left"), 1, len(t) - 1)
-    between = np.abs(t[after] - grid) > SAME_INSTANT
-    signal[between & (steps[after - 1] > GAP_STEPS * float(np.median(steps)))] = np.nan
-    signal[(grid < t[0] - SAME_INSTANT) | (grid > t[-1] + SAME_INSTANT)] = np.nan
+    between = np.abs(t[after] - grid) > thresholds.SAME_INSTANT
+    signal[between & (steps[after - 1] > thresholds.GAP_STEPS * float(np.median(steps)))] = np.nan
+    signal[(grid < t[0] - thresholds.SAME_INSTANT) | (grid > t[-1] + thresholds.SAME_INSTANT)] = np.nan
     return signal

@@ -8,22 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.gap.logs import thresholds
 from stagectl.gap.logs.session import Array
-from stagectl.gap.logs.thresholds import (
-    BRIDGED,
-    COMMANDED,
-    FROZEN,
-    FROZEN_MOTION,
-    FROZEN_SPEED,
-    KNOWN_LIMIT,
-    LOOP_SETTLED,
-    NO_CURRENT,
-    PLATEAU,
-    PLATEAU_COMMAND,
-    PLATEAU_CURRENT,
-    RUN_AWAY,
-    SWITCHED_OFF,
-)
 from stagectl.number_format import duration
 
 Rows = NDArray[np.bool_]
@@ -92,18 +78,20 @@ def _reference_gap(reference: Array, dt: float) -> _Excluded:
     """A longer gap: neither the reference in it is known, nor the loop's state after it."""
     rows = np.zeros(len(reference), dtype=np.bool_)
     for begin, end in stretches(np.isnan(reference)):
-        if (end - begin) * dt > BRIDGED:
-            rows[begin : end + round(LOOP_SETTLED / dt)] = True
-    return _Excluded(rows, f"a gap of the reference, and {duration(LOOP_SETTLED)} after it")
+        if (end - begin) * dt > thresholds.BRIDGED:
+            rows[begin : end + round(thresholds.LOOP_SETTLED / dt)] = True
+    return _Excluded(rows, f"a gap of the reference, and {duration(thresholds.LOOP_SETTLED)} after it")
 
 
 def _switched_off(columns: dict[str, Array], dt: float) -> _Excluded:
     """No current under a command, to the end."""
     command, current = _sizes(columns)
     rows = np.zeros(len(command), dtype=np.bool_)
-    flowing = np.flatnonzero(current > NO_CURRENT * current.max(initial=0.0))
+    flowing = np.flatnonzero(current > thresholds.NO_CURRENT * current.max(initial=0.0))
     begin = int(flowing[-1]) + 1 if flowing.size else len(rows)
-    if (len(rows) - begin) * dt > SWITCHED_OFF and np.median(command[begin:]) > COMMANDED * command.max():
+    if (len(rows) - begin) * dt > thresholds.SWITCHED_OFF and np.median(
+        command[begin:]
+    ) > thresholds.COMMANDED * command.max():
         rows[begin:] = True
     return _Excluded(rows, "no current flows although the controller commands it, as after a fault of the drive")
 
@@ -112,11 +100,15 @@ def _frozen(columns: dict[str, Array], dt: float, step: float) -> _Excluded:
     """The position does not change while the reference moves far."""
     position, reference = columns["position"], columns["reference"]
     rows = np.zeros(len(position), dtype=np.bool_)
-    fastest = 0.0 if step > 0.0 else FROZEN_SPEED * float(np.nanmax(np.abs(np.diff(reference))))
-    far = FROZEN_MOTION * step if step > 0.0 else fastest * FROZEN / dt
+    fastest = 0.0 if step > 0.0 else thresholds.FROZEN_SPEED * float(np.nanmax(np.abs(np.diff(reference))))
+    far = thresholds.FROZEN_MOTION * step if step > 0.0 else fastest * thresholds.FROZEN / dt
     for begin, end in stretches(np.concatenate([[False], np.diff(position) == 0.0])):
         part = reference[begin:end]
-        if (end - begin) * dt > FROZEN and np.any(np.isfinite(part)) and np.nanmax(part) - np.nanmin(part) > far > 0:
+        if (
+            (end - begin) * dt > thresholds.FROZEN
+            and np.any(np.isfinite(part))
+            and np.nanmax(part) - np.nanmin(part) > far > 0
+        ):
             rows[begin - 1 : end] = True
     return _Excluded(rows, "the position stays the same while the reference moves")
 
@@ -125,8 +117,8 @@ def _run_away(columns: dict[str, Array]) -> _Excluded:
     """A command far beyond any measured current: control is lost, and the motion is no longer that of the loop."""
     command, current = _sizes(columns)
     largest = float(current.max(initial=0.0))
-    words = f"the command exceeds {RUN_AWAY:g} times the largest current: the loop has lost control"
-    return _Excluded(np.cumsum((command > RUN_AWAY * largest) & (largest > 0.0)) > 0, words)
+    words = f"the command exceeds {thresholds.RUN_AWAY:g} times the largest current: the loop has lost control"
+    return _Excluded(np.cumsum((command > thresholds.RUN_AWAY * largest) & (largest > 0.0)) > 0, words)
 
 
 def _plateau(columns: dict[str, Array], limit: float) -> list[str]:
@@ -135,10 +127,10 @@ def _plateau(columns: dict[str, Array], limit: float) -> list[str]:
         return []
     command, current = _sizes(columns)
     largest = float(current.max(initial=0.0))
-    if largest == 0.0 or largest > KNOWN_LIMIT * limit:
+    if largest == 0.0 or largest > thresholds.KNOWN_LIMIT * limit:
         return []
-    cut = (current > PLATEAU_CURRENT * largest) & (command > PLATEAU_COMMAND * largest)
-    rows = sum(end - begin for begin, end in stretches(cut) if end - begin >= PLATEAU)
+    cut = (current > thresholds.PLATEAU_CURRENT * largest) & (command > thresholds.PLATEAU_COMMAND * largest)
+    rows = sum(end - begin for begin, end in stretches(cut) if end - begin >= thresholds.PLATEAU)
     if not rows:
         return []
     return [f"its current stays at {largest:.4g} A in {rows} rows under a larger command: a limit not described"]

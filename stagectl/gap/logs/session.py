@@ -36,8 +36,8 @@ class NominalValueError(GapError):
     """A value of a nominal.yaml that is missing, of the wrong type, or outside its range."""
 
     def __init__(self, place: Path, key: str, value: Any, rule: str) -> None:
-        given = "is missing" if value is None else f"= {value!r}"
-        super().__init__(f"{place}: {key} {given}; {rule}")
+        shown = "is missing" if value is None else f"= {value!r}"
+        super().__init__(f"{place}: {key} {shown}; {rule}")
         self.place = place
         self.key = key  # dotted, as in the file
         self.value = value  # as in the file; None: missing

@@ -13,29 +13,22 @@ import numpy as np
 from scipy.optimize import nnls
 
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals.thresholds import (
-    BRISTLE_EXPONENTS,
-    BRISTLE_LENGTHS,
-    DISTINCT_SLIPS,
-    ELEMENTS,
-    LONGEST_SLIP,
-    REVERSED,
-    SHORTEST_SLIP,
-    UNLOADED_CURRENT,
-)
+from stagectl.gap.residuals import thresholds
 from stagectl.kernels import friction, friction_bristle, stage
 
 
 def size(p: stage.Stage) -> float:
     """Force (N m | N) that is the unit of friction: the model's own, or that of 10 mA where it has none."""
-    return stage.sliding(p.friction) or UNLOADED_CURRENT * p.motor.force_constant
+    return stage.sliding(p.friction) or thresholds.UNLOADED_CURRENT * p.motor.force_constant
 
 
 def length(p: stage.Friction) -> float:
     """Length of the rolling zone (rad | m): displacement at which 95 % of the friction has reversed."""
     grid = np.geomspace(1e-3, 1e2, 400) * _longest(p)
     curve = reversal(p, grid)
-    return float(grid[np.searchsorted(curve, REVERSED * curve[-1])]) if curve[-1] > 0.0 else float(_longest(p))
+    return (
+        float(grid[np.searchsorted(curve, thresholds.REVERSED * curve[-1])]) if curve[-1] > 0.0 else float(_longest(p))
+    )
 
 
 def _longest(p: stage.Friction) -> float:
@@ -72,8 +65,12 @@ def spread(nominal: stage.Friction) -> stage.Friction:
     operators = zip(nominal.operators.slip, nominal.operators.weight, strict=True)
     own = [(float(slip), float(weight)) for slip, weight in operators if weight > 0.0]
     slips = [slip for slip, _ in own] or [0.05 * zone, zone]
-    grid = np.geomspace(SHORTEST_SLIP * min(slips), LONGEST_SLIP * max(slips), ELEMENTS)
-    added = [float(slip) for slip in grid if all(abs(math.log(slip / other)) > DISTINCT_SLIPS for other, _ in own)]
+    grid = np.geomspace(
+        thresholds.SHORTEST_SLIP * min(slips), thresholds.LONGEST_SLIP * max(slips), thresholds.ELEMENTS
+    )
+    added = [
+        float(slip) for slip in grid if all(abs(math.log(slip / other)) > thresholds.DISTINCT_SLIPS for other, _ in own)
+    ]
     elements = sorted([*own, *((slip, 0.0) for slip in added)])
     bundle = friction.bundle([weight for _, weight in elements], [slip for slip, _ in elements])
     return nominal._replace(operators=bundle)
@@ -82,7 +79,7 @@ def spread(nominal: stage.Friction) -> stage.Friction:
 def as_operators(p: stage.Friction) -> stage.Friction:
     """`p` as stop operators alone, with the same reversal curve: what a stage file can hold."""
     zone = length(p)
-    slips = np.geomspace(0.01 * zone, 2.0 * zone, 2 * ELEMENTS)
+    slips = np.geomspace(0.01 * zone, 2.0 * zone, 2 * thresholds.ELEMENTS)
     place = np.geomspace(1e-3 * zone, 4.0 * zone, 300)
     weights = nnls(2.0 * np.minimum(place[:, None] / (2.0 * slips), 1.0), reversal(p, place))[0]
     kept = weights > 0.0
@@ -94,6 +91,6 @@ def bristles(nominal: stage.Stage) -> list[friction_bristle.Bristle]:
     coulomb, zone = size(nominal), length(nominal.friction)
     return [
         friction_bristle.Bristle(coulomb, coulomb / (share * zone), exponent, 0.0, nominal.friction.stribeck)
-        for exponent in BRISTLE_EXPONENTS
-        for share in BRISTLE_LENGTHS
+        for exponent in thresholds.BRISTLE_EXPONENTS
+        for share in thresholds.BRISTLE_LENGTHS
     ]

@@ -12,20 +12,8 @@ from numpy.typing import NDArray
 
 from stagectl.gap.logs.row_validity import stretches
 from stagectl.gap.logs.session import Array, Log, Session
-from stagectl.gap.residuals import friction_family
+from stagectl.gap.residuals import friction_family, thresholds
 from stagectl.gap.residuals.model_tracking import MeasuredPath, mean_path, path_of
-from stagectl.gap.residuals.thresholds import (
-    FILTER_EDGE,
-    KEPT,
-    LONGEST_STROKE,
-    REST_CHANGE,
-    REST_WINDOW,
-    SHORTEST_REST,
-    SHORTEST_STROKE,
-    STROKE_SPEED,
-    STROKE_WINDOW,
-    ZONES_TRAVELLED,
-)
 
 
 class Run(NamedTuple):
@@ -52,7 +40,7 @@ def known_from(position: Array, zone: float) -> int:
     state is a nuisance of the whole run.
     """
     travelled = np.maximum.accumulate(position) - np.minimum.accumulate(position)
-    beyond = np.flatnonzero(travelled > ZONES_TRAVELLED * zone)
+    beyond = np.flatnonzero(travelled > thresholds.ZONES_TRAVELLED * zone)
     return int(beyond[0]) if len(beyond) else 0
 
 
@@ -90,21 +78,23 @@ def _run(name: str, logs: Sequence[Log], dt: float, zone: float) -> Run:
     paths = tuple(path._replace(rows=path.rows[:rows]) for path in (path_of(log, dt) for log in logs))
     mean = mean_path(paths)
     valid = np.logical_and.reduce([log.valid[:rows] for log in logs])
-    edge = round(FILTER_EDGE / dt)
+    edge = round(thresholds.FILTER_EDGE / dt)
     valid[:edge] = valid[rows - edge :] = False
     valid[: known_from(mean.rows[:, 1], zone)] = False
     cluster = half_strokes(mean.rows[:, 1], dt)
     still = standstills(mean.rows[:, 1] if logs[0].reference is None else logs[0].reference[:rows], dt)
-    rests = tuple((-(-begin // KEPT), -(-end // KEPT)) for begin, end in still)
-    return Run(name, tuple(logs), paths, mean, valid[::KEPT].astype(np.float64), cluster[::KEPT], rests)
+    rests = tuple((-(-begin // thresholds.KEPT), -(-end // thresholds.KEPT)) for begin, end in still)
+    return Run(
+        name, tuple(logs), paths, mean, valid[:: thresholds.KEPT].astype(np.float64), cluster[:: thresholds.KEPT], rests
+    )
 
 
 def standstills(position: Array, dt: float) -> list[tuple[int, int]]:
     """Spans [begin, end) of rows in which `position` (n,), the reference where it is known, does not change."""
-    window = max(round(REST_WINDOW / dt), 1)
+    window = max(round(thresholds.REST_WINDOW / dt), 1)
     change = np.abs(position[window:] - position[:-window])
-    still = np.concatenate([change <= REST_CHANGE * change.max(initial=0.0), np.zeros(window, dtype=bool)])
-    return [(begin, end) for begin, end in stretches(still) if (end - begin) * dt >= SHORTEST_REST]
+    still = np.concatenate([change <= thresholds.REST_CHANGE * change.max(initial=0.0), np.zeros(window, dtype=bool)])
+    return [(begin, end) for begin, end in stretches(still) if (end - begin) * dt >= thresholds.SHORTEST_REST]
 
 
 def without_drift_at_rest(signal: Array, rests: Sequence[tuple[int, int]]) -> Array:
@@ -134,8 +124,8 @@ def half_strokes(position: Array, dt: float) -> NDArray[np.int64]:
     number = np.zeros(len(position), dtype=np.int64)
     began, current = 0, 0
     for k in [*np.flatnonzero(np.diff(side, prepend=0.0) != 0.0).tolist(), len(position)]:
-        if (k - began) * dt >= SHORTEST_STROKE or k == len(position):
-            pieces = max(1, round((k - began) * dt / LONGEST_STROKE))
+        if (k - began) * dt >= thresholds.SHORTEST_STROKE or k == len(position):
+            pieces = max(1, round((k - began) * dt / thresholds.LONGEST_STROKE))
             number[began:k] = current + np.minimum(np.arange(k - began) * pieces // max(k - began, 1), pieces - 1)
             began, current = k, current + pieces
     return number
@@ -143,10 +133,10 @@ def half_strokes(position: Array, dt: float) -> NDArray[np.int64]:
 
 def _direction(position: Array, dt: float) -> Array:
     """(n,) sign of the smoothed velocity; 0 at standstill."""
-    window = max(round(STROKE_WINDOW / dt), 1)
+    window = max(round(thresholds.STROKE_WINDOW / dt), 1)
     smooth = np.convolve(np.pad(position, window, mode="edge"), np.ones(window) / window, mode="same")[window:-window]
     velocity = np.gradient(smooth, dt)
-    moving = np.abs(velocity) > STROKE_SPEED * np.abs(velocity).max(initial=0.0)
+    moving = np.abs(velocity) > thresholds.STROKE_SPEED * np.abs(velocity).max(initial=0.0)
     return np.where(moving, np.sign(velocity), 0.0)
 
 

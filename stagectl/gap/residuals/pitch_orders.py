@@ -14,23 +14,8 @@ from scipy.ndimage import median_filter
 from scipy.signal import welch
 
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import thresholds
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.thresholds import (
-    APART_FROM_WHOLE,
-    HIGHEST_MODE,
-    HIGHEST_ORDER,
-    KEPT,
-    LEAD_ORDERS,
-    LOWEST_FRACTIONAL,
-    LOWEST_MODE,
-    MODE_SEGMENT,
-    MODE_SURROUNDINGS,
-    MODES_APART,
-    MOVING,
-    ORDERS_APART,
-    ORDERS_PER_WHOLE,
-    PEAKS,
-)
 
 
 class Samples(NamedTuple):
@@ -48,47 +33,50 @@ def orders(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) 
     `pitch` is the travel of one turn (rad | m).
     """
     samples = _samples(runs, residuals, pitch)
-    whole = np.arange(1, HIGHEST_ORDER + 1)
-    steps = np.arange(LOWEST_FRACTIONAL, ORDERS_PER_WHOLE * HIGHEST_ORDER // 2)
-    steps = steps[np.abs(steps - ORDERS_PER_WHOLE * np.round(steps / ORDERS_PER_WHOLE)) >= APART_FROM_WHOLE]
+    whole = np.arange(1, thresholds.HIGHEST_ORDER + 1)
+    steps = np.arange(thresholds.LOWEST_FRACTIONAL, thresholds.ORDERS_PER_WHOLE * thresholds.HIGHEST_ORDER // 2)
+    steps = steps[
+        np.abs(steps - thresholds.ORDERS_PER_WHOLE * np.round(steps / thresholds.ORDERS_PER_WHOLE))
+        >= thresholds.APART_FROM_WHOLE
+    ]
     effort = samples.effort
     signals = np.stack([effort, effort * samples.current, effort * samples.direction])
     cogging, ripple, lead = power(signals, samples.angle, whole)
-    balls = power(signals[2:], samples.angle / ORDERS_PER_WHOLE, steps)[0]
+    balls = power(signals[2:], samples.angle / thresholds.ORDERS_PER_WHOLE, steps)[0]
     return {
         "cogging": peaks(whole, cogging),
         "current_ripple": peaks(whole, ripple),
-        "lead_friction": tuple(order for order in peaks(whole, lead) if order in LEAD_ORDERS),
-        "ball_pass_ripple": peaks(steps / ORDERS_PER_WHOLE, balls, ORDERS_APART),
+        "lead_friction": tuple(order for order in peaks(whole, lead) if order in thresholds.LEAD_ORDERS),
+        "ball_pass_ripple": peaks(steps / thresholds.ORDERS_PER_WHOLE, balls, thresholds.ORDERS_APART),
     }
 
 
 def modes(runs: Sequence[Run], residuals: Sequence[list[Array]]) -> tuple[float, ...]:
     """Frequencies (Hz) at which the residual effort rings, strongest first: lines well above their surroundings."""
-    dt = runs[0].mean.dt * KEPT
-    segment = min(round(MODE_SEGMENT / dt), *(len(run.weight) for run in runs))
+    dt = runs[0].mean.dt * thresholds.KEPT
+    segment = min(round(thresholds.MODE_SEGMENT / dt), *(len(run.weight) for run in runs))
     total = 0.0
     for run, repeats in zip(runs, residuals, strict=True):
         effort = run.weight * np.mean(repeats, axis=0)[:, 0]
         frequency, spectrum = welch(effort, 1.0 / dt, nperseg=segment, nfft=4 * segment)
         total = total + spectrum * len(effort)
-    within = (frequency > LOWEST_MODE) & (frequency < HIGHEST_MODE)
-    around = median_filter(total, 1 + 2 * int(np.searchsorted(frequency, MODE_SURROUNDINGS)), mode="nearest")
+    within = (frequency > thresholds.LOWEST_MODE) & (frequency < thresholds.HIGHEST_MODE)
+    around = median_filter(total, 1 + 2 * int(np.searchsorted(frequency, thresholds.MODE_SURROUNDINGS)), mode="nearest")
     prominence = (total / np.maximum(around, 1e-300))[within]
-    return peaks(frequency[within], prominence, MODES_APART)
+    return peaks(frequency[within], prominence, thresholds.MODES_APART)
 
 
 def _samples(runs: Sequence[Run], residuals: Sequence[list[Array]], pitch: float) -> Samples:
     """Samples of every run that covers a pitch; a single zero where none does."""
     parts: list[Samples] = []
     for run, repeats in zip(runs, residuals, strict=True):
-        position = run.mean.rows[::KEPT, 1]
-        velocity = np.gradient(position, run.mean.dt * KEPT)
-        fast = (np.abs(velocity) > MOVING * np.abs(velocity).max(initial=0.0)) & (run.weight > 0.0)
+        position = run.mean.rows[:: thresholds.KEPT, 1]
+        velocity = np.gradient(position, run.mean.dt * thresholds.KEPT)
+        fast = (np.abs(velocity) > thresholds.MOVING * np.abs(velocity).max(initial=0.0)) & (run.weight > 0.0)
         if np.ptp(position) < pitch:
             continue
         signals = (np.mean(repeats, axis=0)[:, 0], 2.0 * np.pi / pitch * position, np.sign(velocity))
-        parts.append(Samples(*(signal[fast] for signal in (*signals, run.mean.rows[::KEPT, 0]))))
+        parts.append(Samples(*(signal[fast] for signal in (*signals, run.mean.rows[:: thresholds.KEPT, 0]))))
     if not parts:
         return Samples(*np.zeros((4, 1)))
     return Samples(*(np.concatenate(signals) for signals in zip(*parts, strict=True)))
@@ -117,6 +105,6 @@ def peaks(grid: Array | NDArray[np.int64], strength: Array, apart: float = 0.0) 
     for k in np.argsort(strength)[::-1]:
         if all(abs(grid[k] - other) > apart for other in chosen):
             chosen.append(float(grid[k]))
-        if len(chosen) == PEAKS:
+        if len(chosen) == thresholds.PEAKS:
             break
     return tuple(chosen)

@@ -194,7 +194,7 @@ def _selected_clocked(p: ClockColumns | None, places: Sequence[int]) -> ClockCol
 def _between(x: Array | NDArray[np.float32], y: Array, strokes: Sequence[slice]) -> Array:
     """Products (2, c, p, q) of `x` (2, p, m) and `y` (2, q, m) within each half stroke, in double precision."""
     products: Array = np.stack(
-        [[one[:, span] @ other[:, span].T for span in strokes] for one, other in zip(x, y, strict=True)]
+        [[left[:, span] @ right[:, span].T for span in strokes] for left, right in zip(x, y, strict=True)]
     )
     return products
 

@@ -97,7 +97,7 @@ def all_columns(
     columns = iter(in_parallel(lambda task: _column(p, *task, noise), tasks))
     simulated = [{key: next(columns) for key in distinct} for _ in runs]
     return [
-        {one.name: _on_the_clock(run, by_simulation[_simulation(one)], one.factor) for one in directions}
+        {p.name: _on_the_clock(run, by_simulation[_simulation(p)], p.factor) for p in directions}
         for run, by_simulation in zip(runs, simulated, strict=True)
     ]
 

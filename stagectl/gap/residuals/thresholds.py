@@ -35,7 +35,7 @@ ZONES_TRAVELLED = 3.0  # lengths of the rolling zone in one direction, after whi
 SHORTEST_REST = 0.04  # s: a shorter standstill does not count as one
 REST_WINDOW = 0.01  # s over which a change of the position counts as motion
 REST_CHANGE = 1e-3  # share of the largest change within that window: below it the axis stands
-FILTER_EDGE = 0.02  # s at both ends of a run that do not count: the whitening filter lacks neighbours there
+FILTER_EDGE = 0.02  # s at both ends of a run that do not count: the whitening filter has no neighbours there
 
 # -- the family of friction laws ---------------------------------------------------------------------------------------
 ELEMENTS = 9  # stop operators on the grid of the family

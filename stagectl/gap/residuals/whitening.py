@@ -23,16 +23,8 @@ from scipy import fft
 from scipy.signal import welch
 
 from stagectl.gap.logs.session import Array
+from stagectl.gap.residuals import thresholds
 from stagectl.gap.residuals.model_tracking import ModelResidual
-from stagectl.gap.residuals.thresholds import (
-    BAND,
-    BAND_EDGE,
-    KEPT,
-    LEAST_DENSITY,
-    ROLL_OFF,
-    SMOOTHED_LINES,
-    WELCH_SEGMENT,
-)
 
 
 class NoiseLevel(NamedTuple):
@@ -73,7 +65,7 @@ def single_noise(repeats: Sequence[Array]) -> Array:
 
 def density(signals: Sequence[Array], dt: float) -> tuple[Array, Array]:
     """Frequencies (f,) Hz and the mean power spectral density (f,) of `signals`, smoothed over neighbouring lines."""
-    segment = min(WELCH_SEGMENT, *(len(signal) for signal in signals))
+    segment = min(thresholds.WELCH_SEGMENT, *(len(signal) for signal in signals))
     spectra = [welch(signal, 1.0 / dt, nperseg=segment) for signal in signals]
     samples = sum(len(signal) for signal in signals)
     total = sum(power * len(signal) for (_, power), signal in zip(spectra, signals, strict=True))
@@ -82,8 +74,8 @@ def density(signals: Sequence[Array], dt: float) -> tuple[Array, Array]:
 
 def smoothed(power: Array) -> Array:
     """`power` (f,) averaged over neighbouring lines."""
-    lines = np.ones(SMOOTHED_LINES) / SMOOTHED_LINES
-    mean: Array = np.convolve(np.pad(power, SMOOTHED_LINES // 2, mode="edge"), lines, mode="valid")
+    lines = np.ones(thresholds.SMOOTHED_LINES) / thresholds.SMOOTHED_LINES
+    mean: Array = np.convolve(np.pad(power, thresholds.SMOOTHED_LINES // 2, mode="edge"), lines, mode="valid")
     return mean
 
 
@@ -91,7 +83,7 @@ def _inverse_root(spectrum: Array) -> Array:
     largest = float(spectrum.max(initial=0.0))
     if largest == 0.0:
         return np.zeros_like(spectrum)
-    inverse: Array = 1.0 / np.sqrt(np.maximum(spectrum, LEAST_DENSITY * largest))
+    inverse: Array = 1.0 / np.sqrt(np.maximum(spectrum, thresholds.LEAST_DENSITY * largest))
     return inverse
 
 
@@ -105,12 +97,12 @@ def whitened(p: Whitener, residual: ModelResidual, dt: float) -> Array:
 
 
 def _filtered(signal: Array, gain: Array | None) -> Array:
-    kept = len(signal[::KEPT])
+    kept = len(signal[:: thresholds.KEPT])
     if gain is None or not signal.any():
         return np.zeros(kept)
     mirrored = np.concatenate([signal, signal[: len(signal) - len(gain) - 1 : -1]])
     with np.errstate(over="ignore", invalid="ignore"):  # a simulation that diverged stays diverged
-        filtered: Array = fft.idct(fft.dct(mirrored) * gain)[: len(signal) : KEPT]
+        filtered: Array = fft.idct(fft.dct(mirrored) * gain)[: len(signal) : thresholds.KEPT]
     return filtered
 
 
@@ -125,18 +117,18 @@ def _filters(p: Whitener, count: int, dt: float) -> tuple[Array | None, Array | 
 def gains(p: Whitener, lines: Array, dt: float) -> tuple[Array, Array]:
     """Gains for effort and current at the frequencies `lines` (f,) Hz, for signals of the control period `dt` (s)."""
     # A density of one over the band becomes a variance of one.
-    shape = math.sqrt(dt / BAND) * _band_edge(lines, BAND / dt)
+    shape = math.sqrt(dt / thresholds.BAND) * _band_edge(lines, thresholds.BAND / dt)
     effort = np.interp(lines, p.frequency, p.effort) * shape / roll_off(lines, dt)
     return effort, np.interp(lines, p.frequency, p.current) * shape
 
 
 def roll_off(lines: NDArray[np.floating[Any]], dt: float) -> Array:
     """Factor (f,) by which the weight of an effort falls at the frequencies `lines` (f,) Hz."""
-    attenuation: Array = np.hypot(1.0, lines * dt / ROLL_OFF)
+    attenuation: Array = np.hypot(1.0, lines * dt / thresholds.ROLL_OFF)
     return attenuation
 
 
 def _band_edge(lines: Array, limit: float) -> Array:
     """One within the band, falling to zero over its last tenth."""
-    edge: Array = np.clip((limit - lines) / (BAND_EDGE * limit), 0.0, 1.0)
+    edge: Array = np.clip((limit - lines) / (thresholds.BAND_EDGE * limit), 0.0, 1.0)
     return edge

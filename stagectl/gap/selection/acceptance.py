@@ -5,33 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from stagectl.gap.effects import equivalences
-from stagectl.gap.selection import refine
+from stagectl.gap.selection import refine, thresholds
 from stagectl.gap.selection.candidate_scores import CandidateScores, Library, name_of
 from stagectl.gap.selection.cross_validation import Score, best_of
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.thresholds import (
-    BEYOND,
-    DOMINANT,
-    FAR,
-    MATERIAL,
-    MATERIAL_UNREPEATED,
-    OF_ALL,
-    OF_ALL_CLEAR,
-    OF_KIN,
-    OF_MORE,
-    SMALLEST_GAIN,
-)
 
 
 def material(e: Evidence) -> float:
     """Share of the rest that an effect must explain."""
-    return MATERIAL if refine.repeated(e) else MATERIAL_UNREPEATED
+    return thresholds.MATERIAL if refine.repeated(e) else thresholds.MATERIAL_UNREPEATED
 
 
 def eligible(e: Evidence, found: CandidateScores, library: Library, now: Fitted) -> list[Score]:
     """The best form of each effect that is material and beyond the null ensemble, largest gain first."""
-    # Across a gap the others' columns change: next to one, only what stands out is believed.
-    worst = DOMINANT if any(one.effect.nonlinear for one in now.effects) else 0.0
+    # Across a gap the other columns change: next to a nonlinear effect, only a dominant one is accepted.
+    worst = thresholds.DOMINANT if any(valued.effect.nonlinear for valued in now.effects) else 0.0
     good = [
         score
         for score in best_of(found.scores).values()
@@ -45,7 +33,7 @@ def eligible(e: Evidence, found: CandidateScores, library: Library, now: Fitted)
 def _beyond_null(found: CandidateScores, library: Library, score: Score) -> bool:
     """Whether machines without an effect give less, on all data or on one experiment."""
     known = library.thresholds[name_of(score)]
-    clear = score.gain > known.limit or score.worst > max(BEYOND * known.share, DOMINANT)
+    clear = score.gain > known.limit or score.worst > max(thresholds.BEYOND * known.share, thresholds.DOMINANT)
     return clear or found.clarity(library.forms_of(name_of(score))).doubt < 1.0
 
 
@@ -53,9 +41,9 @@ def least_gain(e: Evidence, found: CandidateScores, library: Library, score: Sco
     """Gain that makes an effect material: of what no nuisance explains now, and of the gap at the beginning."""
     channel = library.channel(score.form.effect)
     left = score.before - float(found.floor[channel])
-    clear = score.worst > DOMINANT and score.gain > FAR * library.thresholds[name_of(score)].limit
-    of_all = OF_ALL_CLEAR if clear else OF_ALL
-    return max(material(e) * left, of_all * library.first[channel], SMALLEST_GAIN)
+    clear = score.worst > thresholds.DOMINANT and score.gain > thresholds.FAR * library.thresholds[name_of(score)].limit
+    of_all = thresholds.OF_ALL_CLEAR if clear else thresholds.OF_ALL
+    return max(material(e) * left, of_all * library.first[channel], thresholds.SMALLEST_GAIN)
 
 
 def stands_out(score: Score, gains: Mapping[str, float]) -> bool:
@@ -65,7 +53,7 @@ def stands_out(score: Score, gains: Mapping[str, float]) -> bool:
     """
     wider = equivalences.OVER.get(name_of(score)) in gains
     kin = max(_gains_of_kin(name_of(score), gains), default=0.0)
-    return score.gain > OF_KIN * kin or (wider and score.worst > OF_MORE)
+    return score.gain > thresholds.OF_KIN * kin or (wider and score.worst > thresholds.OF_MORE)
 
 
 def _gains_of_kin(name: str, gains: Mapping[str, float]) -> list[float]:
@@ -77,6 +65,8 @@ def simplest(better: Sequence[Fitted], floor: float) -> Fitted:
     """The best of these models, or a special case of it that leaves little more above `floor`."""
     best = min(better, key=lambda fitted: fitted.residual_sum_of_squares)
     wide = best.effects[-1].effect.name
-    special = [one for one in better if equivalences.narrower(wide, one.effects[-1].effect.name)]
+    special = [model for model in better if equivalences.narrower(wide, model.effects[-1].effect.name)]
     left = best.residual_sum_of_squares - floor
-    return next((one for one in special if (1.0 - OF_KIN) * (one.residual_sum_of_squares - floor) < left), best)
+    return next(
+        (one for one in special if (1.0 - thresholds.OF_KIN) * (one.residual_sum_of_squares - floor) < left), best
+    )

@@ -7,6 +7,7 @@ a nuisance: no effect may be named for what another law of the family explains.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -19,25 +20,7 @@ from stagectl.gap.residuals.linear_fit import bounded_step
 from stagectl.gap.residuals.model_tracking import ModelResidual
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
 from stagectl.gap.residuals.whitening import NoiseLevel, Whitener, single_noise, whitener
-from stagectl.gap.selection.thresholds import (
-    BASELINE_STEPS,
-    BIAS_CHANGE,
-    BRISTLE_CHANGE,
-    BRISTLE_GAIN,
-    DIFFERENCED_NOISE,
-    INERTIA_CHANGE,
-    LEAST_NOISE,
-    LENGTH_CHANGE,
-    LOWEST_BRISTLE,
-    LOWEST_MECHANICS,
-    MEMBER_CHANGE,
-    NATURAL_DAMPING,
-    SHIFT_CHANGE,
-    SHORTEST_BRISTLE,
-    START_LOAD,
-    VISCOUS_CHANGE,
-    WEIGHT_CHANGE,
-)
+from stagectl.gap.selection import thresholds
 from stagectl.kernels import friction_bristle, stage
 from stagectl.parallel import in_parallel
 
@@ -67,27 +50,30 @@ def is_member(name: str) -> bool:
 
 def parameter_names(moving: Iterable[Direction]) -> list[str]:
     """The directions that are parameters of the model: neither the start nor a bristle of the family."""
-    return [one.name for one in moving if one.name != START and not is_member(one.name)]
+    names = [direction.name for direction in moving]
+    return [name for name in names if name != START and not is_member(name)]
 
 
 def directions(session: Session, model: TrackedModel, measured: bool) -> list[Direction]:
     """All that the baseline fit may move; the time shift only where a current was `measured`."""
     p, coulomb = model.stage, friction_family.size(model.stage)
-    viscous = VISCOUS_CHANGE * (p.mechanics.viscous or NATURAL_DAMPING * p.mechanics.inertia / session.dt)
+    viscous = thresholds.VISCOUS_CHANGE * (
+        p.mechanics.viscous or thresholds.NATURAL_DAMPING * p.mechanics.inertia / session.dt
+    )
     moving = [
-        _mechanics("inertia", INERTIA_CHANGE * p.mechanics.inertia),
-        _mechanics("bias", BIAS_CHANGE * coulomb),
-        Direction(START, lambda m: m, 1.0, load=START_LOAD),
+        _mechanics("inertia", thresholds.INERTIA_CHANGE * p.mechanics.inertia),
+        _mechanics("bias", thresholds.BIAS_CHANGE * coulomb),
+        Direction(START, lambda m: m, 1.0, load=thresholds.START_LOAD),
         _mechanics("viscous", viscous),
-        *(_weight(k, WEIGHT_CHANGE * coulomb) for k in range(len(p.friction.operators.weight))),
+        *(_weight(k, thresholds.WEIGHT_CHANGE * coulomb) for k in range(len(p.friction.operators.weight))),
     ]
     if measured:
-        step = SHIFT_CHANGE * session.dt
+        step = thresholds.SHIFT_CHANGE * session.dt
         moving.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + step), step))
     if p.friction.bristle.coulomb > 0.0:
         moving += [
-            _bristle("bristle_size", 1.0 + BRISTLE_CHANGE, 1.0, BRISTLE_CHANGE),
-            _bristle("bristle_length", 1.0, 1.0 + LENGTH_CHANGE, LENGTH_CHANGE),
+            _bristle("bristle_size", 1.0 + thresholds.BRISTLE_CHANGE, 1.0, thresholds.BRISTLE_CHANGE),
+            _bristle("bristle_length", 1.0, 1.0 + thresholds.LENGTH_CHANGE, thresholds.LENGTH_CHANGE),
         ]
     return moving
 
@@ -130,7 +116,7 @@ def members(nominal: stage.Stage) -> list[Direction]:
     """Bristles that may join the stop operators; none where the nominal law is a bristle itself."""
     if nominal.friction.bristle.coulomb > 0.0:
         return []
-    size = MEMBER_CHANGE * friction_family.size(nominal)
+    size = thresholds.MEMBER_CHANGE * friction_family.size(nominal)
     return [_member(f"bristle_{k}", p, size) for k, p in enumerate(friction_family.bristles(nominal))]
 
 
@@ -147,7 +133,8 @@ def noise_of(model: TrackedModel, runs: Sequence[Run], dt: float) -> Whitener:
     """
     repeated = [run for run in runs if len(run.paths) > 1]
     residuals = in_parallel(lambda run: [model_residual(model, path) for path in run.paths], repeated or runs)
-    noise = [one for repeats in residuals for one in (_deviations(repeats) if repeated else [_roughness(repeats[0])])]
+    records = [_deviations(repeats) if repeated else [_roughness(repeats[0])] for repeats in residuals]
+    noise = list(itertools.chain.from_iterable(records))
     return whitener(noise, _least_noise(runs, model), dt)
 
 
@@ -158,7 +145,7 @@ def _is_measured(runs: Sequence[Run]) -> bool:
 
 def _least_noise(runs: Sequence[Run], model: TrackedModel) -> NoiseLevel:
     current = np.concatenate([run.mean.rows[:, 0] for run in runs])
-    rms = LEAST_NOISE * float(np.sqrt(np.nanmean(current * current)))
+    rms = thresholds.LEAST_NOISE * float(np.sqrt(np.nanmean(current * current)))
     return NoiseLevel(rms * model.stage.motor.force_constant, rms if _is_measured(runs) else 0.0)
 
 
@@ -169,7 +156,9 @@ def _deviations(repeats: Sequence[ModelResidual]) -> list[ModelResidual]:
 
 def _roughness(p: ModelResidual) -> ModelResidual:
     """Third differences: noise, as nothing else changes from sample to sample."""
-    return ModelResidual(*(np.diff(signal, 3, prepend=np.zeros(3)) / np.sqrt(DIFFERENCED_NOISE) for signal in p))
+    return ModelResidual(
+        *(np.diff(signal, 3, prepend=np.zeros(3)) / np.sqrt(thresholds.DIFFERENCED_NOISE) for signal in p)
+    )
 
 
 def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: Sequence[str] = ()) -> BaselineFit:
@@ -177,12 +166,13 @@ def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: 
     noise = noise_of(nominal, runs, session.dt)
     model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
     before = residuals_of(nominal, runs, noise)
-    free = [one for one in directions(session, model, _is_measured(runs)) if one.name not in frozen]
+    moving = directions(session, model, _is_measured(runs))
+    free = [direction for direction in moving if direction.name not in frozen]
     bristles = members(nominal.stage)
     known = gram_matrices.products(runs, all_columns(model, runs, [*free, *bristles], noise), START)
     residuals = before
     chosen: Direction | None = None
-    for _ in range(BASELINE_STEPS):
+    for _ in range(thresholds.BASELINE_STEPS):
         g = gram_matrices.fold_sums(known, residuals)
         if chosen is None:
             chosen = _best_member(g, parameter_names(free), bristles)
@@ -198,10 +188,10 @@ def _best_member(g: gram_matrices.Grams, names: Sequence[str], bristles: Sequenc
     summed, closable = g.both.sum(axis=0), float(g.both[:, -1, -1].sum() - g.floor.sum())
     own = g.places(names)
     without = least_squares.fit(summed, own).residual_sum_of_squares
-    fits = [(least_squares.fit(summed, [*own, *g.places([one.name])]), one) for one in bristles]
-    possible = [(fit.residual_sum_of_squares, one) for fit, one in fits if fit.amplitude[-1] > 0.0]
+    fits = [(least_squares.fit(summed, [*own, *g.places([bristle.name])]), bristle) for bristle in bristles]
+    possible = [(fit.residual_sum_of_squares, bristle) for fit, bristle in fits if fit.amplitude[-1] > 0.0]
     left, best = min(possible, key=lambda pair: pair[0], default=(without, None))
-    return best if without - left > BRISTLE_GAIN * closable else None
+    return best if without - left > thresholds.BRISTLE_GAIN * closable else None
 
 
 def lowest(model: TrackedModel, name: str) -> float:
@@ -210,10 +200,10 @@ def lowest(model: TrackedModel, name: str) -> float:
     if name.startswith("weight_"):
         return -float(p.friction.operators.weight[int(name.removeprefix("weight_"))])
     if name in ("inertia", "viscous"):
-        return LOWEST_MECHANICS * float(getattr(p.mechanics, name))
+        return thresholds.LOWEST_MECHANICS * float(getattr(p.mechanics, name))
     if is_member(name):
         return -p.friction.bristle.coulomb
-    return LOWEST_BRISTLE if name.startswith("bristle_") else -np.inf
+    return thresholds.LOWEST_BRISTLE if name.startswith("bristle_") else -np.inf
 
 
 def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | None) -> TrackedModel:
@@ -226,7 +216,7 @@ def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | No
     )
     operators = p.friction.operators
     weights = np.array([max(weight + move[weight_name(k)], 0.0) for k, weight in enumerate(operators.weight)])
-    length = max(1.0 + move.get("bristle_length", 0.0), SHORTEST_BRISTLE)
+    length = max(1.0 + move.get("bristle_length", 0.0), thresholds.SHORTEST_BRISTLE)
     bristle = friction_bristle.scaled(p.friction.bristle, 1.0 + move.get("bristle_size", 0.0), length)
     if member is not None:
         bristle = _with_force(bristle, member.change(model).stage.friction.bristle, move[member.name])

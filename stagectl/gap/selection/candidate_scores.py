@@ -69,16 +69,20 @@ def scored(e: Evidence, library: Library, now: Fitted) -> CandidateScores:
     own = refine.parameters(now)
     columns = sensitivities.all_columns(now.equipped, e.runs, own, e.base.noise)
     products = gram_matrices.with_columns(library.products, columns)
-    g, moving = gram_matrices.fold_sums(products, now.residuals), [*nuisances(e), *(one.name for one in own)]
-    present = {one.effect.name for one in now.effects}
+    g, moving = (
+        gram_matrices.fold_sums(products, now.residuals),
+        [*nuisances(e), *(direction.name for direction in own)],
+    )
+    present = {valued.effect.name for valued in now.effects}
     forms = [form for form in library.forms if form.effect.name not in present]
-    found = scores(channels_of(g), g.places(moving), [g.places(form.names) for form in forms], forms)
-    return CandidateScores(found, g.floor.sum(axis=0), moving, products, now.residuals)
+    of_forms = scores(channels_of(g), g.places(moving), [g.places(form.names) for form in forms], forms)
+    return CandidateScores(of_forms, g.floor.sum(axis=0), moving, products, now.residuals)
 
 
 def nuisances(e: Evidence) -> list[str]:
     """Columns that move next to every candidate: the base's parameters, and the friction laws of the family."""
-    return [*refine.nuisances(e), *(one.name for one in e.base.directions if baseline_fit.is_member(one.name))]
+    names = [direction.name for direction in e.base.directions]
+    return [*refine.nuisances(e), *(name for name in names if baseline_fit.is_member(name))]
 
 
 def closable(e: Evidence, g: Grams) -> tuple[float, float]:
@@ -101,6 +105,6 @@ def name_of(score: Score) -> str:
     return score.form.effect.name
 
 
-def valued(score: Score) -> EffectValues:
+def effect_of(score: Score) -> EffectValues:
     """The effect of a score, with its amplitudes."""
     return EffectValues(score.form.effect, score.form.values(score.amplitudes))

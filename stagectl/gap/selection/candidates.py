@@ -24,8 +24,8 @@ class Form(NamedTuple):
 
     def values(self, amplitudes: Sequence[float]) -> dict[str, float]:
         """All parameters of the effect, for these amplitudes within their bounds."""
-        pairs = zip(self.effect.amplitudes, amplitudes, strict=True)
-        return {**self.shape, **{one.name: min(max(float(x), one.low), one.high) for one, x in pairs}}
+        bounds = zip(self.effect.amplitudes, amplitudes, strict=True)
+        return {**self.shape, **{bound.name: min(max(float(x), bound.low), bound.high) for bound, x in bounds}}
 
 
 class EffectValues(NamedTuple):
@@ -53,7 +53,7 @@ def _forms(effect: Definition) -> list[Form]:
 
 
 def _form(effect: Definition, place: tuple[float, ...], size: tuple[float, ...]) -> Form:
-    shape = {one.name: value for one, value in zip(effect.shapes, place, strict=True)}
+    shape = {axis.name: value for axis, value in zip(effect.shapes, place, strict=True)}
     values = ",".join(f"{value:.6g}" for value in (*place, *size))
     names = tuple(f"{effect.name}({values}).{amplitude.name}" for amplitude in effect.amplitudes)
     return Form(effect, shape, size, names)
@@ -94,8 +94,8 @@ def direction(current: EffectValues, parameter: str, step: float, name: str) -> 
 def equipped(p: TrackedModel, effects: Sequence[EffectValues]) -> TrackedModel:
     """The model with these effects in its stage."""
     stage = p.stage
-    for one in effects:
-        stage = one.effect.apply(stage, one.values)
+    for valued in effects:
+        stage = valued.effect.apply(stage, valued.values)
     return p._replace(stage=stage)
 
 

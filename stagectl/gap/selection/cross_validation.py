@@ -70,10 +70,10 @@ def without_nuisances(channels: Array, nuisance: Sequence[int]) -> Array:
     return np.stack([partialled_out(channels[EFFORT], nuisance), channels[CURRENT]])
 
 
-def best_of(found: Sequence[Score]) -> dict[str, Score]:
+def best_of(of_forms: Sequence[Score]) -> dict[str, Score]:
     """The best form of every effect."""
     best: dict[str, Score] = {}
-    for score in found:
+    for score in of_forms:
         name = score.form.effect.name
         if name not in best or score.gain > best[name].gain:
             best[name] = score
@@ -128,5 +128,5 @@ def _solved(matrix: Array, form: Form) -> Array:
 
 def _admissible(form: Form, values: Array) -> bool:
     """Whether the sign is physical: an amplitude at a bound of zero explains nothing."""
-    pairs = zip(form.effect.amplitudes, values, strict=True)
-    return all((one.low < 0.0 or value > 0.0) and (one.high > 0.0 or value < 0.0) for one, value in pairs)
+    bounds = zip(form.effect.amplitudes, values, strict=True)
+    return all((bound.low < 0.0 or value > 0.0) and (bound.high > 0.0 or value < 0.0) for bound, value in bounds)

@@ -83,8 +83,8 @@ def clarity(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> Clarity
     """
     tried = _tried(g, nuisance, forms)
     alone = [g.experiment == number for number in np.unique(g.experiment)]
-    each = [_clarity(g, counted, tried, forms) for counted in (np.ones(len(g.stroke), dtype=bool), *alone)]
-    return Clarity(min(one.doubt for one in each), max(one.share for one in each))
+    clarities = [_clarity(g, counted, tried, forms) for counted in (np.ones(len(g.stroke), dtype=bool), *alone)]
+    return Clarity(min(clarity.doubt for clarity in clarities), max(clarity.share for clarity in clarities))
 
 
 def _tried(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> _Tried:
@@ -105,8 +105,8 @@ def _clarity(g: Grams, counted: NDArray[np.bool_], p: _Tried, forms: Sequence[Fo
     sums = np.stack([[part[counted][fold].sum(axis=0) for fold in (first, ~first)] for part in p.matrices])
     free = without_nuisances(sums, range(p.nuisances))[channel]
     machines = [free, *(against(free, member) for member in p.machines)]
-    scores = [[score_of(each, own, form) for own, form in zip(p.own, forms, strict=True)] for each in machines]
-    gain, *null_gains = (max(score.gain for score in each) for each in scores)
+    scores = [[score_of(machine, own, form) for own, form in zip(p.own, forms, strict=True)] for machine in machines]
+    gain, *null_gains = (max(score.gain for score in of_machine) for of_machine in scores)
     left = max(scores[0][0].before - float(g.floor[counted, channel].sum()), gain)
     least = limit(max(null_gains, default=0.0))
     certain = gain > max(least, CERTAIN * SMALLEST_GAIN)

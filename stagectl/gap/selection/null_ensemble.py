@@ -16,15 +16,7 @@ from numpy.random import Generator
 
 from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
-from stagectl.gap.selection.thresholds import (
-    DAMPING_RANGE,
-    ELEMENT_COUNTS,
-    EXPONENT_RANGE,
-    RANGE_LEFT,
-    SLIP_RANGE,
-    WEIGHT_CONCENTRATION,
-    ZONE_SPREAD,
-)
+from stagectl.gap.selection import thresholds
 from stagectl.kernels import friction, friction_bristle, stage
 
 PREFIX = "null_"
@@ -55,20 +47,20 @@ def _member(name: str, law: stage.Friction) -> Direction:
 
 def _law(p: stage.Friction, coulomb: float, number: int, source: Generator) -> stage.Friction:
     """The law of member `number`: Maxwell slip, LuGre and Dahl in turn."""
-    zone = friction_family.length(p) * float(np.exp(ZONE_SPREAD * source.standard_normal()))
+    zone = friction_family.length(p) * float(np.exp(thresholds.ZONE_SPREAD * source.standard_normal()))
     if number % 3 == 0:
         return _maxwell(p, coulomb, zone, source)
     lugre = number % 3 == 1
-    exponent = 1.0 if lugre else float(source.uniform(*EXPONENT_RANGE))
-    damping = float(source.uniform(*DAMPING_RANGE)) if lugre else 0.0
+    exponent = 1.0 if lugre else float(source.uniform(*thresholds.EXPONENT_RANGE))
+    damping = float(source.uniform(*thresholds.DAMPING_RANGE)) if lugre else 0.0
     return _bristle(p, BristleShape(coulomb, zone, exponent, damping))
 
 
 def _maxwell(p: stage.Friction, coulomb: float, zone: float, source: Generator) -> stage.Friction:
-    count = int(source.integers(*ELEMENT_COUNTS))
-    shortest, longest = SLIP_RANGE
+    count = int(source.integers(*thresholds.ELEMENT_COUNTS))
+    shortest, longest = thresholds.SLIP_RANGE
     slip = zone * np.exp(source.uniform(np.log(shortest), np.log(longest), count))
-    weight = source.dirichlet(np.full(count, WEIGHT_CONCENTRATION)) * coulomb
+    weight = source.dirichlet(np.full(count, thresholds.WEIGHT_CONCENTRATION)) * coulomb
     return p._replace(operators=friction.bundle(weight, np.sort(slip)), bristle=friction_bristle.NEUTRAL)
 
 
@@ -82,9 +74,9 @@ def _bristle(p: stage.Friction, shape: BristleShape) -> stage.Friction:
 def _reach(exponent: float) -> float:
     """Range lengths after which a bristle has moved 95 % of the way from -1 to 1."""
     if exponent == 1.0:
-        return float(np.log(2.0 / RANGE_LEFT))
+        return float(np.log(2.0 / thresholds.RANGE_LEFT))
     e = 1.0 - exponent
-    return float((2.0**e - RANGE_LEFT**e) / e)
+    return float((2.0**e - thresholds.RANGE_LEFT**e) / e)
 
 
 def member_names(names: Sequence[str]) -> list[str]:

@@ -13,18 +13,9 @@ from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.linear_fit import bounded_step
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
-from stagectl.gap.selection import baseline_fit
+from stagectl.gap.selection import baseline_fit, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit
 from stagectl.gap.selection.candidates import EffectValues, direction, equipped, on_the_clock
-from stagectl.gap.selection.thresholds import (
-    AMPLITUDE_CHANGE,
-    LEAST_AMPLITUDE,
-    REFINEMENT_STEPS,
-    SETTLED,
-    SHAPE_CHANGE,
-    SHAPE_FACTOR,
-    STEP_SHARES,
-)
 
 
 class Evidence(NamedTuple):
@@ -52,7 +43,9 @@ class Fitted(NamedTuple):
 def evidence(runs: Sequence[Run], refitted: BaselineFit) -> Evidence:
     """Ready for many fits: the deviations of single repeats from their mean path do not change any more."""
     means = sensitivities.mean_residuals(refitted.model, runs, refitted.noise)
-    deviations = [[one - mean for one in repeats] for repeats, mean in zip(refitted.after, means, strict=True)]
+    deviations = [
+        [residual - mean for residual in repeats] for repeats, mean in zip(refitted.after, means, strict=True)
+    ]
     return Evidence(runs, refitted, deviations)
 
 
@@ -64,10 +57,10 @@ def repeated(e: Evidence) -> bool:
 def residuals(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> list[list[Array]]:
     """Whitened residual of each run and repeat under `model` with `effects`."""
     whole = equipped(model, effects)
-    if any(one.effect.time_variation is not None for one in effects):
+    if any(valued.effect.time_variation is not None for valued in effects):
         return sensitivities.residuals_of(whole, e.runs, e.base.noise)
     means = sensitivities.mean_residuals(whole, e.runs, e.base.noise)
-    return [[mean + one for one in repeats] for mean, repeats in zip(means, e.deviations, strict=True)]
+    return [[mean + deviation for deviation in repeats] for mean, repeats in zip(means, e.deviations, strict=True)]
 
 
 def total(e: Evidence, residuals: list[list[Array]]) -> float:
@@ -75,9 +68,9 @@ def total(e: Evidence, residuals: list[list[Array]]) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         return float(
             sum(
-                np.sum((one * run.weight[:, None]) ** 2)
+                np.sum((residual * run.weight[:, None]) ** 2)
                 for run, repeats in zip(e.runs, residuals, strict=True)
-                for one in repeats
+                for residual in repeats
             )
         )
 
@@ -85,9 +78,9 @@ def total(e: Evidence, residuals: list[list[Array]]) -> float:
 def floor(e: Evidence) -> float:
     """Sum of squares that repeats differ by."""
     return sum(
-        float(np.sum((one * run.weight[:, None]) ** 2)) * len(repeats) / max(len(repeats) - 1, 1)
+        float(np.sum((deviation * run.weight[:, None]) ** 2)) * len(repeats) / max(len(repeats) - 1, 1)
         for repeats, run in zip(e.deviations, e.runs, strict=True)
-        for one in repeats
+        for deviation in repeats
     )
 
 
@@ -96,16 +89,18 @@ def start(e: Evidence) -> Fitted:
     return Fitted(e.base.model, (), e.base.after, total(e, e.base.after))
 
 
-def refine(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues], steps: int = REFINEMENT_STEPS) -> Fitted:
+def refine(
+    e: Evidence, model: TrackedModel, effects: Sequence[EffectValues], steps: int = thresholds.REFINEMENT_STEPS
+) -> Fitted:
     """The best values of all parameters of `effects` and of the base, from their current values."""
     now = _fitted(e, model, tuple(effects))
     if not np.isfinite(now.residual_sum_of_squares):  # it diverged: there is no step to take
         return now
-    if any(one.effect.nonlinear for one in effects):
+    if any(valued.effect.nonlinear for valued in effects):
         e = e._replace(base=e.base._replace(products=_base_products(e, now)))
     for _ in range(steps):
         after = _step(e, now)
-        if after.residual_sum_of_squares > now.residual_sum_of_squares * (1.0 - SETTLED):
+        if after.residual_sum_of_squares > now.residual_sum_of_squares * (1.0 - thresholds.SETTLED):
             return after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
         now = after
     return now
@@ -118,12 +113,12 @@ def _fitted(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...])
 
 def _base_products(e: Evidence, now: Fitted) -> gram_matrices.Products:
     """The base's columns with the effects in the model: across a gap, friction acts differently."""
-    moving = [one for one in e.base.directions if not baseline_fit.is_member(one.name)]
 
-    def with_effects(one: Direction) -> Direction:
-        return one._replace(change=lambda _: equipped(one.change(now.model), now.effects))
+    def with_effects(p: Direction) -> Direction:
+        return p._replace(change=lambda _: equipped(p.change(now.model), now.effects))
 
-    columns = sensitivities.all_columns(now.equipped, e.runs, [with_effects(one) for one in moving], e.base.noise)
+    moving = [with_effects(p) for p in e.base.directions if not baseline_fit.is_member(p.name)]
+    columns = sensitivities.all_columns(now.equipped, e.runs, moving, e.base.noise)
     return gram_matrices.products(e.runs, columns, baseline_fit.START)
 
 
@@ -132,8 +127,8 @@ def _step(e: Evidence, now: Fitted) -> Fitted:
     own, nuisance = parameters(now), nuisances(e)
     g = gram_matrices.fold_sums(tangent(e, now, own), now.residuals)
     low, high = np.array([(baseline_fit.lowest(now.model, name), np.inf) for name in nuisance] + _limits(now)).T
-    step = bounded_step(g, [*nuisance, *(one.name for one in own)], low, high)
-    for share in STEP_SHARES:
+    step = bounded_step(g, [*nuisance, *(p.name for p in own)], low, high)
+    for share in thresholds.STEP_SHARES:
         after = _fitted(e, *_moved(now, {name: share * value for name, value in step.items()}))
         if after.residual_sum_of_squares < now.residual_sum_of_squares:
             return after
@@ -157,30 +152,33 @@ def parameters(now: Fitted) -> list[Direction]:
     Effects overwrite their fields, so a change is the same effect with another value on top of the whole model.
     """
     moving: list[Direction] = []
-    for k, one in enumerate(now.effects):
-        if one.effect.time_variation is not None:
-            moving += _on_the_clock(one, one.effect.time_variation)
+    for k, valued in enumerate(now.effects):
+        if valued.effect.time_variation is not None:
+            moving += _on_the_clock(valued, valued.effect.time_variation)
             continue
-        for amplitude in one.effect.amplitudes:
-            size = max(abs(one.values[amplitude.name]), LEAST_AMPLITUDE * abs(amplitude.typical[0]))
-            moving.append(_replaced(now, k, amplitude.name, AMPLITUDE_CHANGE * size))
-        moving += [_replaced(now, k, shape.name, SHAPE_CHANGE * one.values[shape.name]) for shape in _refined(one)]
+        for amplitude in valued.effect.amplitudes:
+            size = max(abs(valued.values[amplitude.name]), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
+            moving.append(_replaced(now, k, amplitude.name, thresholds.AMPLITUDE_CHANGE * size))
+        moving += [
+            _replaced(now, k, shape.name, thresholds.SHAPE_CHANGE * valued.values[shape.name])
+            for shape in _refined(valued)
+        ]
     return moving
 
 
-def _refined(one: EffectValues) -> list[Shape]:
-    return [shape for shape in one.effect.shapes if shape.refined]
+def _refined(valued: EffectValues) -> list[Shape]:
+    return [shape for shape in valued.effect.shapes if shape.refined]
 
 
-def _on_the_clock(one: EffectValues, variation: TimeVariation) -> Iterator[Direction]:
+def _on_the_clock(valued: EffectValues, variation: TimeVariation) -> Iterator[Direction]:
     """The same for what runs on the session clock: factors of time on the columns of what it scales."""
-    name, values = one.effect.name, dict(one.values)
-    for amplitude in one.effect.amplitudes:
+    name, values = valued.effect.name, dict(valued.values)
+    for amplitude in valued.effect.amplitudes:
         yield on_the_clock(f"{name}.{amplitude.name}", variation, amplitude.name, lambda t: variation.factor(values, t))
-    first = one.effect.amplitudes[0].name
-    for shape in _refined(one):  # an amplitude times the change of its factor
-        more = {**values, shape.name: (1.0 + SHAPE_CHANGE) * values[shape.name]}
-        scale = values[first] / (SHAPE_CHANGE * values[shape.name])
+    first = valued.effect.amplitudes[0].name
+    for shape in _refined(valued):  # an amplitude times the change of its factor
+        more = {**values, shape.name: (1.0 + thresholds.SHAPE_CHANGE) * values[shape.name]}
+        scale = values[first] / (thresholds.SHAPE_CHANGE * values[shape.name])
 
         def factor(t: Array, more: Values = more, scale: float = scale) -> Array:
             changed: Array = scale * (variation.factor(more, t) - variation.factor(values, t))
@@ -190,31 +188,34 @@ def _on_the_clock(one: EffectValues, variation: TimeVariation) -> Iterator[Direc
 
 
 def _replaced(now: Fitted, k: int, parameter: str, step: float) -> Direction:
-    one = now.effects[k]
-    changed = EffectValues(one.effect, {**one.values, parameter: one.values[parameter] + step})
+    valued = now.effects[k]
+    changed = EffectValues(valued.effect, {**valued.values, parameter: valued.values[parameter] + step})
     others = [*now.effects[:k], changed, *now.effects[k + 1 :]]
-    plain = direction(one, parameter, step, f"{one.effect.name}.{parameter}")
+    plain = direction(valued, parameter, step, f"{valued.effect.name}.{parameter}")
     return plain._replace(change=lambda m: equipped(m._replace(stage=now.model.stage), others))
 
 
 def _moved(now: Fitted, move: Mapping[str, float]) -> tuple[TrackedModel, tuple[EffectValues, ...]]:
-    return baseline_fit.moved(now.model, move, None), tuple(_shifted(one, move) for one in now.effects)
+    return baseline_fit.moved(now.model, move, None), tuple(_shifted(valued, move) for valued in now.effects)
 
 
 def _limits(now: Fitted) -> list[tuple[float, float]]:
     """How far each of the effects' parameters may move in one step, in the order of `parameters`."""
     limits: list[tuple[float, float]] = []
-    for one in now.effects:
-        for amplitude in one.effect.amplitudes:
-            value = one.values[amplitude.name]
+    for valued in now.effects:
+        for amplitude in valued.effect.amplitudes:
+            value = valued.values[amplitude.name]
             limits.append((amplitude.low - value, amplitude.high - value))
-        for shape in _refined(one):
-            value = one.values[shape.name]
-            low, high = max(value / SHAPE_FACTOR, shape.low), min(value * SHAPE_FACTOR, shape.high)
+        for shape in _refined(valued):
+            value = valued.values[shape.name]
+            low, high = (
+                max(value / thresholds.SHAPE_FACTOR, shape.low),
+                min(value * thresholds.SHAPE_FACTOR, shape.high),
+            )
             limits.append((low - value, high - value))
     return limits
 
 
-def _shifted(one: EffectValues, move: Mapping[str, float]) -> EffectValues:
-    moves = {name: move.get(f"{one.effect.name}.{name}", 0.0) for name in one.values}
-    return EffectValues(one.effect, {name: value + moves[name] for name, value in one.values.items()})
+def _shifted(valued: EffectValues, move: Mapping[str, float]) -> EffectValues:
+    moves = {name: move.get(f"{valued.effect.name}.{name}", 0.0) for name in valued.values}
+    return EffectValues(valued.effect, {name: value + moves[name] for name, value in valued.values.items()})

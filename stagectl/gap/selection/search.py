@@ -22,7 +22,7 @@ import numpy as np
 from stagectl.gap.effects import equivalences
 from stagectl.gap.selection import candidates, refine
 from stagectl.gap.selection.acceptance import eligible, least_gain, material, simplest, stands_out
-from stagectl.gap.selection.candidate_scores import Library, name_of, scored, unexplained_effort, valued
+from stagectl.gap.selection.candidate_scores import Library, effect_of, name_of, scored, unexplained_effort
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.cross_validation import CURRENT, Score
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -70,7 +70,7 @@ def _stable(e: Evidence, library: Library, now: Fitted, say: Say) -> Selection:
     if not dropped:
         return selection
     say(f"dropped {', '.join(dropped)}: {why}")
-    kept = [one for one in now.effects if one.effect.name not in dropped]
+    kept = [valued for valued in now.effects if valued.effect.name not in dropped]
     return _stable(e, library, refine.refine(e, now.model, kept), say)
 
 
@@ -100,12 +100,13 @@ def _next(e: Evidence, library: Library, now: Fitted, gains: Mapping[str, float]
 
 def _joined(e: Evidence, now: Fitted, score: Score) -> list[EffectValues]:
     """The effects with one more; a wider form of a present effect takes its place and its values."""
-    present = next((one for one in now.effects if one.effect.name == equivalences.OVER.get(name_of(score))), None)
+    narrow = equivalences.OVER.get(name_of(score))
+    present = next((valued for valued in now.effects if valued.effect.name == narrow), None)
     if present is None:
         return [*now.effects, _initial(e, now, score)]
-    wide = valued(score)
+    wide = effect_of(score)
     known = {name: value for name, value in present.values.items() if name in wide.values}
-    others = [one for one in now.effects if one is not present]
+    others = [valued for valued in now.effects if valued is not present]
     return [*others, EffectValues(wide.effect, {**wide.values, **known})]
 
 
@@ -113,22 +114,22 @@ def _initial(e: Evidence, now: Fitted, score: Score) -> EffectValues:
     """Initial values of an effect: its linear estimate, or the best place on the grid of a resonance."""
     effect = score.form.effect
     if not effect.resonant:
-        return valued(score)
+        return effect_of(score)
     places = [EffectValues(effect, form.values(form.typical)) for form in candidates.forms([effect])]
     refined = [refine.refine(e, now.model, [*now.effects, place], 1) for place in places]
     finite = [fitted for fitted in refined if np.isfinite(fitted.residual_sum_of_squares)]
-    return min(finite, key=lambda fitted: fitted.residual_sum_of_squares).effects[-1] if finite else valued(score)
+    return min(finite, key=lambda fitted: fitted.residual_sum_of_squares).effects[-1] if finite else effect_of(score)
 
 
 def _pruned(e: Evidence, library: Library, now: Fitted, say: Say) -> Fitted:
     """`now` without the effects that another one has made superfluous."""
     if len(now.effects) < 2:
         return now
-    for one in now.effects[:-1]:
-        rest = [other for other in now.effects if other is not one]
+    for valued in now.effects[:-1]:
+        rest = [other for other in now.effects if other is not valued]
         less = refine.refine(e, now.model, rest, 1)
         left = less.residual_sum_of_squares
         if left - now.residual_sum_of_squares < max(SMALLEST_GAIN, material(e) * (left - refine.floor(e))):
-            say(f"dropped {one.effect.name}")
+            say(f"dropped {valued.effect.name}")
             return _pruned(e, library, less, say)
     return now

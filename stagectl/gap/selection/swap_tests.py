@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.selection import refine, stability_selection
-from stagectl.gap.selection.candidate_scores import Library, scored, unexplained_effort, valued
+from stagectl.gap.selection.candidate_scores import Library, effect_of, scored, unexplained_effort
 from stagectl.gap.selection.candidates import EffectValues
 from stagectl.gap.selection.cross_validation import best_of
 from stagectl.gap.selection.detection_thresholds import Clarity, clarity
@@ -39,7 +39,7 @@ class _Swap(NamedTuple):
 
 def swap_tests(e: Evidence, library: Library, now: Fitted) -> Selection:
     """Every effect of `now` taken out in turn."""
-    swaps = {one.effect.name: _swap(e, library, now, one) for one in now.effects}
+    swaps = {valued.effect.name: _swap(e, library, now, valued) for valued in now.effects}
     floor = float(gram_matrices.fold_sums(e.base.products, now.residuals).floor[:, 0].sum())
     return Selection(
         now,
@@ -52,8 +52,8 @@ def swap_tests(e: Evidence, library: Library, now: Fitted) -> Selection:
     )
 
 
-def _swap(e: Evidence, library: Library, now: Fitted, one: EffectValues) -> _Swap:
-    name, rest = one.effect.name, tuple(other for other in now.effects if other is not one)
+def _swap(e: Evidence, library: Library, now: Fitted, valued: EffectValues) -> _Swap:
+    name, rest = valued.effect.name, tuple(other for other in now.effects if other is not valued)
     every = scored(e, library, Fitted(now.model, rest, refine.residuals(e, now.model, rest), 0.0))
     best, forms = best_of(every.scores), library.forms_of(name)
     g, gain = every.half_strokes(forms), best[name].gain
@@ -61,7 +61,7 @@ def _swap(e: Evidence, library: Library, now: Fitted, one: EffectValues) -> _Swa
     return _Swap(
         {other: score.gain / gain for other, score in best.items() if other != name and gain > 0.0},
         gain,
-        {other: valued(score) for other, score in best.items() if score.gain > 0.0},
+        {other: effect_of(score) for other, score in best.items() if score.gain > 0.0},
         stability_selection.inclusion(g, moving, forms, OF_ALL, library.resampled),
         clarity(g, moving, forms),
     )
