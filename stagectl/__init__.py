@@ -58,12 +58,14 @@
 
     recordings, a folder of captures, a log
               |
-    [12] gap/logs/load_session.py     a Session: logs on their periods, nominal model, deployed law, what cannot be told
-    [13] gap/controller_check/command_check.py cut A: the command recomputed     gap/residuals/model_tracking.py, cuts.py   cuts B and C, whitened by repeats
-    [14] gap/selection/baseline_fit.py       what the model has already, refitted; the friction law is a family, friction_family.py
+    [12] gap/logs/load_session.py     a Session: logs on their periods, nominal model, deployed law
+    [13] gap/controller_check/command_check.py   the command recomputed with the deployed law
+         gap/residuals/model_tracking.py         residual effort and missing current; whitening.py: by the noise of repeats
+    [14] gap/selection/baseline_fit.py           the model's own parameters refitted; residuals/friction_family.py
     [15] gap/library*.py   every effect: its place in kernels/plant.py, its sizes    gap/residuals/sensitivities.py  what each does
-    [16] gap/residuals/gram_matrices.py      all data as small matrices, least_squares.py     gap/selection/null_ensemble.py, limits.py  without any effect
-    [17] gap/selection/search.py     scores.py, refine.py, stability.py: which effects, with which values; signatures.py
+    [16] gap/residuals/gram_matrices.py      all data as small matrices; linear_fit.py: fits on them
+         gap/selection/null_ensemble.py      machines without any effect; detection_thresholds.py: what exceeds them
+    [17] gap/selection/search.py     which effects: candidate_scores.py, acceptance.py, refine.py, swap_tests.py
     [18] gap/inference/verdict.py    names, rivals, intervals; shifts.py   where.py, coordinates.py, unknown.py   where it lies
     [19] gap/validation/held_out_gap.py     held-out runs, before and after       gap/experiment_design/experiment_proposal.py  the experiment that separates
               v

@@ -128,7 +128,7 @@ def _lacking(setup: Setup, base: stage.Stage, scene: Scene, path: Tied, rows: ND
 
 
 def _recomputed(setup: Setup, rows: NDArray[Any]) -> Array:
-    """Cut A: the logged command less the one that the model of the controller gives."""
+    """The logged command less the recomputed one (A)."""
     law = design.design(setup.stage, setup.file.control).law
     setpoints = np.stack([rows[name] for name in rollout.COLUMNS[1 : 1 + rollout.SETPOINTS]], axis=1)
     difference: Array = rows["current"] - recomputed(law, setpoints, rows["measured"])[:, OUTPUT_COLUMNS["current"]]
