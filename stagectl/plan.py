@@ -63,20 +63,33 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, stops: 
     _within_limits(setup, parts.motion)
     seen = foresee(setup, parts.motion, parts.duration)
     _check_jumps(setup, seen)
-    rows = np.zeros((len(seen.reference), rollout.SETPOINTS))
+    force = _further_friction(setup, parts.motion, seen) if feedforward.with_friction else None
     model = isinstance(setup.file.compensation, Model)
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
-    setpoints(ahead, seen, relaxed(feedforward.friction) if stops is None else stops, rows)
-    if ahead.with_friction and setup.stage.friction.bristle.coulomb > 0.0:
-        rows[:, SETPOINT_COLUMNS["friction"]] += (
-            bristle_force(setup.stage.friction.bristle, seen, setup.dt) / feedforward.force_constant
-        )
-    if feedforward.with_friction and not model:
-        rows[:, SETPOINT_COLUMNS["friction"]] = (
-            _compensation(setup, parts.motion, len(rows)) / feedforward.force_constant
-        )
+    rows = setpoint_rows(ahead, seen, relaxed(feedforward.friction) if stops is None else stops, force)
     _experiment(setup, parts, rows)
     return Plan(rows, parts.steady, parts.duration, _excitation(parts))
+
+
+def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | None) -> NDArray[np.float64]:
+    """Rows (n, 8) of `kernels.law.Setpoint`, for a reference at the instants `seen`.
+
+    The friction operators move on from their state `stops`; `force` (n,) N m | N is friction of any other law.
+    """
+    rows = np.zeros((len(seen.reference), rollout.SETPOINTS))
+    setpoints(p, seen, stops, rows)
+    if force is not None:
+        current, column = force / p.force_constant, SETPOINT_COLUMNS["friction"]
+        rows[:, column] = rows[:, column] + current if p.with_friction else current
+    return rows
+
+
+def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:
+    """Friction (n,) N m | N to compensate that is not of stop operators; None where there is none."""
+    if not isinstance(setup.file.compensation, Model):
+        return _compensation(setup, motion, len(seen.reference))
+    bristle = setup.stage.friction.bristle
+    return bristle_force(bristle, seen, setup.dt) if bristle.coulomb > 0.0 else None
 
 
 def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:

@@ -173,4 +173,4 @@ def laid_out(session: Session, p: Room, experiment: Experiment) -> Array:
     t: Array = session.dt * np.arange(rows, dtype=np.float64)
     reference = p.start + parts.motion.at(t).position / session.travel_per_unit
     injection = None if parts.current is None else parts.current.at(t - parts.start)
-    return setpoints.setpoint_rows(p.deployed, LoggedReference(t, reference), rows, injection)
+    return setpoints.from_reference(p.deployed, LoggedReference(t, reference), rows, injection)

@@ -170,4 +170,4 @@ def _setpoints(repeat: Repeat, machine: NominalSetup) -> Array | None:
     if machine.deployed is None or len(grid.reference.time) < LEAST_SPLINE:
         return None
     injection = row_validity.filled(grid.columns["injection"]) if "injection" in grid.columns else None
-    return setpoints.setpoint_rows(machine.deployed, grid.reference, grid.rows, injection)
+    return setpoints.from_reference(machine.deployed, grid.reference, grid.rows, injection)

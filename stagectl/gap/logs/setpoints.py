@@ -15,22 +15,20 @@ from scipy.interpolate import BSpline, make_interp_spline
 from stagectl.gap.logs.deployed_controller import DeployedController
 from stagectl.gap.logs.grid import LoggedReference
 from stagectl.gap.logs.session import Array
-from stagectl.kernels import feedforward, friction, rollout
+from stagectl.kernels import feedforward, friction
 from stagectl.kernels.law import SETPOINT_COLUMNS
-from stagectl.plan import bristle_force
+from stagectl.plan import bristle_force, setpoint_rows
 
 
-def setpoint_rows(p: DeployedController, reference: LoggedReference, rows: int, injection: Array | None) -> Array:
+def from_reference(p: DeployedController, reference: LoggedReference, rows: int, injection: Array | None) -> Array:
     """Setpoints (rows, 8), the fields of `kernels.law.Setpoint`, with an `injection` (rows,) A if there was one."""
     count = rows + rows % 2  # whole frames
     at = _curve(reference)
     t: Array = p.dt * np.arange(count + 2, dtype=np.float64)
     ahead = at(t[:-2] + p.friction_advance)
     seen = feedforward.Foreseen(at(t[:-2])[:, 0].copy(), at(t + p.advance), at(t - p.late * p.dt), ahead[:, 0].copy())
-    setpoints = np.zeros((count, rollout.SETPOINTS))
-    feedforward.setpoints(p.feedforward, seen, friction.relaxed(p.feedforward.friction), setpoints)
-    setpoints[:, SETPOINT_COLUMNS["friction"]] += _compensation(p, seen, ahead)
-    setpoints = setpoints[:rows]
+    stops = friction.relaxed(p.feedforward.friction)
+    setpoints = setpoint_rows(p.feedforward, seen, stops, _further_friction(p, seen, ahead))[:rows]
     if injection is not None:
         setpoints[:, SETPOINT_COLUMNS["injection"]] = injection
     return setpoints
@@ -49,12 +47,9 @@ def _curve(reference: LoggedReference) -> Callable[[Array], Array]:
     return at
 
 
-def _compensation(p: DeployedController, seen: feedforward.Foreseen, ahead: Array) -> Array:
-    """Current (n,) A of a friction compensation that does not consist of stop operators."""
+def _further_friction(p: DeployedController, seen: feedforward.Foreseen, ahead: Array) -> Array | None:
+    """Friction (n,) N m | N that is compensated and not of stop operators; None where there is none."""
     if p.form is not None:
         force: Array = p.form.force(ahead[:, 0], ahead[:, 1], p.dt)
-    elif p.bristle.coulomb > 0.0:
-        force = bristle_force(p.bristle, seen, p.dt)
-    else:
-        return np.zeros(len(ahead))
-    return force / p.feedforward.force_constant
+        return force
+    return bristle_force(p.bristle, seen, p.dt) if p.bristle.coulomb > 0.0 else None
