@@ -99,7 +99,7 @@ def grams(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     def fill(part: RunProducts, repeats: Sequence[Array], span: slice) -> None:
         last = run_products.residual_column(part, repeats)
         floors[:, span] = last.floor
-        run_products.fill_strokes(squares[:, span], part, last)
+        run_products.fill(squares[:, span], part, last, folded=False)
 
     in_parallel(lambda run: fill(*run), zip(p.parts, residuals, ranges, strict=True))
     experiment = np.repeat(np.arange(len(counts)), counts)
@@ -113,7 +113,7 @@ def fold_sums(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     def of_run(part: RunProducts, repeats: Sequence[Array]) -> tuple[Array, Array]:
         last = run_products.residual_column(part, repeats)
         square = np.empty((2, 2, len(p.names) + 1, len(p.names) + 1))
-        run_products.fill_folds(square, part, last)
+        run_products.fill(square, part, last, folded=True)
         return square, run_products.fold_sums(last.floor)
 
     sums = in_parallel(lambda run: of_run(*run), zip(p.parts, residuals, strict=True))

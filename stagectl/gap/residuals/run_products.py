@@ -129,30 +129,15 @@ def residual_column(p: RunProducts, residuals: Sequence[Array]) -> ResidualColum
     return ResidualColumn(column, noise[:, :, 0, 0] * repeats / max(repeats - 1, 1), repeats)
 
 
-def fill_strokes(square: Array, p: RunProducts, last: ResidualColumn) -> None:
-    """Write the Gram matrices (2, c, p + 1, p + 1) of all half strokes into `square`."""
-    _fill(square, [block.square for block in p.blocks], last)
-    if p.clocked is not None and last.repeats > 1:
-        _add(square, p.clocked.places, p.clocked.square)
-
-
-def fill_folds(square: Array, p: RunProducts, last: ResidualColumn) -> None:
-    """Write the Gram matrices (2, 2, p + 1, p + 1) of the two folds into `square`."""
-    _fill(square, [block.folds for block in p.blocks], last._replace(products=fold_sums(last.products)))
-    if p.clocked is not None and last.repeats > 1:
-        _add(square, p.clocked.places, fold_sums(p.clocked.square))
-
-
-def _add(square: Array, places: Sequence[int], products: Array) -> None:
-    at = list(places)
-    square[:, :, np.array(at)[:, None], at] += products
-
-
-def _fill(square: Array, blocks: Sequence[Array], last: ResidualColumn) -> None:
+def fill(square: Array, p: RunProducts, last: ResidualColumn, folded: bool) -> None:
+    """Write the Gram matrices (2, c, p + 1, p + 1) of the half strokes, or of the two folds, into `square`."""
     start = 0
-    for block in blocks:
-        start = _fill_block(square, block, start, last.repeats)
-    _fill_block(square, last.products, start, 1.0)
+    for block in p.blocks:
+        start = _fill_block(square, block.folds if folded else block.square, start, last.repeats)
+    _fill_block(square, fold_sums(last.products) if folded else last.products, start, 1.0)
+    if p.clocked is not None and last.repeats > 1:
+        at = list(p.clocked.places)
+        square[:, :, np.array(at)[:, None], at] += fold_sums(p.clocked.square) if folded else p.clocked.square
 
 
 def _fill_block(square: Array, block: Array, start: int, factor: float) -> int:
