@@ -16,31 +16,31 @@ def material(e: Evidence) -> float:
     return thresholds.MATERIAL if refine.repeated(e) else thresholds.MATERIAL_UNREPEATED
 
 
-def eligible(e: Evidence, found: CandidateScores, library: Library, now: Fitted) -> list[Score]:
+def eligible(e: Evidence, ranked: CandidateScores, library: Library, now: Fitted) -> list[Score]:
     """The best form of each effect that is material and beyond the null ensemble, largest gain first."""
     # Across a gap the other columns change: next to a nonlinear effect, only a dominant one is accepted.
     worst = thresholds.DOMINANT if any(valued.effect.nonlinear for valued in now.effects) else 0.0
     good = [
         score
-        for score in best_of(found.scores).values()
-        if score.gain > least_gain(e, found, library, score)
+        for score in best_of(ranked.scores).values()
+        if score.gain > least_gain(e, ranked, library, score)
         and score.worst > worst
-        and _beyond_null(found, library, score)
+        and _beyond_null(ranked, library, score)
     ]
     return sorted(good, key=lambda score: -score.gain)
 
 
-def _beyond_null(found: CandidateScores, library: Library, score: Score) -> bool:
+def _beyond_null(ranked: CandidateScores, library: Library, score: Score) -> bool:
     """Whether machines without an effect give less, on all data or on one experiment."""
     known = library.thresholds[name_of(score)]
     clear = score.gain > known.limit or score.worst > max(thresholds.BEYOND * known.share, thresholds.DOMINANT)
-    return clear or found.clarity(library.forms_of(name_of(score))).doubt < 1.0
+    return clear or ranked.clarity(library.forms_of(name_of(score))).doubt < 1.0
 
 
-def least_gain(e: Evidence, found: CandidateScores, library: Library, score: Score) -> float:
+def least_gain(e: Evidence, ranked: CandidateScores, library: Library, score: Score) -> float:
     """Gain that makes an effect material: of what no nuisance explains now, and of the gap at the beginning."""
     channel = library.channel(score.form.effect)
-    left = score.before - float(found.floor[channel])
+    left = score.before - float(ranked.floor[channel])
     clear = score.worst > thresholds.DOMINANT and score.gain > thresholds.FAR * library.thresholds[name_of(score)].limit
     of_all = thresholds.OF_ALL_CLEAR if clear else thresholds.OF_ALL
     return max(material(e) * left, of_all * library.first[channel], thresholds.SMALLEST_GAIN)

@@ -80,8 +80,8 @@ def _next(e: Evidence, library: Library, now: Fitted, gains: Mapping[str, float]
     `gains` holds what each effect explained when it was added.  An effect that was dropped does not return, and
     similar effects must explain more than an error of its form would.
     """
-    found = scored(e, library, now)
-    possible = [score for score in eligible(e, found, library, now) if name_of(score) not in gains]
+    ranked = scored(e, library, now)
+    possible = [score for score in eligible(e, ranked, library, now) if name_of(score) not in gains]
     good = [score for score in possible if stands_out(score, gains)]
     if not good:
         return None
@@ -93,7 +93,7 @@ def _next(e: Evidence, library: Library, now: Fitted, gains: Mapping[str, float]
     better = [
         after
         for score, after in refined
-        if before - after.residual_sum_of_squares > least_gain(e, found, library, score)
+        if before - after.residual_sum_of_squares > least_gain(e, ranked, library, score)
     ]
     return simplest(better, refine.floor(e)) if better else None
 
