@@ -1,4 +1,4 @@
-"""Many rollouts at once: kernels give the interpreter's lock back, so that threads share all cores."""
+"""One function over many items at once: kernels release the interpreter lock, so that threads use all cores."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def cores() -> int:
 def in_parallel(function: Callable[[A], B], items: Iterable[A]) -> list[B]:
     """`function` of each item, in the order of the items, as many at once as there are cores.
 
-    The first exception, by that order, is raised here; what has not begun by then is left.
+    The first exception, in that order, is raised here; items that have not begun by then are cancelled.
     """
     waiting = list(items)
     if len(waiting) < 2 or cores() == 1:

@@ -21,8 +21,9 @@ from stagectl.config.stage_file import Setup
 from stagectl.kernels import friction_path, rollout, stage
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
 from stagectl.kernels.friction import relaxed
+from stagectl.kernels.friction_bristle import Bristle
 from stagectl.kernels.jit import table
-from stagectl.kernels.law import Setpoint
+from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories import Experiment, Phases, Span, Trajectory, TrajectoryError, peaks, phases
 from stagectl.trajectories.motion import Array
@@ -32,8 +33,6 @@ LONGEST = 10_000_000  # control periods of a trajectory, 83 minutes at 2 kHz: wh
 SETTLE = 0.1  # s of standstill after the motion, in which the axis must come into position
 LIMIT_SLACK = 1e-9  # of a limit by which a trajectory may exceed it: rounding of its own peaks
 JUMP_SLACK = 1e-6  # of the largest change of velocity in a period: rounding of a difference of velocities
-
-_COLUMN = {name: number for number, name in enumerate(Setpoint._fields)}
 
 
 class LimitError(TrajectoryError):
@@ -71,16 +70,33 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, stops: 
     _within_limits(setup, parts.motion)
     seen = foresee(setup, parts.motion, parts.duration)
     _check_jumps(setup, seen)
-    rows = np.zeros((len(seen.reference), rollout.SETPOINTS))
+    force = _further_friction(setup, parts.motion, seen) if feedforward.with_friction else None
     model = isinstance(setup.file.compensation, Model)
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
-    setpoints(ahead, seen, relaxed(feedforward.friction) if stops is None else stops, rows)
-    if ahead.with_friction and setup.stage.friction.bristle.coulomb > 0.0:
-        rows[:, _COLUMN["friction"]] += _bristle(setup, seen) / feedforward.force_constant
-    if feedforward.with_friction and not model:
-        rows[:, _COLUMN["friction"]] = _compensation(setup, parts.motion, len(rows)) / feedforward.force_constant
+    rows = setpoint_rows(ahead, seen, relaxed(feedforward.friction) if stops is None else stops, force)
     _experiment(setup, parts, rows)
     return Plan(rows, parts.steady, parts.duration, _excitation(parts))
+
+
+def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | None) -> NDArray[np.float64]:
+    """Rows (n, 8) of `kernels.law.Setpoint`, for a reference at the instants `seen`.
+
+    The friction operators move on from their state `stops`; `force` (n,) N m | N is friction of any other law.
+    """
+    rows = np.zeros((len(seen.reference), rollout.SETPOINTS))
+    setpoints(p, seen, stops, rows)
+    if force is not None:
+        current, column = force / p.force_constant, SETPOINT_COLUMNS["friction"]
+        rows[:, column] = rows[:, column] + current if p.with_friction else current
+    return rows
+
+
+def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:
+    """Friction (n,) N m | N to compensate that is not of stop operators; None where there is none."""
+    if not isinstance(setup.file.compensation, Model):
+        return _compensation(setup, motion, len(seen.reference))
+    bristle = setup.stage.friction.bristle
+    return bristle_force(bristle, seen, setup.dt) if bristle.coulomb > 0.0 else None
 
 
 def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
@@ -88,12 +104,12 @@ def _experiment(setup: Setup, parts: Phases, rows: NDArray[np.float64]) -> None:
     t = setup.dt * np.arange(len(rows))
     if parts.current is not None:
         _check_current(setup, parts.current.amplitude)
-        rows[:, _COLUMN["injection"]] = parts.current.at(t - parts.start)
+        rows[:, SETPOINT_COLUMNS["injection"]] = parts.current.at(t - parts.start)
     opened = t >= parts.opens - 1e-9
     for name in ("feedforward", "friction", "velocity", "closed"):
-        rows[opened, _COLUMN[name]] = 0.0
+        rows[opened, SETPOINT_COLUMNS[name]] = 0.0
     if parts.opens == 0.0:
-        _check_open(setup, rows[:, _COLUMN["injection"]])
+        _check_open(setup, rows[:, SETPOINT_COLUMNS["injection"]])
 
 
 def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
@@ -104,11 +120,11 @@ def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
     return force
 
 
-def _bristle(setup: Setup, seen: Foreseen) -> Array:
-    """Friction (n,) N m | N of the stage's bristle along the reference, from rest."""
-    p, place = setup.stage.friction.bristle, np.concatenate([seen.reference[:1], seen.friction])
+def bristle_force(p: Bristle, seen: Foreseen, dt: float) -> Array:
+    """Friction (n,) N m | N of a bristle along the reference, from rest."""
+    place = np.concatenate([seen.reference[:1], seen.friction])
     columns = np.empty((len(place), 2))
-    friction_path.bristle(p, place, setup.dt, columns)
+    friction_path.bristle(p, place, dt, columns)
     force: Array = (columns[:, 0] + p.damping * columns[:, 1])[1:]
     return force
 

@@ -3,7 +3,7 @@
 ::
 
     session -> runs -> [A controller] -> base refit -> candidates, null ensemble -> search -> names, shifts
-            -> where -> shrink on held-out runs -> next experiment -> DiagnosisResult
+            -> where -> shrink on held-out runs -> next experiment -> Found
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from stagectl.gap.controller_check.command_check import Parity, parity
+from stagectl.gap.controller_check.command_check import CommandCheck, check_command
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import propose
@@ -40,10 +40,19 @@ from stagectl.gap.result.diagnosis import (
     UnknownTerm,
 )
 from stagectl.gap.result.verdict_text import sentence
-from stagectl.gap.selection import baseline_fit, candidates, machine_scales, null_ensemble, refine, search
+from stagectl.gap.selection import (
+    baseline_fit,
+    candidate_scores,
+    candidates,
+    machine_scales,
+    null_ensemble,
+    refine,
+    search,
+)
+from stagectl.gap.selection.candidate_scores import Library
 from stagectl.gap.selection.detection_thresholds import thresholds
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.search import Library, Selected
+from stagectl.gap.selection.swap_tests import Selection
 from stagectl.gap.validation import closure, held_out_gap
 from stagectl.gap.validation.warnings import doubts
 from stagectl.kernels.stage import Stage
@@ -97,7 +106,7 @@ def diagnose(session: Session, options: Options, say: Say) -> Diagnosis:
 
 def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Diagnosis:
     clock("controller: the command recomputed")
-    agreement = parity(session)
+    agreement = check_command(session)
     if agreement.checked and not agreement.agrees:
         return Diagnosis(_controller(session, agreement), session.stage)
     if reason := unidentifiable(session):
@@ -108,7 +117,7 @@ def _diagnosed(session: Session, options: Options, clock: Clock, say: Say) -> Di
     selected = search.search(evidence, library, say, lambda now: largest(evidence, now, smooth))
     clock("parameters")
     before, now = closable(evidence, evidence.base.before), selected.fitted
-    g = gram_matrices.grams(refine.tangent(evidence, now, refine.parameters(now)), now.left)
+    g = gram_matrices.grams(refine.tangent(evidence, now, refine.parameters(now)), now.residuals)
     deviation = verdict.deviations(evidence, now, g)
     moved = parameter_errors.shifts(session, evidence, now, g, deviation, before)
     clock("where")
@@ -166,13 +175,15 @@ def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
     forms = candidates.forms(candidates.without(definitions(size), options.excluded))
     directions = [one for form in forms for one in candidates.directions(form)]
     without = null_ensemble.members(e.base.model, MEMBERS[options.full], SEED, size.coulomb)
-    known = gram_matrices.beside_each(
+    known = gram_matrices.with_columns_by_run(
         e.base.products,
         lambda run: sensitivities.all_columns(e.base.model, [run], [*directions, *without], e.base.noise)[0],
     )
-    g = gram_matrices.dealt(known, e.base.after)
-    limits = thresholds(g, g.of(search.nuisances(e)), forms)
-    return Library(tuple(forms), known, limits, RESAMPLED[options.full], search.closable(e, g), bool(g.current.any()))
+    g = gram_matrices.fold_sums(known, e.base.after)
+    limits = thresholds(g, g.places(candidate_scores.nuisances(e)), forms)
+    return Library(
+        tuple(forms), known, limits, RESAMPLED[options.full], candidate_scores.closable(e, g), bool(g.current.any())
+    )
 
 
 def closable(e: Evidence, residuals: Sequence[list[Array]]) -> float:
@@ -192,10 +203,10 @@ def _improved(session: Session, models: Sequence[Fitted]) -> Stage:
 def _assembled(
     session: Session,
     e: Evidence,
-    selected: Selected,
+    selected: Selection,
     effects: list[FoundEffect],
     told: closure.Told,
-    result: tuple[UnknownTerm | None, Stage, Parity, Functions],
+    result: tuple[UnknownTerm | None, Stage, CommandCheck, Functions],
 ) -> DiagnosisResult:
     now, (unknown, improved, agreement, smooth) = selected.fitted, result
     shared = _with_shares(effects, told.shares)
@@ -239,7 +250,7 @@ def _with_shares(effects: Sequence[FoundEffect], shares: dict[str, float]) -> li
     ]
 
 
-def _advised(session: Session, found: DiagnosisResult, selected: Selected, e: Evidence) -> DiagnosisResult:
+def _advised(session: Session, found: DiagnosisResult, selected: Selection, e: Evidence) -> DiagnosisResult:
     """The answer with the next experiment; where none can be laid out, a note says why."""
     try:
         return found._replace(next_experiment=_following(session, found, selected, e))
@@ -247,7 +258,7 @@ def _advised(session: Session, found: DiagnosisResult, selected: Selected, e: Ev
         return found._replace(notes=(*found.notes, f"no next experiment: {error}"))
 
 
-def _following(session: Session, found: DiagnosisResult, selected: Selected, e: Evidence) -> NextExperiment | None:
+def _following(session: Session, found: DiagnosisResult, selected: Selection, e: Evidence) -> NextExperiment | None:
     """What separates the effects named from what explains the data as well."""
     ambiguous = [one for one in found.effects if one.alternatives and one.probability >= NAMED and not one.parameter]
     models = {"nominal": session.stage} if not ambiguous else {}
@@ -257,7 +268,7 @@ def _following(session: Session, found: DiagnosisResult, selected: Selected, e: 
     return propose(session, models, found.gap.floor)
 
 
-def _controller(session: Session, agreement: Parity) -> DiagnosisResult:
+def _controller(session: Session, agreement: CommandCheck) -> DiagnosisResult:
     found = _blank(session, "controller", agreement.words)
     return found._replace(blocks={"controller": 1.0, "drive": 0.0, "mechanics": 0.0, "sensor": 0.0})
 

@@ -19,7 +19,7 @@ from scipy.signal import butter, filtfilt
 from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.logs.session import Array, GapError, Log, Session
 from stagectl.gap.result.diagnosis import DiagnosisResult, FoundEffect
-from stagectl.kernels import friction
+from stagectl.kernels import stage
 from stagectl.kernels.stage import Stage
 
 MASS = 0.2  # share of the inertia that is taken out
@@ -81,10 +81,7 @@ def _with(p: Stage, name: str, value: float) -> Stage:
 
 
 def _without_coulomb(p: Stage) -> Stage:
-    rolling, bristle = p.friction.operators, p.friction.bristle
-    operators = friction.bundle([REST * float(one) for one in rolling.weight], [float(one) for one in rolling.slip])
-    changed = bristle._replace(coulomb=REST * bristle.coulomb, stiffness=REST * bristle.stiffness)
-    return p._replace(friction=p.friction._replace(operators=operators, bristle=changed))
+    return p._replace(friction=stage.scaled_friction(p.friction, REST))
 
 
 FORCES: Mapping[str, Force] = {

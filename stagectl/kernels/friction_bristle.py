@@ -45,6 +45,13 @@ class State(NamedTuple):
 
 
 NEUTRAL = Bristle()
+
+
+def scaled(p: Bristle, size: float, length: float = 1.0) -> Bristle:
+    """`p` with its force times `size` and the length of its rolling zone times `length`."""
+    return p._replace(coulomb=p.coulomb * size, stiffness=p.stiffness * size / length)
+
+
 AT_REST = State(0.0)
 
 

@@ -68,6 +68,10 @@ class Output(NamedTuple):
     current: Annotated[float, Quantity("A", _ANY, "command handed to the drive, after the limit")]
 
 
+# Columns of arrays of setpoints (n, 8) and outputs (n, 7).
+SETPOINT_COLUMNS = {name: number for number, name in enumerate(Setpoint._fields)}
+OUTPUT_COLUMNS = {name: number for number, name in enumerate(Output._fields)}
+
 AT_REST = State(feedback.AT_REST, cascade.AT_REST, observer.AT_REST)
 
 

@@ -73,12 +73,15 @@ def carried(p: stage.Stage, x: stage.State, currents: Any, dt: float) -> tuple[f
 
 
 @kernel
-def answers(p: law.Law, inputs: Any) -> None:
-    """What the law answers to `inputs` = (setpoints (n, 8), measured (n,), out (n, 7) to be filled with its output)."""
+def answers(p: law.Law, x: law.State, inputs: Any) -> law.State:
+    """The law over `inputs` = (setpoints (n, 8), measured (n,), out (n, 7) to be filled with its output).
+
+    Begins with the memory `x`; returns the memory at the end.  Compiled or interpreted it gives the bits of the loop.
+    """
     setpoints, measured, out = inputs
-    x = law.AT_REST
     for k in range(len(setpoints)):
         r = setpoints[k]
         output, x = law.step(p, x, law.Setpoint(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7]), measured[k])
         for j, term in enumerate(output):
             out[k, j] = term
+    return x

@@ -74,6 +74,18 @@ def sliding(p: Friction) -> float:
     return float(sum(p.operators.weight)) + p.bristle.coulomb
 
 
+def scaled_friction(p: Friction, factor: float) -> Friction:
+    """All friction but the viscous part times `factor`."""
+    operators = friction.bundle((float(weight) * factor for weight in p.operators.weight), p.operators.slip)
+    return p._replace(operators=operators, bristle=friction_bristle.scaled(p.bristle, factor))
+
+
+def stretched_friction(p: Friction, factor: float) -> Friction:
+    """The same friction with a rolling zone longer by `factor`."""
+    operators = friction.bundle(p.operators.weight, (float(slip) * factor for slip in p.operators.slip))
+    return p._replace(operators=operators, bristle=friction_bristle.scaled(p.bristle, 1.0, factor))
+
+
 def stiffness(p: Friction) -> float:
     """Stiffness at rest (N m/rad | N/m), before anything slips."""
     pairs = zip(p.operators.weight, p.operators.rate, strict=True)

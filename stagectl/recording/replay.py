@@ -7,10 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.kernels import law
+from stagectl.kernels import law, rollout
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import Recording, RecordingError
 from stagectl.recording.metadata import read_law
+
+
+def recomputed(p: law.Law, setpoints: NDArray[np.float64], measured: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The terms (n, 7) of `law.Output` that the law gives for setpoints (n, 8) and positions (n,), from rest."""
+    out = np.zeros((len(measured), len(law.Output._fields)))
+    rollout.answers(p, law.AT_REST, (np.ascontiguousarray(setpoints), np.ascontiguousarray(measured), out))
+    return out
 
 
 def outputs(recording: Recording) -> NDArray[np.float64]:
@@ -30,12 +37,8 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
         raise RecordingError(reason, file=recording.path, kind=ProblemKind.MISSING)
     if not len(recording.samples):
         raise RecordingError(f"{recording.path} holds no rows", file=recording.path, kind=ProblemKind.MISSING)
-    p = read_law(recording.meta["law"])
-    state, rows = law.AT_REST, []
-    for *setpoint, measured in recording.samples[[*law.Setpoint._fields, "measured"]].tolist():
-        output, state = law.step(p, state, law.Setpoint(*setpoint), measured)
-        rows.append(output)
-    return np.array(rows)
+    setpoints = np.stack([recording.column(name) for name in law.Setpoint._fields], axis=1)
+    return recomputed(read_law(recording.meta["law"]), setpoints, recording.column("measured"))
 
 
 def replay(recording: Recording) -> dict[str, Any]:

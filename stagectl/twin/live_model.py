@@ -22,7 +22,7 @@ import numpy as np
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import model_tracking
-from stagectl.kernels import feedback, friction, law, parity, rollout, stage, tracked_model
+from stagectl.kernels import feedback, law, rollout, stage, tracked_model
 
 SUBSTEPS = 4  # a period: what rolling friction needs
 NUDGE = 0.01  # of a candidate's unit: far from curved, far from rounding
@@ -34,7 +34,7 @@ _SPAN = 8  # periods over which the speed is taken that a late position is late 
 _NATURAL = 6.283  # 1/s: viscous friction per inertia where the model has none to scale
 
 _AT = {name: k for k, name in enumerate(rollout.COLUMNS)}
-_ASKED = [*(_AT[name] for name in law.Setpoint._fields), _AT["measured"]]
+_SETPOINT = [_AT[name] for name in law.Setpoint._fields]
 _PATH = [_AT[name] for name in ("current", "measured", "measured_current")]
 
 
@@ -160,10 +160,7 @@ def _moved(field: str, scale: float) -> Callable[[stage.Stage], stage.Stage]:
 
 
 def _coulomb(p: stage.Stage) -> stage.Stage:
-    factor, rolling, bristle = 1.0 + NUDGE, p.friction.operators, p.friction.bristle
-    operators = rolling._replace(weight=rolling.weight * factor)
-    bent = bristle._replace(coulomb=bristle.coulomb * factor, stiffness=bristle.stiffness * factor)
-    return p._replace(friction=p.friction._replace(operators=operators, bristle=bent))
+    return p._replace(friction=stage.scaled_friction(p.friction, 1.0 + NUDGE))
 
 
 def _force_constant(p: stage.Stage) -> stage.Stage:
@@ -172,10 +169,7 @@ def _force_constant(p: stage.Stage) -> stage.Stage:
 
 def _stretched(p: stage.Stage) -> stage.Stage:
     """The rolling zone, longer."""
-    factor, rolling, bristle = 1.0 + NUDGE, p.friction.operators, p.friction.bristle
-    operators = friction.bundle(rolling.weight, (float(slip) * factor for slip in rolling.slip))
-    softer = bristle._replace(stiffness=bristle.stiffness / factor)
-    return p._replace(friction=p.friction._replace(operators=operators, bristle=softer))
+    return p._replace(friction=stage.stretched_friction(p.friction, 1.0 + NUDGE))
 
 
 def _bent(p: stage.Stage) -> stage.Stage:
@@ -243,9 +237,10 @@ def pieces(rows: Array, dt: float) -> list[Array]:
 def _parity(p: Twin, x: law.State | None, rows: Array) -> tuple[float | None, law.State | None]:
     if x is None:
         return None, None
-    out = np.empty(len(rows))
-    x = parity.answers(p.law, x, (np.ascontiguousarray(rows[:, _ASKED]), out))
-    return float(np.max(np.abs(out - rows[:, _AT["current"]]))), x
+    out = np.empty((len(rows), len(law.Output._fields)))
+    setpoints, measured = rows[:, _SETPOINT], rows[:, _AT["measured"]]
+    x = rollout.answers(p.law, x, (np.ascontiguousarray(setpoints), np.ascontiguousarray(measured), out))
+    return float(np.max(np.abs(out[:, law.OUTPUT_COLUMNS["current"]] - rows[:, _AT["current"]]))), x
 
 
 def _tied(p: Twin, x: State, path: Array) -> tuple[Array, Array, tuple[tracked_model.State, ...]]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from stagectl import learning
 from stagectl.config.stage_file import Setup
-from stagectl.kernels.law import Setpoint
+from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.number_format import length
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.single_motion import Motion, Progress
@@ -28,7 +28,6 @@ from stagectl.workflows.motion import Say, blank, drive_present, perform, preten
 
 Bar = Callable[[str, int], AbstractContextManager[Any]]
 Result = dict[str, Any]
-_COLUMN = {name: number for number, name in enumerate(Setpoint._fields)}
 _APART = 1000  # seeds between the noise of the repeats and that of the trials
 
 
@@ -127,7 +126,7 @@ def learn(machine: Machine, base: Motion, trials: int, shown: Shown, folder: Pat
 
 def _begin(setup: Setup, base: Motion) -> Learning:
     rows, settings = base.plan.setpoints, setup.file.learning
-    if not np.all(rows[:, _COLUMN["closed"]] == 1.0) or np.any(rows[:, _COLUMN["injection"]]):
+    if not np.all(rows[:, SETPOINT_COLUMNS["closed"]] == 1.0) or np.any(rows[:, SETPOINT_COLUMNS["injection"]]):
         raise TrialError(
             f"{base.meta['trajectory']} opens the loop or injects a current: there is no tracking error to learn from; "
             "take a trajectory that is a motion alone"

@@ -5,7 +5,7 @@ import pytest
 
 from stagectl.gap.inference import basis_functions, coordinates, unknown
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection.cross_validation import freed
+from stagectl.gap.selection.cross_validation import partialled_out
 from stagectl.kernels import effects
 
 
@@ -44,13 +44,13 @@ def _hands(signal: float, clusters: int = 2) -> np.ndarray:
 
 
 def test_a_function_foretells_what_it_holds() -> None:
-    before, after = coordinates.foretold(freed(_hands(3.0), [1]), [0])
+    before, after = coordinates.foretold(partialled_out(_hands(3.0), [1]), [0])
     assert before == pytest.approx(10_000 * 10.0, rel=0.05)
     assert after == pytest.approx(10_000, rel=0.05)
 
 
 def test_a_function_that_is_not_there_foretells_nothing() -> None:
-    before, after = coordinates.foretold(freed(_hands(0.0), [1]), [0])
+    before, after = coordinates.foretold(partialled_out(_hands(0.0), [1]), [0])
     assert abs(before - after) < 10.0
 
 

@@ -1,4 +1,4 @@
-"""An experiment that tells little of an effect takes nothing from what others tell; a cause in doubt hides nothing."""
+"""An experiment with little information takes nothing from the others; a doubtful cause hides nothing."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from stagectl.gap.inference import verdict
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.result.diagnosis import FoundEffect
 from stagectl.gap.selection import refine, search
-from stagectl.gap.selection.candidates import Form, Named
-from stagectl.gap.selection.detection_thresholds import SMALLEST, Clarity, clarity, thresholds
+from stagectl.gap.selection.candidates import EffectValues, Form
+from stagectl.gap.selection.detection_thresholds import Clarity, clarity, thresholds
 from stagectl.gap.selection.refine import Fitted
-from stagectl.gap.selection.search import Selected
+from stagectl.gap.selection.swap_tests import Selection
+from stagectl.gap.selection.thresholds import SMALLEST_GAIN
 
 EFFECT = Definition("effect", "mechanics", "none", (Amplitude("size", "", (1.0,)),), (), lambda p, _: p)
 FORM = Form(EFFECT, {}, (1.0,), ("effect.size",))
@@ -23,7 +24,7 @@ HALF_STROKES = 24
 
 
 def _data(size: float, off: float, experiments: int = 2) -> Grams:
-    """An effect of `size` beside unit noise; in the last experiment another law leaves `off` times the same column."""
+    """An effect of `size` in unit noise; in the last experiment another law leaves `off` times the same column."""
     source = np.random.default_rng(5)
     squares, each = [], np.arange(experiments * HALF_STROKES)
     for k in each:
@@ -52,14 +53,14 @@ def test_what_no_experiment_shows_stays_in_doubt() -> None:
 
 def test_noise_gives_the_limit_where_no_law_does() -> None:
     g = _data(1.0, 0.0, 1)
-    gain = SMALLEST / clarity(g, [0], [FORM]).doubt
+    gain = SMALLEST_GAIN / clarity(g, [0], [FORM]).doubt
     assert gain == pytest.approx(HALF_STROKES * 20, rel=0.2)
 
 
-def _selected(gains: dict[str, float], inclusion: dict[str, float]) -> Selected:
-    effects = tuple(Named(EFFECT._replace(name=name), {}) for name in gains)
+def _selected(gains: dict[str, float], inclusion: dict[str, float]) -> Selection:
+    effects = tuple(EffectValues(EFFECT._replace(name=name), {}) for name in gains)
     fitted = Fitted(None, effects, [], 0.0)  # type: ignore[arg-type]
-    return Selected(fitted, {}, gains, {}, inclusion, dict.fromkeys(gains, Clarity(0.1, 0.0)), 0.0)
+    return Selection(fitted, {}, gains, {}, inclusion, dict.fromkeys(gains, Clarity(0.1, 0.0)), 0.0)
 
 
 @pytest.fixture
@@ -74,16 +75,18 @@ def test_an_idle_effect_goes_and_those_it_hid_are_judged_again(monkeypatch: pyte
         _selected({"lag": 6.0, "dwell": 160.0, "bias": 50.0}, {"lag": 0.9, "dwell": 1.0, "bias": 1.0}),
         _selected({"dwell": 1600.0, "bias": 500.0}, {"dwell": 1.0, "bias": 1.0}),
     ]
-    answers, said, nothing = iter(judged), list[str](), Any
-    monkeypatch.setattr(search, "_judged", lambda *_: next(answers))
-    found = search._stable(nothing, nothing, judged[0].fitted, said.append)  # type: ignore[arg-type]
-    assert found.gains == {"dwell": 1600.0, "bias": 500.0} and said == ["dropped lag: idle beside the others"]
+    answers, reports, nothing = iter(judged), list[str](), Any
+    monkeypatch.setattr(search, "swap_tests", lambda *_: next(answers))
+    selection = search._stable(nothing, nothing, judged[0].fitted, reports.append)  # type: ignore[arg-type]
+    assert selection.gains == {"dwell": 1600.0, "bias": 500.0}
+    (report,) = reports
+    assert report.startswith("dropped lag: ")
 
 
 def test_an_effect_alone_is_never_idle(monkeypatch: pytest.MonkeyPatch) -> None:
-    one, nothing = _selected({"dwell": 20.0}, {"dwell": 1.0}), Any
-    monkeypatch.setattr(search, "_judged", lambda *_: one)
-    assert search._stable(nothing, nothing, one.fitted, lambda _: None) is one  # type: ignore[arg-type]
+    selection, nothing = _selected({"dwell": 20.0}, {"dwell": 1.0}), Any
+    monkeypatch.setattr(search, "swap_tests", lambda *_: selection)
+    assert search._stable(nothing, nothing, selection.fitted, lambda _: None) is selection  # type: ignore[arg-type]
 
 
 @pytest.mark.usefixtures("without_data")
@@ -96,11 +99,11 @@ def test_what_is_not_named_explains_nothing() -> None:
 
 
 def test_an_experiment_alone_may_be_clear_of_what_is_left_in_the_others() -> None:
-    """All of what one leaves is the effect's; in the other, friction's form leaves ten times as much beside it."""
+    """In one experiment all of the rest is the effect's; in the other, form error leaves ten times as much."""
     g = _data(1.0, 0.0)
-    beside = np.zeros_like(g.effort)
-    beside[:, -1, -1] = np.where(g.experiment == 1, 200.0, 0.0)  # of what no column explains
-    g = g._replace(effort=g.effort + beside, floor=np.where(g.stroke >= 0, 20.0, 0.0)[:, None] * np.ones(2))
+    unexplained = np.zeros_like(g.effort)
+    unexplained[:, -1, -1] = np.where(g.experiment == 1, 200.0, 0.0)  # of what no column explains
+    g = g._replace(effort=g.effort + unexplained, floor=np.where(g.stroke >= 0, 20.0, 0.0)[:, None] * np.ones(2))
     both, first = clarity(g, [0], [FORM]), g.experiment == 0
     alone = g._replace(
         **{name: getattr(g, name)[first] for name in ("effort", "current", "floor", "experiment", "stroke")}
@@ -109,12 +112,12 @@ def test_an_experiment_alone_may_be_clear_of_what_is_left_in_the_others() -> Non
     assert clarity(_data(0.1, 0.0, 1), [0], [FORM]).share == 0.0  # noise might give as much
 
 
-def test_a_law_that_gives_as_much_in_the_one_experiment_takes_its_clearness() -> None:
-    """The effect is there in the first, beside more that nothing explains; the second shows nothing but a law."""
+def test_a_law_that_gives_as_much_in_one_experiment_makes_it_doubtful() -> None:
+    """The first holds the effect and more that nothing explains; the second shows nothing but a friction law."""
     g = _data(1.0, 50.0)
-    beside = np.zeros_like(g.effort)
-    beside[:, -1, -1] = np.where(g.experiment == 0, 400.0, 0.0)
-    found = clarity(g._replace(effort=g.effort + beside), [0], [FORM])
+    unexplained = np.zeros_like(g.effort)
+    unexplained[:, -1, -1] = np.where(g.experiment == 0, 400.0, 0.0)
+    found = clarity(g._replace(effort=g.effort + unexplained), [0], [FORM])
     assert found.doubt < 0.3 and found.share < 0.1
 
 
@@ -125,8 +128,8 @@ def test_a_law_that_gives_as_much_in_the_one_experiment_takes_its_clearness() ->
 def test_what_is_faint_on_all_data_is_clear_where_one_experiment_says_so(
     name: str, block: str, apart: bool, clear: float
 ) -> None:
-    """Of 250 units of an effect beside 10 000 unexplained ones; not for a delay, which is a share of another cut."""
+    """250 units of an effect next to 10 000 unexplained ones; not for a delay, which shows in another channel."""
     gain = 250.0 if block == "mechanics" else 40.0
     selected = _selected({name: gain}, {name: 1.0})._replace(unexplained=10_000.0, clarity={name: Clarity(0.1, 0.6)})
-    one = Named(EFFECT._replace(name=name, block=block), {"time": 1e-4})
+    one = EffectValues(EFFECT._replace(name=name, block=block), {"time": 1e-4})
     assert verdict._clear(selected, one, {"dead_time.time": 0.0}, apart) == pytest.approx(clear)

@@ -11,7 +11,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.residuals import friction_family
-from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.selection import null_ensemble
 from stagectl.kernels import friction, stage
@@ -23,7 +23,7 @@ ON_AIR = NOMINAL.replace("coulomb: 1.0 N m", "coulomb: 0 N m")
 
 
 def diagnosed(place: Path, machine: str, model: str) -> DiagnosisResult:
-    """What is found where logs of the one are compared with the other."""
+    """The diagnosis of logs of `machine` with the nominal model `model`."""
     (place / "machine.yaml").write_text(machine)
     (place / "model.yaml").write_text(model)
     paths = [path for text in (SINE, TRAPEZOID) for path in recorded(place, text, 2, place / "machine.yaml")]
@@ -48,7 +48,7 @@ def test_a_model_without_friction(tmp_path: Path, name: str, old: str, new: str,
 
 
 def test_a_machine_without_the_friction_of_its_model(tmp_path: Path) -> None:
-    """Nothing is said of the rolling zone of what does not rub."""
+    """No statement on the rolling zone of a machine without friction."""
     found = diagnosed(tmp_path, ON_AIR, NOMINAL)
     assert found.verdict == "parameters"
     (one,) = found.effects
@@ -56,11 +56,11 @@ def test_a_machine_without_the_friction_of_its_model(tmp_path: Path) -> None:
 
 
 def test_machines_with_another_law_where_the_refit_has_left_no_friction() -> None:
-    """They are as strong as the nominal machine; a bristle that carries nothing has no stiffness to divide by."""
+    """They are as strong as the nominal machine; no division by the stiffness of a bristle that carries nothing."""
     p = load_stage(CONFIG / "ball-screw.yaml").stage
     none = p._replace(friction=p.friction._replace(operators=friction.bundle([0.0, 0.0], [1e-4, 1e-3])))
     assert friction_family.size(p) == stage.sliding(p.friction) and friction_family.length(none.friction) == 1e-3
     assert friction_family.size(none) == pytest.approx(0.01 * p.motor.force_constant)
-    model = Model(none, None, 0.0)  # type: ignore[arg-type]
+    model = TrackedModel(none, None, 0.0)  # type: ignore[arg-type]
     laws = [one.change(model).stage.friction for one in null_ensemble.members(model, 6, 1, 2.0)]
     assert np.allclose([stage.sliding(law) for law in laws], 2.0)

@@ -1,4 +1,4 @@
-"""The small matrices against their definition, however the columns came together."""
+"""The Gram matrices against their definition, in whatever steps the columns were added."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import pytest
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.model_tracking import Path
+from stagectl.gap.residuals.model_tracking import MeasuredPath
+from stagectl.gap.residuals.run_products import first_fold
 
 ROWS, STROKES, REPEATS = 60, 4, 3
 SHARED, CLOCKED = ("a", "b", "c", "d"), ("warm", "step")
 
 
 def _run(source: np.random.Generator) -> Run:
-    path = Path(np.zeros((ROWS, 3)), 0.0, 5e-4)
+    path = MeasuredPath(np.zeros((ROWS, 3)), 0.0, 5e-4)
     cluster = np.repeat(np.arange(STROKES), ROWS // STROKES)
     weight = (source.random(ROWS) > 0.2).astype(np.float64)
     return Run("sine", (), (path,) * REPEATS, path, weight, cluster)
@@ -29,13 +30,13 @@ def _columns(source: np.random.Generator) -> dict[str, list[Array]]:
     return shared | clocked
 
 
-def _defined(run: Run, x: Mapping[str, Sequence[Array]], left: Sequence[Array], names: Sequence[str]) -> Array:
+def _defined(run: Run, x: Mapping[str, Sequence[Array]], residuals: Sequence[Array], names: Sequence[str]) -> Array:
     """(2, c, p + 1, p + 1) by ``sum_k [X_k r_k]' [X_k r_k]``, all less their part along the run's own column."""
     own = (run.weight[:, None] * x["own"][0]).T
     own /= np.linalg.norm(own)
     found = np.zeros((2, STROKES, len(names) + 1, len(names) + 1))
-    for k in range(len(left)):
-        each = [(run.weight[:, None] * one).T for one in (*(x[name][k % len(x[name])] for name in names), left[k])]
+    for k in range(len(residuals)):
+        each = [(run.weight[:, None] * one).T for one in (*(x[name][k % len(x[name])] for name in names), residuals[k])]
         z = np.stack([one - np.vdot(own, one) * own for one in each], axis=1)
         for stroke in range(STROKES):
             rows = z[:, :, run.cluster == stroke]
@@ -52,32 +53,30 @@ def _defined(run: Run, x: Mapping[str, Sequence[Array]], left: Sequence[Array], 
     ],
 )
 @pytest.mark.parametrize("chosen", [None, ("d", "step", "a"), ("c", "b")])
-def test_the_matrices_are_what_they_are_defined_as(
-    steps: Sequence[Sequence[str]], chosen: Sequence[str] | None
-) -> None:
+def test_the_matrices_follow_their_definition(steps: Sequence[Sequence[str]], chosen: Sequence[str] | None) -> None:
     source = np.random.default_rng(5)
     runs = [_run(source), _run(source)]
     x = [_columns(source) for _ in runs]
-    left = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)] for _ in runs]
+    residuals = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)] for _ in runs]
     p = gram_matrices.products(runs, [{name: one[name] for name in ("own", *steps[0])} for one in x], "own")
     for more in steps[1:]:
-        p = gram_matrices.beside(p, [{name: one[name] for name in more} for one in x])
+        p = gram_matrices.with_columns(p, [{name: one[name] for name in more} for one in x])
     names = [name for step in steps for name in step] if chosen is None else list(chosen)
-    g = gram_matrices.grams(p if chosen is None else gram_matrices.only(p, names), left)
+    g = gram_matrices.grams(p if chosen is None else gram_matrices.selected(p, names), residuals)
     assert list(g.names) == names
     for k, (run, one) in enumerate(zip(runs, x, strict=True)):
-        wanted = _defined(run, one, left[k], names)
+        wanted = _defined(run, one, residuals[k], names)
         at = g.experiment == k
         np.testing.assert_allclose(g.effort[at], wanted[0], atol=2e-5)  # columns are kept in single precision
         np.testing.assert_allclose(g.current[at], wanted[1], atol=2e-5)
 
 
-def test_one_residual_for_all_repeats_and_a_column_beside_chosen_ones() -> None:
-    """What is asked of the mean of repeats, where what runs on the clock counts by its mean."""
+def test_one_residual_for_all_repeats_and_columns_added_to_selected_ones() -> None:
+    """For the mean of repeats, columns that run on the clock count by their mean."""
     source = np.random.default_rng(8)
     run, x = _run(source), _columns(source)
     p = gram_matrices.products([run], [{name: x[name] for name in ("own", "a", "b", "warm")}], "own")
-    p = gram_matrices.beside(gram_matrices.only(p, ["warm", "a"]), [{"step": x["step"], "c": x["c"]}])
+    p = gram_matrices.with_columns(gram_matrices.selected(p, ["warm", "a"]), [{"step": x["step"], "c": x["c"]}])
     mean = [[source.standard_normal((ROWS, 2))]]
     once = {name: [np.mean(each, axis=0)] for name, each in x.items()}
     wanted = _defined(run, once, mean[0], ("warm", "a", "step", "c"))
@@ -85,32 +84,34 @@ def test_one_residual_for_all_repeats_and_a_column_beside_chosen_ones() -> None:
     np.testing.assert_allclose(np.stack([g.effort, g.current]), wanted, atol=2e-5)
 
 
-def test_another_block_leaves_what_is_there() -> None:
-    """Two searches go on from the same products: neither sees the other's columns."""
+def test_adding_columns_does_not_change_existing_products() -> None:
+    """Two searches go on from the same products: neither sees the columns of the other."""
     source = np.random.default_rng(6)
     run, x = _run(source), _columns(source)
-    left = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)]]
+    residuals = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)]]
     p = gram_matrices.products([run], [{name: x[name] for name in ("own", "a", "warm")}], "own")
-    before = gram_matrices.grams(p, left).effort.copy()
-    gram_matrices.grams(gram_matrices.beside(p, [{"step": x["step"], "b": x["b"]}]), left)
-    assert np.array_equal(gram_matrices.grams(p, left).effort, before)
+    before = gram_matrices.grams(p, residuals).effort.copy()
+    gram_matrices.grams(gram_matrices.with_columns(p, [{"step": x["step"], "b": x["b"]}]), residuals)
+    assert np.array_equal(gram_matrices.grams(p, residuals).effort, before)
 
 
 @pytest.mark.parametrize("repeats", [1, REPEATS])
-def test_dealt_matrices_are_the_half_strokes_of_each_hand_added_up(repeats: int) -> None:
-    """Over strokes of which no hand has the same, and what runs on the clock among the columns."""
+def test_fold_sums_are_the_sums_of_the_half_strokes_of_each_fold(repeats: int) -> None:
+    """With folds of unequal size, and columns that run on the clock."""
     source = np.random.default_rng(7)
     runs = [_run(source), _run(source)._replace(cluster=np.repeat(np.arange(3), ROWS // 3))]
     x = [_columns(source) for _ in runs]
-    left = [[source.standard_normal((ROWS, 2)) for _ in range(repeats)] for _ in runs]
+    residuals = [[source.standard_normal((ROWS, 2)) for _ in range(repeats)] for _ in runs]
     p = gram_matrices.products(runs, [{name: one[name] for name in ("own", "a", "warm")} for one in x], "own")
-    p = gram_matrices.only(
-        gram_matrices.beside(p, [{name: one[name] for name in ("b", "step")} for one in x]), ["step", "b", "a"]
+    p = gram_matrices.selected(
+        gram_matrices.with_columns(p, [{name: one[name] for name in ("b", "step")} for one in x]), ["step", "b", "a"]
     )
-    whole, hands = gram_matrices.grams(p, left), gram_matrices.dealt(p, left)
-    assert hands.names == whole.names
-    assert gram_matrices.first_hand(hands.stroke).tolist() == [True, False]
-    first = gram_matrices.first_hand(whole.stroke)
-    for cut in ("effort", "current", "floor"):
-        each, sums = getattr(whole, cut), getattr(hands, cut)
-        np.testing.assert_allclose(sums, [each[first].sum(axis=0), each[~first].sum(axis=0)], rtol=1e-12, atol=1e-12)
+    whole, sums = gram_matrices.grams(p, residuals), gram_matrices.fold_sums(p, residuals)
+    assert sums.names == whole.names
+    assert first_fold(sums.stroke).tolist() == [True, False]
+    first = first_fold(whole.stroke)
+    for channel in ("effort", "current", "floor"):
+        strokes, folds = getattr(whole, channel), getattr(sums, channel)
+        np.testing.assert_allclose(
+            folds, [strokes[first].sum(axis=0), strokes[~first].sum(axis=0)], rtol=1e-12, atol=1e-12
+        )

@@ -1,4 +1,4 @@
-"""An effect that one experiment alone carries is not found again without it."""
+"""An effect that only one experiment carries is not found again without it."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def test_inclusion_over_experiments(carried_by: int, low: float, high: float) ->
 
 
 def test_an_experiment_that_excites_it_alone_is_not_missed() -> None:
-    """A limit reached in one motion: the others, without it, say nothing against it."""
+    """A limit that one motion reaches: the other motions say nothing against it."""
     effect = Definition("effect", "mechanics", "none", (Amplitude("size", "", (1.0,)),), (), lambda p, _: p)
     form = Form(effect, {}, (1.0,), ("effect.size",))
     assert inclusion(_grams(1, seen_in=1), [0], [form], 0.1, 20) > 0.95
 
 
-def test_the_base_may_stand_elsewhere_beside_an_effect() -> None:
-    """A nuisance that the effect had moved leaves a large constant: it is taken back, and is none of what is left."""
+def test_the_base_may_differ_with_and_without_the_effect() -> None:
+    """A nuisance that the effect had moved leaves a large constant; it is partialled out and does not count."""
     effect = Definition("effect", "mechanics", "none", (Amplitude("size", "", (1.0,)),), (), lambda p, _: p)
     form = Form(effect, {}, (1.0,), ("effect.size",))
     g = _grams(EXPERIMENTS)

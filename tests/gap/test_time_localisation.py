@@ -10,7 +10,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap.inference import time_localisation
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import model_tracking
-from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.residuals.sensitivities import TrackedModel
 
 BALL_SCREW = Path(__file__).parents[2] / "config" / "ball-screw.yaml"
 DT, ROWS = 5e-4, 4000
@@ -18,13 +18,13 @@ TIME = np.arange(ROWS) * DT
 
 
 @pytest.fixture(scope="module")
-def model() -> Model:
+def model() -> TrackedModel:
     stage = load_stage(BALL_SCREW).stage
     stage = stage._replace(encoder=stage.encoder._replace(delay_samples=0))
-    return Model(stage, model_tracking.tracker(stage, DT))
+    return TrackedModel(stage, model_tracking.tracker(stage, DT))
 
 
-def _closed_form(model: Model, frequency: float) -> complex:
+def _closed_form(model: TrackedModel, frequency: float) -> complex:
     """All four poles at -p: T = ((6 p^2 - a D/J) s^2 + 4 p^3 s + p^4) / (s + p)^4, a = 4 p - D/J."""
     p, s, rate = 2.0 * math.pi * 40.0, 2j * math.pi * frequency, model.stage.mechanics
     damped = rate.viscous / rate.inertia
@@ -32,7 +32,7 @@ def _closed_form(model: Model, frequency: float) -> complex:
 
 
 @pytest.mark.parametrize("frequency", [2.0, 10.0, 40.0])
-def test_the_tracker_answers_as_its_poles_say(model: Model, frequency: float) -> None:
+def test_the_tracker_answers_as_its_poles_say(model: TrackedModel, frequency: float) -> None:
     x = np.exp(2j * math.pi * frequency * TIME)
     answered = _answered(model, x.real) + 1j * _answered(model, x.imag)
     middle = slice(ROWS // 4, 3 * ROWS // 4)
@@ -43,7 +43,7 @@ def test_the_tracker_answers_as_its_poles_say(model: Model, frequency: float) ->
     assert np.angle(found / expected) == pytest.approx(0.0, abs=2.0 * math.pi * frequency * 1.0 * DT + 0.01)
 
 
-def test_what_the_tracker_answered_is_brought_back(model: Model) -> None:
+def test_what_the_tracker_answered_is_brought_back(model: TrackedModel) -> None:
     effort = np.exp(-(((TIME - 1.0) / 0.01) ** 2))
     answered = _answered(model, effort)
     back = time_localisation.untracked(answered, model, DT)
@@ -51,11 +51,11 @@ def test_what_the_tracker_answered_is_brought_back(model: Model) -> None:
     assert np.abs(back - effort).max() < 0.01
 
 
-def test_a_constant_effort_is_followed_to_the_end(model: Model) -> None:
+def test_a_constant_effort_is_followed_to_the_end(model: TrackedModel) -> None:
     np.testing.assert_allclose(_answered(model, np.full(ROWS, 0.3)), 0.3, rtol=1e-6)
 
 
-def _answered(model: Model, effort: Array) -> Array:
+def _answered(model: TrackedModel, effort: Array) -> Array:
     return time_localisation.passed(effort, time_localisation.tracking(model, time_localisation.lines_of(ROWS, DT), DT))
 
 

@@ -21,7 +21,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.gap import diagnose
 from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.logs import load_session
-from stagectl.gap.residuals import model_tracking
+from stagectl.gap.residuals import model_tracking, thresholds
 from stagectl.kernels import tracked_model
 
 PERIODS = 40_000  # 20 s at 2 kHz
@@ -31,7 +31,7 @@ def rows(place: Path, rounds: int) -> list[Row]:
     """Sub-steps a second, seconds of a diagnosis, and the memory that the process came to."""
     plain = [1.0 / _seconds(False) for _ in range(rounds)]
     bent = [1.0 / _seconds(True) for _ in range(rounds)]
-    steps = PERIODS * model_tracking.SUBSTEPS
+    steps = PERIODS * thresholds.SUBSTEPS
     stage_trial(draw(1, "single", Drawn(effects=("viscous_asymmetry",), scale=1.0)), place)
     session = load_session.load([place / "captures"])
     begin = time.perf_counter()
@@ -57,9 +57,9 @@ def _seconds(effects: bool) -> float:
     t = setup.dt * np.arange(PERIODS)
     rows_ = np.column_stack([3.0 * np.sin(10.0 * t), np.sin(10.0 * t), np.full(PERIODS, np.nan)])
     path, model = (
-        model_tracking.Path(rows_, 0.0, setup.dt),
+        model_tracking.MeasuredPath(rows_, 0.0, setup.dt),
         tracked_model.Tied(p, model_tracking.tracker(setup.stage, setup.dt)),
     )
     begin = time.perf_counter()
-    model_tracking.lacking(model, path)
+    model_tracking.tracking_residual(model, path)
     return time.perf_counter() - begin

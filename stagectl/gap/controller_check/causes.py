@@ -1,250 +1,262 @@
-"""Why a logged command is not the recomputed one: each simple cause tried, and the one named that explains most.
+"""Why a logged command differs from the recomputed comparison: the simple cause that explains most of the difference.
 
-The terms of the command are linear in the gains, so a wrong gain is a factor on its term, by least squares.
+The terms of the command are linear in the gains, so a wrong gain is a factor on its term, found by least squares.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.gap.controller_check import thresholds
+from stagectl.gap.controller_check.recomputed_command import Comparison
 from stagectl.gap.logs.session import Array, Session
-from stagectl.kernels import friction, friction_path, law, rollout
+from stagectl.kernels import friction, friction_path, law
+from stagectl.recording.replay import recomputed
 
-if TYPE_CHECKING:
-    from stagectl.gap.controller_check.recomputed_command import Compared
-
-EXPLAINED = 0.1  # rms that is left, as a share of the difference: below it a cause is named
-SURE = 0.05  # the same, for a difference that is within the limit
-SLIGHT = 0.01  # factor on a term, less one, that counts then
-NOISE = 0.9  # what every cause leaves of noise
-SHIFTS = 8  # rows
-ALONE = 0.5  # what a single cause may leave of what several leave
 _PID = {"proportional": "the proportional gain", "integral": "the integral gain", "derivative": "the derivative gain"}
 _CASCADE = {
     "proportional": "the velocity gain",
     "integral": "the integral gain",
     "derivative": "the force filter's part",
 }
-_KNOWN = {
+_OTHERS = {
+    "feedback": "the whole feedback",
     "feedforward": "the feedforward",
     "friction": "the friction compensation",
     "added": "the injected current",
     "observer": "the observer's part",
 }
-_POLES = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.5, 2.0, 4.0)
 
 
 class Cause(NamedTuple):
-    """An explanation, and the share of the difference (rms) that it leaves."""
+    """An explanation of a difference, and the share of its rms that it leaves."""
 
+    kind: str  # factor | command_factor | constant | several | shift | pole | model | limit | none
+    term: str  # what differs, by the field of the law, or by its column
+    value: float  # the factor, A, rows, or share of the model's
     left: float
     words: str
-    factor: float = 1.0  # on a term, where it is one
+
+    @property
+    def described(self) -> str:
+        """In words, with the share that it explains."""
+        return f"{self.words} (explains {100.0 * (1.0 - min(self.left, 1.0)):.3g} % of the difference)"
 
 
-def probable(session: Session, each: list[Compared], allowed: float) -> str:
-    """The most probable cause in words."""
-    worst = max(each, key=lambda one: one.worst[0])
+class _Terms(NamedTuple):
+    """The parts of the recomputed commands of all logs, and their differences, in the rows that count."""
+
+    parts: dict[str, Array]  # (n,) A, those that are not zero
+    difference: Array  # (n,) A
+
+
+def probable(session: Session, comparisons: Sequence[Comparison], allowed: float) -> Cause:
+    """The most probable cause of a difference above `allowed` (A); its kind is "none" where none explains it."""
+    worst = max(comparisons, key=lambda comparison: comparison.worst[0])
     causes = [
-        *_factors(session, each),
-        *_anticipated(session, worst),
+        *_factors(session, comparisons),
+        *_model_errors(session, worst),
         *_shifts(session, worst),
         *_poles(session, worst),
-        *_others(worst),
+        _limit(worst),
     ]
-    best = min(causes, key=lambda one: one.left)
-    several = _several(session, each)
-    if best.left < EXPLAINED and best.left < several.left / ALONE + allowed / _rms(worst.difference):
-        return f"{best.words} ({_explained(best)})"
-    if several.left < EXPLAINED:
-        return f"{several.words} ({_explained(several)})"
-    return (
-        f"no single cause explains it; nearest: {best.words} ({_explained(best)}).  Look at the units of gains and "
-        "columns, at the sampling time, at what else is added to the command, and whether the record is of this machine"
+    best = min(causes, key=lambda cause: cause.left)
+    several = _several(session, comparisons)
+    if best.left < thresholds.EXPLAINED and best.left < several.left / thresholds.ALONE + allowed / _rms(
+        worst.difference
+    ):
+        return best
+    if several.left < thresholds.EXPLAINED:
+        return several
+    words = (
+        "no single cause explains it.  Check the units of gains and columns, the sampling time, what else is added to "
+        f"the command, and whether the record is of this machine.  Nearest cause: {best.words}"
     )
+    return best._replace(kind="none", words=words)
 
 
-def slight(session: Session, each: list[Compared]) -> str:
-    """A factor on a term that explains a difference within the limit, in words; empty where none does."""
-    best = min(_factors(session, each), key=lambda one: one.left)
-    if best.left > SURE or abs(best.factor - 1.0) < SLIGHT:
-        return ""
-    return f"{best.words} ({_explained(best)})"
+def within_limit(session: Session, comparisons: Sequence[Comparison]) -> Cause | None:
+    """A factor on a term that explains a difference within the limit; None where there is none."""
+    best = min(_factors(session, comparisons), key=lambda cause: cause.left)
+    wrong_gain = best.kind == "factor" and abs(best.value - 1.0) >= thresholds.LEAST_FACTOR
+    return best if best.left <= thresholds.EXPLAINED_WITHIN and wrong_gain else None
 
 
-def unexplained(session: Session, each: list[Compared]) -> bool:
+def unexplained(session: Session, comparisons: Sequence[Comparison]) -> bool:
     """Whether no cause explains any of the difference: it is noise, such as that of rounding."""
-    worst = max(each, key=lambda one: _rms(one.difference))
-    causes = [*_factors(session, each), *_anticipated(session, worst), *_shifts(session, worst)]
-    return min(one.left for one in (*causes, _several(session, each))) > NOISE
-
-
-def _explained(cause: Cause) -> str:
-    return f"explains {100.0 * (1.0 - min(cause.left, 1.0)):.3g} % of the difference"
+    worst = max(comparisons, key=lambda comparison: _rms(comparison.difference))
+    causes = [*_factors(session, comparisons), *_model_errors(session, worst), *_shifts(session, worst)]
+    return min(cause.left for cause in (*causes, _several(session, comparisons))) > thresholds.NOISE
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values * values)))
 
 
-def _terms(session: Session, one: Compared) -> dict[str, Array]:
-    """The parts of the recomputed command (n,) A by their names, those that are not zero."""
-    p, r = session.law, one.log.setpoints
-    assert p is not None and r is not None
-    own = {name: one.terms[:, j] for j, name in enumerate(law.Output._fields)}
-    known = {name: r[:, j] for j, name in enumerate(law.Setpoint._fields)}
-    parts = {name: own[name] for name in ("proportional", "integral", "derivative", "observer")}
+def _terms(session: Session, comparison: Comparison) -> dict[str, Array]:
+    """The parts (n,) A of one recomputed command."""
+    setpoints = comparison.log.setpoints
+    assert setpoints is not None
+    known = {name: setpoints[:, j] for name, j in law.SETPOINT_COLUMNS.items()}
+    feedback = ("proportional", "integral", "derivative", "observer")
+    parts = {name: comparison.terms[:, law.OUTPUT_COLUMNS[name]] for name in feedback}
     parts |= {"feedforward": known["feedforward"], "friction": known["friction"]}
     return parts | {"added": known["learned"] + known["injection"]}
 
 
-def _joined(session: Session, each: list[Compared]) -> tuple[dict[str, Array], Array]:
-    """Parts and differences of all logs in the rows that count."""
-    rows = [np.isfinite(one.difference) for one in each]
-    parts = [_terms(session, one) for one in each]
-    found = {name: np.concatenate([p[name][r] for p, r in zip(parts, rows, strict=True)]) for name in parts[0]}
-    found = {name: part for name, part in found.items() if np.any(part)}
-    return found, np.concatenate([one.difference[r] for one, r in zip(each, rows, strict=True)])
+def _joined(session: Session, comparisons: Sequence[Comparison]) -> _Terms:
+    counting = [np.isfinite(comparison.difference) for comparison in comparisons]
+    terms = [_terms(session, comparison) for comparison in comparisons]
+    parts = {
+        name: np.concatenate([part[name][rows] for part, rows in zip(terms, counting, strict=True)])
+        for name in terms[0]
+    }
+    differences = [comparison.difference[rows] for comparison, rows in zip(comparisons, counting, strict=True)]
+    return _Terms({name: part for name, part in parts.items() if np.any(part)}, np.concatenate(differences))
 
 
-def _names(session: Session) -> dict[str, str]:
+def _name(session: Session, term: str) -> str:
     assert session.law is not None
-    return {**(_CASCADE if session.law.cascaded else _PID), **_KNOWN}
+    return {**(_CASCADE if session.law.cascaded else _PID), **_OTHERS}[term]
 
 
-def _factors(session: Session, each: list[Compared]) -> Iterator[Cause]:
-    """One term, all feedback, or the whole command by a factor; a constant added."""
-    parts, difference = _joined(session, each)
-    size = _rms(difference)
-    named = {_names(session)[name]: part for name, part in parts.items()}
-    feeding = [part for name, part in parts.items() if name in _PID]
-    if len(feeding) > 1:
-        named["the whole feedback"] = np.sum(feeding, axis=0)
-    for words, part in named.items():
-        factor = 1.0 + float(difference @ part) / float(part @ part)
-        yield Cause(_rms(difference - (factor - 1.0) * part) / size, _looks_like(words, factor), factor)
+def _factors(session: Session, comparisons: Sequence[Comparison]) -> Iterator[Cause]:
+    """A factor on one term, on all feedback or on the whole command; a constant that was added."""
+    parts, difference = _joined(session, comparisons)
+    size, terms = _rms(difference), dict(parts)
+    feedback = [part for name, part in parts.items() if name in _PID]
+    if len(feedback) > 1:
+        terms["feedback"] = np.sum(feedback, axis=0)
+    for term, part in terms.items():
+        more = _share(difference, part)
+        left = _rms(difference - more * part) / size
+        yield Cause("factor", term, 1.0 + more, left, _factor_words(_name(session, term), 1.0 + more))
     whole = np.sum(list(parts.values()), axis=0)
-    factor = 1.0 + float(difference @ whole) / float(whole @ whole)
-    yield Cause(_rms(difference - (factor - 1.0) * whole) / size, _scaled(session, factor))
+    more = _share(difference, whole)
+    left = _rms(difference - more * whole) / size
+    yield Cause("command_factor", "command", 1.0 + more, left, _command_words(session, 1.0 + more))
     mean = float(np.mean(difference))
-    yield Cause(_rms(difference - mean) / size, f"a constant {mean:.4g} A is added to the logged command")
+    words = f"a constant {mean:.4g} A is added to the logged command"
+    yield Cause("constant", "command", mean, _rms(difference - mean) / size, words)
 
 
-def _looks_like(what: str, factor: float) -> str:
-    if abs(factor) < 0.02:
-        return f"{what} seems to be missing from the logged command"
-    return f"{what} looks like {factor:.3g} of the nominal one"
+def _share(difference: Array, part: Array) -> float:
+    """Least-squares factor on `part` that explains `difference`."""
+    return float(difference @ part) / float(part @ part)
 
 
-def _scaled(session: Session, factor: float) -> str:
-    """A factor on the whole command: often a unit."""
+def _factor_words(name: str, factor: float) -> str:
+    if abs(factor) < thresholds.MISSING_TERM:
+        return f"{name} seems to be missing from the logged command"
+    return f"{name} seems to be {factor:.3g} of the nominal one"
+
+
+def _command_words(session: Session, factor: float) -> str:
+    """A factor on the whole command is often a unit."""
+    words = f"the logged command is about {factor:.4g} times the recomputed one"
     constant = session.stage.motor.force_constant
     for value, unit in ((constant, "an effort instead of a current"), (1e3, "mA"), (-1.0, "of the opposite sign")):
-        if abs(factor / value - 1.0) < 0.01:
-            return f"the logged command looks like {factor:.4g} times the recomputed one, as if it were {unit}"
-    return f"the logged command looks like {factor:.4g} times the recomputed one: a scale or a unit of the column"
+        if abs(factor / value - 1.0) < thresholds.SAME_UNIT:
+            return f"{words}, as if it were {unit}"
+    return f"{words}: check the scale and the unit of the column"
 
 
-def _several(session: Session, each: list[Compared]) -> Cause:
-    """All terms by factors of their own at once."""
-    parts, difference = _joined(session, each)
+def _several(session: Session, comparisons: Sequence[Comparison]) -> Cause:
+    """Factors on all terms at once."""
+    parts, difference = _joined(session, comparisons)
     table = np.column_stack(list(parts.values()))
     size = np.sqrt(np.mean(table * table, axis=0))
-    factors = np.linalg.lstsq(table / size, difference, rcond=1e-10)[0] / size
+    factors = np.linalg.lstsq(table / size, difference, rcond=thresholds.SINGULAR)[0] / size
     left = _rms(difference - table @ factors) / _rms(difference)
     moved = [
-        f"{_names(session)[name]} {1.0 + factor:.3g}"
-        for name, factor in zip(parts, factors, strict=True)
-        if abs(factor) > 0.01
+        f"{_name(session, term)} {1.0 + factor:.3g}"
+        for term, factor in zip(parts, factors, strict=True)
+        if abs(factor) > thresholds.LEAST_FACTOR
     ]
-    return Cause(left, f"several terms differ; as shares of the nominal ones: {', '.join(moved)}")
+    words = f"several terms differ; as shares of the nominal ones: {', '.join(moved)}"
+    return Cause("several", "command", float(np.abs(factors).max(initial=0.0)), left, words)
 
 
-def _answers(session: Session, setpoints: Array, position: Array, p: law.Law | None = None) -> Array:
-    used = p or session.law
-    assert used is not None
-    out = np.zeros((len(position), len(law.Output._fields)))
-    rollout.answers(used, (np.ascontiguousarray(setpoints), np.ascontiguousarray(position), out))
-    return out[:, law.Output._fields.index("command")]
-
-
-def _shifts(session: Session, one: Compared) -> Iterator[Cause]:
-    """Reference, position or command of other rows."""
-    log = one.log
-    assert log.setpoints is not None and log.command is not None
-    position, known, command = log.position, log.setpoints, log.command
-    size, inside = _rms(one.difference), np.isfinite(one.difference)
-    inside[:SHIFTS] = inside[len(inside) - SHIFTS :] = False
-    own = one.terms[:, law.Output._fields.index("command")]
-    ahead = known[:, 2] + known[:, 3]
-    for n in (n for n in range(-SHIFTS, SHIFTS + 1) if n):
-        way = f"{abs(n)} {'row' if abs(n) == 1 else 'rows'} {'later' if n > 0 else 'earlier'}"
-        for what, again in (
-            ("the reference acts", _answers(session, _moved(known, n), position)),
-            ("the position was seen", _answers(session, known, _moved(position, n))),
-            ("the command is logged", _moved(own, n)),
-            ("feedforward and friction compensation act", own + _moved(ahead, n) - ahead),
+def _shifts(session: Session, comparison: Comparison) -> Iterator[Cause]:
+    """Reference, position or command shifted by some rows."""
+    log, p = comparison.log, session.law
+    assert log.setpoints is not None and log.command is not None and p is not None
+    position, setpoints, own = log.position, log.setpoints, comparison.recomputed
+    inside = np.isfinite(comparison.difference)
+    inside[: thresholds.LARGEST_SHIFT] = inside[len(inside) - thresholds.LARGEST_SHIFT :] = False
+    ahead = setpoints[:, law.SETPOINT_COLUMNS["feedforward"]] + setpoints[:, law.SETPOINT_COLUMNS["friction"]]
+    for n in (n for n in range(-thresholds.LARGEST_SHIFT, thresholds.LARGEST_SHIFT + 1) if n):
+        rows = f"{abs(n)} {'row' if abs(n) == 1 else 'rows'} {'later' if n > 0 else 'earlier'}"
+        for column, acts, again in (
+            ("reference", "the reference acts", _command(p, _shifted(setpoints, n), position)),
+            ("position", "the position is seen", _command(p, setpoints, _shifted(position, n))),
+            ("command", "the command is logged", _shifted(own, n)),
+            ("feedforward", "feedforward and friction compensation act", own + _shifted(ahead, n) - ahead),
         ):
-            left = _rms((command - again)[inside]) / size
-            yield Cause(left, f"{what} {way} than the description says")
+            left = _rms((log.command - again)[inside]) / _rms(comparison.difference)
+            yield Cause("shift", column, n, left, f"{acts} {rows} than the description says")
 
 
-def _moved(values: Array, n: int) -> Array:
+def _command(p: law.Law, setpoints: Array, position: Array) -> Array:
+    """(n,) A, before any limit."""
+    return recomputed(p, setpoints, position)[:, law.OUTPUT_COLUMNS["command"]]
+
+
+def _shifted(values: Array, n: int) -> Array:
     """Rows `n` later, the ends held."""
-    at = np.clip(np.arange(len(values)) - n, 0, len(values) - 1)
-    return values[at]
+    return values[np.clip(np.arange(len(values)) - n, 0, len(values) - 1)]
 
 
-def _poles(session: Session, one: Compared) -> Iterator[Cause]:
+def _poles(session: Session, comparison: Comparison) -> Iterator[Cause]:
     """Another pole of the derivative's filter."""
-    p, log = session.law, one.log
+    p, log, dt = session.law, comparison.log, session.dt
     assert p is not None and log.setpoints is not None and log.command is not None
     if p.cascaded or p.feedback.derivative == 0.0:
         return
-    dt = session.dt
     pole = 2.0 * (1.0 - p.feedback.decay) / (dt * (1.0 + p.feedback.decay))
     gain = p.feedback.derivative * (2.0 + pole * dt) / (2.0 * pole)
-    rows = np.isfinite(one.difference)
-    for factor in _POLES:
+    rows = np.isfinite(comparison.difference)
+    for factor in thresholds.POLE_FACTORS:
         a = factor * pole
         other = p.feedback._replace(derivative=2.0 * gain * a / (2.0 + a * dt), decay=(2.0 - a * dt) / (2.0 + a * dt))
-        again = _answers(session, log.setpoints, log.position, p._replace(feedback=other))
-        left = _rms((log.command - again)[rows]) / _rms(one.difference)
-        yield Cause(left, f"the pole of the derivative's filter looks like {factor:.2g} of the nominal one")
+        again = _command(p._replace(feedback=other), log.setpoints, log.position)
+        left = _rms((log.command - again)[rows]) / _rms(comparison.difference)
+        words = f"the pole of the derivative's filter seems to be {factor:.2g} of the nominal one"
+        yield Cause("pole", "derivative", factor, left, words)
 
 
-def _anticipated(session: Session, one: Compared) -> Iterator[Cause]:
+def _model_errors(session: Session, comparison: Comparison) -> Iterator[Cause]:
     """A feedforward or friction compensation of another model than is described."""
-    reference = one.log.reference
+    reference = comparison.log.reference
     if reference is None:
         return
     p, dt = session.stage, session.dt
-    constant = p.motor.force_constant
     velocity = np.gradient(reference, dt)
     force = np.zeros((len(reference), len(p.friction.operators.weight)))
     friction_path.operators(friction.Gms(p.friction.operators), reference, dt, force)
-    rows, size = np.isfinite(one.difference), _rms(one.difference)
-    for what, part in (
-        ("the inertia of the feedforward", p.mechanics.inertia * np.gradient(velocity, dt)),
-        ("the viscous friction of the feedforward", p.mechanics.viscous * velocity),
-        ("the friction compensation", force @ np.asarray(p.friction.operators.weight)),
+    rows = np.isfinite(comparison.difference)
+    difference = comparison.difference[rows]
+    for term, name, effort in (
+        ("inertia", "the inertia of the feedforward", p.mechanics.inertia * np.gradient(velocity, dt)),
+        ("viscous", "the viscous friction of the feedforward", p.mechanics.viscous * velocity),
+        ("friction", "the friction compensation", force @ np.asarray(p.friction.operators.weight)),
     ):
-        part = part[rows] / constant
-        if not np.any(part):
-            continue
-        share = float(one.difference[rows] @ part) / float(part @ part)
-        left = _rms(one.difference[rows] - share * part) / size
-        yield Cause(left, f"{what} seems to differ by {share:+.3g} of the model's")
+        part = effort[rows] / p.motor.force_constant
+        if np.any(part):
+            share = _share(difference, part)
+            left = _rms(difference - share * part) / _rms(comparison.difference)
+            yield Cause("model", term, share, left, f"{name} seems to differ by {share:+.3g} of the model's")
 
 
-def _others(one: Compared) -> Iterator[Cause]:
+def _limit(comparison: Comparison) -> Cause:
     """A limit that was active in the logged command."""
-    command = one.log.command
+    command = comparison.log.command
     assert command is not None
-    own, rows = one.terms[:, law.Output._fields.index("command")], np.isfinite(one.difference)
+    rows = np.isfinite(comparison.difference)
     high, low = float(command[rows].max()), float(command[rows].min())
-    left = _rms((command - np.clip(own, low, high))[rows]) / _rms(one.difference)
-    yield Cause(left, f"a limit is active: the logged command stays within [{low:.4g}, {high:.4g}] A")
+    left = _rms((command - np.clip(comparison.recomputed, low, high))[rows]) / _rms(comparison.difference)
+    words = f"a limit is active: the logged command stays within [{low:.4g}, {high:.4g}] A"
+    return Cause("limit", "command", high, left, words)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from stagectl.gap.effects.effect import Amplitude, Parameters, Shape, Values
-from stagectl.kernels import friction
+from stagectl.kernels import stage
 from stagectl.kernels.stage import Stage
 
 Block = TypeVar("Block")  # a NamedTuple of parameters
@@ -70,20 +70,12 @@ def harmonic_parameters(place: str, unit: str, size: float, orders: tuple[float,
 
 def coulomb(p: Stage, v: Values) -> Stage:
     """All friction but the viscous part, multiplied by 1 + size."""
-    factor = 1.0 + v["size"]
-    rolling, bristle = p.friction.operators, p.friction.bristle
-    operators = rolling._replace(weight=rolling.weight * factor)
-    changed = bristle._replace(coulomb=bristle.coulomb * factor, stiffness=bristle.stiffness * factor)
-    return p._replace(friction=p.friction._replace(operators=operators, bristle=changed))
+    return p._replace(friction=stage.scaled_friction(p.friction, 1.0 + v["size"]))
 
 
 def stretched(p: Stage, v: Values) -> Stage:
     """The rolling zone, longer by the share `size`."""
-    factor = 1.0 + v["size"]
-    rolling, bristle = p.friction.operators, p.friction.bristle
-    operators = friction.bundle(rolling.weight, rolling.slip * factor)
-    changed = bristle._replace(stiffness=bristle.stiffness / factor)
-    return p._replace(friction=p.friction._replace(operators=operators, bristle=changed))
+    return p._replace(friction=stage.stretched_friction(p.friction, 1.0 + v["size"]))
 
 
 def decay(v: Values, t: Any) -> Any:

@@ -13,7 +13,8 @@ from stagectl.gap.experiment_design.experiment import Experiment
 from stagectl.gap.experiment_design.operating_range import WINDOW, Room
 from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs.session import Array, Log, Session
-from stagectl.gap.residuals.half_strokes import REST, standstills
+from stagectl.gap.residuals.half_strokes import standstills
+from stagectl.gap.residuals.thresholds import SHORTEST_REST
 
 SPEEDS = 5  # below, curvature of viscous friction and a Stribeck rise look alike
 HELD = 0.1  # s for which a speed counts as held
@@ -113,7 +114,7 @@ def _dwells(session: Session, ways: list[Way]) -> str:
         for begin, end in standstills(way.position, way.dt)
         if begin > 0 and end < len(way.position) - round(2.0 * WINDOW / way.dt)
     ]
-    if _distinct([one for one in rests if one > 2.0 * REST], DWELLS) >= 2:
+    if _distinct([one for one in rests if one > 2.0 * SHORTEST_REST], DWELLS) >= 2:
         return ""
     return "no motion follows standstills of different lengths: friction that grows at rest is not seen"
 

@@ -15,10 +15,11 @@ from stagectl.gap.experiment_design.experiment import Experiment
 from stagectl.gap.experiment_design.scale import WORKING, Scale
 from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs import deployed_controller, setpoints
-from stagectl.gap.logs.deployed_controller import Deployed
+from stagectl.gap.logs.deployed_controller import DeployedController
+from stagectl.gap.logs.grid import LoggedReference
 from stagectl.gap.logs.nominal_values import of_file
 from stagectl.gap.logs.session import Array, GapError, Log, Session
-from stagectl.gap.residuals import model_tracking
+from stagectl.gap.residuals.thresholds import TRACKER_BANDWIDTH
 from stagectl.kernels import feedback, feedforward, stage
 from stagectl.kernels.law import Law
 from stagectl.plan import SETTLE
@@ -48,7 +49,7 @@ class Room(NamedTuple):
     seen: Seen
     scale: Scale
     start: float  # rad | m, where the axis stands
-    deployed: Deployed  # what goes into the setpoints
+    deployed: DeployedController  # what goes into the setpoints
     law: Law
     known: bool  # whether that is the deployed controller, or one that stands in for it
     per_unit: float  # m of travel per rad | m; 1 where the travel is an angle
@@ -147,22 +148,22 @@ def _scale(session: Session, p: Seen, start: float, law: Law) -> Scale:
     return scale.checked(found, str(session.place))
 
 
-def _running(session: Session) -> Deployed | None:
+def _running(session: Session) -> DeployedController | None:
     """The deployed controller as the session's own description has it."""
     if not session.nominal:
         return None
     return deployed_controller.read(of_file(session.nominal, session.place / "nominal.yaml", session.kind))
 
 
-def _stand_in(session: Session) -> Deployed:
+def _stand_in(session: Session) -> DeployedController:
     """A loop designed for the nominal model, slow enough for any delay."""
     p, dt = session.stage, session.dt
-    gains = feedback.place_poles(p.mechanics, p.motor.force_constant, SLOWEST * model_tracking.BANDWIDTH / dt)
+    gains = feedback.place_poles(p.mechanics, p.motor.force_constant, SLOWEST * TRACKER_BANDWIDTH / dt)
     law = Law(feedback.discretised(gains, dt), p.drive.current_limit)
     plant = feedforward.held(p.mechanics, p.motor.force_constant, dt)
     ahead = feedforward.Feedforward(plant, p.friction.operators, p.motor.force_constant, True, True)
     advance = p.drive.current_lag + p.drive.delay_samples * dt
-    return Deployed(law, dt, ahead, advance, advance + 0.5 * dt, p.encoder.delay_samples)
+    return DeployedController(law, dt, ahead, advance, advance + 0.5 * dt, p.encoder.delay_samples)
 
 
 def laid_out(session: Session, p: Room, experiment: Experiment) -> Array:
@@ -172,4 +173,4 @@ def laid_out(session: Session, p: Room, experiment: Experiment) -> Array:
     t: Array = session.dt * np.arange(rows, dtype=np.float64)
     reference = p.start + parts.motion.at(t).position / session.travel_per_unit
     injection = None if parts.current is None else parts.current.at(t - parts.start)
-    return setpoints.rows(p.deployed, setpoints.Asked(t, reference, rows, injection))
+    return setpoints.from_reference(p.deployed, LoggedReference(t, reference), rows, injection)

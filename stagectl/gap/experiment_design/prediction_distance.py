@@ -19,8 +19,8 @@ from scipy.signal import welch
 
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals import whitening
-from stagectl.gap.residuals.half_strokes import standstills, without_rests
-from stagectl.gap.residuals.whitening import KEPT
+from stagectl.gap.residuals.half_strokes import standstills, without_drift_at_rest
+from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.law import Law
 
@@ -98,9 +98,7 @@ def _deviations(repeats: Sequence[Log], name: str) -> list[Array]:
     if any(column is None for column in columns):
         return []
     rows = min(len(column) for column in columns)
-    cut = np.array([column[:rows] for column in columns])
-    deviations = (cut - cut.mean(axis=0)) * math.sqrt(len(cut) / (len(cut) - 1))
-    return list(deviations)
+    return list(whitening.single_noise([column[:rows] for column in columns]))
 
 
 def _density(each: Sequence[Sequence[Array]], dt: float, segment: int) -> Array:
@@ -112,8 +110,7 @@ def _density(each: Sequence[Sequence[Array]], dt: float, segment: int) -> Array:
     found = [welch(one, 1.0 / dt, nperseg=segment)[1] * (len(one) / total) for one in signals]
     mean = np.sum(found, axis=0)
     mean[0] = mean[1]  # Welch's method takes the mean away
-    smooth: Array = np.convolve(np.pad(mean, 2, mode="edge"), np.ones(5) / 5.0, mode="valid")
-    return smooth
+    return whitening.smoothed(mean)
 
 
 def _at_least(density: Array, white: float, dt: float, frequency: Array) -> Array:
@@ -134,7 +131,7 @@ def told(p: Bench, model: stage.Stage, shift: float = 0.0) -> Told:
     if not (np.isfinite(position).all() and np.isfinite(current).all()):
         return Told(np.full(2 * len(rows[::KEPT]), np.nan), math.inf)
     columns = [_whitened(p, position, p.noise.position, 0.0), _whitened(p, current, p.noise.current, shift)]
-    return Told(without_rests(np.stack(columns, axis=1), p.rests).T.ravel(), float(np.abs(current).max()))
+    return Told(without_drift_at_rest(np.stack(columns, axis=1), p.rests).T.ravel(), float(np.abs(current).max()))
 
 
 def _whitened(p: Bench, signal: Array, density: Array, late: float) -> Array:
@@ -145,7 +142,7 @@ def _whitened(p: Bench, signal: Array, density: Array, late: float) -> Array:
     """
     frequency = np.fft.rfftfreq(len(signal), p.dt)
     gain = np.sqrt(2.0 * KEPT * p.dt / np.interp(frequency, p.noise.frequency, density))
-    gain = gain * (frequency <= whitening.BAND / p.dt) / np.hypot(1.0, frequency * p.dt / whitening.ROLL_OFF)
+    gain = gain * (frequency <= BAND / p.dt) / whitening.roll_off(frequency, p.dt)
     turned = gain * np.exp(-2j * math.pi * late * frequency)
     filtered: Array = np.fft.irfft(np.fft.rfft(signal) * turned, len(signal))[::KEPT]
     return filtered

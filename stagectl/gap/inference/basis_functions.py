@@ -17,8 +17,9 @@ from stagectl.gap.inference import time_localisation
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, whitening
 from stagectl.gap.residuals.gram_matrices import Products
-from stagectl.gap.residuals.half_strokes import Run, rested
-from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.residuals.half_strokes import Run, without_drift_at_rest
+from stagectl.gap.residuals.sensitivities import TrackedModel
+from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.parallel import in_parallel
 
 WINDOW = 0.012  # s, over which velocity and acceleration are taken
@@ -61,7 +62,7 @@ def motion(run: Run, size: Scales) -> Motion:
     velocity, acceleration = (savgol_filter(position, window, 3, deriv=k, delta=dt) for k in (1, 2))
     since = since_reversal(position, BACK * size.length)
     course = (position, velocity, acceleration, since, run.mean.rows[:, 0])
-    return Motion(*(one[:: whitening.KEPT] for one in course))
+    return Motion(*(one[::KEPT] for one in course))
 
 
 def since_reversal(position: Array, back: float) -> Array:
@@ -135,13 +136,13 @@ def factor(part: str, m: Motion, size: Scales) -> Array:
 class Ground(NamedTuple):
     """What brings an effort along a path to the ground of the residuals."""
 
-    model: Model
+    model: TrackedModel
     noise: whitening.Whitener
 
     def bring(self, run: Run) -> Callable[[Array, bool], list[Array]]:
         """Whitened (m, 2) of signals (k, m) at the kept rows of `run`: as an effort (N m | N), and as a current (A)."""
         dt, count = run.mean.dt, len(run.weight)
-        lines = time_localisation.lines_of(count, dt * whitening.KEPT)
+        lines = time_localisation.lines_of(count, dt * KEPT)
         effort, current = whitening.gains(self.noise, lines, dt)
         answer = time_localisation.tracking(self.model, lines, dt) * effort
 
@@ -149,7 +150,10 @@ class Ground(NamedTuple):
             efforts = time_localisation.passed(signals, answer)
             currents = time_localisation.passed(signals, current) if drive else np.zeros_like(signals)
             # Many, and smooth: half the digits do.
-            return [rested(run, both).astype(np.float32) for both in np.stack([efforts, currents], axis=-1)]
+            return [
+                without_drift_at_rest(both, run.rests).astype(np.float32)
+                for both in np.stack([efforts, currents], axis=-1)
+            ]
 
         return columns
 
@@ -199,11 +203,11 @@ def functions(ground: Ground, runs: Sequence[Run], size: Scales, known: Products
     products = {}
     for one in tried:
         own = [*names(one, EVEN), *names(one, ODD)]
-        products[one.coordinate] = gram_matrices.beside(
+        products[one.coordinate] = gram_matrices.with_columns(
             known, [{name: found[name] for name in own} for found in columns]
         )
     repeated = any(len(run.logs) > 1 for run in runs)
-    clock = gram_matrices.beside(known, _clocked(ground, runs, motions)) if repeated else None
+    clock = gram_matrices.with_columns(known, _clocked(ground, runs, motions)) if repeated else None
     return Functions(size, motions, tried, known, products, clock)
 
 

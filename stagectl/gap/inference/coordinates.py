@@ -15,10 +15,10 @@ from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, Functions, S
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.residuals.whitening import KEPT
+from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.result.diagnosis import Coordinate
-from stagectl.gap.selection import search
-from stagectl.gap.selection.cross_validation import freed, hands
+from stagectl.gap.selection import candidate_scores
+from stagectl.gap.selection.cross_validation import folds, partialled_out
 from stagectl.gap.selection.refine import Evidence
 
 STIFF = 1e-3  # of the best seen function: what draws one that is hardly seen towards zero
@@ -35,10 +35,10 @@ def coordinates(e: Evidence, smooth: Functions) -> tuple[Coordinate, ...]:
     found = {"frequency": _banded(e)}
     floor = floor_of_means(e)
     for one in smooth.tried:
-        g = gram_matrices.dealt(smooth.products[one.coordinate], means(e.base.after))
+        g = gram_matrices.fold_sums(smooth.products[one.coordinate], means(e.base.after))
         found[one.coordinate] = max(_share(g, e, chosen, floor) for chosen in _variants(one))
     if smooth.clock is not None:
-        g = gram_matrices.dealt(smooth.clock, e.base.after)
+        g = gram_matrices.fold_sums(smooth.clock, e.base.after)
         found[TIME] = _share(g, e, basis_functions.CLOCK, g.floor.sum(axis=0), aging=True)
     return tuple(Coordinate(name, share) for name, share in sorted(found.items(), key=lambda pair: -pair[1]))
 
@@ -69,7 +69,9 @@ def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: boo
     """Both cuts by themselves: one function of effort and one of current."""
     gain = closable = 0.0
     for cut, part in enumerate((g.effort, g.current)):
-        before, after = foretold(freed(hands(g, part), g.of(search.nuisances(e))), g.of(names))
+        before, after = foretold(
+            partialled_out(folds(g, part), g.places(candidate_scores.nuisances(e))), g.places(names)
+        )
         gain += max(before - after, 0.0)
         closable += max(before - float(floor[cut]), 0.0)
     # What repeats differ by counts as floor, but where a drift foretells it.
@@ -85,7 +87,7 @@ def foretold(free: Array, own: Sequence[int]) -> tuple[float, float]:
     before = after = 0.0
     for fitted, judged in ((0, 1), (1, 0)):
         before += float(free[judged, -1, -1])
-        after += least_squares.misfit(free[judged], own, drawn(free[fitted], own))
+        after += least_squares.residual_sum_of_squares(free[judged], own, drawn(free[fitted], own))
     return before, after
 
 

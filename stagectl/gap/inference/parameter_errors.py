@@ -13,8 +13,8 @@ import numpy as np
 
 from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
-from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.residuals import friction_family, gram_matrices, least_squares, linear_fit
+from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
 from stagectl.gap.selection import baseline_fit, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -54,7 +54,7 @@ def shifts(
     ]
     weights = [name for name in names if name.startswith("weight_")]
     places = [names.index(name) for name in weights]
-    coulomb_sd = float(np.sqrt(max(baseline_fit.covariance(g, names)[np.ix_(places, places)].sum(), 0.0)))
+    coulomb_sd = float(np.sqrt(max(linear_fit.clustered_covariance(g, names)[np.ix_(places, places)].sum(), 0.0)))
     return [*found, *_friction(session, now, coulomb_sd, returned.get("coulomb", 0.0) / before)]
 
 
@@ -69,18 +69,18 @@ def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
         "viscous": {"viscous": p.mechanics.viscous - q.mechanics.viscous},
         "bias": {"bias": p.mechanics.bias - q.mechanics.bias},
         "time_shift": {"time_shift": -now.model.shift},
-        "coulomb": {baseline_fit.weight(k): -change * float(w) / total for k, w in enumerate(weights)},
+        "coulomb": {baseline_fit.weight_name(k): -change * float(w) / total for k, w in enumerate(weights)},
     }
 
 
-def undone(session: Session, now: Fitted, name: str) -> Model:
+def undone(session: Session, now: Fitted, name: str) -> TrackedModel:
     """The fitted model with one parameter, named as a shift is, back at its nominal value."""
     whole = now.equipped
     if name == "presliding":
         return whole._replace(stage=whole.stage._replace(friction=session.stage.friction))
     if name == "force_constant":
         return whole._replace(stage=session.stage)
-    still = {baseline_fit.weight(k): 0.0 for k in range(len(whole.stage.friction.operators.weight))}
+    still = {baseline_fit.weight_name(k): 0.0 for k in range(len(whole.stage.friction.operators.weight))}
     return baseline_fit.moved(whole, {**still, **_moves(session, now)[name]}, None)
 
 
@@ -94,8 +94,8 @@ def _returned(
         if not all(part in names for part in move):
             continue
         moved = np.zeros(len(g.names) + 1)
-        moved[g.of(list(move))] = list(move.values())
-        others = g.of([one for one in names if one not in move])
+        moved[g.places(list(move))] = list(move.values())
+        others = g.places([one for one in names if one not in move])
         column = summed @ moved
         whole = float(moved @ column)
         rest = float(column[others] @ least_squares.inverse(summed[np.ix_(others, others)]) @ column[others])

@@ -17,8 +17,8 @@ from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.model_tracking import Path
-from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.residuals.model_tracking import MeasuredPath
+from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import FoundEffect, Value
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.stage import Stage
@@ -65,7 +65,7 @@ def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, 
     return [one for name, one in found if one is not None and name not in excluded]
 
 
-def missing(p: Model, e: Evidence) -> list[list[Missing]]:
+def missing(p: TrackedModel, e: Evidence) -> list[list[Missing]]:
     """The missing current of every run and repeat, where its rows count."""
     later = p._replace(stage=put(p.stage, "drive.dead_time", p.stage.drive.dead_time + STEP))
 
@@ -77,8 +77,8 @@ def missing(p: Model, e: Evidence) -> list[list[Missing]]:
     return in_parallel(of, e.runs)
 
 
-def _along(p: Model, later: Model, path: Path, keep: NDArray[np.bool_]) -> Missing:
-    plain, moved = sensitivities.lacks(p, path).current, sensitivities.lacks(later, path).current
+def _along(p: TrackedModel, later: TrackedModel, path: MeasuredPath, keep: NDArray[np.bool_]) -> Missing:
+    plain, moved = sensitivities.model_residual(p, path).current, sensitivities.model_residual(later, path).current
     return Missing(*(one[keep] for one in (path.rows[:, 0], plain, (plain - moved) / STEP)))
 
 

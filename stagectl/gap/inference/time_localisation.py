@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from stagectl.gap.controller_check.command_check import Parity
+from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.inference import parameter_errors
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import model_tracking, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.sensitivities import Model
-from stagectl.gap.residuals.whitening import KEPT
+from stagectl.gap.residuals.sensitivities import TrackedModel
+from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.gap.result.diagnosis import BLOCKS, FoundEffect, Spans
 from stagectl.gap.selection import refine
 from stagectl.gap.selection.candidates import equipped
@@ -39,7 +39,7 @@ Flags = NDArray[np.bool_]
 Response = NDArray[np.complex128]
 
 
-def blocks(e: Evidence, now: Fitted, checked: Parity) -> dict[str, float | None]:
+def blocks(e: Evidence, now: Fitted, checked: CommandCheck) -> dict[str, float | None]:
     """Share of the excess over the repeats' floor that each of `BLOCKS` holds; None where its cut was impossible.
 
     Drive and mechanics are the two cuts' own excess before anything was refitted.  The sensor holds what the misfit of
@@ -72,8 +72,8 @@ def _of_sensor(e: Evidence, now: Fitted) -> float:
     others = [one for one in now.effects if one.effect.block != "sensor"]
     if len(others) == len(now.effects):
         return 0.0
-    left = refine.left(e, now.model, others)
-    return max(float(excess(e, left)[0] - excess(e, now.left)[0]), 0.0)
+    left = refine.residuals(e, now.model, others)
+    return max(float(excess(e, left)[0] - excess(e, now.residuals)[0]), 0.0)
 
 
 class _Contribution(NamedTuple):
@@ -87,8 +87,8 @@ class _Contribution(NamedTuple):
 class Part(NamedTuple):
     """Something of the answer: the model with it and without it."""
 
-    whole: Model
-    less: Model
+    whole: TrackedModel
+    less: TrackedModel
     block: str  # drive | mechanics | sensor
     aging: bool = False  # runs on the session clock: each repeat is another
 
@@ -161,7 +161,7 @@ def contributions(runs: Sequence[Run], part: Part) -> list[list[Array]]:
     """
     paths = [(run, path) for run in runs for path in (run.paths if part.aging else (run.mean,))]
 
-    def of(place: tuple[Run, model_tracking.Path]) -> Array:
+    def of(place: tuple[Run, model_tracking.MeasuredPath]) -> Array:
         if part.block == "sensor":
             return np.abs(_encoded(part.whole, place[1]) - _encoded(part.less, place[1]))
         return _lacking(part.whole, part.less, place[1], part.block == "drive")
@@ -170,20 +170,20 @@ def contributions(runs: Sequence[Run], part: Part) -> list[list[Array]]:
     return [[next(sizes) for _ in (run.paths if part.aging else (run.mean,))] for run in runs]
 
 
-def _encoded(p: Model, path: model_tracking.Path) -> Array:
+def _encoded(p: TrackedModel, path: model_tracking.MeasuredPath) -> Array:
     """Positions that the encoder's grating makes of the path."""
     encoder, pitch = p.stage.encoder, p.stage.mechanics.pitch
     return np.array([plant_with_effects.seen(encoder, pitch, x) for x in path.rows[:, 1].tolist()])
 
 
-def _lacking(whole: Model, less: Model, path: model_tracking.Path, drive: bool) -> Array:
-    after, before = (sensitivities.lacks(p, path) for p in (whole, less))
+def _lacking(whole: TrackedModel, less: TrackedModel, path: model_tracking.MeasuredPath, drive: bool) -> Array:
+    after, before = (sensitivities.model_residual(p, path) for p in (whole, less))
     if drive and np.isfinite(path.rows[:, 2]).all():
         return np.abs(before.current - after.current)
     return np.abs(untracked(before.effort - after.effort, whole, path.dt))
 
 
-def untracked(effort: Array, p: Model, dt: float) -> Array:
+def untracked(effort: Array, p: TrackedModel, dt: float) -> Array:
     """`effort` (n,) as it acted: without the lag of the tracker that answered it.
 
     ``T = C P / (1 + C P)`` of the tracker C and a free mass P with its damping, divided out up to where T is small.
@@ -193,7 +193,7 @@ def untracked(effort: Array, p: Model, dt: float) -> Array:
     return passed(effort, inverse) * (1.0 + LEAST_TRACKED**2)
 
 
-def tracking(p: Model, lines: Array, dt: float) -> Response:
+def tracking(p: TrackedModel, lines: Array, dt: float) -> Response:
     """What the tracker answers to an effort, at the frequencies `lines` (f,) Hz."""
     return _response(p, np.exp(2j * np.pi * dt * lines), dt)
 
@@ -212,7 +212,7 @@ def passed(signals: Array, response: Array | Response) -> Array:
     return found
 
 
-def _response(p: Model, z: NDArray[np.complex128], dt: float) -> NDArray[np.complex128]:
+def _response(p: TrackedModel, z: NDArray[np.complex128], dt: float) -> NDArray[np.complex128]:
     c, m = p.tracker, p.stage.mechanics
     z = np.where(z == 1.0, 1.0 + 1e-9, z)
     controller = c.proportional + c.integral * (z + 1.0) / (z - 1.0) + c.derivative * (z - 1.0) / (z - c.decay)

@@ -19,9 +19,10 @@ from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products
 from stagectl.gap.result.diagnosis import UNORDERED, UnknownTerm
-from stagectl.gap.selection import null_ensemble, refine, search
-from stagectl.gap.selection.cross_validation import against, freed, hands
+from stagectl.gap.selection import candidate_scores, null_ensemble, refine, swap_tests
+from stagectl.gap.selection.cross_validation import against, folds, partialled_out
 from stagectl.gap.selection.refine import Evidence, Fitted
+from stagectl.gap.selection.thresholds import OF_KIN
 from stagectl.kernels import effects, jit
 
 LARGE = 0.1  # of what the base refit left to be closed
@@ -53,17 +54,19 @@ class Foretold(NamedTuple):
     limit: float  # gain that the ensemble of friction laws gives it
 
 
-def functions(e: Evidence, size: Scales, library: search.Library) -> Functions:
+def functions(e: Evidence, size: Scales, library: candidate_scores.Library) -> Functions:
     """Functions of single coordinates along the runs, beside the base and the null ensemble."""
-    known = gram_matrices.only(library.products, [*e.base.products.names, *null_ensemble.gains(library.products.names)])
+    known = gram_matrices.selected(
+        library.products, [*e.base.products.names, *null_ensemble.member_names(library.products.names)]
+    )
     return basis_functions.functions(basis_functions.Ground(e.base.model, e.base.noise), e.runs, size, known)
 
 
-def unknown(e: Evidence, selected: search.Selected, smooth: Functions) -> UnknownTerm | None:
+def unknown(e: Evidence, selected: swap_tests.Selection, smooth: Functions) -> UnknownTerm | None:
     """What is left over the coordinate that orders it best, or where else it is found; None where it is nowhere."""
     now = selected.fitted
     own = _own(e, now)
-    known = gram_matrices.beside(smooth.known, own)
+    known = gram_matrices.with_columns(smooth.known, own)
     largest = max((gain for block, _, gain in _taken(e, selected) if block != "drive"), default=0.0)
     found = _ordered(e, selected, (known, own), smooth)
     if found or not refine.repeated(e):  # noise has no order either: what is not repeated cannot be told from it
@@ -71,7 +74,7 @@ def unknown(e: Evidence, selected: search.Selected, smooth: Functions) -> Unknow
     left = unstructured_residual.left_of(now, known)
     rows = unstructured_residual.freed(e, left, 0)
     return (
-        unstructured_residual.in_a_band(e, rows, max(_least(e), search.OF_KIN * largest))
+        unstructured_residual.in_a_band(e, rows, max(_least(e), OF_KIN * largest))
         or unstructured_residual.over_the_clock(e, now, smooth, _least(e) * _repeats(e))
         or unstructured_residual.in_the_drive(e, left)
         or _without_order(e, left, rows, largest)
@@ -79,11 +82,11 @@ def unknown(e: Evidence, selected: search.Selected, smooth: Functions) -> Unknow
 
 
 def _ordered(
-    e: Evidence, selected: search.Selected, beside: tuple[Products, Columns], smooth: Functions
+    e: Evidence, selected: swap_tests.Selection, beside: tuple[Products, Columns], smooth: Functions
 ) -> UnknownTerm | None:
     """The effort that is left as a function of one coordinate, or of one and what the axis does there."""
     (known, own), now, taken, least = beside, selected.fitted, _taken(e, selected), _least(e)
-    if _squares(e, means(now.left)) - _floor(e) <= max(least, 0.0):
+    if _squares(e, means(now.residuals)) - _floor(e) <= max(least, 0.0):
         return None
 
     def clear(found: Sequence[Foretold]) -> list[Foretold]:
@@ -95,14 +98,14 @@ def _ordered(
     chosen = [one for one in smooth.tried if one.coordinate in OF_TWO]
     ground = basis_functions.Ground(now.model, e.base.noise)
     new = basis_functions.columns_of(ground, e.runs, (smooth.motions, smooth.size), dict.fromkeys(ALL, chosen))
-    both = gram_matrices.beside(known, new)
+    both = gram_matrices.with_columns(known, new)
     good = clear([each for one in chosen for each in _foretold(e, now, both, (one, BOTH))])
     return _shape(e, now, both, _best(good)) if good else None
 
 
 def _of_one(e: Evidence, now: Fitted, own: Columns, smooth: Functions) -> list[Foretold]:
     """What each function of one coordinate foretells of what is left under `now`."""
-    each = ((one, gram_matrices.beside(smooth.products[one.coordinate], own)) for one in smooth.tried)
+    each = ((one, gram_matrices.with_columns(smooth.products[one.coordinate], own)) for one in smooth.tried)
     return [found for one, products in each for found in _foretold(e, now, products, (one, OF_ONE))]
 
 
@@ -114,15 +117,17 @@ def _without_order(
     `named` is the largest gain of an effect that was named.
     """
     left = sum(float(np.sum(one * one)) for one in rows.left) - _floor(e)
-    if left < max(_least(e), NO_LAW * _form(e, all_.grams), search.OF_KIN * named):
+    if left < max(_least(e), NO_LAW * _form(e, all_.grams), OF_KIN * named):
         return None
     return UNORDERED
 
 
 def _form(e: Evidence, g: Grams) -> float:
     """Largest sum of squares that the base leaves on a machine of the null ensemble."""
-    free = freed(hands(g, g.effort), g.of(search.nuisances(e)))
-    return max((float(free[:, place, place].sum()) for place in g.of(null_ensemble.gains(g.names))), default=0.0)
+    free = partialled_out(folds(g, g.effort), g.places(candidate_scores.nuisances(e)))
+    return max(
+        (float(free[:, place, place].sum()) for place in g.places(null_ensemble.member_names(g.names))), default=0.0
+    )
 
 
 def largest(e: Evidence, now: Fitted, smooth: Functions) -> float:
@@ -157,7 +162,7 @@ def _own(e: Evidence, now: Fitted) -> Columns:
     return sensitivities.all_columns(now.equipped, e.runs, refine.parameters(now), e.base.noise)
 
 
-def _taken(e: Evidence, selected: search.Selected) -> list[tuple[str, str, float]]:
+def _taken(e: Evidence, selected: swap_tests.Selection) -> list[tuple[str, str, float]]:
     """Block, coordinate and gain of each effect, of the mean of the repeats."""
     gains, repeats = selected.gains, _repeats(e)
     return [(x.effect.block, x.effect.coordinate, gains[x.effect.name] / repeats) for x in selected.fitted.effects]
@@ -166,7 +171,7 @@ def _taken(e: Evidence, selected: search.Selected) -> list[tuple[str, str, float
 def _kin(one: Foretold, taken: Sequence[tuple[str, str, float]]) -> float:
     """What an error of form of the effects of the same coordinate may leave."""
     alike = {one.smoother.coordinate, ALIKE.get(one.smoother.coordinate)}
-    return max((search.OF_KIN * gain for _, name, gain in taken if name in alike), default=0.0)
+    return max((OF_KIN * gain for _, name, gain in taken if name in alike), default=0.0)
 
 
 def _best(good: Sequence[Foretold]) -> Foretold:
@@ -187,10 +192,10 @@ def _foretold(
     """What variants of one function foretell; `products` hold its columns, and those that move beside it."""
     one, variants = what
     beside = [direction.name for direction in refine.parameters(now)]
-    g = gram_matrices.dealt(products, means(now.left))
-    free, floor = freed(hands(g, g.effort), g.of([*search.nuisances(e), *beside])), _floor(e)
-    machines = [against(free, place) for place in g.of(null_ensemble.gains(products.names))]
-    owns = [g.of([name for part in parts for name in basis_functions.names(one, part)]) for parts in variants]
+    g = gram_matrices.fold_sums(products, means(now.residuals))
+    free, floor = partialled_out(folds(g, g.effort), g.places([*candidate_scores.nuisances(e), *beside])), _floor(e)
+    machines = [against(free, place) for place in g.places(null_ensemble.member_names(products.names))]
+    owns = [g.places([name for part in parts for name in basis_functions.names(one, part)]) for parts in variants]
     return [_judged((free, machines), own, (one, chosen), floor) for own, chosen in zip(owns, variants, strict=True)]
 
 
@@ -214,9 +219,9 @@ def _shape(e: Evidence, now: Fitted, products: Products, best: Foretold) -> Unkn
     """Force over the coordinate, fitted beside the base's parameters: those have taken a part of it upon themselves."""
     one = best.smoother
     own = [name for part in best.parts for name in basis_functions.names(one, part)]
-    g = gram_matrices.dealt(products, means(now.left))
-    beside = g.of(refine.nuisances(e))
-    amplitude = drawn(g.effort.sum(axis=0), g.of(own), beside)[len(beside) :]
+    g = gram_matrices.fold_sums(products, means(now.residuals))
+    beside = g.places(refine.nuisances(e))
+    amplitude = drawn(g.effort.sum(axis=0), g.places(own), beside)[len(beside) :]
     split = dict(zip(best.parts, np.split(amplitude, len(best.parts)), strict=True))
     grid, force = _force(one, split)
     shape = UnknownTerm(one.coordinate, grid, force, min(best.share, 1.0))

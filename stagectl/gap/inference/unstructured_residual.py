@@ -17,10 +17,10 @@ from stagectl.gap.inference.coordinates import LOWEST, drawn, floor_of_means, fo
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products
-from stagectl.gap.residuals.whitening import KEPT
+from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import cross_validation, null_ensemble, refine
-from stagectl.gap.selection.cross_validation import hands
+from stagectl.gap.selection.cross_validation import folds
 from stagectl.gap.selection.refine import Evidence, Fitted
 
 STEP = 0.5  # octaves of a band
@@ -49,7 +49,7 @@ class Freed(NamedTuple):
 
 def left_of(now: Fitted, known: Products) -> Left:
     """What `now` leaves, beside the columns `known`."""
-    return Left(now, known, gram_matrices.dealt(known, means(now.left)))
+    return Left(now, known, gram_matrices.fold_sums(known, means(now.residuals)))
 
 
 def in_a_band(e: Evidence, rows: Freed, least: float) -> UnknownTerm | None:
@@ -78,8 +78,11 @@ def in_the_drive(e: Evidence, all_: Left) -> UnknownTerm | None:
     own = [f"{one.effect.name}." for one in all_.fitted.effects if one.effect.block == "drive"]
     beside = [k for k, name in enumerate(names) if name == "time_shift" or name.startswith(tuple(own))]
     shift = [k for k in beside if names[k] == "time_shift"]
-    first = gram_matrices.dealt(all_.known, means(e.base.after)).current.sum(axis=0)
-    left, before = least_squares.fit(whole, beside).misfit - floor, least_squares.fit(first, shift).misfit - floor
+    first = gram_matrices.fold_sums(all_.known, means(e.base.after)).current.sum(axis=0)
+    left, before = (
+        least_squares.fit(whole, beside).residual_sum_of_squares - floor,
+        least_squares.fit(first, shift).residual_sum_of_squares - floor,
+    )
     if left < max(OF_NOISE["drive"] * floor, OF_FORM["drive"] * before):
         return None
     found = powers(e, freed(e, all_, 1).left) - powers(e, _noise(e, 1))
@@ -90,7 +93,7 @@ def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) ->
     """Friction or damping that has changed from run to run in another way than any effect named."""
     if smooth.clock is None:
         return None
-    after, before = (gram_matrices.dealt(smooth.clock, left) for left in (now.left, e.base.after))
+    after, before = (gram_matrices.fold_sums(smooth.clock, left) for left in (now.residuals, e.base.after))
     (held, noise), (first, _) = _foretold(e, after), _foretold(e, before)
     if held < max(OF_NOISE[TIME] * noise, OF_FORM[TIME] * first, least):
         return None
@@ -100,7 +103,8 @@ def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) ->
 def _foretold(e: Evidence, g: Grams) -> tuple[float, float]:
     """Sums of squares that a course over the clock foretells, and that it leaves."""
     before, after = foretold(
-        cross_validation.freed(hands(g, g.effort), g.of(refine.nuisances(e))), g.of(basis_functions.CLOCK)
+        cross_validation.partialled_out(folds(g, g.effort), g.places(refine.nuisances(e))),
+        g.places(basis_functions.CLOCK),
     )
     return before - after, after
 
@@ -110,12 +114,12 @@ def freed(e: Evidence, all_: Left, cut: int) -> Freed:
     g, names = all_.grams, all_.known.names
     whole = (g.current if cut else g.effort).sum(axis=0)
     moving = {*refine.nuisances(e), *(one.name for one in refine.parameters(all_.fitted))}
-    beside, members = g.of([name for name in names if name in moving]), g.of(null_ensemble.gains(names))
+    beside, members = g.places([name for name in names if name in moving]), g.places(null_ensemble.member_names(names))
     inverse = least_squares.inverse(whole[np.ix_(beside, beside)])
     left, others = [], []
-    for part, mean in zip(all_.known.parts, means(all_.fitted.left), strict=True):
+    for part, mean in zip(all_.known.parts, means(all_.fitted.residuals), strict=True):
         columns = part.mean[cut].astype(np.float64)
-        residual = gram_matrices.rows(part, mean[0])[cut]
+        residual = part.weighted(mean[0])[cut]
         left.append(residual - (inverse @ whole[beside, -1]) @ columns[beside])
         others.append(columns[members] - (inverse @ whole[np.ix_(beside, members)]).T @ columns[beside])
     return Freed(left, others)
@@ -128,7 +132,7 @@ def _noise(e: Evidence, cut: int) -> list[Array]:
 
 def edges_of(e: Evidence) -> Array:
     """(b + 1,) Hz, of the bands."""
-    highest = whitening.BAND / e.runs[0].mean.dt
+    highest = BAND / e.runs[0].mean.dt
     return LOWEST * 2.0 ** np.arange(0.0, np.log2(highest / LOWEST), STEP)
 
 
@@ -154,8 +158,8 @@ def _spectrum(e: Evidence, edges: Array, found: Array, cut: int) -> tuple[Array,
 
 def _course(e: Evidence, g: Grams, smooth: Functions) -> tuple[Array, Array]:
     """Session clock (s), and how far the friction at half the largest speed is off its mean (N m | N)."""
-    beside = g.of(refine.nuisances(e))
-    amplitude = drawn(g.effort.sum(axis=0), g.of(basis_functions.CLOCK), beside)[len(beside) :]
+    beside = g.places(refine.nuisances(e))
+    amplitude = drawn(g.effort.sum(axis=0), g.places(basis_functions.CLOCK), beside)[len(beside) :]
     side, damping = np.split(amplitude, 2)
     force = side + 0.5 * smooth.size.speed * damping
     return basis_functions.knots(e.runs), force - force.mean()

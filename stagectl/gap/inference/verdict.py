@@ -7,17 +7,18 @@ from collections.abc import Mapping, Sequence
 
 from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Amplitude, Data, Definition, Shape
+from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.inference import patch_fields
 from stagectl.gap.inference.parameter_errors import Shift, common, shared
 from stagectl.gap.inference.signatures import Signature
 from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.residuals import friction_family
+from stagectl.gap.residuals import friction_family, linear_fit
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
-from stagectl.gap.selection import baseline_fit, refine
-from stagectl.gap.selection.candidates import Named, equipped
+from stagectl.gap.selection import refine
+from stagectl.gap.selection.candidates import EffectValues, equipped
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.search import Selected
+from stagectl.gap.selection.swap_tests import Selection
 from stagectl.kernels.stage import Stage
 
 AS_GOOD = 0.9  # of an effect's own gain: what takes as much explains these data as well
@@ -34,7 +35,7 @@ EVEN = 0.55  # least share of a found effect against its rivals
 
 
 def named_effects(
-    session: Session, selected: Selected, deviation: Mapping[str, float], apart: bool
+    session: Session, selected: Selection, deviation: Mapping[str, float], apart: bool
 ) -> list[FoundEffect]:
     """The effects of the search, the surest gains first, with the `deviation` of their parameters.
 
@@ -56,7 +57,7 @@ def _parted(one: FoundEffect) -> list[FoundEffect]:
     return [one._replace(name="stribeck", parameters=curve, coordinate="speed", alternatives=others), one]
 
 
-def sure(e: Evidence, selected: Selected, found: Sequence[FoundEffect]) -> Selected:
+def sure(e: Evidence, selected: Selection, found: Sequence[FoundEffect]) -> Selection:
     """`selected` without what is not named: a cause in doubt must not hide that something is there."""
     named = {one.name for one in found if one.probability >= NAMED}
     stay = [one for one in selected.fitted.effects if one.effect.name in named]
@@ -74,14 +75,14 @@ def with_signatures(effects: Sequence[FoundEffect], found: Sequence[Signature]) 
 
 def deviations(e: Evidence, now: Fitted, g: Grams) -> dict[str, float]:
     """Standard deviations of all parameters, an effect's as ``effect.parameter``; `g` holds their columns."""
-    return baseline_fit.robust(g, [*refine.nuisances(e), *(one.name for one in refine.parameters(now))])
+    return linear_fit.standard_deviations(g, [*refine.nuisances(e), *(one.name for one in refine.parameters(now))])
 
 
 def _effect(
     session: Session,
     now: Fitted,
-    one: Named,
-    what: tuple[Selected, bool],
+    one: EffectValues,
+    what: tuple[Selection, bool],
     deviation: Mapping[str, float],
 ) -> FoundEffect:
     name, (selected, apart) = one.effect.name, what
@@ -107,7 +108,7 @@ def _effect(
     )
 
 
-def _clear(selected: Selected, one: Named, deviation: Mapping[str, float], apart: bool) -> float:
+def _clear(selected: Selection, one: EffectValues, deviation: Mapping[str, float], apart: bool) -> float:
     """Below 1 where so much of the mechanics stays unexplained that an effect may be a part of it.
 
     Of the drive's effects it is a delay: what bends the time shift of the base looks like one.
@@ -145,7 +146,7 @@ def changed(before: Stage, after: Stage) -> Fields:
         return patch_fields.fields_of(before, after._replace(friction=law))
 
 
-def parameters(one: Named, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
+def parameters(one: EffectValues, deviation: Mapping[str, float], kind: str) -> dict[str, Value]:
     """Values with intervals, a sine and a cosine as amplitude and phase."""
     values = dict(one.values)
     spread = {name: 1.96 * deviation.get(f"{one.effect.name}.{name}", 0.0) for name in values}
@@ -177,7 +178,7 @@ def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Found
     """The parameters that are off, by name; a common scale of all of them is that of the force constant."""
     scale = common(found)
     if scale is not None:
-        rest = [one for one in found if one.sure and one.name not in library.FORCE_SCALED]
+        rest = [one for one in found if one.sure and one.name not in FORCE_SCALED]
         return [_force_constant(session, scale), *(_shifted(session, one, now) for one in rest)]
     sure = sorted((one for one in found if one.sure), key=lambda one: -one.share)
     effects = [_shifted(session, one, now) for one in sure]
@@ -191,7 +192,7 @@ def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Found
 
 def _alike(sure: Sequence[Shift]) -> bool:
     """Whether inertia, viscous and Coulomb friction have all gone the same way."""
-    changes = [one.change for one in sure if one.name in library.FORCE_SCALED]
+    changes = [one.change for one in sure if one.name in FORCE_SCALED]
     return len(changes) == 3 and len({change > 0.0 for change in changes}) == 1
 
 
@@ -199,7 +200,7 @@ def _force_constant(session: Session, shift: Shift) -> FoundEffect:
     value = session.stage.motor.force_constant * (1.0 + shift.change)
     return FoundEffect(
         "force_constant",
-        (*library.look_alikes("force_constant", Data.ALL), *library.FORCE_SCALED),
+        (*library.look_alikes("force_constant", Data.ALL), *FORCE_SCALED),
         0.9,
         shift.share,
         {"change": shift.value},
@@ -219,7 +220,7 @@ def _shifted(session: Session, one: Shift, now: Fitted) -> FoundEffect:
         certainty,
         one.share,
         values,
-        block=library.EFFECTS[one.name].block,
+        block="sensor" if one.name == "time_shift" else "mechanics",
         fields=_parameter_fields(session, one, now),
         parameter=True,
         coordinate=sizes.get(one.name, "none"),
@@ -242,7 +243,7 @@ def _parameter_fields(session: Session, one: Shift, now: Fitted) -> Fields:
     return ()
 
 
-def rivals(e: Evidence, selected: Selected, one: FoundEffect) -> dict[str, Stage]:
+def rivals(e: Evidence, selected: Selection, one: FoundEffect) -> dict[str, Stage]:
     """Models in which another effect stands in the place of `one`, each refined to explain the same data."""
     now = selected.fitted
     rest = [other for other in now.effects if other.effect.name != one.name]

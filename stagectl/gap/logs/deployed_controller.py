@@ -1,6 +1,6 @@
-"""The deployed controller, from the words of a nominal.yaml to the law that runs and what it knows beforehand.
+"""The deployed controller, from a nominal.yaml to the law and its feedforward.
 
-Source of the words: the description of capture folders; a cascade and an observer as our own export describes them.
+Source of the keys: the description of capture folders; a cascade and an observer as our own export writes them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 from stagectl.compensation.forms import FORMS
 from stagectl.gap.logs import nominal_model
 from stagectl.gap.logs.nominal_values import Block, block, quantity
-from stagectl.gap.logs.session import GapError
 from stagectl.kernels import cascade, feedback, feedforward, friction_bristle, law, observer, stage
 from stagectl.units import Quantity
 
@@ -32,8 +31,8 @@ _KEYS = (
 )
 
 
-class Deployed(NamedTuple):
-    """All that decides the commands, besides reference and position."""
+class DeployedController(NamedTuple):
+    """All that decides the commands, except reference and position."""
 
     law: law.Law
     dt: float  # s
@@ -45,10 +44,10 @@ class Deployed(NamedTuple):
     form: Any = None  # of the compensation, where it is not the model's
 
 
-def read(file: Block) -> Deployed | None:
-    """The controller in a nominal.yaml; None where there is none, or it is described in free words only.
+def read(file: Block) -> DeployedController | None:
+    """The controller in a nominal.yaml; None where there is none, or it is described as free text only.
 
-    Raises GapError with file, key, value and range where a value is missing or cannot be.
+    Raises NominalValueError where a value is missing or outside its range.
     """
     c = block(file.values, "controller", file, "controller")
     if not c.values:
@@ -56,7 +55,7 @@ def read(file: Block) -> Deployed | None:
     c.ignore_others(_KEYS.split())
     if not any(c.has(key) for key in ("Kp", "position_gain", "kv")):
         c.notes.append(
-            "nominal.yaml describes its controller by none of Kp, position_gain and kv, so it cannot be recomputed"
+            "nominal.yaml gives none of Kp, position_gain and kv for its controller: the command cannot be recomputed"
         )
         return None
     dt = c.number("Ts", _PERIOD)
@@ -65,7 +64,7 @@ def read(file: Block) -> Deployed | None:
     ahead, advance = _feedforward(c, dt)
     rubbing = ahead.with_friction or c.has("friction_compensation") or c.has("friction_bristle")
     late = c.number("friction_advance_s", _ADVANCE, advance + 0.5 * dt) if rubbing else 0.0
-    return Deployed(
+    return DeployedController(
         _law(c, dt),
         dt,
         ahead,
@@ -79,19 +78,19 @@ def read(file: Block) -> Deployed | None:
 
 def _law(c: Block, dt: float) -> law.Law:
     limit = _limit(c)
-    watching = _observer(c)
+    observed = _observer(c)
     if c.has("Kp"):
-        return law.Law(_pid(c, dt), limit, observer=watching)
-    found = _cascade(c, dt) if c.has("position_gain") else _emps(c, dt)
-    return law.Law(feedback.ABSENT, limit, found, True, watching)
+        return law.Law(_pid(c, dt), limit, observer=observed)
+    own = _cascade(c, dt) if c.has("position_gain") else _emps(c, dt)
+    return law.Law(feedback.ABSENT, limit, own, True, observed)
 
 
 def _limit(c: Block) -> float:
     """The law's own limit (A): without conditional integration there is none, and only the drive limits."""
-    way = c.word("anti_windup", ("none", "conditional"), "none")
-    if way == "none":
+    anti_windup = c.word("anti_windup", ("none", "conditional"), "none")
+    if anti_windup == "none":
         if c.has("command_limit_A"):
-            c.notes.append("controller.command_limit_A without anti-windup: the drive's limit is taken instead")
+            c.notes.append("controller.command_limit_A without anti-windup: the drive's limit is used instead")
         return math.inf
     return c.number("command_limit_A", _LIMIT)
 
@@ -116,7 +115,7 @@ def _cascade(c: Block, dt: float) -> cascade.Cascade:
 
 
 def _emps(c: Block, dt: float) -> cascade.Cascade:
-    """The benchmark's words: a velocity by differences of averaged positions, two proportional gains."""
+    """As the EMPS benchmark describes it: velocity by differences of averaged positions, two proportional gains."""
     return cascade.Cascade(c.number("kp", _POSITIVE), c.number("kv", _POSITIVE), span=2, dt=dt)
 
 
@@ -134,39 +133,38 @@ def _observer(c: Block) -> observer.Observer:
 
 
 def _feedforward(c: Block, dt: float) -> tuple[feedforward.Feedforward, float]:
-    """What the command holds beside the feedback, and how far it looks ahead (s)."""
+    """The part of the command that does not depend on the feedback, and how far it looks ahead (s)."""
     modelled = [name for name in ("model_inertia", "model_viscous", "model_force_constant") if c.has(name)]
     default = "perfect tracking" if len(modelled) == 3 else "none"
-    way = c.word("feedforward", ("perfect tracking", "none"), default)
+    with_tracking = c.word("feedforward", ("perfect tracking", "none"), default) != "none"
     elements = nominal_model.operators(c, "friction_weight", "friction_slip")
     rubbing = c.has("friction_weight") and bool(c.values["friction_weight"])
-    with_ptc = way != "none"
-    inertia = c.number("model_inertia", quantity(stage.Mechanics, "inertia")) if with_ptc else 1.0
-    viscous = c.number("model_viscous", quantity(stage.Mechanics, "viscous")) if with_ptc else 0.0
-    effort = with_ptc or rubbing or c.has("friction_compensation") or c.has("friction_bristle")
+    inertia = c.number("model_inertia", quantity(stage.Mechanics, "inertia")) if with_tracking else 1.0
+    viscous = c.number("model_viscous", quantity(stage.Mechanics, "viscous")) if with_tracking else 0.0
+    effort = with_tracking or rubbing or c.has("friction_compensation") or c.has("friction_bristle")
     constant = c.number("model_force_constant", quantity(stage.Motor, "force_constant")) if effort else 1.0
     plant = feedforward.held(stage.Mechanics(inertia, viscous), constant, dt)
     advance = c.number("feedforward_advance_s", _ADVANCE, 0.0) if effort else 0.0
-    return feedforward.Feedforward(plant, elements, constant, with_ptc, rubbing), advance
+    return feedforward.Feedforward(plant, elements, constant, with_tracking, rubbing), advance
 
 
 def _bristle(c: Block) -> friction_bristle.Bristle:
-    """Of a compensation by Dahl's or LuGre's law."""
-    found = c.block("friction_bristle")
-    if not found.values:
+    """Of a compensation by Dahl's or LuGre's law; neutral where there is none."""
+    inner = c.block("friction_bristle")
+    if not inner.values:
         return friction_bristle.NEUTRAL
-    return nominal_model.bristle(found, nominal_model.stribeck(found.block("stribeck")))
+    return nominal_model.bristle(inner, nominal_model.stribeck(inner.block("stribeck")))
 
 
 def _form(c: Block) -> Any:
     """A compensation by another form than the model's, as our own export writes it."""
-    found = c.block("friction_compensation")
-    if not found.values:
+    inner = c.block("friction_compensation")
+    if not inner.values:
         return None
-    name, numbers = found.values.get("form"), {key: value for key, value in found.values.items() if key != "form"}
+    name, numbers = inner.values.get("form"), {key: value for key, value in inner.values.items() if key != "form"}
     if name not in FORMS or name == "model":
-        raise found.refused("form", f"must be one of {', '.join(one for one in FORMS if one != 'model')}")
+        raise inner.refused("form", f"must be one of {', '.join(form for form in FORMS if form != 'model')}")
     try:
         return FORMS[name](**{key: float(value) for key, value in numbers.items()})
     except (TypeError, ValueError) as error:
-        raise GapError(f"{c.place}: controller.friction_compensation is no {name}: {error}") from error
+        raise c.refused("friction_compensation", f"does not fit the form {name}: {error}") from error

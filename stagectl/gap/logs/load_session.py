@@ -1,10 +1,10 @@
-"""From what a user gives to a session: logs on their control periods, with setpoints, and what cannot be told.
+"""From what a user gives to a session: logs on their control periods, with setpoints.
 
 ::
 
-    paths --> sources --> believed --> grid --> repeats --> hygiene --> setpoints --> Session
-              as found    model, law   periods  alike?      rows that   what was
-                                                            count       known beforehand
+    paths --> sources --> nominal_setup --> grid --> repeats --> row_validity --> setpoints --> Session
+              as in       model, law        periods  one length,  rows that       of the
+              their files                            one reference count          controller
 """
 
 from __future__ import annotations
@@ -12,37 +12,44 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from stagectl.config.stage_file import Setup
 from stagectl.gap.logs import row_validity, setpoints
-from stagectl.gap.logs.grid import Gridded, gridded
-from stagectl.gap.logs.missing_records import cannot_tell
-from stagectl.gap.logs.nominal_setup import Believed, believed
-from stagectl.gap.logs.repeats import Repeat, alike
-from stagectl.gap.logs.session import Array, GapError, Log, Session
-from stagectl.gap.logs.sources import Found, found
+from stagectl.gap.logs.grid import GriddedLog, on_control_periods
+from stagectl.gap.logs.missing_records import undetermined
+from stagectl.gap.logs.nominal_setup import NominalSetup, nominal_setup
+from stagectl.gap.logs.repeats import Repeat, reconciled
+from stagectl.gap.logs.session import Array, Log, LogError, Session
+from stagectl.gap.logs.sources import RawLog, read_logs
+from stagectl.gap.logs.thresholds import LEAST_SPLINE, SAME_PERIOD
 from stagectl.parallel import in_parallel
 from stagectl.recording.columns import WITHOUT
 
-_SAME = 1e-3  # share by which the periods of two logs may differ
+
+class _Finished(NamedTuple):
+    """A log of the session, and the notes on it."""
+
+    log: Log
+    notes: list[str]
 
 
 def load(paths: Sequence[Path], stage: Setup | None = None) -> Session:
     """The session in a folder of captures, in recordings of ours, or in single logs; `stage` is their machine.
 
-    Raises GapError where the logs do not belong together, or a value of theirs cannot be; RecordingError where a file
-    cannot be read.
+    Raises LogError where the logs do not belong together, NominalValueError where a value of the nominal model cannot
+    be used, RecordingError where a file cannot be read.
     """
-    logs = found(paths, stage)
-    machine = believed(logs, stage)
-    dt = machine.dt or _period(logs)
-    repeats, noted = alike([Repeat(log, _gridded(log, dt)) for log in logs])
-    made = [_log(one, known, machine, dt) for one, known in zip(repeats, _known(repeats, machine), strict=True)]
-    notes = [(one.log.name, note) for one in repeats for note in _own(one.log)]
-    notes += [(log.name, note) for log, said in made for note in said]
-    finished = tuple(log for log, _ in made)
+    raw = read_logs(paths, stage)
+    machine = nominal_setup(raw, stage)
+    dt = machine.dt or _period(raw)
+    repeats, repeat_notes = reconciled([Repeat(log, _gridded(log, dt)) for log in raw])
+    known = _known_setpoints(repeats, machine)
+    finished = [_finished(repeat, rows, machine, dt) for repeat, rows in zip(repeats, known, strict=True)]
+    notes = [(repeat.log.name, note) for repeat in repeats for note in _file_notes(repeat.log)]
+    notes += [(log.name, note) for log, log_notes in finished for note in log_notes]
     axis = machine.axis
     session = Session(
         place=paths[0],
@@ -52,16 +59,16 @@ def load(paths: Sequence[Path], stage: Setup | None = None) -> Session:
         dt=dt,
         stage=machine.stage,
         law=machine.law,
-        logs=finished,
-        notes=(*machine.notes, *noted, *gathered(notes, len(finished))),
+        logs=tuple(log for log, _ in finished),
+        notes=(*machine.notes, *repeat_notes, *gathered(notes, len(finished))),
         trusted=machine.trusted,
         nominal=machine.nominal,
     )
-    return session._replace(cannot_tell=cannot_tell(session, [one.log.start is not None for one in repeats]))
+    return session._replace(cannot_tell=undetermined(session, [repeat.log.start is not None for repeat in repeats]))
 
 
 def gathered(notes: Iterable[tuple[str, str]], count: int) -> list[str]:
-    """Notes of single logs as one each, with the logs that they are of; `count` is that of all logs."""
+    """Equal notes on several logs as one, with the names of these logs; `count` is the number of all logs."""
     by_words: dict[str, list[str]] = {}
     for name, words in notes:
         by_words.setdefault(words, []).append(name)
@@ -75,35 +82,36 @@ def _named(names: list[str], count: int) -> str:
     return ", ".join(shown[:-1]) + (" and " if len(shown) > 1 else "") + shown[-1]
 
 
-def _period(logs: list[Found]) -> float:
-    """The sampling period (s) that all logs share, where no controller tells one.
+def _period(logs: list[RawLog]) -> float:
+    """The sampling period (s) that all logs share, where no controller gives one.
 
-    Raises GapError where they differ.
+    Raises LogError where they differ.
     """
     steps = {log.name: float(np.median(np.diff(log.time))) for log in logs if len(log.time) > 1}
     if len(steps) < len(logs):
-        raise GapError(f"{next(log.name for log in logs if log.name not in steps)} has one row; record longer")
+        name = next(log.name for log in logs if log.name not in steps)
+        raise LogError("short", (name,), f"{name} has one row; record longer")
     low, high = min(steps, key=lambda name: steps[name]), max(steps, key=lambda name: steps[name])
-    if steps[high] > (1.0 + _SAME) * steps[low]:
-        raise GapError(
+    if steps[high] > (1.0 + SAME_PERIOD) * steps[low]:
+        raise LogError(
+            "period",
+            (low, high),
             f"{low} was sampled every {steps[low] * 1e3:.6g} ms, {high} every {steps[high] * 1e3:.6g} ms, and no "
-            "controller.Ts tells the control period; diagnose them apart, or give nominal.yaml"
+            "controller.Ts gives the control period; diagnose them separately, or give nominal.yaml",
         )
     return steps[logs[0].name]
 
 
-def _gridded(log: Found, dt: float) -> Gridded:
-    try:
-        grid = gridded(log.time, log.columns, dt)
-    except GapError as error:
-        raise GapError(f"{log.name}: {error}") from error
+def _gridded(log: RawLog, dt: float) -> GriddedLog:
+    grid = on_control_periods(log.name, log.time, log.columns, dt)
     if not grid.exact and log.ours:
-        raise GapError(f"{log.name}: the rows of a recording of ours are not its control periods; record it again")
+        words = f"{log.name}: the rows of a recording of ours are not its control periods; record it again"
+        raise LogError("period", (log.name,), words)
     return grid
 
 
-def _own(log: Found) -> list[str]:
-    """What the file's reader had to say, but for missing columns, which are said once."""
+def _file_notes(log: RawLog) -> list[str]:
+    """Notes of the file's reader, without those on missing columns, which the session itself reports."""
     absent = tuple(WITHOUT.values())
     recording = log.recording
     lost = [f"{recording.lost_rows} rows were lost while it was recorded"] if recording.lost_rows else []
@@ -111,29 +119,30 @@ def _own(log: Found) -> list[str]:
     return [*(note for note in recording.meta.get("notes", []) if note not in absent), *lost, *cut]
 
 
-def _known(repeats: list[Repeat], machine: Believed) -> list[Array | None]:
-    """The setpoints of all `repeats`; those that were asked for the same have the same ones."""
-    keys = [_key(one) for one in repeats]
+def _known_setpoints(repeats: list[Repeat], machine: NominalSetup) -> list[Array | None]:
+    """The setpoints of all `repeats`; those with the same reference and injection share them."""
+    keys = [_setpoint_key(repeat) for repeat in repeats]
     first = dict(zip(reversed(keys), reversed(repeats), strict=True))
-    found = dict(zip(first, in_parallel(lambda one: _setpoints(one, machine), first.values()), strict=True))
-    return [found[key] for key in keys]
+    rows = in_parallel(lambda repeat: _setpoints(repeat, machine), first.values())
+    by_key = dict(zip(first, rows, strict=True))
+    return [by_key[key] for key in keys]
 
 
-def _key(one: Repeat) -> tuple[bytes, ...]:
+def _setpoint_key(repeat: Repeat) -> tuple[bytes, ...]:
     """What decides the setpoints of a log."""
-    if one.log.setpoints is not None:
-        return (one.log.name.encode(),)
-    columns = one.grid.columns
-    injection = columns.get("injection", np.zeros(0))
-    return (str(len(columns["position"])).encode(), *(part.tobytes() for part in (*one.grid.samples, injection)))
+    log, grid = repeat
+    if log.setpoints is not None:
+        return (log.name.encode(),)
+    injection = grid.columns.get("injection", np.zeros(0))
+    return (str(grid.rows).encode(), *(part.tobytes() for part in (*grid.reference, injection)))
 
 
-def _log(one: Repeat, known: Array | None, machine: Believed, dt: float) -> tuple[Log, list[str]]:
-    log, grid = one
+def _finished(repeat: Repeat, known: Array | None, machine: NominalSetup, dt: float) -> _Finished:
+    log, grid = repeat
     limit = min(machine.stage.drive.current_limit, machine.law.current_limit if machine.law else math.inf)
-    judged = row_validity.judged(grid.columns, dt, limit, machine.stage.encoder.step)
+    validity = row_validity.row_validity(grid.columns, dt, limit, machine.stage.encoder.step)
     columns = {name: row_validity.filled(column) for name, column in grid.columns.items()}
-    made = Log(
+    finished = Log(
         name=log.name,
         experiment=log.experiment,
         repeat=log.repeat or 1,
@@ -144,23 +153,21 @@ def _log(one: Repeat, known: Array | None, machine: Believed, dt: float) -> tupl
         current=columns.get("current"),
         reference=columns.get("reference"),
         injection=columns.get("injection"),
-        valid=judged.valid,
+        valid=validity.valid,
         setpoints=known,
         exact=grid.exact,
     )
-    return made, [*grid.notes, *judged.notes]
+    return _Finished(finished, [*grid.notes, *validity.notes])
 
 
-def _setpoints(one: Repeat, machine: Believed) -> Array | None:
+def _setpoints(repeat: Repeat, machine: NominalSetup) -> Array | None:
     """As they were recorded, else as the deployed controller had them; None where they are not known."""
-    log, grid = one
-    rows = len(grid.columns["position"])
+    log, grid = repeat
     if log.setpoints is not None:
         recorded = {str(j): column for j, column in enumerate(log.setpoints.T)}
-        on_periods = gridded(log.time, recorded, machine.dt).columns.values()
-        return np.stack([row_validity.filled(column)[:rows] for column in on_periods], axis=1)
-    time, reference = grid.samples
-    injection = row_validity.filled(grid.columns["injection"]) if "injection" in grid.columns else None
-    if machine.deployed is None or len(time) < setpoints.LEAST:
+        on_periods = on_control_periods(log.name, log.time, recorded, machine.dt).columns.values()
+        return np.stack([row_validity.filled(column)[: grid.rows] for column in on_periods], axis=1)
+    if machine.deployed is None or len(grid.reference.time) < LEAST_SPLINE:
         return None
-    return setpoints.rows(machine.deployed, setpoints.Asked(time, reference, rows, injection))
+    injection = row_validity.filled(grid.columns["injection"]) if "injection" in grid.columns else None
+    return setpoints.from_reference(machine.deployed, grid.reference, grid.rows, injection)

@@ -1,4 +1,4 @@
-"""What a session lacks, and what therefore cannot be told from it."""
+"""What a session does not contain, and what therefore cannot be determined from it."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ from collections.abc import Sequence
 from stagectl.gap.logs.session import Log, Session
 
 
-def cannot_tell(session: Session, started: Sequence[bool]) -> tuple[str, ...]:
-    """Sentences for what is missing; `started` says of which logs the session's clock is known."""
-    logs = session.logs
+def undetermined(session: Session, started: Sequence[bool]) -> tuple[str, ...]:
+    """A sentence for each thing that is missing; `started` holds for each log whether its session clock is known."""
     return tuple(
         [
             *_columns(session),
             *_controller(session),
-            *_repeats([log for log in logs if not log.held_out]),
-            *_held_out(logs),
+            *_repeats([log for log in session.logs if not log.held_out]),
+            *_held_out(session.logs),
             *_clock(started),
         ]
     )
 
 
 def _columns(session: Session) -> list[str]:
-    logs, found = session.logs, []
+    logs = session.logs
+    missing: list[str] = []
     if without := _named([log for log in logs if log.current is None]):
-        found.append(
-            f"no measured current{without}: what the drive does (delay, gain, limits) cannot be told from what the "
-            "mechanics do, and current_gain not from force_constant"
+        missing.append(
+            f"no measured current{without}: effects of the drive (delay, gain, limits) cannot be separated from those "
+            "of the mechanics, nor current_gain from force_constant"
         )
     if without := _named([log for log in logs if log.command is None]):
-        found.append(f"no command{without}: neither the controller nor the drive can be checked")
+        missing.append(f"no command{without}: neither the controller nor the drive can be checked")
     if without := _named([log for log in logs if log.reference is None]):
-        found.append(f"no reference{without}: the loop cannot be simulated, nor its tracking error told")
-    if _named([log for log in logs if log.command is None and log.current is None]):
-        found.append("neither current nor command: no force is known, and so no effect of the mechanics")
+        missing.append(f"no reference{without}: the loop cannot be simulated, and its tracking error is not known")
+    if any(log.command is None and log.current is None for log in logs):
+        missing.append("neither current nor command: no force is known, and so no effect of the mechanics")
     if session.stage.encoder.step == 0.0:
-        found.append("no stage.encoder_step: what the encoder's steps do cannot be told from noise")
-    return found
+        missing.append("no stage.encoder_step: effects of the encoder's steps cannot be separated from noise")
+    return missing
 
 
 def _named(without: Sequence[Log]) -> str:
@@ -64,17 +64,17 @@ def _repeats(logs: Sequence[Log]) -> list[str]:
     if not single:
         return []
     if len(single) == len(counted):
-        return ["each experiment was recorded once: there is no noise floor, so what does not repeat cannot be told"]
+        return ["each experiment was recorded once: there is no noise floor, so random variation is not known"]
     return [f"{', '.join(single)} was recorded once: its noise floor is that of the other experiments"]
 
 
 def _held_out(logs: Sequence[Log]) -> list[str]:
     if any(log.held_out for log in logs):
         return []
-    return ["no capture is marked `use: held-out`: what is found is not checked on runs that it was not found from"]
+    return ["no capture is marked `use: held-out`: results are not checked on runs that they do not come from"]
 
 
 def _clock(started: Sequence[bool]) -> list[str]:
     if all(started):
         return []
-    return ["the session's clock (start_s) is not known: warming up and wear cannot be told from run to run"]
+    return ["the session clock (start_s) is not known: warming up and wear from run to run cannot be determined"]

@@ -1,4 +1,4 @@
-"""The user's model of the machine, from the words of a nominal.yaml to the plant's parameters."""
+"""The nominal model of the machine, from a nominal.yaml to the plant's parameters."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import re
 from typing import NamedTuple
 
 from stagectl.gap.logs.nominal_values import Block, block, quantity
-from stagectl.gap.logs.session import GapError
+from stagectl.gap.logs.session import NominalValueError
+from stagectl.gap.logs.thresholds import NOTED_SUM, WRONG_SUM
 from stagectl.kernels import friction, friction_bristle, stage
 from stagectl.kernels.effects import Harmonic
 from stagectl.units import LINEAR, Quantity
@@ -24,25 +25,23 @@ _KEYS = {
 _TRUSTED = {"force_constant": r"force[ _]constant|torque[ _]constant", "inertia": r"inertia|mass", "viscous": "viscous"}
 _RIGHT = re.compile(r"\b(right|exact|correct|true|trusted|calibrated|accurate|certain|known)\b")
 _NOT = re.compile(r"\b(not|un\w+|may|might|off|roughly|about|except)\b")
-_SUM = 0.02  # share by which `coulomb` may miss the sum of the weights before it is said
-_WRONG = 0.5  # ... and before one of them must be wrong
 
 
-class Model(NamedTuple):
-    """The machine as its owner believes it to be."""
+class NominalModel(NamedTuple):
+    """The machine as its owner describes it."""
 
     stage: stage.Stage
-    trusted: frozenset[str]  # fields that are said to be right
+    trusted: frozenset[str]  # fields that the owner calls right
 
 
-def read(file: Block) -> Model:
-    """The model in a nominal.yaml; what was left open is added to the blocks' `said` and `notes`.
+def read(file: Block) -> NominalModel:
+    """The model in a nominal.yaml; defaults taken and doubts are added to the block's `defaults` and `notes`.
 
-    Raises GapError with file, key, value and range where a value is missing, not physical or contradicts another.
+    Raises NominalValueError where a value is missing, not physical or contradicts another.
     """
     body, rubbing, drive = (block(file.values, name, file, name) for name in ("stage", "friction", "drive"))
-    for one in (body, rubbing, drive):
-        one.ignore_others(_KEYS[one.name].split())
+    for part in (body, rubbing, drive):
+        part.ignore_others(_KEYS[part.name].split())
     _check_units(body)
     model = stage.Stage(
         _drive(drive),
@@ -51,14 +50,14 @@ def read(file: Block) -> Model:
         _friction(rubbing),
         _encoder(body, _late(file)),
     )
-    return Model(model, trusted(str(body.values.get("accuracy") or "")))
+    return NominalModel(model, trusted(str(body.values.get("accuracy") or "")))
 
 
 def trusted(words: str) -> frozenset[str]:
     """Parameters that the owner's words call right: "..., the force constant is meant to be right"."""
     clauses = [clause.lower() for clause in re.split(r"[.;,]|\bbut\b", words)]
     sure = [clause for clause in clauses if _RIGHT.search(clause) and not _NOT.search(clause)]
-    return frozenset(name for name, pattern in _TRUSTED.items() if any(re.search(pattern, one) for one in sure))
+    return frozenset(name for name, pattern in _TRUSTED.items() if any(re.search(pattern, clause) for clause in sure))
 
 
 def _check_units(body: Block) -> None:
@@ -79,37 +78,33 @@ def _mechanics(body: Block) -> stage.Mechanics:
 
 
 def _drive(drive: Block) -> stage.Drive:
-    def read_or(key: str, field: str, default: float) -> float:
+    def number(key: str, field: str, default: float | None = None) -> float:
         return drive.number(key, quantity(stage.Drive, field), default)
 
-    found = stage.Drive(
-        drive.number("current_quantum_A", quantity(stage.Drive, "current_quantum"))
-        if drive.has("current_quantum_A")
-        else 0.0,
+    p = stage.Drive(
+        number("current_quantum_A", "current_quantum") if drive.has("current_quantum_A") else 0.0,
         drive.whole("delay_samples", quantity(stage.Drive, "delay_samples"), 1),
-        read_or("current_limit_A", "current_limit", math.inf),
-        read_or("current_loop_s", "current_lag", 0.0),
+        number("current_limit_A", "current_limit", math.inf),
+        number("current_loop_s", "current_lag", 0.0),
     )
     if not (drive.has("voltage_limit_V") or drive.has("resistance_ohm")):
-        return found
-    return found._replace(
-        voltage_limit=drive.number("voltage_limit_V", quantity(stage.Drive, "voltage_limit"))
-        if drive.has("voltage_limit_V")
-        else math.inf,
-        resistance=drive.number("resistance_ohm", quantity(stage.Drive, "resistance")),
-        back_emf=read_or("back_emf_V_per_unit_s", "back_emf", 0.0),
+        return p
+    return p._replace(
+        voltage_limit=number("voltage_limit_V", "voltage_limit") if drive.has("voltage_limit_V") else math.inf,
+        resistance=number("resistance_ohm", "resistance"),
+        back_emf=number("back_emf_V_per_unit_s", "back_emf", 0.0),
     )
 
 
 def _encoder(body: Block, late: int) -> stage.Encoder:
-    """Its lines wait for an interpolation error: the order is known, the amplitude zero."""
+    """With the order of an interpolation error, where it is known, and an amplitude of zero."""
     key = "encoder_periods_per_pitch"
     lines = Harmonic(order=body.number(key, quantity(Harmonic, "order"))) if body.has(key) else Harmonic()
     return stage.Encoder(body.number("encoder_step", quantity(stage.Encoder, "step"), 0.0), late, interpolation=lines)
 
 
 def _late(file: Block) -> int:
-    """Periods by which the controller sees the position late; it is told with the controller."""
+    """Periods by which the controller sees the position late, from the description of the controller."""
     controller = block(file.values, "controller", file, "controller")
     late = quantity(stage.Encoder, "delay_samples")
     return controller.whole("measurement_delay_samples", late) if controller.has("measurement_delay_samples") else 0
@@ -129,17 +124,15 @@ def _friction(rubbing: Block) -> stage.Friction:
 
 
 def operators(rubbing: Block, weights: str, slips: str) -> friction.StopOperators:
-    """The elements in two lists of a block, beside their sum in `coulomb` where it has one.
+    """The elements in two lists of a block, checked against their sum in `coulomb` where it has one.
 
-    Raises GapError where the lists do not fit each other, or the sum.
+    Raises NominalValueError where the lists differ in length, or contradict the sum.
     """
     weight = rubbing.numbers(weights, quantity(friction.StopOperators, "weight"))
     slip = rubbing.numbers(slips, quantity(friction.StopOperators, "slip"))
     if len(weight) != len(slip):
-        raise GapError(
-            f"{rubbing.place}: {rubbing.name}.{weights} has {len(weight)} entries, {rubbing.name}.{slips} has "
-            f"{len(slip)}; each element needs one of both"
-        )
+        rule = f"has {len(slip)} entries, {rubbing.name}.{weights} has {len(weight)}; each element needs one of both"
+        raise NominalValueError(rubbing.place, f"{rubbing.name}.{slips}", slip, rule)
     if not weight:
         if weights == "weight":
             raise rubbing.refused(weights, "stop operators need their forces here and their slips in `slip`")
@@ -151,12 +144,12 @@ def operators(rubbing: Block, weights: str, slips: str) -> friction.StopOperator
 
 def _check_sum(rubbing: Block, total: float) -> None:
     coulomb = rubbing.number("coulomb", Quantity("N m | N", "[0, 1e6]", "friction at speed"))
-    if abs(coulomb - total) > _WRONG * max(coulomb, total):
-        raise rubbing.refused("coulomb", f"its weights sum up to {total:.6g}: one of the two must be wrong")
-    if abs(coulomb - total) > _SUM * max(coulomb, total):
+    if abs(coulomb - total) > WRONG_SUM * max(coulomb, total):
+        raise rubbing.refused("coulomb", f"but the sum of its weights is {total:.6g}: one of the two must be wrong")
+    if abs(coulomb - total) > NOTED_SUM * max(coulomb, total):
         rubbing.notes.append(
-            f"friction.coulomb = {coulomb:g} of {rubbing.place.name}, but its weights sum up to {total:.6g}: the "
-            "weights are taken"
+            f"friction.coulomb of {rubbing.place.name} is {coulomb:g}, but the sum of its weights is {total:.6g}: "
+            "the weights are used"
         )
 
 

@@ -1,4 +1,4 @@
-"""Repeats of one experiment: of one length, of one reference, each standing in for what another has lost of it."""
+"""Repeats of one experiment: brought to one length and checked for one reference; gaps filled from each other."""
 
 from __future__ import annotations
 
@@ -6,85 +6,88 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.logs.grid import Gridded
-from stagectl.gap.logs.session import Array, GapError
-from stagectl.gap.logs.sources import Found
-
-ALIKE = 1e-3  # share of its range by which a repeated reference or injection may differ
-HALF = 0.5  # of the longest repeat: a shorter one is left out, so that the others keep their rows
+from stagectl.gap.logs.grid import GriddedLog, LoggedReference
+from stagectl.gap.logs.session import Array, LogError
+from stagectl.gap.logs.sources import RawLog
+from stagectl.gap.logs.thresholds import LEAST_LENGTH, SAME_SIGNAL
 
 
 class Repeat(NamedTuple):
     """A log and its rows on the control periods."""
 
-    log: Found
-    grid: Gridded
+    log: RawLog
+    grid: GriddedLog
 
 
-def alike(repeats: list[Repeat]) -> tuple[list[Repeat], list[str]]:
-    """All `repeats`, those of one experiment cut to their common length and their gaps of the reference filled.
+def reconciled(repeats: list[Repeat]) -> tuple[list[Repeat], list[str]]:
+    """All `repeats`, those of one experiment cut to their common length, with gaps of the reference filled; and notes.
 
-    Raises GapError where repeats of one experiment are not of the same reference or injection.
+    Raises LogError where repeats of one experiment differ in reference or injection.
     """
     kept: dict[str, Repeat] = {}
-    notes = []
-    for name in dict.fromkeys(one.log.experiment for one in repeats):
-        members, said = _cut([one for one in repeats if one.log.experiment == name])
-        notes += said
-        for what in ("reference", "injection"):
-            members = _same(members, what)
-        kept |= {one.log.name: one for one in members}
-    return [kept[one.log.name] for one in repeats if one.log.name in kept], notes
-
-
-def _rows(one: Repeat) -> int:
-    return len(one.grid.columns["position"])
+    notes: list[str] = []
+    for name in dict.fromkeys(repeat.log.experiment for repeat in repeats):
+        members, cut_notes = _cut([repeat for repeat in repeats if repeat.log.experiment == name])
+        notes += cut_notes
+        for column in ("reference", "injection"):
+            members = _with_common(members, column)
+        kept |= {member.log.name: member for member in members}
+    return [kept[repeat.log.name] for repeat in repeats if repeat.log.name in kept], notes
 
 
 def _cut(members: list[Repeat]) -> tuple[list[Repeat], list[str]]:
-    """The repeats as long as the shortest of them, but for those that ended long before."""
-    longest = max(map(_rows, members))
-    enough = [one for one in members if _rows(one) >= HALF * longest]
+    """The repeats as long as the shortest of them, without those that ended long before; and notes."""
+    longest = max(member.grid.rows for member in members)
+    enough = [member for member in members if member.grid.rows >= LEAST_LENGTH * longest]
     notes = [
-        f"{one.log.name} is left out: it has {_rows(one)} rows, another repeat of {one.log.experiment} has {longest}"
-        for one in members
-        if one not in enough
+        f"{member.log.name} is left out: it has {member.grid.rows} rows, another repeat of {member.log.experiment} "
+        f"has {longest}"
+        for member in members
+        if member not in enough
     ]
-    shortest = min(enough, key=_rows)
-    if _rows(shortest) < longest:
+    shortest = min(enough, key=lambda member: member.grid.rows)
+    rows = shortest.grid.rows
+    if rows < longest:
         notes.append(
-            f"repeats of {shortest.log.experiment} have {_rows(shortest)} to {longest} rows: all are cut to "
-            f"{_rows(shortest)}, the length of {shortest.log.name}"
+            f"repeats of {shortest.log.experiment} have {rows} to {longest} rows: all are cut to {rows}, the length of "
+            f"{shortest.log.name}"
         )
-    return [_shortened(one, _rows(shortest)) for one in enough], notes
+    return [_shortened(member, rows) for member in enough], notes
 
 
-def _shortened(one: Repeat, rows: int) -> Repeat:
-    columns = {name: column[:rows] for name, column in one.grid.columns.items()}
-    return one._replace(grid=one.grid._replace(columns=columns))
+def _shortened(repeat: Repeat, rows: int) -> Repeat:
+    columns = {name: column[:rows] for name, column in repeat.grid.columns.items()}
+    return repeat._replace(grid=repeat.grid._replace(columns=columns))
 
 
-def _same(members: list[Repeat], what: str) -> list[Repeat]:
+def _with_common(members: list[Repeat], column: str) -> list[Repeat]:
     """Check that all have the same reference or injection; a gap takes what another repeat has there."""
-    having = [one for one in members if what in one.grid.columns]
-    if what == "injection" and 0 < len(having) < len(members):
-        without = next(one for one in members if one not in having)
-        raise GapError(
+    having = [member for member in members if column in member.grid.columns]
+    if column == "injection" and 0 < len(having) < len(members):
+        without = next(member for member in members if member not in having)
+        raise LogError(
+            "signal",
+            (having[0].log.name, without.log.name),
             f"{having[0].log.name} has an injection, {without.log.name} of the same experiment has none; give it an "
-            "experiment of its own"
+            "experiment of its own",
         )
     if len(having) < 2:
         return members
-    first = having[0].grid.columns[what]
+    first = having[0].grid.columns[column]
+    # A reference is relative to where the axis was at its start.
+    offsets = {
+        member.log.name: _offset(first, member.grid.columns[column]) if column == "reference" else 0.0
+        for member in having
+    }
     known = first.copy()
-    offsets = {}
-    for one in having:
-        column = one.grid.columns[what]
-        offset = _offset(first, column) if what == "reference" else 0.0  # relative to where the axis stood
-        _check(what, (having[0], one), column - offset)
-        known = np.where(np.isnan(known), column - offset, known)
-        offsets[one.log.name] = offset
-    return [_filled(one, what, known + offsets[one.log.name]) if what in one.grid.columns else one for one in members]
+    for member in having:
+        signal = member.grid.columns[column] - offsets[member.log.name]
+        _check(column, having[0], member, signal)
+        known = np.where(np.isnan(known), signal, known)
+    return [
+        _filled(member, column, known + offsets[member.log.name]) if member.log.name in offsets else member
+        for member in members
+    ]
 
 
 def _offset(first: Array, other: Array) -> float:
@@ -92,32 +95,41 @@ def _offset(first: Array, other: Array) -> float:
     return float(np.median(other[both] - first[both])) if np.any(both) else 0.0
 
 
-def _check(what: str, pair: tuple[Repeat, Repeat], other: Array) -> None:
-    first = pair[0].grid.columns[what]
-    apart = np.nan_to_num(np.abs(other - first))
+def _check(column: str, first: Repeat, other: Repeat, signal: Array) -> None:
+    """Raise LogError where the `signal` of `other`, without its offset, differs from that of the `first` repeat."""
+    expected = first.grid.columns[column]
+    apart = np.nan_to_num(np.abs(signal - expected))
     if not np.any(apart):
         return
-    allowed = ALIKE * (float(np.nanmax(first) - np.nanmin(first)) or float(np.nanmax(np.abs(first))))
+    allowed = SAME_SIGNAL * (float(np.nanmax(expected) - np.nanmin(expected)) or float(np.nanmax(np.abs(expected))))
     if float(apart.max()) > allowed:
         row = int(np.argmax(apart))
-        raise GapError(
-            f"the {what} of {pair[1].log.name} differs from that of {pair[0].log.name} by up to {apart[row]:.3g} at "
-            f"{row * pair[0].grid.dt:.6g} s; repeats of one experiment ({pair[0].log.experiment}) may differ by "
-            f"{allowed:.3g}: give it an experiment of its own"
+        raise LogError(
+            "signal",
+            (other.log.name, first.log.name),
+            f"the {column} of {other.log.name} differs from that of {first.log.name} by up to {apart[row]:.3g} at "
+            f"{row * first.grid.dt:.6g} s; repeats of one experiment ({first.log.experiment}) may differ by "
+            f"{allowed:.3g}: give it an experiment of its own",
         )
 
 
-def _filled(one: Repeat, what: str, known: Array) -> Repeat:
-    """The gaps of one repeat's column from what is known of it."""
-    column = one.grid.columns[what]
+def _filled(repeat: Repeat, name: str, known: Array) -> Repeat:
+    """One repeat with the gaps of the column `name` filled from what is `known` of it."""
+    grid = repeat.grid
+    column = grid.columns[name]
     lost = np.isnan(column) & np.isfinite(known)
-    if not one.grid.exact or not np.any(lost):
-        return one
-    grid = one.grid._replace(columns={**one.grid.columns, what: np.where(lost, known, column)})
-    if what == "reference":
-        time, reference = grid.samples
-        beyond = time > (len(column) - 0.5) * grid.dt
-        added = np.flatnonzero(np.isfinite(grid.columns[what]))
-        time = np.concatenate([grid.dt * added, time[beyond]])
-        grid = grid._replace(samples=(time, np.concatenate([grid.columns[what][added], reference[beyond]])))
-    return one._replace(grid=grid)
+    if not grid.exact or not np.any(lost):
+        return repeat
+    whole = np.where(lost, known, column)
+    filled = grid._replace(columns={**grid.columns, name: whole})
+    return repeat._replace(grid=filled._replace(reference=_extended(grid, whole)) if name == "reference" else filled)
+
+
+def _extended(grid: GriddedLog, whole: Array) -> LoggedReference:
+    """The reference `whole` (n,) at the control periods, and what was logged beyond them."""
+    beyond = grid.reference.time > (len(whole) - 0.5) * grid.dt
+    sound = np.flatnonzero(np.isfinite(whole))
+    return LoggedReference(
+        np.concatenate([grid.dt * sound, grid.reference.time[beyond]]),
+        np.concatenate([whole[sound], grid.reference.value[beyond]]),
+    )

@@ -1,148 +1,145 @@
-"""Which rows of a log must not count: gaps, saturation, faults; each with a note that says so."""
+"""Which rows of a log must not count: gaps, saturation, faults; each with a note."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.gap.logs import thresholds
 from stagectl.gap.logs.session import Array
 from stagectl.number_format import duration
 
 Rows = NDArray[np.bool_]
 
-SETTLED = 0.2  # s after a gap of the reference, until the loop has forgotten what it was not told
-SHORT = 0.02  # s of a gap that a spline through the reference bridges
-OFF = 0.05  # s without current, under a command, at the end: the drive is off
-FROZEN = 0.1  # s of one and the same position while the reference moves
-_NOTHING = 1e-3  # of the largest current
-_ASKED = 0.05  # of the largest command: this much and no current
-_MOVED = 100.0  # encoder steps
-_TOP = 0.95  # of the largest current: at its limit, but for noise
-AWAY = 5.0  # times the largest current: a command that no drive answers any more
-_PLATEAU = 5  # rows in a row at the limit
 
-
-class Judged(NamedTuple):
-    """Rows that count, and what was found."""
+class RowValidity(NamedTuple):
+    """Rows (n,) that count, and notes on the others."""
 
     valid: Rows
     notes: list[str]
 
 
-def judged(columns: dict[str, Array], dt: float, limit: float, step: float) -> Judged:
-    """The rows of a log that count; `limit` (A) is the largest current that is known, `step` the encoder's."""
+class _Excluded(NamedTuple):
+    """Rows (n,) that do not count, and why."""
+
+    rows: Rows
+    words: str
+
+
+def row_validity(columns: dict[str, Array], dt: float, limit: float, step: float) -> RowValidity:
+    """The rows of a log that count; `limit` (A) is the largest known current, `step` the encoder's (rad | m)."""
     valid = np.ones(len(columns["position"]), dtype=np.bool_)
     notes: list[str] = []
-    for rows, words in (
-        _missing(columns),
-        _unasked(columns, dt),
-        _saturated(columns, limit),
-        _faulted(columns),
-        _switched_off(columns, dt),
-        _frozen(columns, dt, step),
-        _ran_away(columns),
-    ):
+    for rows, words in _exclusions(columns, dt, limit, step):
         if np.any(rows):
             share = 100.0 * float(np.mean(rows))
             notes.append(f"{words} (from {float(np.argmax(rows)) * dt:.6g} s, {share:.2g} % of it): not used")
             valid &= ~rows
-    return Judged(valid, notes + _plateau(columns, limit))
+    return RowValidity(valid, notes + _plateau(columns, limit))
 
 
-def _missing(columns: dict[str, Array]) -> tuple[Rows, str]:
-    """Rows without a number where there are some."""
+def _exclusions(columns: dict[str, Array], dt: float, limit: float, step: float) -> Iterator[_Excluded]:
+    count = len(columns["position"])
+    yield _missing(columns)
+    if "reference" in columns:
+        yield _reference_gap(columns["reference"], dt)
+    command = columns.get("command", np.zeros(count))
+    yield _Excluded(np.abs(command) > limit, f"the command exceeds the limit of {limit:g} A")
+    fault = columns.get("fault", np.zeros(count))
+    yield _Excluded(np.cumsum(np.nan_to_num(fault) != 0.0) > 0, "a fault stopped the run")
+    if "command" in columns and "current" in columns:
+        yield _switched_off(columns, dt)
+    if "reference" in columns:
+        yield _frozen(columns, dt, step)
+    if "command" in columns and "current" in columns:
+        yield _run_away(columns)
+
+
+def _sizes(columns: dict[str, Array]) -> tuple[Array, Array]:
+    """(n,) A, sizes of command and current."""
+    return np.abs(np.nan_to_num(columns["command"])), np.abs(np.nan_to_num(columns["current"]))
+
+
+def _missing(columns: dict[str, Array]) -> _Excluded:
+    """Rows without a number in a column that has some."""
     absent = np.zeros(len(columns["position"]), dtype=np.bool_)
     empty = []
     for name in ("position", "command", "current"):
         if name in columns and np.any(lost := np.isnan(columns[name])):
             absent |= lost
             empty.append(name)
-    return absent, f"rows without {' and '.join(empty)}"
+    return _Excluded(absent, f"rows without {' and '.join(empty)}")
 
 
-def _unasked(columns: dict[str, Array], dt: float) -> tuple[Rows, str]:
-    """A longer gap of the reference: what was asked for there is not known, nor how the loop came out of it."""
-    lost = np.isnan(columns["reference"]) if "reference" in columns else np.zeros(len(columns["position"]), np.bool_)
-    found = np.zeros(len(lost), dtype=np.bool_)
-    for begin, end in runs(lost):
-        if (end - begin) * dt > SHORT:
-            found[begin : end + round(SETTLED / dt)] = True
-    return found, f"a gap of the reference, and {duration(SETTLED)} after it"
+def _reference_gap(reference: Array, dt: float) -> _Excluded:
+    """A longer gap: neither the reference in it is known, nor the loop's state after it."""
+    rows = np.zeros(len(reference), dtype=np.bool_)
+    for begin, end in stretches(np.isnan(reference)):
+        if (end - begin) * dt > thresholds.BRIDGED:
+            rows[begin : end + round(thresholds.LOOP_SETTLED / dt)] = True
+    return _Excluded(rows, f"a gap of the reference, and {duration(thresholds.LOOP_SETTLED)} after it")
 
 
-def _saturated(columns: dict[str, Array], limit: float) -> tuple[Rows, str]:
-    command = columns.get("command", np.zeros(len(columns["position"])))
-    return np.abs(command) > limit, f"the command exceeds the limit of {limit:g} A"
-
-
-def _faulted(columns: dict[str, Array]) -> tuple[Rows, str]:
-    """From the first fault that the recording tells of."""
-    fault = columns.get("fault", np.zeros(len(columns["position"])))
-    return np.cumsum(np.nan_to_num(fault) != 0.0) > 0, "a fault stopped the run"
-
-
-def _switched_off(columns: dict[str, Array], dt: float) -> tuple[Rows, str]:
+def _switched_off(columns: dict[str, Array], dt: float) -> _Excluded:
     """No current under a command, to the end."""
-    words = "no current flows while the controller asks for it, as after a fault of the drive"
-    none = np.zeros(len(columns["position"]), dtype=np.bool_)
-    if "command" not in columns or "current" not in columns:
-        return none, words
-    command, current = np.abs(np.nan_to_num(columns["command"])), np.abs(np.nan_to_num(columns["current"]))
-    flowing = np.flatnonzero(current > _NOTHING * current.max(initial=0.0))
-    begin = int(flowing[-1]) + 1 if flowing.size else len(none)
-    if (len(none) - begin) * dt > OFF and np.median(command[begin:]) > _ASKED * command.max():
-        none[begin:] = True
-    return none, words
+    command, current = _sizes(columns)
+    rows = np.zeros(len(command), dtype=np.bool_)
+    flowing = np.flatnonzero(current > thresholds.NO_CURRENT * current.max(initial=0.0))
+    begin = int(flowing[-1]) + 1 if flowing.size else len(rows)
+    if (len(rows) - begin) * dt > thresholds.SWITCHED_OFF and np.median(
+        command[begin:]
+    ) > thresholds.COMMANDED * command.max():
+        rows[begin:] = True
+    return _Excluded(rows, "no current flows although the controller commands it, as after a fault of the drive")
 
 
-def _frozen(columns: dict[str, Array], dt: float, step: float) -> tuple[Rows, str]:
+def _frozen(columns: dict[str, Array], dt: float, step: float) -> _Excluded:
     """The position does not change while the reference moves far."""
-    words = "the position stays the same while the reference moves"
-    position = columns["position"]
-    none = np.zeros(len(position), dtype=np.bool_)
-    if "reference" not in columns:
-        return none, words
-    far = _MOVED * step if step > 0.0 else 0.05 * float(np.nanmax(np.abs(np.diff(columns["reference"])))) * FROZEN / dt
-    for begin, end in runs(np.concatenate([[False], np.diff(position) == 0.0])):
-        asked = columns["reference"][begin:end]
-        if (end - begin) * dt > FROZEN and np.any(np.isfinite(asked)) and np.nanmax(asked) - np.nanmin(asked) > far > 0:
-            none[begin - 1 : end] = True
-    return none, words
+    position, reference = columns["position"], columns["reference"]
+    rows = np.zeros(len(position), dtype=np.bool_)
+    fastest = 0.0 if step > 0.0 else thresholds.FROZEN_SPEED * float(np.nanmax(np.abs(np.diff(reference))))
+    far = thresholds.FROZEN_MOTION * step if step > 0.0 else fastest * thresholds.FROZEN / dt
+    for begin, end in stretches(np.concatenate([[False], np.diff(position) == 0.0])):
+        part = reference[begin:end]
+        if (
+            (end - begin) * dt > thresholds.FROZEN
+            and np.any(np.isfinite(part))
+            and np.nanmax(part) - np.nanmin(part) > far > 0
+        ):
+            rows[begin - 1 : end] = True
+    return _Excluded(rows, "the position stays the same while the reference moves")
 
 
-def _ran_away(columns: dict[str, Array]) -> tuple[Rows, str]:
-    """A command far beyond any current that ever flowed: the loop is lost, and what follows is not its motion."""
-    words = f"the command exceeds {AWAY:g} times the largest current, the loop is lost"
-    if "command" not in columns or "current" not in columns:
-        return np.zeros(len(columns["position"]), dtype=np.bool_), words
-    command, current = np.abs(np.nan_to_num(columns["command"])), np.abs(np.nan_to_num(columns["current"]))
+def _run_away(columns: dict[str, Array]) -> _Excluded:
+    """A command far beyond any measured current: control is lost, and the motion is no longer that of the loop."""
+    command, current = _sizes(columns)
     largest = float(current.max(initial=0.0))
-    return np.cumsum((command > AWAY * largest) & (largest > 0.0)) > 0, words
+    words = f"the command exceeds {thresholds.RUN_AWAY:g} times the largest current: the loop has lost control"
+    return _Excluded(np.cumsum((command > thresholds.RUN_AWAY * largest) & (largest > 0.0)) > 0, words)
 
 
 def _plateau(columns: dict[str, Array], limit: float) -> list[str]:
-    """A current that stands at its largest value while more is asked for: a limit that nobody told of."""
+    """A note on a current that stays at its largest value under a larger command: a limit that is not described."""
     if "command" not in columns or "current" not in columns:
         return []
-    current, command = np.abs(np.nan_to_num(columns["current"])), np.abs(np.nan_to_num(columns["command"]))
+    command, current = _sizes(columns)
     largest = float(current.max(initial=0.0))
-    if largest == 0.0 or largest > 0.99 * limit:
+    if largest == 0.0 or largest > thresholds.KNOWN_LIMIT * limit:
         return []
-    cut = (current > _TOP * largest) & (command > 1.05 * largest)
-    rows = sum(end - begin for begin, end in runs(cut) if end - begin >= _PLATEAU)
+    cut = (current > thresholds.PLATEAU_CURRENT * largest) & (command > thresholds.PLATEAU_COMMAND * largest)
+    rows = sum(end - begin for begin, end in stretches(cut) if end - begin >= thresholds.PLATEAU)
     if not rows:
         return []
-    return [
-        f"its current stands at {largest:.4g} A in {rows} rows while the command asks for more: a limit not told of"
-    ]
+    return [f"its current stays at {largest:.4g} A in {rows} rows under a larger command: a limit not described"]
 
 
-def runs(rows: Rows) -> list[tuple[int, int]]:
+def stretches(rows: Rows) -> list[tuple[int, int]]:
     """Begin and end (beyond) of all stretches of true rows."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    edges = np.flatnonzero(np.diff(rows.astype(np.int8), prepend=0, append=0))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def filled(column: Array) -> Array:
@@ -152,5 +149,5 @@ def filled(column: Array) -> Array:
         return column
     if not np.any(sound):
         return np.zeros(len(column))
-    at = np.arange(len(column), dtype=np.float64)
-    return np.asarray(np.interp(at, at[sound], column[sound]), dtype=np.float64)
+    rows = np.arange(len(column), dtype=np.float64)
+    return np.asarray(np.interp(rows, rows[sound], column[sound]), dtype=np.float64)

@@ -1,6 +1,6 @@
-"""What a diagnosis starts from: the logs of a session, and what its owner believes of machine and controller.
+"""What a diagnosis starts from: the logs of a session, and the nominal model of machine and controller.
 
-Everything is in the axis' units (rad and N m, or m and N) and SI; rows of a log are those of the control period.
+All values are in SI and in the axis' units (rad and N m, or m and N); rows of a log are control periods.
 """
 
 from __future__ import annotations
@@ -21,14 +21,37 @@ class GapError(StageError):
     """Logs that a diagnosis cannot use, or a question that they cannot answer."""
 
 
+class LogError(GapError):
+    """Logs that cannot be used: which, and why."""
+
+    def __init__(self, reason: str, logs: tuple[str, ...], words: str) -> None:
+        super().__init__(words)
+        self.reason = (
+            reason  # none | empty | short | duplicate | period | axis | mixed | machine | signal | entry | model
+        )
+        self.logs = logs  # their names
+
+
+class NominalValueError(GapError):
+    """A value of a nominal.yaml that is missing, of the wrong type, or outside its range."""
+
+    def __init__(self, place: Path, key: str, value: Any, rule: str) -> None:
+        shown = "is missing" if value is None else f"= {value!r}"
+        super().__init__(f"{place}: {key} {shown}; {rule}")
+        self.place = place
+        self.key = key  # dotted, as in the file
+        self.value = value  # as in the file; None: missing
+        self.rule = rule  # what the value must be, with range and unit
+
+
 class Log(NamedTuple):
     """One repeat of one experiment; position and currents are those of the instant of the row."""
 
     name: str  # file, as the folder names it
     experiment: str  # logs of one experiment share reference and injection
     repeat: int
-    held_out: bool  # for checking what was found, never for finding it
-    start: float  # s, session clock of the first row: temperature and wear run on it
+    held_out: bool  # for checking results, never for finding them
+    start: float  # s, session clock of the first row; temperature and wear run on this clock
     position: Array  # (n,) rad | m
     command: Array | None  # (n,) A, before any limit
     current: Array | None  # (n,) A, reported by the drive
@@ -45,17 +68,17 @@ class Log(NamedTuple):
 
 
 class Session(NamedTuple):
-    """All logs of one machine in one state, with the model that they are compared with."""
+    """All logs of one machine in one state, with the nominal model."""
 
     place: Path
     kind: str  # rotary | linear
     travel_per_unit: float  # m of table per rad; 1 on a linear axis and on one without a lead
-    travel_unit: str  # m | rad, of what the user sees as travel
+    travel_unit: str  # m | rad, of the travel that the user sees
     dt: float  # s, control period
     stage: stage.Stage  # nominal
     law: law.Law | None  # deployed controller; None: not known
     logs: tuple[Log, ...]
     notes: tuple[str, ...] = ()  # what was done to the data, and what is doubtful
-    cannot_tell: tuple[str, ...] = ()  # what is missing, and what cannot be told because of it
-    trusted: frozenset[str] = frozenset()  # nominal values that are said to be right, e.g. force_constant
+    cannot_tell: tuple[str, ...] = ()  # what is missing, and what cannot be determined because of it
+    trusted: frozenset[str] = frozenset()  # nominal values that their owner calls right, e.g. force_constant
     nominal: Any = None  # nominal.yaml as read, for what only a report needs

@@ -1,58 +1,43 @@
-"""What a deployed controller knew beforehand in each period, recomputed from the reference that was logged.
+"""Setpoints of a deployed controller in each period, recomputed from the logged reference.
 
-As the description of capture folders has it: a quintic spline (not-a-knot) through all samples of the reference,
+As the description of capture folders specifies: a quintic spline (not-a-knot) through all samples of the reference,
 constant outside; perfect tracking ahead by the command's delay, the target without; friction operators ahead by half a
-period more, zero at the first sample.
+period more, from zero at the first sample.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from stagectl.gap.logs.deployed_controller import Deployed
+from stagectl.gap.logs.deployed_controller import DeployedController
+from stagectl.gap.logs.grid import LoggedReference
 from stagectl.gap.logs.session import Array
-from stagectl.kernels import feedforward, friction, friction_path, rollout
-from stagectl.kernels.law import Setpoint
-
-LEAST = 6  # samples that a quintic spline needs
-_COLUMN = {name: number for number, name in enumerate(Setpoint._fields)}
+from stagectl.kernels import feedforward, friction
+from stagectl.kernels.law import SETPOINT_COLUMNS
+from stagectl.plan import bristle_force, setpoint_rows
 
 
-class Asked(NamedTuple):
-    """What a log says of the motion that was asked for."""
-
-    time: Array  # (m,) s, of the reference's samples; row k of the log is at k Ts
-    reference: Array  # (m,) rad | m
-    rows: int  # of the log
-    injection: Array | None = None  # (rows,) A
-
-
-def rows(p: Deployed, asked: Asked) -> Array:
-    """Setpoints (rows, 8), the fields of `kernels.law.Setpoint`."""
-    count = asked.rows + asked.rows % 2  # whole frames
-    at = _curve(asked)
+def from_reference(p: DeployedController, reference: LoggedReference, rows: int, injection: Array | None) -> Array:
+    """Setpoints (rows, 8), the fields of `kernels.law.Setpoint`, with an `injection` (rows,) A if there was one."""
+    count = rows + rows % 2  # whole frames
+    at = _curve(reference)
     t: Array = p.dt * np.arange(count + 2, dtype=np.float64)
-    late = at(t - p.late * p.dt)
-    seen = feedforward.Foreseen(
-        at(t[:-2])[:, 0].copy(), at(t + p.advance), late, at(t[:-2] + p.friction_advance)[:, 0].copy()
-    )
-    found = np.zeros((count, rollout.SETPOINTS))
-    feedforward.setpoints(p.feedforward, seen, friction.relaxed(p.feedforward.friction), found)
-    found[:, _COLUMN["friction"]] += _compensation(p, seen, at(t[:-2] + p.friction_advance))
-    found = found[: asked.rows]
-    if asked.injection is not None:
-        found[:, _COLUMN["injection"]] = asked.injection
-    return found
+    ahead = at(t[:-2] + p.friction_advance)
+    seen = feedforward.Foreseen(at(t[:-2])[:, 0].copy(), at(t + p.advance), at(t - p.late * p.dt), ahead[:, 0].copy())
+    stops = friction.relaxed(p.feedforward.friction)
+    setpoints = setpoint_rows(p.feedforward, seen, stops, _further_friction(p, seen, ahead))[:rows]
+    if injection is not None:
+        setpoints[:, SETPOINT_COLUMNS["injection"]] = injection
+    return setpoints
 
 
-def _curve(asked: Asked) -> Callable[[Array], Array]:
-    """Position and velocity (n, 2) at any times (n,); outside it stands at its first or last sample."""
-    first, last = float(asked.time[0]), float(asked.time[-1])
-    spline: BSpline = make_interp_spline(asked.time, asked.reference, k=5)
+def _curve(reference: LoggedReference) -> Callable[[Array], Array]:
+    """Position and velocity (n, 2) at any times (n,); at rest outside the samples."""
+    first, last = float(reference.time[0]), float(reference.time[-1])
+    spline: BSpline = make_interp_spline(reference.time, reference.value, k=5)
     speed = spline.derivative()
 
     def at(t: Array) -> Array:
@@ -62,15 +47,9 @@ def _curve(asked: Asked) -> Callable[[Array], Array]:
     return at
 
 
-def _compensation(p: Deployed, seen: feedforward.Foreseen, ahead: Array) -> Array:
-    """Current (n,) A of a friction compensation that is none of stop operators."""
+def _further_friction(p: DeployedController, seen: feedforward.Foreseen, ahead: Array) -> Array | None:
+    """Friction (n,) N m | N that is compensated and not of stop operators; None where there is none."""
     if p.form is not None:
         force: Array = p.form.force(ahead[:, 0], ahead[:, 1], p.dt)
-    elif p.bristle.coulomb > 0.0:
-        place = np.concatenate([seen.reference[:1], seen.friction])
-        columns = np.empty((len(place), 2))
-        friction_path.bristle(p.bristle, place, p.dt, columns)
-        force = (columns[:, 0] + p.bristle.damping * columns[:, 1])[1:]
-    else:
-        return np.zeros(len(ahead))
-    return force / p.feedforward.force_constant
+        return force
+    return bristle_force(p.bristle, seen, p.dt) if p.bristle.coulomb > 0.0 else None

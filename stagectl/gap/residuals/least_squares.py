@@ -1,4 +1,4 @@
-"""Least squares on summed matrices ``[X r]' [X r]``: the rows are not touched again."""
+"""Least squares on summed matrices ``[X r]' [X r]``, without touching the rows again."""
 
 from __future__ import annotations
 
@@ -9,43 +9,51 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from stagectl.gap.logs.session import Array
-
-FLAT = 1e-9  # smallest eigenvalue of the correlations that is believed
-RIDGE = 1e-10  # of each diagonal element: columns that these data cannot tell apart stay finite
+from stagectl.gap.residuals.thresholds import FLAT, RIDGE, SINGULAR
 
 
 class Fit(NamedTuple):
     """Least squares of some columns."""
 
-    amplitude: Array  # (k,) in the order asked for
-    misfit: float  # sum of squares left
+    amplitude: Array  # (k,) in the order of the columns
+    residual_sum_of_squares: float
 
 
 def fit(g: Array, chosen: Sequence[int]) -> Fit:
-    """Least squares on a summed matrix `g`."""
+    """Least squares of the columns `chosen` on a summed matrix `g` (p + 1, p + 1)."""
     chosen = list(chosen)
     a, b = g[np.ix_(chosen, chosen)], g[chosen, -1]
-    a = a + np.diag(RIDGE * np.diag(a) + 1e-300)
-    amplitude = np.asarray(np.linalg.pinv(a, hermitian=True, rcond=1e-14), dtype=np.float64) @ b
-    return Fit(amplitude, misfit(g, chosen, amplitude))
+    a = a + ridge(np.diag(a))
+    amplitude = np.asarray(np.linalg.pinv(a, hermitian=True, rcond=SINGULAR), dtype=np.float64) @ b
+    return Fit(amplitude, residual_sum_of_squares(g, chosen, amplitude))
+
+
+def ridge(diagonal: Array) -> Array:
+    """(k, k) that is added to normal equations with this `diagonal` (k,): a trace of it."""
+    added: Array = np.diag(RIDGE * diagonal + 1e-300)
+    return added
+
+
+def column_lengths(a: Array) -> Array:
+    """(k,) lengths of the columns behind the normal equations `a` (k, k); one where the data do not have a column."""
+    lengths = np.sqrt(np.diag(a))
+    return np.where(lengths > 0.0, lengths, 1.0)
 
 
 def inverse(a: Array) -> Array:
-    """Pseudo-inverse of normal equations (k, k) whose columns have units of their own."""
-    scale = np.sqrt(np.diag(a))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    found: Array = np.linalg.pinv(a / np.outer(scale, scale), rcond=FLAT, hermitian=True) / np.outer(scale, scale)
-    return found
+    """Pseudo-inverse of normal equations (k, k) whose columns differ in unit."""
+    scale = column_lengths(a)
+    scaled: Array = np.linalg.pinv(a / np.outer(scale, scale), rcond=FLAT, hermitian=True) / np.outer(scale, scale)
+    return scaled
 
 
 def bounded(g: Array, chosen: Sequence[int], low: Array, high: Array) -> Array:
-    """Amplitudes (k,) of the least squares within `low` and `high`; zero must lie between them."""
+    """Amplitudes (k,) of the least squares within `low` and `high` (k,), which must hold zero between them."""
     places = list(chosen)
     a, b = g[np.ix_(places, places)], g[places, -1]
-    if not np.isfinite(a).all():  # a candidate has diverged: no step can be told
+    if not np.isfinite(a).all():  # a candidate has diverged: there is no step to take
         return np.zeros(len(places))
-    scale = np.sqrt(np.diag(a))
-    scale = np.where(scale > 0.0, scale, 1.0)  # a column that these data do not have
+    scale = column_lengths(a)
     q, r = np.linalg.eigh(a / np.outer(scale, scale))  # columns of unit length
     root = np.sqrt(np.maximum(q, FLAT))
     bounds = (np.minimum(low * scale, -1e-12), np.maximum(high * scale, 1e-12))
@@ -54,8 +62,8 @@ def bounded(g: Array, chosen: Sequence[int], low: Array, high: Array) -> Array:
     return amplitude
 
 
-def misfit(g: Array, chosen: Sequence[int], amplitude: Array) -> float:
-    """Sum of squares left by given amplitudes, on the data that `g` sums up."""
+def residual_sum_of_squares(g: Array, chosen: Sequence[int], amplitude: Array) -> float:
+    """Sum of squares that these amplitudes (k,) of the columns `chosen` leave, on the data that `g` sums up."""
     chosen = list(chosen)
     a, b = g[np.ix_(chosen, chosen)], g[chosen, -1]
     return float(g[-1, -1] - 2.0 * b @ amplitude + amplitude @ a @ amplitude)

@@ -1,65 +1,61 @@
-"""The stage model held on the measured path of a log: `kernels.tracked_model` over whole logs, on all cores."""
+"""The stage model tracks the measured path of a log: what must be added to its effort is the residual effort."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from stagectl.gap.logs.session import Array, Log
+from stagectl.gap.residuals.thresholds import SUBSTEPS, TRACKER_BANDWIDTH
 from stagectl.kernels import feedback, stage, tracked_model
 
-# Of the sampling frequency: the tracker's poles, 40 Hz at 2 kHz.  Faster ones would hold the model closer, and shake
-# every candidate with a resonance.
-BANDWIDTH = 0.02
-# Integration steps a period; what is stiffer than rolling friction takes more by itself.  A column is a difference of
-# two simulations with the same steps: there half as many do.
-SUBSTEPS = 4
-OF_COLUMNS = 2
 
-
-class Path(NamedTuple):
-    """What a model is tied to: one log, or the mean of repeats."""
+class MeasuredPath(NamedTuple):
+    """What a model tracks: one log, or the mean of repeats."""
 
     rows: Array  # (n, 3) command A, position rad | m, current A (NaN: not measured)
     start: float  # s, session clock
     dt: float  # s
 
 
-class Lacking(NamedTuple):
-    """What the model lacks along a path."""
+class ModelResidual(NamedTuple):
+    """What the model leaves unexplained along a path."""
 
-    effort: Array  # (n,) N m | N, the correction that keeps it on the path
-    current: Array  # (n,) A, measured minus the drive model's; zero where no current is measured
+    effort: Array  # (n,) N m | N, residual effort: the correction that keeps the model on the path
+    current: Array  # (n,) A, missing current: measured minus the drive model's; zero where no current is measured
 
 
-def path_of(log: Log, dt: float) -> Path:
-    """The path of one log; without a command the measured current stands for it."""
+def path_of(log: Log, dt: float) -> MeasuredPath:
+    """The path of one log; where no command was logged, the measured current takes its place."""
     unknown = np.full(log.rows, np.nan)
     command = log.current if log.command is None else log.command
     current = unknown if log.command is None or log.current is None else log.current
     assert command is not None  # the loader refuses logs without both
-    return Path(np.column_stack([command, log.position, current]), log.start, dt)
+    return MeasuredPath(np.column_stack([command, log.position, current]), log.start, dt)
 
 
-def mean_path(paths: list[Path]) -> Path:
-    """The mean over repeats: the same motion with less noise."""
+def mean_path(paths: Sequence[MeasuredPath]) -> MeasuredPath:
+    """The mean of all repeats: the same motion with less noise."""
     rows = min(len(path.rows) for path in paths)
     return paths[0]._replace(rows=np.mean([path.rows[:rows] for path in paths], axis=0))
 
 
 def tracker(nominal: stage.Stage, dt: float) -> feedback.Pid:
-    """What ties the model: poles at a fiftieth of the sampling frequency, designed on the nominal mechanics.
+    """The controller that keeps a model on the path, designed by pole placement on the nominal mechanics.
 
-    One tracker for all candidates: the estimator must not change with what it estimates.
+    All candidates share one tracker: the estimator must not depend on what it estimates.
     """
-    gains = feedback.place_poles(nominal.mechanics, nominal.motor.force_constant, BANDWIDTH / dt)
+    gains = feedback.place_poles(nominal.mechanics, nominal.motor.force_constant, TRACKER_BANDWIDTH / dt)
     return feedback.discretised(gains, dt)
 
 
-def lacking(p: tracked_model.Tied, path: Path, substeps: int = SUBSTEPS, load: float = 0.0) -> Lacking:
-    """What `p` lacks along `path`; its friction begins with the share `load` of what it can hold."""
-    p = p._replace(stage=p.stage._replace(encoder=p.stage.encoder._replace(step=0.0)))  # the log has rounded already
+def tracking_residual(
+    p: tracked_model.Tied, path: MeasuredPath, substeps: int = SUBSTEPS, load: float = 0.0
+) -> ModelResidual:
+    """The residual of `p` along `path`; its friction begins with the share `load` of what it can hold."""
+    p = p._replace(stage=p.stage._replace(encoder=p.stage.encoder._replace(step=0.0)))  # the log is quantised already
     plant = stage.at_reading(p.stage, float(path.rows[0, 1]), path.start)
     if load:
         plant.stops[:] = load
@@ -68,4 +64,4 @@ def lacking(p: tracked_model.Tied, path: Path, substeps: int = SUBSTEPS, load: f
     tracked_model.follow(p, x, (np.ascontiguousarray(path.rows), out), path.dt, substeps)
     measured = path.rows[:, 2]
     missing = np.where(np.isnan(measured), 0.0, measured - out[:, 1])
-    return Lacking(out[:, 0] * p.stage.motor.force_constant, missing)
+    return ModelResidual(out[:, 0] * p.stage.motor.force_constant, missing)

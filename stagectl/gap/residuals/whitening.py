@@ -1,114 +1,134 @@
-"""The loop cut open: what drive and mechanics lack, each brought to the same ground by the noise of repeats.
+"""Residuals of mechanics and drive in one unit: standard deviations of the noise between repeats.
 
 ::
 
-    cut B, drive       measured current - current of the drive model                A
-    cut C, mechanics   effort that keeps the model on the measured path             N m | N
+    residual effort    effort that keeps the model on the measured path             N m | N
+    missing current    measured current minus the current of the drive model        A
 
-A whitening filter, zero-phase and made from the differences between repeats (never from what a model lacks),
-gives both the unit of one standard deviation of noise at every frequency of the band.  All that follows is linear:
-residuals and candidates pass the same filter.
+A zero-phase filter whitens both over the band.  It is made from the differences between repeats, never from what a
+model leaves unexplained.  All that follows is linear: residuals and sensitivities pass the same filter.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 from scipy.signal import welch
 
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals.model_tracking import Lacking
+from stagectl.gap.residuals import thresholds
+from stagectl.gap.residuals.model_tracking import ModelResidual
 
-BAND = 0.2  # of the sampling frequency: 400 Hz at 2 kHz
-# Of the sampling frequency, 40 Hz at 2 kHz: above, the weight of an effort falls with the frequency, as what a servo
-# axis makes of it does.  Impacts and bounces ring there, whose instants no model foretells.  A current knows none.
-ROLL_OFF = 0.02
-KEPT = 2  # every second sample: the band is below half of what is left
-_SEGMENT = 512
-_SMALLEST = 1e-6  # of the largest noise density: a lower one is a lack of data, not of noise
+
+class NoiseLevel(NamedTuple):
+    """Standard deviations of noise."""
+
+    effort: float  # N m | N
+    current: float  # A
 
 
 @dataclass(frozen=True, eq=False)
 class Whitener:
-    """1/sqrt(noise density) of both cuts over frequency; one is made for a diagnosis, and known by its identity."""
+    """1/sqrt(noise density) of both residuals over frequency; a diagnosis makes one, known by its identity."""
 
     frequency: Array  # (f,) Hz
     effort: Array  # (f,) per N m | N
     current: Array  # (f,) per A; zero where no current is measured
 
 
-def whitener(differences: list[Lacking], smallest: tuple[float, float], dt: float) -> Whitener:
-    """From single noise records: the differences between repeats over sqrt 2.
+def whitener(noise: Sequence[ModelResidual], least: NoiseLevel, dt: float) -> Whitener:
+    """The filter from `noise` records of single repeats, sampled every `dt` (s).
 
-    `smallest` holds the least standard deviations to believe in, of effort and current: a simulated drive has no noise
-    of its own.
+    Noise below `least` is not believed: a simulated drive has none.
     """
-    frequency, effort = density([one.effort for one in differences], dt)
-    current = density([one.current for one in differences], dt)[1]
-    least = [2.0 * dt * one * one for one in smallest]
-    return Whitener(frequency, _inverse(np.maximum(effort, least[0])), _inverse(np.maximum(current, least[1])))
+    frequency, effort = density([record.effort for record in noise], dt)
+    current = density([record.current for record in noise], dt)[1]
+    least_effort, least_current = (2.0 * dt * deviation * deviation for deviation in least)
+    return Whitener(
+        frequency, _inverse_root(np.maximum(effort, least_effort)), _inverse_root(np.maximum(current, least_current))
+    )
 
 
-def density(signals: list[Array], dt: float) -> tuple[Array, Array]:
-    """Mean power spectral density (f,) of `signals`, smoothed over neighbouring lines, and its frequencies (Hz)."""
-    segment = min(_SEGMENT, *(len(one) for one in signals))
-    found = [welch(one, 1.0 / dt, nperseg=segment) for one in signals]
-    total = sum(len(one) for one in signals)
-    mean = sum(spectrum * len(one) for (_, spectrum), one in zip(found, signals, strict=True)) / total
-    return found[0][0], np.convolve(np.pad(mean, 2, mode="edge"), np.ones(5) / 5.0, mode="valid")
+def single_noise(repeats: Sequence[Array]) -> Array:
+    """(r, n) deviations of repeats from their mean, scaled to the noise of a single one."""
+    signals = np.stack(repeats)
+    scaled: Array = np.sqrt(len(signals) / (len(signals) - 1)) * (signals - signals.mean(axis=0))
+    return scaled
 
 
-def _inverse(spectrum: Array) -> Array:
+def density(signals: Sequence[Array], dt: float) -> tuple[Array, Array]:
+    """Frequencies (f,) Hz and the mean power spectral density (f,) of `signals`, smoothed over neighbouring lines."""
+    segment = min(thresholds.WELCH_SEGMENT, *(len(signal) for signal in signals))
+    spectra = [welch(signal, 1.0 / dt, nperseg=segment) for signal in signals]
+    samples = sum(len(signal) for signal in signals)
+    total = sum(power * len(signal) for (_, power), signal in zip(spectra, signals, strict=True))
+    return spectra[0][0], smoothed(np.asarray(total / samples))
+
+
+def smoothed(power: Array) -> Array:
+    """`power` (f,) averaged over neighbouring lines."""
+    lines = np.ones(thresholds.SMOOTHED_LINES) / thresholds.SMOOTHED_LINES
+    mean: Array = np.convolve(np.pad(power, thresholds.SMOOTHED_LINES // 2, mode="edge"), lines, mode="valid")
+    return mean
+
+
+def _inverse_root(spectrum: Array) -> Array:
     largest = float(spectrum.max(initial=0.0))
     if largest == 0.0:
         return np.zeros_like(spectrum)
-    inverse: Array = 1.0 / np.sqrt(np.maximum(spectrum, _SMALLEST * largest))
+    inverse: Array = 1.0 / np.sqrt(np.maximum(spectrum, thresholds.LEAST_DENSITY * largest))
     return inverse
 
 
-def whitened(p: Whitener, lacks: Lacking, dt: float) -> Array:
-    """(m, 2) effort and current, in standard deviations of a repeat's noise, every `KEPT`-th sample.
+def whitened(p: Whitener, residual: ModelResidual, dt: float) -> Array:
+    """(m, 2) effort and current in standard deviations of a repeat's noise, every `KEPT`-th sample.
 
-    A zero-phase filter over the signal and its mirror image, so that neither end rings into the other: what a cosine
-    transform does.
+    The filter runs over the signal and its mirror image (a cosine transform), so that neither end rings into the other.
     """
-    count = len(lacks.effort)
-    gains = _gains(p, count, dt)
-    return np.stack([_filtered(one, gain) for one, gain in zip(lacks, gains, strict=True)], axis=1)
+    filters = _filters(p, len(residual.effort), dt)
+    return np.stack([_filtered(signal, gain) for signal, gain in zip(residual, filters, strict=True)], axis=1)
 
 
 def _filtered(signal: Array, gain: Array | None) -> Array:
-    kept = len(signal[::KEPT])
+    kept = len(signal[:: thresholds.KEPT])
     if gain is None or not signal.any():
         return np.zeros(kept)
     mirrored = np.concatenate([signal, signal[: len(signal) - len(gain) - 1 : -1]])
-    with np.errstate(over="ignore", invalid="ignore"):  # a simulation that diverged stays what it is
-        filtered: Array = fft.idct(fft.dct(mirrored) * gain)[: len(signal) : KEPT]
+    with np.errstate(over="ignore", invalid="ignore"):  # a simulation that diverged stays diverged
+        filtered: Array = fft.idct(fft.dct(mirrored) * gain)[: len(signal) : thresholds.KEPT]
     return filtered
 
 
 @functools.lru_cache(maxsize=256)
-def _gains(p: Whitener, count: int, dt: float) -> tuple[Array | None, Array | None]:
-    """Of both cuts at each line of a transform of `count` rows, filled up to a length that transforms fast."""
+def _filters(p: Whitener, count: int, dt: float) -> tuple[Array | None, Array | None]:
+    """Gains for effort and current at the lines of a transform of `count` rows, padded to a length that is fast."""
     rows = fft.next_fast_len(count, real=True)
-    found = gains(p, np.arange(rows) / (2.0 * dt * rows), dt)
-    effort, current = (one if one.any() else None for one in found)
-    return effort, current
+    effort, current = gains(p, np.arange(rows) / (2.0 * dt * rows), dt)
+    return effort if effort.any() else None, current if current.any() else None
 
 
 def gains(p: Whitener, lines: Array, dt: float) -> tuple[Array, Array]:
-    """Of both cuts at the frequencies `lines` (f,) Hz, for signals of the control period `dt` (s)."""
+    """Gains for effort and current at the frequencies `lines` (f,) Hz, for signals of the control period `dt` (s)."""
     # A density of one over the band becomes a variance of one.
-    shape = math.sqrt(dt / BAND) * _edge(lines, BAND / dt)
-    effort = np.interp(lines, p.frequency, p.effort) * shape / np.hypot(1.0, lines * dt / ROLL_OFF)
+    shape = math.sqrt(dt / thresholds.BAND) * _band_edge(lines, thresholds.BAND / dt)
+    effort = np.interp(lines, p.frequency, p.effort) * shape / roll_off(lines, dt)
     return effort, np.interp(lines, p.frequency, p.current) * shape
 
 
-def _edge(lines: Array, limit: float) -> Array:
+def roll_off(lines: NDArray[np.floating[Any]], dt: float) -> Array:
+    """Factor (f,) by which the weight of an effort falls at the frequencies `lines` (f,) Hz."""
+    attenuation: Array = np.hypot(1.0, lines * dt / thresholds.ROLL_OFF)
+    return attenuation
+
+
+def _band_edge(lines: Array, limit: float) -> Array:
     """One within the band, falling to zero over its last tenth."""
-    edge: Array = np.clip((limit - lines) / (0.1 * limit), 0.0, 1.0)
+    edge: Array = np.clip((limit - lines) / (thresholds.BAND_EDGE * limit), 0.0, 1.0)
     return edge

@@ -1,212 +1,213 @@
-"""The base refit: how far the gap closes by the parameters that the model has already.
+"""The baseline fit: how far the gap closes by parameters that the nominal model has already.
 
 Inertia, viscous friction, bias, the time shift of the logged current, every weight of the rolling friction and, where
-it helps, one bristle beside them, by Gauss-Newton on the tied model: what moves along the measured path is almost
-linear in all of them, so that two or three steps do.  The friction law's *form* is a nuisance here: no effect may
-be named for what another law of the family explains.
+it helps, one bristle next to them are fitted by Gauss-Newton on the tracked model.  The *form* of the friction law is
+a nuisance: no effect may be named for what another law of the family explains.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.residuals import friction_family, gram_matrices, least_squares, whitening
+from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.model_tracking import Lacking
-from stagectl.gap.residuals.sensitivities import Direction, Model, all_columns, lacks, residuals_of
+from stagectl.gap.residuals.linear_fit import bounded_step
+from stagectl.gap.residuals.model_tracking import ModelResidual
+from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
+from stagectl.gap.residuals.whitening import NoiseLevel, Whitener, single_noise, whitener
+from stagectl.gap.selection import thresholds
 from stagectl.kernels import friction_bristle, stage
 from stagectl.parallel import in_parallel
 
-START = "start"  # of the friction, in each run its own
-SPREAD = 0.3  # prior standard deviation of inertia and viscous friction, of their nominal values
-STEPS = 3
-HELPS = 0.02  # of the closable misfit: a bristle that takes less is left out
+START = "start"  # the friction's state at the beginning, with an amplitude of its own in each run
 
 
-class Base(NamedTuple):
-    """The nominal model refitted, and what it leaves."""
+class BaselineFit(NamedTuple):
+    """The nominal model refitted, and its residuals."""
 
-    model: Model
-    noise: whitening.Whitener
+    model: TrackedModel
+    noise: Whitener
     directions: tuple[Direction, ...]
     products: gram_matrices.Products  # of all these directions, START taken out
     before: list[list[Array]]  # whitened residual of each run and repeat, nominal model
     after: list[list[Array]]  # the same, refitted
-    moved: dict[str, float]  # how far each parameter went, in its own unit
-    deviation: dict[str, float]  # its standard deviation, robust against correlation within half strokes
 
 
-def weight(k: int) -> str:
+def weight_name(k: int) -> str:
     """Name of the direction of one stop operator's weight."""
     return f"weight_{k}"
 
 
-def directions(session: Session, model: Model, measured: bool) -> list[Direction]:
-    """All that the base refit may move."""
+def is_member(name: str) -> bool:
+    """Whether a direction is a bristle of the family, of which the model has one at most."""
+    return name.startswith("bristle_") and name not in ("bristle_size", "bristle_length")
+
+
+def parameter_names(moving: Iterable[Direction]) -> list[str]:
+    """The directions that are parameters of the model: neither the start nor a bristle of the family."""
+    names = [direction.name for direction in moving]
+    return [name for name in names if name != START and not is_member(name)]
+
+
+def directions(session: Session, model: TrackedModel, measured: bool) -> list[Direction]:
+    """All that the baseline fit may move; the time shift only where a current was `measured`."""
     p, coulomb = model.stage, friction_family.size(model.stage)
-    found = [
-        Direction("inertia", lambda m: _mechanics(m, inertia=0.05 * p.mechanics.inertia), 0.05 * p.mechanics.inertia),
-        Direction("bias", lambda m: _mechanics(m, bias=0.05 * coulomb), 0.05 * coulomb),
-        Direction(START, lambda m: m, 1.0, load=0.5),
+    viscous = thresholds.VISCOUS_CHANGE * (
+        p.mechanics.viscous or thresholds.NATURAL_DAMPING * p.mechanics.inertia / session.dt
+    )
+    moving = [
+        _mechanics("inertia", thresholds.INERTIA_CHANGE * p.mechanics.inertia),
+        _mechanics("bias", thresholds.BIAS_CHANGE * coulomb),
+        Direction(START, lambda m: m, 1.0, load=thresholds.START_LOAD),
+        _mechanics("viscous", viscous),
+        *(_weight(k, thresholds.WEIGHT_CHANGE * coulomb) for k in range(len(p.friction.operators.weight))),
     ]
-    damping = 0.1 * (p.mechanics.viscous or 1e-3 * p.mechanics.inertia / session.dt)
-    found.append(Direction("viscous", lambda m: _mechanics(m, viscous=damping), damping))
-    found += [_weight(k, 0.02 * coulomb) for k in range(len(p.friction.operators.weight))]
     if measured:
-        step = 0.2 * session.dt
-        found.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + step), step))
+        step = thresholds.SHIFT_CHANGE * session.dt
+        moving.append(Direction("time_shift", lambda m: m._replace(shift=m.shift + step), step))
     if p.friction.bristle.coulomb > 0.0:
-        found += [_bristle_size(), _bristle_length()]
-    return found
+        moving += [
+            _bristle("bristle_size", 1.0 + thresholds.BRISTLE_CHANGE, 1.0, thresholds.BRISTLE_CHANGE),
+            _bristle("bristle_length", 1.0, 1.0 + thresholds.LENGTH_CHANGE, thresholds.LENGTH_CHANGE),
+        ]
+    return moving
 
 
-def _mechanics(m: Model, **added: float) -> Model:
-    p = m.stage.mechanics
-    changed = p._replace(**{name: getattr(p, name) + value for name, value in added.items()})
-    return m._replace(stage=m.stage._replace(mechanics=changed))
+def _mechanics(name: str, added: float) -> Direction:
+    def change(m: TrackedModel) -> TrackedModel:
+        p = m.stage.mechanics
+        changed = p._replace(**{name: getattr(p, name) + added})
+        return m._replace(stage=m.stage._replace(mechanics=changed))
+
+    return Direction(name, change, added)
 
 
-def _friction(m: Model, **parts: Any) -> Model:
+def _with_friction(m: TrackedModel, **parts: Any) -> TrackedModel:
     return m._replace(stage=m.stage._replace(friction=m.stage.friction._replace(**parts)))
 
 
-def with_weight(m: Model, k: int, added: float) -> Model:
-    """The model with one stop operator stronger by `added` (N m | N)."""
-    p = m.stage.friction.operators
-    changed = p.weight.copy()
-    changed[k] = max(changed[k] + added, 0.0)
-    return _friction(m, operators=p._replace(weight=changed))
+def _weight(k: int, added: float) -> Direction:
+    """One stop operator, stronger by `added` (N m | N)."""
+
+    def change(m: TrackedModel) -> TrackedModel:
+        p = m.stage.friction.operators
+        changed = p.weight.copy()
+        changed[k] = max(changed[k] + added, 0.0)
+        return _with_friction(m, operators=p._replace(weight=changed))
+
+    return Direction(weight_name(k), change, added)
 
 
-def _weight(k: int, size: float) -> Direction:
-    return Direction(weight(k), lambda m: with_weight(m, k, size), size)
-
-
-def _bristle_size() -> Direction:
-    return Direction("bristle_size", lambda m: _friction(m, bristle=_grown(m.stage.friction.bristle, 1.1, 1.0)), 0.1)
-
-
-def _bristle_length() -> Direction:
-    return Direction("bristle_length", lambda m: _friction(m, bristle=_grown(m.stage.friction.bristle, 1.0, 1.2)), 0.2)
-
-
-def _grown(p: friction_bristle.Bristle, size: float, length: float) -> friction_bristle.Bristle:
-    return p._replace(coulomb=p.coulomb * size, stiffness=p.stiffness * size / length)
+def _bristle(name: str, size: float, length: float, change: float) -> Direction:
+    """The nominal bristle by a factor on its size or its length."""
+    return Direction(
+        name,
+        lambda m: _with_friction(m, bristle=friction_bristle.scaled(m.stage.friction.bristle, size, length)),
+        change,
+    )
 
 
 def members(nominal: stage.Stage) -> list[Direction]:
-    """Bristles that may stand beside the stop operators; none where the nominal law is a bristle itself."""
+    """Bristles that may join the stop operators; none where the nominal law is a bristle itself."""
     if nominal.friction.bristle.coulomb > 0.0:
         return []
-    size = 0.1 * friction_family.size(nominal)
+    size = thresholds.MEMBER_CHANGE * friction_family.size(nominal)
     return [_member(f"bristle_{k}", p, size) for k, p in enumerate(friction_family.bristles(nominal))]
 
 
 def _member(name: str, p: friction_bristle.Bristle, size: float) -> Direction:
-    one = p._replace(coulomb=size, stiffness=p.stiffness * size / p.coulomb)
-    return Direction(name, lambda m: _friction(m, bristle=one), size)
+    bristle = p._replace(coulomb=size, stiffness=p.stiffness * size / p.coulomb)
+    return Direction(name, lambda m: _with_friction(m, bristle=bristle), size)
 
 
-def noise_of(model: Model, runs: Sequence[Run], dt: float) -> whitening.Whitener:
-    """The whitening filter, from what the repeats of each run differ by.
+def noise_of(model: TrackedModel, runs: Sequence[Run], dt: float) -> Whitener:
+    """The whitening filter, from the differences between the repeats of each run.
 
-    Where no experiment was repeated, from what rounding to encoder counts and the model's own residual at the upper
-    end of the band tell.
+    Where no experiment was repeated, the noise is estimated from differences between neighbouring samples of the
+    model's own residual.
     """
     repeated = [run for run in runs if len(run.paths) > 1]
-    each = in_parallel(lambda run: [lacks(model, path) for path in run.paths], repeated or runs)
-    differences = [one for all_ in each for one in (_deviations(all_) if repeated else [_roughness(all_[0])])]
-    return whitening.whitener(differences, _least(runs, model), dt)
+    residuals = in_parallel(lambda run: [model_residual(model, path) for path in run.paths], repeated or runs)
+    records = [_deviations(repeats) if repeated else [_roughness(repeats[0])] for repeats in residuals]
+    noise = list(itertools.chain.from_iterable(records))
+    return whitener(noise, _least_noise(runs, model), dt)
 
 
-def _least(runs: Sequence[Run], model: Model) -> tuple[float, float]:
-    """A ten-thousandth of what drives the axis: effort (N m | N) and current (A)."""
+def _is_measured(runs: Sequence[Run]) -> bool:
+    """Whether the logs hold the current next to the command."""
+    return bool(np.isfinite(runs[0].mean.rows[:, 2]).all())
+
+
+def _least_noise(runs: Sequence[Run], model: TrackedModel) -> NoiseLevel:
     current = np.concatenate([run.mean.rows[:, 0] for run in runs])
-    rms = 1e-4 * float(np.sqrt(np.nanmean(current * current)))
-    measured = bool(np.isfinite(runs[0].mean.rows[:, 2]).all())
-    return rms * model.stage.motor.force_constant, rms if measured else 0.0
+    rms = thresholds.LEAST_NOISE * float(np.sqrt(np.nanmean(current * current)))
+    return NoiseLevel(rms * model.stage.motor.force_constant, rms if _is_measured(runs) else 0.0)
 
 
-def _deviations(each: list[Lacking]) -> list[Lacking]:
-    scale = np.sqrt(len(each) / (len(each) - 1))
-    effort, current = np.mean([x.effort for x in each], axis=0), np.mean([x.current for x in each], axis=0)
-    return [Lacking(scale * (x.effort - effort), scale * (x.current - current)) for x in each]
+def _deviations(repeats: Sequence[ModelResidual]) -> list[ModelResidual]:
+    effort, current = (single_noise(signals) for signals in zip(*repeats, strict=True))
+    return [ModelResidual(*pair) for pair in zip(effort, current, strict=True)]
 
 
-def _roughness(p: Lacking) -> Lacking:
-    """What is left of a signal by third differences: noise, as nothing else changes from sample to sample."""
-    return Lacking(*(np.diff(one, 3, prepend=np.zeros(3)) / np.sqrt(20.0) for one in p))
+def _roughness(p: ModelResidual) -> ModelResidual:
+    """Third differences: noise, as nothing else changes from sample to sample."""
+    return ModelResidual(
+        *(np.diff(signal, 3, prepend=np.zeros(3)) / np.sqrt(thresholds.DIFFERENCED_NOISE) for signal in p)
+    )
 
 
-def refit(session: Session, runs: Sequence[Run], nominal: Model, frozen: Sequence[str] = ()) -> Base:
-    """Move the parameters that the model has towards the data; those of the names `frozen` stay."""
-    measured = bool(np.isfinite(runs[0].mean.rows[:, 2]).all())
+def refit(session: Session, runs: Sequence[Run], nominal: TrackedModel, frozen: Sequence[str] = ()) -> BaselineFit:
+    """Fit the parameters that the model has to the data, except those whose names are `frozen`."""
     noise = noise_of(nominal, runs, session.dt)
     model = nominal._replace(stage=nominal.stage._replace(friction=friction_family.spread(nominal.stage.friction)))
     before = residuals_of(nominal, runs, noise)
-    free = [one for one in directions(session, model, measured) if one.name not in frozen]
-    beside = members(nominal.stage)
-    known = gram_matrices.products(runs, all_columns(model, runs, [*free, *beside], noise), START)
-    left, total = before, dict.fromkeys((one.name for one in free), 0.0)
+    moving = directions(session, model, _is_measured(runs))
+    free = [direction for direction in moving if direction.name not in frozen]
+    bristles = members(nominal.stage)
+    known = gram_matrices.products(runs, all_columns(model, runs, [*free, *bristles], noise), START)
+    residuals = before
     chosen: Direction | None = None
-    for _ in range(STEPS):
-        g = gram_matrices.dealt(known, left)
+    for _ in range(thresholds.BASELINE_STEPS):
+        g = gram_matrices.fold_sums(known, residuals)
         if chosen is None:
-            chosen = _best_member(model, g, free, beside)
-        move = _bounded_step(model, g, free, chosen, total)
-        model = moved(model, move, chosen)
-        total = {name: total.get(name, 0.0) + step for name, step in move.items()}
-        left = residuals_of(model, runs, noise)
-    g = gram_matrices.grams(known, left)
-    deviation = robust(g, [one.name for one in free if one.name != START])
-    return Base(model, noise, (*free, *beside), known, before, left, total, deviation)
+            chosen = _best_member(g, parameter_names(free), bristles)
+        names = [*parameter_names(free), *([] if chosen is None else [chosen.name])]
+        low = np.array([lowest(model, name) for name in names])
+        model = moved(model, bounded_step(g, names, low, np.full(len(names), np.inf)), chosen)
+        residuals = residuals_of(model, runs, noise)
+    return BaselineFit(model, noise, (*free, *bristles), known, before, residuals)
 
 
-def _best_member(
-    model: Model, g: gram_matrices.Grams, free: Sequence[Direction], beside: list[Direction]
-) -> Direction | None:
+def _best_member(g: gram_matrices.Grams, names: Sequence[str], bristles: Sequence[Direction]) -> Direction | None:
+    """The bristle that explains most next to the parameters `names`; None where none explains enough."""
     summed, closable = g.both.sum(axis=0), float(g.both[:, -1, -1].sum() - g.floor.sum())
-    own = g.of([one.name for one in free if one.name != START])
-    alone = least_squares.fit(summed, own).misfit
-    fits = [(least_squares.fit(summed, [*own, *g.of([one.name])]), one) for one in beside]
-    good = [(one.misfit, member) for one, member in fits if one.amplitude[-1] > 0.0]
-    best = min(good, key=lambda pair: pair[0], default=None)
-    return best[1] if best is not None and alone - best[0] > HELPS * closable else None
+    own = g.places(names)
+    without = least_squares.fit(summed, own).residual_sum_of_squares
+    fits = [(least_squares.fit(summed, [*own, *g.places([bristle.name])]), bristle) for bristle in bristles]
+    possible = [(fit.residual_sum_of_squares, bristle) for fit, bristle in fits if fit.amplitude[-1] > 0.0]
+    left, best = min(possible, key=lambda pair: pair[0], default=(without, None))
+    return best if without - left > thresholds.BRISTLE_GAIN * closable else None
 
 
-def _bounded_step(
-    model: Model, g: gram_matrices.Grams, free: Sequence[Direction], chosen: Direction | None, total: dict[str, float]
-) -> dict[str, float]:
-    """One Gauss-Newton step within what is physical: no negative weight, inertia or damping."""
-    names = [one.name for one in free if one.name != START] + ([chosen.name] if chosen is not None else [])
-    low = np.array([lowest(model, name) for name in names])
-    step = least_squares.bounded(g.both.sum(axis=0), g.of(names), low, np.full(len(names), np.inf))
-    return dict(zip(names, step.tolist(), strict=True))
-
-
-def lowest(model: Model, name: str) -> float:
+def lowest(model: TrackedModel, name: str) -> float:
     """How far down a parameter may go: no negative weight, inertia or damping."""
     p = model.stage
     if name.startswith("weight_"):
         return -float(p.friction.operators.weight[int(name.removeprefix("weight_"))])
     if name in ("inertia", "viscous"):
-        return -0.9 * float(getattr(p.mechanics, name))
+        return thresholds.LOWEST_MECHANICS * float(getattr(p.mechanics, name))
     if is_member(name):
         return -p.friction.bristle.coulomb
-    return -0.8 if name.startswith("bristle_") else -np.inf
+    return thresholds.LOWEST_BRISTLE if name.startswith("bristle_") else -np.inf
 
 
-def is_member(name: str) -> bool:
-    """Whether a direction is a bristle of the family, of which one at most is in the model."""
-    return name.startswith("bristle_") and name not in ("bristle_size", "bristle_length")
-
-
-def moved(model: Model, move: dict[str, float], member: Direction | None) -> Model:
-    """`model` with each parameter moved by its step."""
+def moved(model: TrackedModel, move: Mapping[str, float], member: Direction | None) -> TrackedModel:
+    """`model` with each parameter moved by its step, and the bristle `member` of the family, if there is one."""
     p = model.stage
     mechanics = p.mechanics._replace(
         inertia=p.mechanics.inertia + move.get("inertia", 0.0),
@@ -214,37 +215,21 @@ def moved(model: Model, move: dict[str, float], member: Direction | None) -> Mod
         bias=p.mechanics.bias + move.get("bias", 0.0),
     )
     operators = p.friction.operators
-    weights = np.array([max(w + move[weight(k)], 0.0) for k, w in enumerate(operators.weight)])
-    bristle = _grown(
-        p.friction.bristle, 1.0 + move.get("bristle_size", 0.0), max(1.0 + move.get("bristle_length", 0.0), 0.2)
-    )
+    weights = np.array([max(weight + move[weight_name(k)], 0.0) for k, weight in enumerate(operators.weight)])
+    length = max(1.0 + move.get("bristle_length", 0.0), thresholds.SHORTEST_BRISTLE)
+    bristle = friction_bristle.scaled(p.friction.bristle, 1.0 + move.get("bristle_size", 0.0), length)
     if member is not None:
-        bristle = _added(bristle, member, model, move[member.name])
+        bristle = _with_force(bristle, member.change(model).stage.friction.bristle, move[member.name])
     changed = p.friction._replace(operators=operators._replace(weight=weights), bristle=bristle)
-    stage_ = p._replace(mechanics=mechanics, friction=changed)
-    return model._replace(stage=stage_, shift=model.shift + move.get("time_shift", 0.0))
+    moved_stage = p._replace(mechanics=mechanics, friction=changed)
+    return model._replace(stage=moved_stage, shift=model.shift + move.get("time_shift", 0.0))
 
 
-def _added(
-    bristle: friction_bristle.Bristle, member: Direction, model: Model, force: float
+def _with_force(
+    bristle: friction_bristle.Bristle, member: friction_bristle.Bristle, force: float
 ) -> friction_bristle.Bristle:
-    one = member.change(model).stage.friction.bristle
+    """The bristle `member` with the force of `bristle` and `force` (N m | N) more; `bristle` where that is nothing."""
     coulomb = max(bristle.coulomb + force, 0.0)
-    return one._replace(coulomb=coulomb, stiffness=one.stiffness * coulomb / one.coulomb) if coulomb else bristle
-
-
-def robust(g: gram_matrices.Grams, names: Sequence[str]) -> dict[str, float]:
-    """Standard deviations by the sandwich over half strokes: what is left is no white noise."""
-    variances = np.diag(covariance(g, names))
-    return dict(zip(names, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
-
-
-def covariance(g: gram_matrices.Grams, names: Sequence[str]) -> Array:
-    """Covariance (k, k) of the amplitudes of `names`, by the same sandwich."""
-    places, summed = g.of(names), g.both.sum(axis=0)
-    a = summed[np.ix_(places, places)]
-    inverse = least_squares.inverse(a)
-    best = inverse @ summed[places, -1]
-    scores = np.array([one[places, -1] - one[np.ix_(places, places)] @ best for one in g.both])
-    found: Array = inverse @ (scores.T @ scores) @ inverse
-    return found
+    return (
+        member._replace(coulomb=coulomb, stiffness=member.stiffness * coulomb / member.coulomb) if coulomb else bristle
+    )

@@ -1,4 +1,4 @@
-"""The library on one machine: every effect as groups of columns, one group for each place on its shapes' grid."""
+"""The library on one machine: every effect as groups of columns, one group for each place on the grid of its shapes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Definition, TimeVariation
 from stagectl.gap.effects.stage_changes import coulomb, scaled
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals.sensitivities import Direction, Model
+from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
+from stagectl.gap.selection.thresholds import SCALED_CHANGE
 from stagectl.kernels.stage import Stage
 
 
@@ -19,16 +20,16 @@ class Form(NamedTuple):
 
     effect: Definition
     shape: Mapping[str, float]
-    typical: tuple[float, ...]  # size of each amplitude that its column was taken at
-    names: tuple[str, ...]  # of the columns, one an amplitude
+    typical: tuple[float, ...]  # size of each amplitude at which its column was taken
+    names: tuple[str, ...]  # of the columns, one for each amplitude
 
     def values(self, amplitudes: Sequence[float]) -> dict[str, float]:
         """All parameters of the effect, for these amplitudes within their bounds."""
-        pairs = zip(self.effect.amplitudes, amplitudes, strict=True)
-        return {**self.shape, **{one.name: min(max(float(x), one.low), one.high) for one, x in pairs}}
+        bounds = zip(self.effect.amplitudes, amplitudes, strict=True)
+        return {**self.shape, **{bound.name: min(max(float(x), bound.low), bound.high) for bound, x in bounds}}
 
 
-class Named(NamedTuple):
+class EffectValues(NamedTuple):
     """An effect with values for all its parameters."""
 
     effect: Definition
@@ -36,69 +37,64 @@ class Named(NamedTuple):
 
 
 def forms(effects: Sequence[Definition]) -> list[Form]:
-    """Every effect at every place of its grid."""
+    """Every effect at every place on its grid."""
     return [form for effect in effects for form in _forms(effect)]
 
 
 def _forms(effect: Definition) -> list[Form]:
     grids = [shape.grid for shape in effect.shapes]
-    sizes = list(zip(*(one.typical for one in effect.amplitudes), strict=True))
-    found = []
-    for place in itertools.product(*grids):
-        shape = {one.name: value for one, value in zip(effect.shapes, place, strict=True)}
-        for size in sizes:
-            at = ",".join(f"{value:.6g}" for value in (*place, *size))
-            names = tuple(f"{effect.name}({at}).{one.name}" for one in effect.amplitudes)
-            found.append(Form(effect, shape, size, names))
-    return found
+    sizes = list(zip(*(amplitude.typical for amplitude in effect.amplitudes), strict=True))
+    return [_form(effect, place, size) for place in itertools.product(*grids) for size in sizes]
+
+
+def _form(effect: Definition, place: tuple[float, ...], size: tuple[float, ...]) -> Form:
+    shape = {axis.name: value for axis, value in zip(effect.shapes, place, strict=True)}
+    values = ",".join(f"{value:.6g}" for value in (*place, *size))
+    names = tuple(f"{effect.name}({values}).{amplitude.name}" for amplitude in effect.amplitudes)
+    return Form(effect, shape, size, names)
 
 
 def directions(form: Form) -> list[Direction]:
     """The columns of `form`: one amplitude at a time, at its typical size."""
-    if form.effect.time_variation is not None:
-        return _time_varying(form, form.effect.time_variation)
-    return [
-        direction(Named(form.effect, form.values([0.0] * len(form.typical))), one.name, size, name)
-        for one, size, name in zip(form.effect.amplitudes, form.typical, form.names, strict=True)
-    ]
+    variation = form.effect.time_variation
+    named = zip(form.effect.amplitudes, form.typical, form.names, strict=True)
+    if variation is not None:
+        return [
+            on_the_clock(name, variation, amplitude.name, lambda clock: variation.factor(form.shape, clock))
+            for amplitude, _, name in named
+        ]
+    absent = EffectValues(form.effect, form.values([0.0] * len(form.typical)))
+    return [direction(absent, amplitude.name, size, name) for amplitude, size, name in named]
 
 
-def _time_varying(form: Form, time_variation: TimeVariation) -> list[Direction]:
-    """Columns of what runs on the session clock: those of the parameter that it scales, times a factor of time."""
-
-    def factor(clock: Array) -> Array:
-        found: Array = time_variation.factor(form.shape, clock)
-        return found
-
-    return [
-        Direction(name, SCALED[time_variation.of[one.name]], STEP, factor=factor)
-        for one, name in zip(form.effect.amplitudes, form.names, strict=True)
-    ]
+def on_the_clock(name: str, variation: TimeVariation, amplitude: str, factor: Callable[[Array], Array]) -> Direction:
+    """The column of what runs on the session clock: that of the parameter it scales, times a factor of time."""
+    return Direction(name, _SCALED[variation.of[amplitude]], SCALED_CHANGE, factor=factor)
 
 
-def _scaled(change: Callable[[Stage, Mapping[str, float]], Stage]) -> Callable[[Model], Model]:
-    return lambda m: m._replace(stage=change(m.stage, {"size": STEP}))
+def _scaled(change: Callable[[Stage, Mapping[str, float]], Stage]) -> Callable[[TrackedModel], TrackedModel]:
+    return lambda m: m._replace(stage=change(m.stage, {"size": SCALED_CHANGE}))
 
 
-STEP = 0.1  # of a scaled parameter
-SCALED = {"coulomb": _scaled(coulomb), "viscous": _scaled(scaled("mechanics.viscous"))}
+# One function for each, so that all directions that scale the same parameter share one simulation.
+_SCALED = {"coulomb": _scaled(coulomb), "viscous": _scaled(scaled("mechanics.viscous"))}
 
 
-def direction(at: Named, parameter: str, step: float, name: str) -> Direction:
-    """The model with one parameter of an effect moved by `step` from where it is."""
-    changed = Named(at.effect, {**at.values, parameter: at.values[parameter] + step})
+def direction(current: EffectValues, parameter: str, step: float, name: str) -> Direction:
+    """The model with one parameter of an effect moved by `step` from its current value."""
+    changed = EffectValues(current.effect, {**current.values, parameter: current.values[parameter] + step})
     return Direction(name, lambda m: equipped(m, [changed]), step)
 
 
-def equipped(p: Model, effects: Sequence[Named]) -> Model:
+def equipped(p: TrackedModel, effects: Sequence[EffectValues]) -> TrackedModel:
     """The model with these effects in its stage."""
     stage = p.stage
-    for one in effects:
-        stage = one.effect.apply(stage, one.values)
+    for valued in effects:
+        stage = valued.effect.apply(stage, valued.values)
     return p._replace(stage=stage)
 
 
 def without(effects: Sequence[Definition], excluded: Sequence[str]) -> list[Definition]:
-    """The library less the effects that must not be candidates, nor under the name of a wider one that holds them."""
+    """The library without the effects `excluded`, and without wider effects that hold them as a special case."""
     gone = {*excluded, *(wider for name in excluded for wider in library.generalisations(name))}
-    return [one for one in effects if one.name not in gone]
+    return [effect for effect in effects if effect.name not in gone]

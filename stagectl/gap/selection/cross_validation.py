@@ -1,8 +1,8 @@
-"""What each effect would take from the gap that is left, on data that did not fit it.
+"""What each effect would explain of the remaining gap, on data that did not fit it.
 
-All nuisances are projected out first, over all data: what they can take is theirs.  Then the half strokes are dealt
-into two hands.  Amplitudes fitted on one are judged on the other, both ways; an effect's score is the smaller of the
-two relative drops.
+All nuisances are partialled out first, over all data: what they can explain is theirs.  Then the half strokes are
+sorted into two folds.  Amplitudes fitted on one are judged on the other, both ways; an effect's score is the smaller
+of the two relative drops.
 """
 
 from __future__ import annotations
@@ -14,19 +14,23 @@ import numpy as np
 
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import least_squares
-from stagectl.gap.residuals.gram_matrices import Grams, first_hand
+from stagectl.gap.residuals.gram_matrices import Grams
+from stagectl.gap.residuals.run_products import first_fold
 from stagectl.gap.selection.candidates import Form
+from stagectl.gap.selection.thresholds import SINGULAR, SINGULAR_FORM
+
+EFFORT, CURRENT = 0, 1  # the channels of a residual
 
 
-def hands(g: Grams, cut: Array) -> Array:
-    """(2, p + 1, p + 1) of the matrices (c, p + 1, p + 1) of one cut: its half strokes, two by two in turn."""
-    first = first_hand(g.stroke).astype(np.float64)
-    return np.stack([np.tensordot(hand, cut, 1) for hand in (first, 1.0 - first)])
+def folds(g: Grams, channel: Array) -> Array:
+    """(2, p + 1, p + 1) sums of the matrices (c, p + 1, p + 1) of one channel over the two folds of half strokes."""
+    first = first_fold(g.stroke).astype(np.float64)
+    return np.stack([np.tensordot(fold, channel, 1) for fold in (first, 1.0 - first)])
 
 
-def cuts_of(g: Grams) -> Array:
-    """(2, 2, p + 1, p + 1): the hands of the mechanics' cut and of the drive's."""
-    return np.stack([hands(g, g.effort), hands(g, g.current)])
+def channels_of(g: Grams) -> Array:
+    """(2, 2, p + 1, p + 1): the folds of the residual effort and of the missing current."""
+    return np.stack([folds(g, g.effort), folds(g, g.current)])
 
 
 def against(g: Array, residual: int) -> Array:
@@ -36,73 +40,75 @@ def against(g: Array, residual: int) -> Array:
 
 
 class Score(NamedTuple):
-    """What one form would take."""
+    """What one form would explain."""
 
     form: Form
-    gain: float  # of the sum of squares, judged on the other hand; both hands together
+    gain: float  # of the sum of squares, judged on the other fold; both folds together
     worst: float  # the smaller relative drop of the two
     amplitudes: tuple[float, ...]  # from all data
-    before: float  # sum of squares without it, free of what nuisances can take
+    before: float  # sum of squares without the form, free of what nuisances explain
 
 
-def scores(cuts: Array, nuisance: Sequence[int], places: Sequence[Sequence[int]], forms: Sequence[Form]) -> list[Score]:
-    """Every form's score on the hands of both `cuts` (2, 2, p + 1, p + 1), free of what the nuisances can take.
+def scores(
+    channels: Array, nuisance: Sequence[int], places: Sequence[Sequence[int]], forms: Sequence[Form]
+) -> list[Score]:
+    """Every form's score on the folds of both `channels` (2, 2, p + 1, p + 1), free of what the nuisances explain.
 
-    An effect is judged by the cut that shows it: one of the drive by that of the drive, where a current is measured.
+    An effect is judged by the channel that shows it: an effect of the drive by the missing current, where a current is
+    measured.
     """
-    free = free_of(cuts, nuisance)
-    return [score_of(free[cut_of(form, cuts)], at, form) for form, at in zip(forms, places, strict=True)]
+    free = without_nuisances(channels, nuisance)
+    return [score_of(free[channel_of(form, channels)], own, form) for form, own in zip(forms, places, strict=True)]
 
 
-def free_of(cuts: Array, nuisance: Sequence[int]) -> Array:
-    """`cuts` with that of the mechanics free of what the nuisances can take.
+def without_nuisances(channels: Array, nuisance: Sequence[int]) -> Array:
+    """`channels` with the nuisances partialled out of the residual effort.
 
-    The time shift, which both cuts show, is the mechanics' to determine: the drive's cut stands as the base left it, or
-    no dead time would be seen.
+    The time shift shows in both channels and belongs to the mechanics.  The missing current stays as the baseline fit
+    left it; otherwise no dead time would show.
     """
-    return np.stack([freed(cuts[0], nuisance), cuts[1]])
+    return np.stack([partialled_out(channels[EFFORT], nuisance), channels[CURRENT]])
 
 
-def best_of(found: Sequence[Score]) -> dict[str, Score]:
+def best_of(of_forms: Sequence[Score]) -> dict[str, Score]:
     """The best form of every effect."""
     best: dict[str, Score] = {}
-    for score in found:
+    for score in of_forms:
         name = score.form.effect.name
         if name not in best or score.gain > best[name].gain:
             best[name] = score
     return best
 
 
-def cut_of(form: Form, cuts: Array) -> int:
-    """Number of the cut that shows the effect of `form`."""
-    return 1 if form.effect.block == "drive" and cuts[1].any() else 0
+def channel_of(form: Form, channels: Array) -> int:
+    """The channel that shows the effect of `form`."""
+    return CURRENT if form.effect.block == "drive" and channels[CURRENT].any() else EFFORT
 
 
-def freed(both: Array, nuisance: Sequence[int]) -> Array:
-    """The hands (2, p + 1, p + 1) with every column and the residual less what nuisances explain of it on all data."""
+def partialled_out(both: Array, nuisance: Sequence[int]) -> Array:
+    """The folds (2, p + 1, p + 1) with all columns and the residual less what the nuisances explain on all data."""
     g, n = both.sum(axis=0), list(nuisance)
-    a = g[np.ix_(n, n)] + np.diag(least_squares.RIDGE * g[n, n] + 1e-300)
-    scale = np.sqrt(np.diag(a))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    explained = np.linalg.pinv(a / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ (g[n] / scale[:, None])
+    a = g[np.ix_(n, n)] + least_squares.ridge(g[n, n])
+    scale = least_squares.column_lengths(a)
+    explained = np.linalg.pinv(a / np.outer(scale, scale), rcond=SINGULAR, hermitian=True) @ (g[n] / scale[:, None])
     explained = explained / scale[:, None]
     crossed = both[:, :, n] @ explained  # columns against what nuisances make of the others
     free: Array = both - crossed - np.swapaxes(crossed, 1, 2) + explained.T @ both[:, n][:, :, n] @ explained
     return free
 
 
-def score_of(free: Array, at: Sequence[int], form: Form) -> Score:
-    """The score of one form with its columns `at` on the hands (2, p + 1, p + 1) of its cut."""
-    places = [*at, -1]
-    hands, own = free[:, places][:, :, places], range(len(at))
-    whole, before = _solved(hands.sum(axis=0), form), float(hands[:, -1, -1].sum())
+def score_of(free: Array, own: Sequence[int], form: Form) -> Score:
+    """The score of one form with its columns `own` on the folds (2, p + 1, p + 1) of its channel."""
+    places = [*own, -1]
+    small, columns = free[:, places][:, :, places], range(len(own))
+    whole, before = _solved(small.sum(axis=0), form), float(small[:, -1, -1].sum())
     if not _admissible(form, whole):
         return Score(form, 0.0, 0.0, tuple(whole), before)
     drops = []
     for fitted, judged in ((0, 1), (1, 0)):
-        amplitude = _solved(hands[fitted], form)
-        alone = float(hands[judged, -1, -1])
-        drops.append((alone - least_squares.misfit(hands[judged], own, amplitude), alone))
+        amplitude = _solved(small[fitted], form)
+        alone = float(small[judged, -1, -1])
+        drops.append((alone - least_squares.residual_sum_of_squares(small[judged], columns, amplitude), alone))
     gain = sum(drop for drop, _ in drops)
     worst = min(drop / max(alone, 1e-300) for drop, alone in drops)
     return Score(form, gain, worst, tuple(whole), before)
@@ -115,12 +121,12 @@ def _solved(matrix: Array, form: Form) -> Array:
     a, b = matrix[:-1, :-1], matrix[:-1, -1]
     if not np.all(np.diag(a) > 0.0):
         return np.zeros(len(b))
-    found = b / a[0] if len(b) == 1 else np.linalg.lstsq(a, b, rcond=1e-12)[0]
-    low, high = np.array([(one.low, one.high) for one in form.effect.amplitudes]).T
-    return np.asarray(np.minimum(np.maximum(found, low), high), dtype=np.float64)
+    solved = b / a[0] if len(b) == 1 else np.linalg.lstsq(a, b, rcond=SINGULAR_FORM)[0]
+    low, high = np.array([(amplitude.low, amplitude.high) for amplitude in form.effect.amplitudes]).T
+    return np.asarray(np.minimum(np.maximum(solved, low), high), dtype=np.float64)
 
 
-def _admissible(form: Form, amplitude: Array) -> bool:
+def _admissible(form: Form, values: Array) -> bool:
     """Whether the sign is physical: an amplitude at a bound of zero explains nothing."""
-    pairs = zip(form.effect.amplitudes, amplitude, strict=True)
-    return all((one.low < 0.0 or x > 0.0) and (one.high > 0.0 or x < 0.0) for one, x in pairs)
+    bounds = zip(form.effect.amplitudes, values, strict=True)
+    return all((bound.low < 0.0 or value > 0.0) and (bound.high > 0.0 or value < 0.0) for bound, value in bounds)

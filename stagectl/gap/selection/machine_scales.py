@@ -1,4 +1,4 @@
-"""The sizes of one machine and its session, from which the library's typical values and grids follow."""
+"""The scales of one machine and its session, from which the library's typical values and grids follow."""
 
 from __future__ import annotations
 
@@ -10,39 +10,38 @@ from stagectl.gap.effects.effect import Scales
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.half_strokes import Run
+from stagectl.gap.selection.thresholds import LARGEST_SPEED, NATURAL_DAMPING
 
-FASTEST = 99.5  # percentile of the speed that counts as the largest
 
-
-def scales(session: Session, runs: Sequence[Run], found: Mapping[str, tuple[float, ...]]) -> Scales:
-    """What the nominal model and the logs tell of the machine's sizes; `found` are orders of the pitch by effect."""
+def scales(session: Session, runs: Sequence[Run], orders: Mapping[str, tuple[float, ...]]) -> Scales:
+    """The machine's scales, from the nominal model and the logs; `orders` of the pitch are by effect."""
     p = session.stage
     position = np.concatenate([run.mean.rows[:, 1] for run in runs])
-    current = np.concatenate([_given(run) for run in runs])
+    current = np.concatenate([_delivered_current(run) for run in runs])
     velocity = np.concatenate([np.gradient(run.mean.rows[:, 1], session.dt) for run in runs])
     low, high = float(position.min()), float(position.max())
     drive = p.drive
     voltage = np.abs(drive.resistance * current + drive.back_emf * velocity)
     return Scales(
         coulomb=friction_family.size(p),
-        viscous=p.mechanics.viscous or 1e-3 * p.mechanics.inertia / session.dt,
+        viscous=p.mechanics.viscous or NATURAL_DAMPING * p.mechanics.inertia / session.dt,
         inertia=p.mechanics.inertia,
         force_constant=p.motor.force_constant,
         length=friction_family.length(p.friction),
-        speed=float(np.percentile(np.abs(velocity), FASTEST)),
+        speed=float(np.percentile(np.abs(velocity), LARGEST_SPEED)),
         centre=0.5 * (low + high),
         stroke=0.5 * (high - low),
         current=float(np.abs(current).max()),
         pitch=p.mechanics.pitch,
         dt=session.dt,
         session=tuple(sorted({log.start for run in runs for log in run.logs})),
-        orders=found,
+        orders=orders,
         periods=p.encoder.interpolation.order if p.encoder.interpolation.order > 1.0 else 0.0,
         voltage=float(voltage.max()) if drive.back_emf > 0.0 else 0.0,
     )
 
 
-def _given(run: Run) -> Array:
-    """The current (n,) A that the drive gave, as far as it is measured: a command beyond a limit tells no size."""
+def _delivered_current(run: Run) -> Array:
+    """The current (n,) A of the drive where it is measured, else the command: a command beyond a limit is no scale."""
     command, measured = run.mean.rows[:, 0], run.mean.rows[:, 2]
     return np.where(np.isnan(measured), command, measured)

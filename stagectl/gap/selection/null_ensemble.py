@@ -1,29 +1,40 @@
 """How large a gain comes from a wrong friction law alone: an ensemble of machines without any effect.
 
-Each has another law of the family (Maxwell slip with random elements, Dahl with a random exponent, LuGre), as strong
-and about as long as the refitted one, and moves along the same measured path.  What the base model then lacks is
-form error and nothing else; the search runs over it exactly as over the data.  An effect counts as found only where
-its gain is beyond all that the ensemble gives that very effect.
+Each has another law of the family (Maxwell slip with random elements, Dahl with a random exponent, LuGre), with the
+strength and about the length of the refitted one, and moves along the same measured path.  The residual of the base
+model on such a machine is form error and nothing else.  The search runs over it exactly as over the data.  An effect
+counts as found only where its gain exceeds all gains that the ensemble gives this effect.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from stagectl.gap.residuals import friction_family
-from stagectl.gap.residuals.sensitivities import Direction, Model
+from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
+from stagectl.gap.selection import thresholds
 from stagectl.kernels import friction, friction_bristle, stage
 
 PREFIX = "null_"
 
 
-def members(model: Model, count: int, seed: int, usual: float) -> list[Direction]:
-    """Machines without an effect, as directions whose "column" is what the base model lacks on them.
+class BristleShape(NamedTuple):
+    """A bristle by what a reversal shows of it."""
 
-    Where the refit has left the model no friction at all, theirs is the `usual` one (N m | N).
+    coulomb: float  # N m | N
+    zone: float  # rad | m, after which 95 % have reversed
+    exponent: float  # Dahl's
+    damping: float  # in units of twice the root of its stiffness times 1e-6
+
+
+def members(model: TrackedModel, count: int, seed: int, usual: float) -> list[Direction]:
+    """Machines without an effect, as directions whose "column" is the residual of the base model on them.
+
+    Where the refit has left no friction in the model, theirs is `usual` (N m | N).
     """
     source, p = np.random.default_rng(seed), model.stage.friction
     coulomb = stage.sliding(p) or usual
@@ -35,39 +46,39 @@ def _member(name: str, law: stage.Friction) -> Direction:
 
 
 def _law(p: stage.Friction, coulomb: float, number: int, source: Generator) -> stage.Friction:
-    """A law of the family in turn, of this strength; as long as `p` within a fifth."""
-    zone = friction_family.length(p) * float(np.exp(0.2 * source.standard_normal()))
+    """The law of member `number`: Maxwell slip, LuGre and Dahl in turn."""
+    zone = friction_family.length(p) * float(np.exp(thresholds.ZONE_SPREAD * source.standard_normal()))
     if number % 3 == 0:
         return _maxwell(p, coulomb, zone, source)
-    exponent = 1.0 if number % 3 == 1 else float(source.uniform(0.5, 2.0))
-    damping = float(source.uniform(0.0, 0.02)) if number % 3 == 1 else 0.0
-    return _bristle(p, (coulomb, zone, exponent, damping))
+    lugre = number % 3 == 1
+    exponent = 1.0 if lugre else float(source.uniform(*thresholds.EXPONENT_RANGE))
+    damping = float(source.uniform(*thresholds.DAMPING_RANGE)) if lugre else 0.0
+    return _bristle(p, BristleShape(coulomb, zone, exponent, damping))
 
 
 def _maxwell(p: stage.Friction, coulomb: float, zone: float, source: Generator) -> stage.Friction:
-    count = int(source.integers(5, 16))
-    slip = zone * np.exp(source.uniform(np.log(0.02), np.log(0.55), count))
-    weight = source.dirichlet(np.full(count, 1.5)) * coulomb
+    count = int(source.integers(*thresholds.ELEMENT_COUNTS))
+    shortest, longest = thresholds.SLIP_RANGE
+    slip = zone * np.exp(source.uniform(np.log(shortest), np.log(longest), count))
+    weight = source.dirichlet(np.full(count, thresholds.WEIGHT_CONCENTRATION)) * coulomb
     return p._replace(operators=friction.bundle(weight, np.sort(slip)), bristle=friction_bristle.NEUTRAL)
 
 
-def _bristle(p: stage.Friction, shape: tuple[float, float, float, float]) -> stage.Friction:
-    coulomb, zone, exponent, damping = shape
-    # 95 % of a reversal after zone: of a Dahl bristle of n = 1 that is log(40/2) of its range, less or more of others.
-    stiffness = coulomb * _reach(exponent) / zone
-    micro = damping * 2.0 * np.sqrt(stiffness * 1e-6)  # small beside the rest: it damps, it does not carry
-    bristle = friction_bristle.Bristle(coulomb, stiffness, exponent, float(micro), p.stribeck)
+def _bristle(p: stage.Friction, shape: BristleShape) -> stage.Friction:
+    stiffness = shape.coulomb * _reach(shape.exponent) / shape.zone
+    micro = shape.damping * 2.0 * np.sqrt(stiffness * 1e-6)  # small: it damps, it does not carry
+    bristle = friction_bristle.Bristle(shape.coulomb, stiffness, shape.exponent, float(micro), p.stribeck)
     return p._replace(operators=friction.bundle([0.0], [1.0]), bristle=bristle)
 
 
 def _reach(exponent: float) -> float:
-    """Range lengths after which a bristle has come 95 % of the way from -1 to 1."""
+    """Range lengths after which a bristle has moved 95 % of the way from -1 to 1."""
     if exponent == 1.0:
-        return float(np.log(2.0 / 0.1))
+        return float(np.log(2.0 / thresholds.RANGE_LEFT))
     e = 1.0 - exponent
-    return float((2.0**e - 0.1**e) / e)
+    return float((2.0**e - thresholds.RANGE_LEFT**e) / e)
 
 
-def gains(names: Sequence[str]) -> list[str]:
+def member_names(names: Sequence[str]) -> list[str]:
     """The members among column names."""
     return [name for name in names if name.startswith(PREFIX)]

@@ -1,150 +1,149 @@
-"""Gauss-Newton over everything at once: effects with all their parameters, and the base model beside them."""
+"""Gauss-Newton over everything at once: all parameters of the effects, and the base model next to them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.effects.effect import TimeVariation, Values
+from stagectl.gap.effects.effect import Shape, TimeVariation, Values
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals import gram_matrices, least_squares, sensitivities
+from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.sensitivities import Direction, Model
-from stagectl.gap.selection import baseline_fit
-from stagectl.gap.selection.baseline_fit import Base
-from stagectl.gap.selection.candidates import SCALED, STEP, Named, direction, equipped
-
-STEPS = 3
-WIDEST = 1.6  # factor by which a shape may change in one step
-SETTLED = 1e-3  # of the misfit: a step that gains less is the last one
+from stagectl.gap.residuals.linear_fit import bounded_step
+from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
+from stagectl.gap.selection import baseline_fit, thresholds
+from stagectl.gap.selection.baseline_fit import BaselineFit
+from stagectl.gap.selection.candidates import EffectValues, direction, equipped, on_the_clock
 
 
 class Evidence(NamedTuple):
-    """The data of a diagnosis as the base refit left them."""
+    """The data of a diagnosis, and the baseline fit to them."""
 
     runs: Sequence[Run]
-    base: Base
+    base: BaselineFit
     deviations: list[list[Array]]  # whitened, of each repeat from the mean path
 
 
 class Fitted(NamedTuple):
     """A base model with effects, fitted together."""
 
-    model: Model  # base, without the effects
-    effects: tuple[Named, ...]
-    left: list[list[Array]]  # whitened residual of each run and repeat
-    misfit: float
+    model: TrackedModel  # base, without the effects
+    effects: tuple[EffectValues, ...]
+    residuals: list[list[Array]]  # whitened, of each run and repeat
+    residual_sum_of_squares: float
 
     @property
-    def equipped(self) -> Model:
+    def equipped(self) -> TrackedModel:
         """The model with its effects in place."""
         return equipped(self.model, self.effects)
 
 
-def evidence(runs: Sequence[Run], refitted: Base) -> Evidence:
-    """Ready for many fits: what single repeats differ by from their mean path does not change any more."""
+def evidence(runs: Sequence[Run], refitted: BaselineFit) -> Evidence:
+    """Ready for many fits: the deviations of single repeats from their mean path do not change any more."""
     means = sensitivities.mean_residuals(refitted.model, runs, refitted.noise)
-    deviations = [[one - mean for one in repeats] for repeats, mean in zip(refitted.after, means, strict=True)]
+    deviations = [
+        [residual - mean for residual in repeats] for repeats, mean in zip(refitted.after, means, strict=True)
+    ]
     return Evidence(runs, refitted, deviations)
 
 
 def repeated(e: Evidence) -> bool:
-    """Whether anything was done twice: without that there is no floor."""
-    return any(len(one) > 1 for one in e.deviations)
+    """Whether any experiment was repeated: without repeats there is no noise floor."""
+    return any(len(repeats) > 1 for repeats in e.deviations)
 
 
-def left(e: Evidence, model: Model, effects: Sequence[Named]) -> list[list[Array]]:
+def residuals(e: Evidence, model: TrackedModel, effects: Sequence[EffectValues]) -> list[list[Array]]:
     """Whitened residual of each run and repeat under `model` with `effects`."""
     whole = equipped(model, effects)
-    if any(one.effect.time_variation is not None for one in effects):
+    if any(valued.effect.time_variation is not None for valued in effects):
         return sensitivities.residuals_of(whole, e.runs, e.base.noise)
     means = sensitivities.mean_residuals(whole, e.runs, e.base.noise)
-    return [[mean + one for one in repeats] for mean, repeats in zip(means, e.deviations, strict=True)]
+    return [[mean + deviation for deviation in repeats] for mean, repeats in zip(means, e.deviations, strict=True)]
 
 
 def total(e: Evidence, residuals: list[list[Array]]) -> float:
-    """Sum of squares over all that counts; not finite where a simulation has diverged."""
+    """Sum of squares over all samples that count; not finite where a simulation has diverged."""
     with np.errstate(over="ignore", invalid="ignore"):
         return float(
             sum(
-                np.sum((one * run.weight[:, None]) ** 2)
+                np.sum((residual * run.weight[:, None]) ** 2)
                 for run, repeats in zip(e.runs, residuals, strict=True)
-                for one in repeats
+                for residual in repeats
             )
         )
 
 
 def floor(e: Evidence) -> float:
     """Sum of squares that repeats differ by."""
-    repeats = [len(one) for one in e.deviations]
-    pairs = zip(e.deviations, e.runs, repeats, strict=True)
     return sum(
-        float(np.sum((one * run.weight[:, None]) ** 2)) * count / max(count - 1, 1)
-        for each, run, count in pairs
-        for one in each
+        float(np.sum((deviation * run.weight[:, None]) ** 2)) * len(repeats) / max(len(repeats) - 1, 1)
+        for repeats, run in zip(e.deviations, e.runs, strict=True)
+        for deviation in repeats
     )
 
 
 def start(e: Evidence) -> Fitted:
-    """The refitted base without any effect."""
+    """The baseline fit, without any effect."""
     return Fitted(e.base.model, (), e.base.after, total(e, e.base.after))
 
 
-def refine(e: Evidence, model: Model, effects: Sequence[Named], steps: int = STEPS) -> Fitted:
-    """The best values of all parameters of `effects` and of the base beside them, from where they stand."""
-    residuals = left(e, model, effects)
-    now = Fitted(model, tuple(effects), residuals, total(e, residuals))
-    if any(one.effect.nonlinear for one in effects) and np.isfinite(now.misfit):
-        e = e._replace(base=e.base._replace(products=_products_beside(e, now)))
-    for _ in range(steps if np.isfinite(now.misfit) else 0):  # it diverged: no step can be told
+def refine(
+    e: Evidence, model: TrackedModel, effects: Sequence[EffectValues], steps: int = thresholds.REFINEMENT_STEPS
+) -> Fitted:
+    """The best values of all parameters of `effects` and of the base, from their current values."""
+    now = _fitted(e, model, tuple(effects))
+    if not np.isfinite(now.residual_sum_of_squares):  # it diverged: there is no step to take
+        return now
+    if any(valued.effect.nonlinear for valued in effects):
+        e = e._replace(base=e.base._replace(products=_base_products(e, now)))
+    for _ in range(steps):
         after = _step(e, now)
-        if after.misfit > now.misfit * (1.0 - SETTLED):
-            return after if after.misfit < now.misfit else now
+        if after.residual_sum_of_squares > now.residual_sum_of_squares * (1.0 - thresholds.SETTLED):
+            return after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
         now = after
     return now
 
 
-def _products_beside(e: Evidence, now: Fitted) -> gram_matrices.Products:
-    """The base's columns where the effects are in the model: across a gap, friction is not what it was."""
-    moving = [one for one in e.base.directions if not baseline_fit.is_member(one.name)]
+def _fitted(e: Evidence, model: TrackedModel, effects: tuple[EffectValues, ...]) -> Fitted:
+    left = residuals(e, model, effects)
+    return Fitted(model, effects, left, total(e, left))
 
-    def beside(one: Direction) -> Direction:
-        return one._replace(change=lambda _: equipped(one.change(now.model), now.effects))
 
-    found = sensitivities.all_columns(now.equipped, e.runs, [beside(one) for one in moving], e.base.noise)
-    return gram_matrices.products(e.runs, found, baseline_fit.START)
+def _base_products(e: Evidence, now: Fitted) -> gram_matrices.Products:
+    """The base's columns with the effects in the model: across a gap, friction acts differently."""
+
+    def with_effects(p: Direction) -> Direction:
+        return p._replace(change=lambda _: equipped(p.change(now.model), now.effects))
+
+    moving = [with_effects(p) for p in e.base.directions if not baseline_fit.is_member(p.name)]
+    columns = sensitivities.all_columns(now.equipped, e.runs, moving, e.base.noise)
+    return gram_matrices.products(e.runs, columns, baseline_fit.START)
 
 
 def _step(e: Evidence, now: Fitted) -> Fitted:
-    own = parameters(now)
-    g = gram_matrices.dealt(tangent(e, now, own), now.left)
-    nuisance = nuisances(e)
-    places = [*g.of(nuisance), *g.of([one.name for one in own])]
+    """One Gauss-Newton step, or the share of it that improves the fit; `now` where none does."""
+    own, nuisance = parameters(now), nuisances(e)
+    g = gram_matrices.fold_sums(tangent(e, now, own), now.residuals)
     low, high = np.array([(baseline_fit.lowest(now.model, name), np.inf) for name in nuisance] + _limits(now)).T
-    amplitude = least_squares.bounded(g.both.sum(axis=0), places, low, high)
-    move = dict(zip([*nuisance, *(one.name for one in own)], amplitude.tolist(), strict=True))
-    best = now
-    for share in (1.0, 0.4, 0.1):
-        model, effects = _moved(now, move, share)
-        residuals = left(e, model, effects)
-        misfit = total(e, residuals)
-        if misfit < best.misfit:
-            return Fitted(model, effects, residuals, misfit)
-    return best
+    step = bounded_step(g, [*nuisance, *(p.name for p in own)], low, high)
+    for share in thresholds.STEP_SHARES:
+        after = _fitted(e, *_moved(now, {name: share * value for name, value in step.items()}))
+        if after.residual_sum_of_squares < now.residual_sum_of_squares:
+            return after
+    return now
 
 
 def nuisances(e: Evidence) -> list[str]:
-    """Columns of the base that move beside every effect."""
-    return [
-        one.name for one in e.base.directions if one.name != baseline_fit.START and not baseline_fit.is_member(one.name)
-    ]
+    """Columns of the base that move next to every effect."""
+    return baseline_fit.parameter_names(e.base.directions)
 
 
 def tangent(e: Evidence, now: Fitted, own: Sequence[Direction]) -> gram_matrices.Products:
-    """The base's columns, and those of the effects' parameters where they stand."""
-    return gram_matrices.beside(e.base.products, sensitivities.all_columns(now.equipped, e.runs, own, e.base.noise))
+    """The base's columns, and those of the effects' parameters at their current values."""
+    columns = sensitivities.all_columns(now.equipped, e.runs, own, e.base.noise)
+    return gram_matrices.with_columns(e.base.products, columns)
 
 
 def parameters(now: Fitted) -> list[Direction]:
@@ -152,74 +151,71 @@ def parameters(now: Fitted) -> list[Direction]:
 
     Effects overwrite their fields, so a change is the same effect with another value on top of the whole model.
     """
-    found = []
-    for k, one in enumerate(now.effects):
-        if one.effect.time_variation is not None:
-            found += _drifting(one, one.effect.time_variation)
+    moving: list[Direction] = []
+    for k, valued in enumerate(now.effects):
+        if valued.effect.time_variation is not None:
+            moving += _on_the_clock(valued, valued.effect.time_variation)
             continue
-        for amplitude in one.effect.amplitudes:
-            step = 0.1 * max(abs(one.values[amplitude.name]), 0.3 * abs(amplitude.typical[0]))
-            found.append(_replaced(now, k, amplitude.name, step))
-        for shape in one.effect.shapes:
-            if shape.refined:
-                found.append(_replaced(now, k, shape.name, 0.05 * one.values[shape.name]))
-    return found
+        for amplitude in valued.effect.amplitudes:
+            size = max(abs(valued.values[amplitude.name]), thresholds.LEAST_AMPLITUDE * abs(amplitude.typical[0]))
+            moving.append(_replaced(now, k, amplitude.name, thresholds.AMPLITUDE_CHANGE * size))
+        moving += [
+            _replaced(now, k, shape.name, thresholds.SHAPE_CHANGE * valued.values[shape.name])
+            for shape in _refined(valued)
+        ]
+    return moving
 
 
-def _drifting(one: Named, time_variation: TimeVariation) -> list[Direction]:
+def _refined(valued: EffectValues) -> list[Shape]:
+    return [shape for shape in valued.effect.shapes if shape.refined]
+
+
+def _on_the_clock(valued: EffectValues, variation: TimeVariation) -> Iterator[Direction]:
     """The same for what runs on the session clock: factors of time on the columns of what it scales."""
-    name, values = one.effect.name, dict(one.values)
-    found = [
-        Direction(
-            f"{name}.{x.name}",
-            SCALED[time_variation.of[x.name]],
-            STEP,
-            factor=lambda t: time_variation.factor(values, t),
-        )
-        for x in one.effect.amplitudes
-    ]
-    for shape in one.effect.shapes:
-        if shape.refined:  # an amplitude times the change of its factor
-            first, more = one.effect.amplitudes[0].name, {**values, shape.name: 1.05 * values[shape.name]}
-            scale = values[first] / (0.05 * values[shape.name])
+    name, values = valued.effect.name, dict(valued.values)
+    for amplitude in valued.effect.amplitudes:
+        yield on_the_clock(f"{name}.{amplitude.name}", variation, amplitude.name, lambda t: variation.factor(values, t))
+    first = valued.effect.amplitudes[0].name
+    for shape in _refined(valued):  # an amplitude times the change of its factor
+        more = {**values, shape.name: (1.0 + thresholds.SHAPE_CHANGE) * values[shape.name]}
+        scale = values[first] / (thresholds.SHAPE_CHANGE * values[shape.name])
 
-            def factor(t: Array, more: Values = more, scale: float = scale) -> Array:
-                changed: Array = scale * (time_variation.factor(more, t) - time_variation.factor(values, t))
-                return changed
+        def factor(t: Array, more: Values = more, scale: float = scale) -> Array:
+            changed: Array = scale * (variation.factor(more, t) - variation.factor(values, t))
+            return changed
 
-            found.append(Direction(f"{name}.{shape.name}", SCALED[time_variation.of[first]], STEP, factor=factor))
-    return found
+        yield on_the_clock(f"{name}.{shape.name}", variation, first, factor)
 
 
 def _replaced(now: Fitted, k: int, parameter: str, step: float) -> Direction:
-    one = now.effects[k]
-    changed = Named(one.effect, {**one.values, parameter: one.values[parameter] + step})
+    valued = now.effects[k]
+    changed = EffectValues(valued.effect, {**valued.values, parameter: valued.values[parameter] + step})
     others = [*now.effects[:k], changed, *now.effects[k + 1 :]]
-    plain = direction(one, parameter, step, f"{one.effect.name}.{parameter}")
+    plain = direction(valued, parameter, step, f"{valued.effect.name}.{parameter}")
     return plain._replace(change=lambda m: equipped(m._replace(stage=now.model.stage), others))
 
 
-def _moved(now: Fitted, move: Mapping[str, float], share: float) -> tuple[Model, tuple[Named, ...]]:
-    part = {name: share * value for name, value in move.items()}
-    model = baseline_fit.moved(now.model, part, None)
-    return model, tuple(_shifted(one, part) for one in now.effects)
+def _moved(now: Fitted, move: Mapping[str, float]) -> tuple[TrackedModel, tuple[EffectValues, ...]]:
+    return baseline_fit.moved(now.model, move, None), tuple(_shifted(valued, move) for valued in now.effects)
 
 
 def _limits(now: Fitted) -> list[tuple[float, float]]:
     """How far each of the effects' parameters may move in one step, in the order of `parameters`."""
-    found = []
-    for one in now.effects:
-        for amplitude in one.effect.amplitudes:
-            value = one.values[amplitude.name]
-            found.append((amplitude.low - value, amplitude.high - value))
-        for shape in one.effect.shapes:
-            if shape.refined:
-                value = one.values[shape.name]
-                low, high = max(value / WIDEST, shape.low), min(value * WIDEST, shape.high)
-                found.append((low - value, high - value))
-    return found
+    limits: list[tuple[float, float]] = []
+    for valued in now.effects:
+        for amplitude in valued.effect.amplitudes:
+            value = valued.values[amplitude.name]
+            limits.append((amplitude.low - value, amplitude.high - value))
+        for shape in _refined(valued):
+            value = valued.values[shape.name]
+            low, high = (
+                max(value / thresholds.SHAPE_FACTOR, shape.low),
+                min(value * thresholds.SHAPE_FACTOR, shape.high),
+            )
+            limits.append((low - value, high - value))
+    return limits
 
 
-def _shifted(one: Named, move: Mapping[str, float]) -> Named:
-    moves = {name: move.get(f"{one.effect.name}.{name}", 0.0) for name in one.values}
-    return Named(one.effect, {name: value + moves[name] for name, value in one.values.items()})
+def _shifted(valued: EffectValues, move: Mapping[str, float]) -> EffectValues:
+    moves = {name: move.get(f"{valued.effect.name}.{name}", 0.0) for name in valued.values}
+    return EffectValues(valued.effect, {name: value + moves[name] for name, value in valued.values.items()})

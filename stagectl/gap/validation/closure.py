@@ -8,11 +8,11 @@ from typing import NamedTuple
 from stagectl.gap.logs.session import Log, Session
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.half_strokes import by_experiment, runs
-from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Gap, Trace
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence
-from stagectl.gap.selection.search import Selected
+from stagectl.gap.selection.swap_tests import Selection
 from stagectl.gap.validation import held_out_gap
 from stagectl.kernels.stage import Stage
 
@@ -30,7 +30,7 @@ class Told(NamedTuple):
     open: bool = False  # whether the loop says that something is missing
 
 
-def told(session: Session, e: Evidence, selected: Selected, improved: Stage) -> Told:
+def told(session: Session, e: Evidence, selected: Selection, improved: Stage) -> Told:
     """Of the held-out runs, or of all where none is: in closed loop where it is known, else along the path."""
     judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
     if session.law is None or any(log.setpoints is None for log in judged):
@@ -39,7 +39,7 @@ def told(session: Session, e: Evidence, selected: Selected, improved: Stage) -> 
     return found._replace(open=stays_open(found.gap, judged))
 
 
-def closed(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> Told:
+def closed(session: Session, e: Evidence, selected: Selection, improved: Stage, judged: Sequence[Log]) -> Told:
     """The gap of the held-out runs in closed loop."""
     now, nominal = selected.fitted, sensitivities.model_of(session, session.stage)
     before, after = (held_out_gap.predicted(session, p, judged) for p in (session.stage, improved))
@@ -90,14 +90,14 @@ def _shares(taken: dict[str, float], gap: Gap) -> dict[str, float]:
     return {**shares, UNEXPLAINED: 1.0 - noise - sum(shares.values()), NOISE: noise}
 
 
-def along_the_path(session: Session, e: Evidence, selected: Selected, improved: Stage, judged: Sequence[Log]) -> Told:
+def along_the_path(session: Session, e: Evidence, selected: Selection, improved: Stage, judged: Sequence[Log]) -> Told:
     """The gap of the effort along the measured path, where no loop can be simulated."""
     now, dt = selected.fitted, session.dt
     held = bool(judged and judged[0].held_out)
     paths = runs(session, held)
     unit = "N" if session.kind == "linear" else "N m"
 
-    def left(model: Model) -> held_out_gap.Squares:
+    def left(model: TrackedModel) -> held_out_gap.Squares:
         return held_out_gap.effort(model, paths, e.base.noise, dt)
 
     nominal = sensitivities.model_of(session, session.stage)

@@ -16,8 +16,9 @@ import numpy as np
 
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals import friction_family, sensitivities, whitening
-from stagectl.gap.residuals.half_strokes import Run, by_experiment, half_strokes, known_from
-from stagectl.gap.residuals.sensitivities import Model
+from stagectl.gap.residuals.half_strokes import Run, by_experiment, half_strokes, known_from, spans
+from stagectl.gap.residuals.sensitivities import TrackedModel
+from stagectl.gap.residuals.thresholds import BAND
 from stagectl.gap.result.diagnosis import Gap, Trace
 from stagectl.gap.validation.rollouts import closed_all, column
 from stagectl.kernels.stage import Stage
@@ -77,7 +78,7 @@ def counted(session: Session, logs: Sequence[Log]) -> list[Judged]:
     for log in logs:
         valid = log.valid.copy()
         valid[: known_from(log.position, zone)] = False
-        found.append(Judged(log._replace(valid=valid), _strokes(log.position, session.dt)))
+        found.append(Judged(log._replace(valid=valid), spans(half_strokes(log.position, session.dt))))
     return found
 
 
@@ -130,12 +131,6 @@ def floor(judged: Sequence[Judged], rows: Sequence[Array], channel: str) -> Squa
                 sums.append(float(whole[piece][log.valid[piece]].sum()))
                 counts.append(int(log.valid[piece].sum()))
     return Squares(np.array(sums), np.array(counts, dtype=np.float64))
-
-
-def _strokes(position: Array, dt: float) -> list[slice]:
-    cluster = half_strokes(position, dt)
-    borders = [0, *(np.flatnonzero(np.diff(cluster)) + 1).tolist(), len(cluster)]
-    return [slice(a, b) for a, b in itertools.pairwise(borders)]
 
 
 def gap(before: Squares, after: Squares, least: Squares, unit: str, expected: float | None = None) -> Gap:
@@ -195,13 +190,13 @@ def traces(
     return found
 
 
-def effort(p: Model, runs: Sequence[Run], noise: whitening.Whitener, dt: float) -> Squares:
+def effort(p: TrackedModel, runs: Sequence[Run], noise: whitening.Whitener, dt: float) -> Squares:
     """Effort that the model lacks along the runs, in the band of the cuts, summed over half strokes (N m | N)."""
     plain = _flat(noise)
     sums: list[float] = []
     counts: list[float] = []
     for run, repeats in zip(runs, sensitivities.residuals_of(p, runs, plain), strict=True):
-        scale = math.sqrt(whitening.BAND / dt)  # back from unit density to the signal's own size
+        scale = math.sqrt(BAND / dt)  # back from unit density to the signal's own size
         for one in repeats:
             _by_stroke(run, scale * one[:, 0], sums, counts)
     return Squares(np.array(sums), np.array(counts))
@@ -218,14 +213,14 @@ def _by_stroke(run: Run, signal: Array, sums: list[float], counts: list[float]) 
         counts.append(float(run.weight[mine].sum()))
 
 
-def effort_floor(p: Model, runs: Sequence[Run], noise: whitening.Whitener, dt: float) -> Squares:
+def effort_floor(p: TrackedModel, runs: Sequence[Run], noise: whitening.Whitener, dt: float) -> Squares:
     """What repeats differ by in that effort; zeros where nothing was repeated."""
     plain = _flat(noise)
     sums: list[float] = []
     counts: list[float] = []
     for run, repeats in zip(runs, sensitivities.residuals_of(p, runs, plain), strict=True):
         mean, count = np.mean(repeats, axis=0), len(repeats)
-        scale = math.sqrt(whitening.BAND / dt * count / max(count - 1, 1))
+        scale = math.sqrt(BAND / dt * count / max(count - 1, 1))
         for one in repeats:
             _by_stroke(run, scale * (one - mean)[:, 0], sums, counts)
     return Squares(np.array(sums), np.array(counts))

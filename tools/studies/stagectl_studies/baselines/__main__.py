@@ -35,7 +35,7 @@ def _list(text: str) -> tuple[str, ...]:
 
 def answer(folder: Path, out: Path, names: Sequence[str], lists: tuple[tuple[str, ...], tuple[str, ...]]) -> None:
     """Write the answers of `names`; `lists` = (excluded, told)."""
-    from stagectl.gap.controller_check.command_check import parity
+    from stagectl.gap.controller_check.command_check import check_command
     from stagectl.gap.logs.load_session import load
     from stagectl_studies.baselines import blackbox, ladder, oracle, refit, sparse
     from stagectl_studies.baselines.baseline_common import Answer, Ground, as_json, ground
@@ -48,7 +48,7 @@ def answer(folder: Path, out: Path, names: Sequence[str], lists: tuple[tuple[str
         "blackbox": blackbox.blackbox,
         "oracle": lambda g: oracle.oracle(g, told),
     }
-    agreement = parity(session)
+    agreement = check_command(session)
     g = ground(session, excluded) if agreement.agrees or not agreement.checked else None
     for name in names:
         found = Answer((), session.stage) if g is None else ways[name](g)

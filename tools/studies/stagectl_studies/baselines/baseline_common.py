@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 from stagectl.gap import diagnose
 from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.selection import search
+from stagectl.gap.selection import candidate_scores
+from stagectl.gap.selection.candidate_scores import Library
 from stagectl.gap.selection.cross_validation import Score, best_of
 from stagectl.gap.selection.refine import Evidence, Fitted
-from stagectl.gap.selection.search import Library
 from stagectl.kernels import stage
 from stagectl.kernels.stage import Stage
 
@@ -55,7 +55,7 @@ def shifts(g: Ground) -> tuple[str, ...]:
 
 def scored(g: Ground, now: Fitted) -> dict[str, Score]:
     """The best form of every effect that is not in the model yet, on what is left."""
-    return best_of(search.scored(g.evidence, g.library, now).scores)
+    return best_of(candidate_scores.scored(g.evidence, g.library, now).scores)
 
 
 def as_json(answer: Answer) -> dict[str, Any]:

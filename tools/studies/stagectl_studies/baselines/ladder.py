@@ -7,7 +7,7 @@ Models for the Physics Simulation of Servo Actuators, arXiv 2410.08650).
 from __future__ import annotations
 
 from stagectl.gap.selection import refine
-from stagectl.gap.selection.search import named
+from stagectl.gap.selection.candidate_scores import effect_of
 from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
 
 RUNGS: tuple[tuple[str, ...], ...] = (
@@ -25,7 +25,7 @@ def ladder(g: Ground) -> Answer:
     best = scored(g, refine.start(g.evidence))
     fits = []
     for rung in RUNGS:
-        effects = [named(best[name]) for name in rung if name in best and best[name].gain > 0.0]
+        effects = [effect_of(best[name]) for name in rung if name in best and best[name].gain > 0.0]
         fits.append(refine.refine(g.evidence, g.evidence.base.model, effects, 2))
-    chosen = min(fits, key=lambda one: one.misfit)
+    chosen = min(fits, key=lambda one: one.residual_sum_of_squares)
     return Answer(tuple(one.effect.name for one in chosen.effects), chosen.equipped.stage, shifts(g))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stagectl.gap.selection import refine
-from stagectl.gap.selection.search import named
+from stagectl.gap.selection.candidate_scores import effect_of
 from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
 
 
@@ -20,6 +20,6 @@ def oracle(g: Ground, told: Sequence[str]) -> Answer:
         best = scored(g, now)
         name = max(waiting, key=lambda one: best[one].gain)
         waiting.remove(name)
-        after = refine.refine(g.evidence, now.model, [*now.effects, named(best[name])])
-        now = after if after.misfit < now.misfit else now
+        after = refine.refine(g.evidence, now.model, [*now.effects, effect_of(best[name])])
+        now = after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
     return Answer(tuple(one.effect.name for one in now.effects), now.equipped.stage, shifts(g))

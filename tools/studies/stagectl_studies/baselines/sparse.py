@@ -15,7 +15,7 @@ import numpy as np
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.selection import baseline_fit, refine
-from stagectl.gap.selection.candidates import Form, Named, equipped
+from stagectl.gap.selection.candidates import EffectValues, Form, equipped
 from stagectl_studies.baselines.baseline_common import Answer, Ground, shifts
 
 MOST = 10  # effects
@@ -24,18 +24,18 @@ MOST = 10  # effects
 def sparse(g: Ground) -> Answer:
     """The effects of the greedy path with the least BIC, and the model with their linear amplitudes."""
     e = g.evidence
-    matrices = gram_matrices.dealt(g.library.products, e.base.after)
-    whole, nuisance = matrices.both.sum(axis=0), matrices.of(refine.nuisances(e))
+    matrices = gram_matrices.fold_sums(g.library.products, e.base.after)
+    whole, nuisance = matrices.both.sum(axis=0), matrices.places(refine.nuisances(e))
     n = 2.0 * sum(float(run.weight.sum()) * len(run.paths) for run in e.runs)
-    chosen = greedy(whole, nuisance, [(form, matrices.of(form.names)) for form in g.library.forms], n)
-    places = [place for form in chosen for place in matrices.of(form.names)]
+    chosen = greedy(whole, nuisance, [(form, matrices.places(form.names)) for form in g.library.forms], n)
+    places = [place for form in chosen for place in matrices.places(form.names)]
     amplitude = least_squares.fit(whole, [*nuisance, *places]).amplitude
     moved = dict(zip(refine.nuisances(e), amplitude[: len(nuisance)].tolist(), strict=True))
     possible = {name: max(step, baseline_fit.lowest(e.base.model, name)) for name, step in moved.items()}
     model = baseline_fit.moved(e.base.model, possible, None)
     rest, effects = amplitude[len(nuisance) :].tolist(), []
     for form in chosen:
-        effects.append(Named(form.effect, form.values([rest.pop(0) for _ in form.names])))
+        effects.append(EffectValues(form.effect, form.values([rest.pop(0) for _ in form.names])))
     return Answer(tuple(form.effect.name for form in chosen), equipped(model, effects).stage, shifts(g))
 
 
@@ -62,7 +62,11 @@ def bic_of(squares: float, n: float) -> float:
 
 
 def _drop(left: Array, at: Sequence[int]) -> float:
-    return float(left[-1, -1] - least_squares.fit(left, at).misfit) if np.all(np.diag(left)[list(at)] > 0.0) else 0.0
+    return (
+        float(left[-1, -1] - least_squares.fit(left, at).residual_sum_of_squares)
+        if np.all(np.diag(left)[list(at)] > 0.0)
+        else 0.0
+    )
 
 
 def _without(whole: Array, at: Sequence[int]) -> Array:

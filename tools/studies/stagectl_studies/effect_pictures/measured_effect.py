@@ -16,9 +16,11 @@ from stagectl.gap.experiment_design import battery, catalogue
 from stagectl.gap.experiment_design.experiment import Experiment
 from stagectl.gap.inference import basis_functions, time_localisation
 from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.residuals.model_tracking import Path as MeasuredPath
-from stagectl.gap.residuals.sensitivities import lacks, model_of
+from stagectl.gap.residuals.model_tracking import MeasuredPath
+from stagectl.gap.residuals.sensitivities import model_of, model_residual
 from stagectl.kernels import rollout, stage
+from stagectl.kernels.law import OUTPUT_COLUMNS
+from stagectl.recording.replay import recomputed
 from stagectl.simulation import noise, structured
 
 EFFORT, CURRENT, COMMAND = "effort", "current", "command"
@@ -115,7 +117,7 @@ def _residual(setup: Setup, base: stage.Stage, scene: Scene, path: MeasuredPath,
     if scene.channel == COMMAND:
         return _recomputed(setup, rows)
     model = model_of(_session(setup, base), base)
-    unexplained = lacks(model, path)
+    unexplained = model_residual(model, path)
     if scene.channel == CURRENT:
         return unexplained.current
     effort = time_localisation.untracked(unexplained.effort, model, setup.dt)
@@ -131,10 +133,7 @@ def _recomputed(setup: Setup, rows: NDArray[Any]) -> Array:
     """Cut A: the logged command minus the recomputed one."""
     law = setup.controller.law
     setpoints = np.stack([rows[name] for name in rollout.COLUMNS[1 : 1 + rollout.SETPOINTS]], axis=1)
-    out = np.zeros((len(rows), 7))
-    rollout.answers(law, (np.ascontiguousarray(setpoints), np.ascontiguousarray(rows["measured"]), out))
-    column = rollout.COLUMNS.index("current") - 1 - rollout.SETPOINTS
-    difference: Array = rows["current"] - out[:, column]
+    difference: Array = rows["current"] - recomputed(law, setpoints, rows["measured"])[:, OUTPUT_COLUMNS["current"]]
     return difference
 
 

@@ -1,4 +1,4 @@
-"""The steps of the diagnosis one by one: closed forms and properties, no whole pipeline."""
+"""How residuals are formed, step by step: closed forms and properties, no whole pipeline."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.effects.effect import Scales
-from stagectl.gap.effects.library import definitions
 from stagectl.gap.residuals import friction_family, least_squares, model_tracking, pitch_orders, whitening
 from stagectl.gap.residuals.half_strokes import half_strokes, known_from, standstills
-from stagectl.gap.residuals.model_tracking import Lacking
-from stagectl.gap.residuals.model_tracking import Path as Measured
-from stagectl.gap.selection import candidates
-from stagectl.gap.validation import held_out_gap
+from stagectl.gap.residuals.model_tracking import MeasuredPath as Measured
+from stagectl.gap.residuals.model_tracking import ModelResidual
+from stagectl.gap.residuals.thresholds import ROLL_OFF, TRACKER_BANDWIDTH
 from stagectl.kernels import effects, feedback, stage, tracked_model
 
 SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")
@@ -38,50 +35,48 @@ def _tied(p: stage.Stage) -> tracked_model.Tied:
     return tracked_model.Tied(p, model_tracking.tracker(SETUP.stage, SETUP.dt))
 
 
-def test_a_true_model_lacks_nothing() -> None:
-    lacks = model_tracking.lacking(_tied(SETUP.stage), _driven(SETUP.stage), 10)
-    assert np.abs(lacks.effort).max() < 1e-9
-    assert np.abs(lacks.current).max() < 1e-12
+def test_a_true_model_has_no_residual() -> None:
+    residual = model_tracking.tracking_residual(_tied(SETUP.stage), _driven(SETUP.stage), 10)
+    assert np.abs(residual.effort).max() < 1e-9
+    assert np.abs(residual.current).max() < 1e-12
 
 
-def test_a_true_model_lacks_nothing_behind_an_encoder_that_is_out() -> None:
-    """From the first row on: it stands where the encoder reads it, not where it would be without errors."""
+def test_a_true_model_has_no_residual_behind_an_encoder_with_errors() -> None:
+    """From the first row on: the model starts where the encoder reads it, not where it would be without errors."""
     encoder = SETUP.stage.encoder._replace(step=0.0, eccentricity=effects.Harmonic(3e-4, 1.0, 0.3))
     p = SETUP.stage._replace(encoder=encoder)
-    assert np.abs(model_tracking.lacking(_tied(p), _driven(p), 10).effort).max() < 1e-9
+    assert np.abs(model_tracking.tracking_residual(_tied(p), _driven(p), 10).effort).max() < 1e-9
 
 
-def test_a_constant_effort_is_told_as_it_is() -> None:
+def test_a_constant_effort_is_recovered() -> None:
     p = SETUP.stage
     machine = p._replace(mechanics=p.mechanics._replace(bias=0.2))
-    lacks = model_tracking.lacking(_tied(p), _driven(machine), 10)
-    assert np.median(lacks.effort[len(lacks.effort) // 2 :]) == pytest.approx(0.2, rel=0.02)
+    residual = model_tracking.tracking_residual(_tied(p), _driven(machine), 10)
+    assert np.median(residual.effort[len(residual.effort) // 2 :]) == pytest.approx(0.2, rel=0.02)
 
 
-def test_what_two_changes_lack_adds_up() -> None:
+def test_the_residuals_of_two_changes_add_up() -> None:
     p = SETUP.stage
     path = _driven(p)
     damped = p._replace(mechanics=p.mechanics._replace(viscous=1.2 * p.mechanics.viscous))
     heavy = p._replace(mechanics=p.mechanics._replace(inertia=1.1 * p.mechanics.inertia))
     both = damped._replace(mechanics=damped.mechanics._replace(inertia=heavy.mechanics.inertia))
-    one, two, three = (model_tracking.lacking(_tied(x), path, 10).effort for x in (damped, heavy, both))
+    one, two, three = (model_tracking.tracking_residual(_tied(x), path, 10).effort for x in (damped, heavy, both))
     assert np.linalg.norm(three - one - two) < 0.02 * np.linalg.norm(three)
 
 
 def test_the_tracker_does_not_change_with_the_candidate() -> None:
-    gains = feedback.place_poles(
-        SETUP.stage.mechanics, SETUP.stage.motor.force_constant, model_tracking.BANDWIDTH / SETUP.dt
-    )
+    gains = feedback.place_poles(SETUP.stage.mechanics, SETUP.stage.motor.force_constant, TRACKER_BANDWIDTH / SETUP.dt)
     assert model_tracking.tracker(SETUP.stage, SETUP.dt) == feedback.discretised(gains, SETUP.dt)
 
 
 def test_whitened_noise_is_flat() -> None:
     source = np.random.default_rng(7)
-    noise = [Lacking(0.03 * source.standard_normal(20000), 0.01 * source.standard_normal(20000)) for _ in range(3)]
-    found = whitening.whitener(noise, (0.0, 0.0), SETUP.dt)
-    flat = dataclasses.replace(
-        found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / whitening.ROLL_OFF)
-    )
+    noise = [
+        ModelResidual(0.03 * source.standard_normal(20000), 0.01 * source.standard_normal(20000)) for _ in range(3)
+    ]
+    found = whitening.whitener(noise, whitening.NoiseLevel(0.0, 0.0), SETUP.dt)
+    flat = dataclasses.replace(found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / ROLL_OFF))
     white = whitening.whitened(flat, noise[0], SETUP.dt)[:, 0]
     assert 0.85 < white.var() < 1.15
 
@@ -95,7 +90,7 @@ def test_bounded_least_squares() -> None:
     assert free == pytest.approx([2.0, -1.0, 0.5], abs=1e-9)
     held = least_squares.bounded(z.T @ z, [0, 1, 2], np.zeros(3), np.full(3, np.inf))
     assert held[1] == pytest.approx(0.0, abs=1e-9) and held[0] > 1.5
-    assert least_squares.misfit(z.T @ z, [0, 1, 2], free) == pytest.approx(0.0, abs=1e-6)
+    assert least_squares.residual_sum_of_squares(z.T @ z, [0, 1, 2], free) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_column_that_the_data_do_not_have_moves_nothing() -> None:
@@ -118,7 +113,7 @@ def test_standstills_are_found() -> None:
     assert begin == pytest.approx(300, abs=12) and end == pytest.approx(700, abs=12)
 
 
-def test_the_friction_is_known_once_its_zone_is_gone_through() -> None:
+def test_the_friction_is_known_after_three_zones() -> None:
     assert known_from(np.linspace(0.0, 1.0, 101), 0.1) == 31  # three zones
     assert known_from(np.zeros(10), 0.1) == 0
 
@@ -143,25 +138,3 @@ def test_an_order_of_the_pitch_is_found() -> None:
     whole = np.arange(1, 20)
     signal = np.sin(7.0 * angle + 0.3) + 0.2 * np.random.default_rng(1).standard_normal(4000)
     assert pitch_orders.peaks(whole, pitch_orders.power(signal[None], angle, whole)[0])[0] == 7
-
-
-def test_shapley_shares_the_whole() -> None:
-    worth = {"": 10.0, "a": 4.0, "b": 7.0, "ab": 2.0}
-    found = held_out_gap.shapley(["a", "b"], lambda members: worth["".join(sorted(members))])
-    assert found["a"] + found["b"] == pytest.approx(8.0)
-    assert found == pytest.approx({"a": 5.5, "b": 2.5})
-
-
-def test_closure_counts_above_the_floor() -> None:
-    ones = np.ones(20)
-    one = [held_out_gap.Squares(value * ones, 10.0 * ones) for value in (101.0, 2.0, 1.0)]
-    gap = held_out_gap.gap(one[0], one[1], one[2], "rad")
-    assert gap.closure == pytest.approx(0.99) and gap.low == pytest.approx(0.99) and gap.high == pytest.approx(0.99)
-    assert gap.before == pytest.approx(math.sqrt(10.1))
-
-
-def test_an_effect_left_out_is_not_found_under_a_wider_name() -> None:
-    size = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1e-3)
-    names = {one.name for one in candidates.without(definitions(size), ("stribeck",))}
-    assert {"stribeck", "friction_lag"}.isdisjoint(names) and "viscous_nonlinear" in names
-    assert "stribeck" in {one.name for one in candidates.without(definitions(size), ("friction_lag",))}

@@ -1,3 +1,5 @@
+"""Many rollouts at once: the order of the items, the first exception, the same bits, and all cores at work."""
+
 from __future__ import annotations
 
 import threading
@@ -12,7 +14,7 @@ from stagectl import design, parallel
 from stagectl.config.stage_file import load_stage
 from stagectl.kernels import rollout, stage
 
-BALL_SCREW = Path(__file__).parents[2] / "config" / "ball-screw.yaml"
+BALL_SCREW = Path(__file__).parents[1] / "config" / "ball-screw.yaml"
 
 
 def _rollout(amplitude: float, count: int = 8000) -> NDArray[np.float64]:
@@ -51,10 +53,10 @@ def test_exception_of_the_first_item_that_fails() -> None:
 
     with pytest.raises(ValueError, match="item 1"):
         parallel.in_parallel(fails, range(200))
-    assert len(done) < 190  # what had not begun is left
+    assert len(done) < 190  # what had not begun is cancelled
 
 
-def test_rollouts_side_by_side_have_the_same_bits() -> None:
+def test_parallel_rollouts_have_the_same_bits() -> None:
     amplitudes = [0.3, 0.7, 1.1, 1.9, 2.6]
     alone = [_rollout(amplitude) for amplitude in amplitudes]
     for one, other in zip(alone, parallel.in_parallel(_rollout, amplitudes), strict=True):

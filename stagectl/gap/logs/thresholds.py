@@ -1,0 +1,40 @@
+"""Numbers that decide which logs and rows a diagnosis uses.
+
+Unless a line names another origin, a value was chosen and is not derived.
+"""
+
+from __future__ import annotations
+
+# -- control periods ---------------------------------------------------------------------------------------------------
+SAME_PERIOD = 1e-3  # share by which the sampling periods of two logs may differ
+SAME_STEP = 0.01  # share by which the steps of a log may differ from the control period and still be it
+SCATTER = 0.02  # rms of the time stamps, of the period: above it rows are resampled
+NOTED_SCATTER = 1e-3  # rms of the time stamps, of the period: above it a note reports the scatter
+NOTED_DRIFT = 1e-4  # share by which two clocks may differ before a note reports it
+GAP_STEPS = 3.5  # median steps: a longer step of a resampled column is a gap
+LEAST_ROWS = 100  # of a log
+LEAST_SPLINE = 6  # samples of a reference: a quintic spline needs as many
+SAME_INSTANT = 1e-9  # s: instants that are closer are the same
+
+# -- repeats -----------------------------------------------------------------------------------------------------------
+SAME_SIGNAL = 1e-3  # share of its range by which a repeated reference or injection may differ
+LEAST_LENGTH = 0.5  # of the longest repeat: a shorter one is left out, so that the others keep their rows
+
+# -- rows that do not count --------------------------------------------------------------------------------------------
+LOOP_SETTLED = 0.2  # s after a gap of the reference, until its effect on the loop has died out
+BRIDGED = 0.02  # s: a spline through the reference bridges shorter gaps
+SWITCHED_OFF = 0.05  # s at the end without current under a command: the drive is off
+NO_CURRENT = 1e-3  # of the largest current: less is none
+COMMANDED = 0.05  # of the largest command: this much, and no current
+FROZEN = 0.1  # s of one and the same position while the reference moves
+FROZEN_MOTION = 100.0  # encoder steps that the reference moves in that time
+FROZEN_SPEED = 0.05  # of the largest speed, instead, where the encoder step is not known
+RUN_AWAY = 5.0  # times the largest current: no drive follows such a command
+PLATEAU = 5  # rows in a row at the limit
+PLATEAU_CURRENT = 0.95  # of the largest current: at its limit, but for noise
+PLATEAU_COMMAND = 1.05  # of the largest current: a command beyond it
+KNOWN_LIMIT = 0.99  # of the drive's limit: a plateau there is the known limit
+
+# -- nominal model -----------------------------------------------------------------------------------------------------
+NOTED_SUM = 0.02  # share by which `coulomb` may miss the sum of the weights before a note reports it
+WRONG_SUM = 0.5  # the same, before one of the two must be wrong

@@ -1,0 +1,66 @@
+"""Numbers that decide how residuals are formed, filtered and fitted.
+
+Unless a line names another origin, a value was chosen and is not derived.
+"""
+
+from __future__ import annotations
+
+# -- tracking the model along a measured path --------------------------------------------------------------------------
+# Share of the sampling frequency: bandwidth of the tracker, 40 Hz at 2 kHz.  A faster tracker holds the model closer
+# to the path but excites every candidate that has a resonance.
+TRACKER_BANDWIDTH = 0.02
+SUBSTEPS = 4  # integration steps per period; effects stiffer than rolling friction take more by themselves
+# Integration steps per period for sensitivities: both simulations of a difference share their integration error, so
+# that half as many suffice.
+SENSITIVITY_SUBSTEPS = 2
+DIVERGED = 1e8  # standard deviations of noise: a larger column comes from a simulation that diverged
+
+# -- whitening ---------------------------------------------------------------------------------------------------------
+BAND = 0.2  # share of the sampling frequency: upper end of the band, 400 Hz at 2 kHz
+BAND_EDGE = 0.1  # share of the band over which the filter falls to zero at its upper end
+# Share of the sampling frequency, 40 Hz at 2 kHz: above it the weight of an effort falls with the frequency, as a servo
+# axis attenuates it.  Impacts ring there, and no model predicts their instants.  The current has no such roll-off.
+ROLL_OFF = 0.02
+KEPT = 2  # every second sample is kept: the band lies below half of the remaining sampling frequency
+WELCH_SEGMENT = 512  # samples of a segment of Welch's method
+SMOOTHED_LINES = 5  # neighbouring spectral lines that are averaged; odd
+LEAST_DENSITY = 1e-6  # share of the largest noise density: a lower density means missing data, not low noise
+
+# -- half strokes and standstills --------------------------------------------------------------------------------------
+SHORTEST_STROKE = 0.1  # s: faster reversals belong to one half stroke
+LONGEST_STROKE = 1.0  # s: a longer half stroke is divided, so that a slow scan is not a single cluster
+STROKE_WINDOW = 0.02  # s over which the position is averaged before its direction is taken
+STROKE_SPEED = 1e-3  # share of the largest speed: below it the axis has no direction
+ZONES_TRAVELLED = 3.0  # lengths of the rolling zone in one direction, after which every friction element slips
+SHORTEST_REST = 0.04  # s: a shorter standstill does not count as one
+REST_WINDOW = 0.01  # s over which a change of the position counts as motion
+REST_CHANGE = 1e-3  # share of the largest change within that window: below it the axis stands
+FILTER_EDGE = 0.02  # s at both ends of a run that do not count: the whitening filter has no neighbours there
+
+# -- the family of friction laws ---------------------------------------------------------------------------------------
+ELEMENTS = 9  # stop operators on the grid of the family
+SHORTEST_SLIP, LONGEST_SLIP = 0.4, 3.0  # of the nominal law's shortest and longest slip: range of that grid
+DISTINCT_SLIPS = 0.4  # logarithm of the ratio of two slips: below it they count as one element
+BRISTLE_EXPONENTS = (0.5, 1.0, 2.0)  # of Dahl's law
+BRISTLE_LENGTHS = (0.04, 0.12, 0.35)  # share of the rolling zone: Coulomb force over stiffness of a bristle
+UNLOADED_CURRENT = 0.01  # A: its force replaces the friction as a unit where the model has no friction
+REVERSED = 0.95  # share of the friction that has reversed at the end of the rolling zone
+
+# -- least squares on Gram matrices ------------------------------------------------------------------------------------
+FLAT = 1e-9  # smallest eigenvalue of the correlation matrix that counts as determined
+RIDGE = 1e-10  # share added to each diagonal element: columns that the data cannot separate stay finite
+SINGULAR = 1e-14  # relative singular value below which a direction is left out of a fit
+
+# -- orders of the pitch and resonances --------------------------------------------------------------------------------
+HIGHEST_ORDER = 60  # largest order of the pitch that is searched
+PEAKS = 3  # strongest orders or resonances of each kind that become candidates
+ORDERS_PER_WHOLE = 20  # steps between two whole orders, for effects whose order need not be whole
+APART_FROM_WHOLE = 2  # of these steps that such an order lies off a whole one
+LOWEST_FRACTIONAL = 26  # of these steps: lowest order of a ball pass, 1.3
+ORDERS_APART = 0.5  # orders between two ball-pass candidates
+LEAD_ORDERS = (2.0, 3.0)  # orders at which the friction of a lead may vary
+MOVING = 0.02  # share of the largest speed: slower samples do not enter a periodogram over the angle
+LOWEST_MODE, HIGHEST_MODE = 6.0, 75.0  # Hz: range in which a machine base rings
+MODE_SEGMENT = 2.0  # s of a segment of the spectrum: a mode damped by a few per cent rings as long
+MODE_SURROUNDINGS = 6.0  # Hz to either side, whose median a line must exceed
+MODES_APART = 2.0  # Hz between two modes
