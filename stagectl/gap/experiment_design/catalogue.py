@@ -1,17 +1,14 @@
-"""The library that the next experiment is chosen from: each tells effects apart that others leave ambiguous."""
+"""The catalogue that the next experiment is chosen from: each separates effects that others leave ambiguous."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
 from stagectl.gap.experiment_design import experiment_motions as more
 from stagectl.gap.experiment_design import motions
-from stagectl.gap.experiment_design.experiment import Experiment
-from stagectl.gap.experiment_design.motions import Place, carried, micro, preconditioned, steps
-from stagectl.gap.experiment_design.scale import Scale, scale_of
-from stagectl.trajectories import Dwell, Excited, Trajectory
+from stagectl.gap.experiment_design.experiment import Experiment, Recipe, made
+from stagectl.gap.experiment_design.motions import CarriedMultisine, carried, micro, steps
+from stagectl.gap.experiment_design.stage_scale import scale_of
+from stagectl.trajectories import Dwell
 
 _FRICTION = ("viscous", "viscous_nonlinear", "stribeck", "coulomb")
 _SIDES = ("coulomb_asymmetry", "viscous_asymmetry", "bias")
@@ -22,32 +19,12 @@ _WARM = ("thermal_viscous", "thermal_coulomb", "friction_step", "viscous", "coul
 _FAST = ("compliance", "dead_time", "current_loop", "base_vibration", "time_shift")
 
 
-class Recipe(NamedTuple):
-    """An experiment before it is made for a stage."""
-
-    name: str
-    separates: str
-    effects: tuple[str, ...]
-    made: Callable[[Scale], tuple[Trajectory, ...] | Excited]
-
-
 def library(setup: Setup) -> tuple[Experiment, ...]:
     """All of them, made for this stage.
 
     Raises GapError where the stage has no room or no current to move.
     """
-    return made(scale_of(setup))
-
-
-def made(p: Scale) -> tuple[Experiment, ...]:
-    """All of them, made for a stage of this scale."""
-    return tuple(_experiment(p, recipe) for recipe in RECIPES)
-
-
-def _experiment(p: Scale, recipe: Recipe) -> Experiment:
-    made = recipe.made(p)
-    motion = made if isinstance(made, Excited) else preconditioned(p, *made)
-    return Experiment(recipe.name, recipe.separates, recipe.effects, motion, p.unit)
+    return made(scale_of(setup), RECIPES)
 
 
 _SPREAD = "Speeds both ways, log-spaced over {}: "
@@ -62,7 +39,7 @@ RECIPES = (
     ),
     Recipe(
         "stairs-wide",
-        _SPREAD.format("two decades") + "viscous friction, its curvature and the Stribeck rise are bent apart.",
+        _SPREAD.format("two decades") + "viscous friction, its curvature and the Stribeck rise.",
         (*_FRICTION, *_SIDES),
         lambda p: more.speeds(p, 0.01, 1.0, 9, 0.8),
     ),
@@ -80,13 +57,13 @@ RECIPES = (
     ),
     Recipe(
         "creep",
-        "A slow creep: the encoder's periods and the steps of the command, one by one.",
+        "A slow creep: the encoder's periods and the steps of the command, one at a time.",
         ("encoder_interpolation", "current_quantisation", "stribeck", "presliding"),
         more.creep,
     ),
     Recipe(
         "constant-speed-long",
-        "Most of the stroke at constant speed: what does not repeat with the turn of the screw drifts against it.",
+        "Most of the stroke at constant speed: what does not repeat with the turn of the screw drifts relative to it.",
         _ANGLE,
         lambda p: more.constant(p, 0.2),
     ),
@@ -128,7 +105,7 @@ RECIPES = (
     ),
     Recipe(
         "micro-sweep",
-        "Micro-sines, smaller and smaller: play is dead first and stiff then, rolling friction the opposite.",
+        "Micro-sines, smaller and smaller: play is first slack and then stiff, rolling friction the opposite.",
         _ROLLING,
         lambda p: more.sizes(p, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.12),
     ),
@@ -140,7 +117,7 @@ RECIPES = (
     ),
     Recipe(
         "micro-fast",
-        "A fast sine just beyond presliding: what lags behind velocity shows against what follows displacement.",
+        "A fast sine just beyond presliding: separates what lags behind velocity from what follows displacement.",
         ("presliding", "friction_lag", "backlash", "compliance"),
         lambda p: (Dwell(0.1), micro(p, 3.0, 20.0, 8.0, 12.0)),
     ),
@@ -152,7 +129,7 @@ RECIPES = (
     ),
     Recipe(
         "dwells",
-        "Steps after 0.1, 1, 5 and 30 s of rest: only friction that grows with time at rest tells them apart.",
+        "Steps after 0.1, 1, 5 and 30 s of rest: only friction that grows with time at rest makes them differ.",
         ("dwell", "stribeck", "presliding"),
         lambda p: steps(p, p.short, (0.1, 1.0, 5.0, 30.0)),
     ),
@@ -174,18 +151,27 @@ RECIPES = (
         ("friction_lag", "stribeck", "inertia"),
         lambda p: more.swings(p, 0.1, 1.0, 3.0, 9.0),
     ),
-    Recipe("resonance-low", _LINES.format("low end"), _FAST, lambda p: carried(p, Place(0.05, 21, periods=3.0))),
-    Recipe("resonance-middle", _LINES.format("middle"), _FAST, lambda p: carried(p, Place(0.375, 22, periods=3.0))),
-    Recipe("resonance-high", _LINES.format("high end"), _FAST, lambda p: carried(p, Place(0.7, 23, periods=3.0))),
+    Recipe(
+        "resonance-low", _LINES.format("low end"), _FAST, lambda p: carried(p, CarriedMultisine(0.05, 21, periods=3.0))
+    ),
+    Recipe(
+        "resonance-middle",
+        _LINES.format("middle"),
+        _FAST,
+        lambda p: carried(p, CarriedMultisine(0.375, 22, periods=3.0)),
+    ),
+    Recipe(
+        "resonance-high", _LINES.format("high end"), _FAST, lambda p: carried(p, CarriedMultisine(0.7, 23, periods=3.0))
+    ),
     Recipe(
         "resonance-of-the-base",
-        "An odd multisine of 5 to 60 Hz on a moving axis: a base that moves, apart from what lies within the axis.",
+        "An odd multisine of 5 to 60 Hz on a moving axis: separates a base that moves from a compliance within the axis.",
         ("base_vibration", "compliance", "inertia"),
-        lambda p: carried(p, Place(0.375, 24, 0.15, 5.0, 60.0, 3.0)),
+        lambda p: carried(p, CarriedMultisine(0.375, 24, 0.15, 5.0, 60.0, 3.0)),
     ),
     Recipe(
         "step-and-settle",
-        "Stops from speed and time to ring out: the base goes on when the axis stands.",
+        "Stops from speed and time to ring out: the base goes on moving when the axis stands still.",
         ("base_vibration", "compliance", "dwell"),
         lambda p: more.settling(p, 0.75),
     ),
@@ -197,7 +183,7 @@ RECIPES = (
     ),
     Recipe(
         "fast-cruise",
-        "As fast as travel and current allow: a lack of voltage shows with speed, one of current does not.",
+        "As fast as travel and current allow: a voltage limit shows with speed, a current limit does not.",
         ("voltage_saturation", "current_saturation", "viscous_nonlinear"),
         more.fast_cruise,
     ),

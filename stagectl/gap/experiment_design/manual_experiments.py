@@ -1,22 +1,22 @@
-"""Experiments that no trajectory can do: a change by hand, or a reading, in words for the user."""
+"""Experiments that no trajectory can do: a change by hand, or a reading."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 
-class Manual(NamedTuple):
-    """What no trajectory can do: a change by hand, or a reading."""
+class ManualExperiment(NamedTuple):
+    """A change by hand, or a reading, in words for the user."""
 
     name: str
-    separates: str
+    separates: str  # effects, in words
     effects: tuple[str, ...]
     words: str  # what to do
     duration: float  # s, about
 
 
 MANUAL = (
-    Manual(
+    ManualExperiment(
         "added mass",
         "inertia and force constant: only one of them changes with a mass that is known",
         ("inertia", "force_constant", "current_gain"),
@@ -25,7 +25,7 @@ MANUAL = (
         "the same share.",
         900.0,
     ),
-    Manual(
+    ManualExperiment(
         "hanging weight",
         "force constant and the common scale of inertia and friction, by a force that is known",
         ("force_constant", "current_gain", "bias"),
@@ -33,28 +33,28 @@ MANUAL = (
         "the constant part of the current times the force constant must be that force.",
         900.0,
     ),
-    Manual(
+    ManualExperiment(
         "back-EMF",
         "force constant, without the current: in SI it is the volts per speed of the open motor",
         ("force_constant",),
         "Disconnect the motor, move the axis at a known speed, and read the voltage between two phases.",
         600.0,
     ),
-    Manual(
+    ManualExperiment(
         "second sensor",
         "errors of the encoder and of the screw from forces: a motor's encoder does not see its screw's lead error",
         ("encoder_eccentricity", "encoder_interpolation", "cogging", "lead_friction"),
         "Put a laser interferometer or a linear scale on the table and log it along with the slow scan both ways.",
         3600.0,
     ),
-    Manual(
+    ManualExperiment(
         "power-off reading",
         "offset of the current sensor from a force on the axis",
         ("current_offset", "bias", "coulomb_asymmetry"),
         "Read the drive's current for ten seconds with its power stage off: what it shows is the sensor's offset.",
         60.0,
     ),
-    Manual(
+    ManualExperiment(
         "timestamps",
         "a dead time that varies from one that does not",
         ("jitter", "dead_time", "time_shift"),
@@ -62,23 +62,23 @@ MANUAL = (
         "the jitter, the mean less the modelled delay the dead time.",
         600.0,
     ),
-    Manual(
+    ManualExperiment(
         "object dictionary",
-        "steps of the command, by what the drive says of itself",
+        "steps of the command, by what the drive reports of itself",
         ("current_quantisation", "current_loop", "current_saturation"),
         "Read rated current, current limits, gains of the current loop and the scale of the command object from the "
         "drive's object dictionary or data sheet, and compare them with the stage file.",
         300.0,
     ),
-    Manual(
+    ManualExperiment(
         "status word",
-        "a limit of current from one of voltage",
+        "a current limit from a voltage limit",
         ("current_saturation", "voltage_saturation"),
         "Log the statusword and the DC voltage along with the sine at the current limit: bit 11 of the statusword says "
         "that an internal limit is active.",
         300.0,
     ),
-    Manual(
+    ManualExperiment(
         "measured elsewhere on the base",
         "a base that moves from a compliance within the axis",
         ("base_vibration", "compliance"),

@@ -15,7 +15,7 @@ from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.experiment_design import battery, catalogue
 from stagectl.gap.experiment_design.experiment import Experiment
-from stagectl.gap.inference import basis_functions, time_localisation
+from stagectl.gap.inference import basis_functions, tracker_response
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals.model_tracking import Path as Tied
 from stagectl.gap.residuals.sensitivities import lacks, model_of
@@ -116,7 +116,7 @@ def _lacking(setup: Setup, base: stage.Stage, scene: Scene, path: Tied, rows: ND
     found = lacks(model, path)
     if scene.channel == CURRENT:
         return found.current
-    effort = time_localisation.untracked(found.effort, model, setup.dt)
+    effort = tracker_response.untracked(found.effort, model, setup.dt)
     filters: tuple[tuple[float, Literal["lowpass", "highpass"]], ...]
     filters = ((scene.band, "lowpass"), (scene.above, "highpass"))
     for edge, kind in filters:

@@ -1,4 +1,4 @@
-"""What of a stage its experiments are scaled to, and how much motion its limits and its current leave."""
+"""What of a stage its experiments are scaled to, and how much motion its limits and its current allow."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.config.stage_file import Setup
+from stagectl.gap.experiment_design.thresholds import (
+    FRICTION_BACK,
+    LEAST_EFFORT,
+    LEAST_REACH,
+    LEAST_REACH_LENGTHS,
+    RESOLVED_STEPS,
+    SHORT_LENGTHS,
+    SHORT_REACH,
+    SHORT_SHARE,
+    WORKING_EFFORT,
+)
 from stagectl.gap.logs.session import GapError
-from stagectl.kernels.stage import Friction
-
-BACK = 0.95  # of friction after a reversal
-LEAST_REACH = 0.02  # of the stroke, to its nearer end
-WORKING = 0.5  # of the largest current, that must do more than hold friction
-COARSEST = 100.0  # encoder steps: a shorter presliding length cannot be seen
+from stagectl.kernels.stage import Friction, Stage
 
 
-class Scale(NamedTuple):
+class StageScale(NamedTuple):
     """A stage in its unit of travel: metres of table, or radians where an axis has no lead."""
 
     unit: str  # m | rad
@@ -43,7 +49,8 @@ class Scale(NamedTuple):
     @property
     def short(self) -> float:
         """A stroke far beyond presliding, and a small part of the whole one (m)."""
-        return rounded(min(max(0.01 * self.span, 4.0 * self.presliding), 0.2 * self.reach))
+        short = max(SHORT_SHARE * self.span, SHORT_LENGTHS * self.presliding)
+        return rounded(min(short, SHORT_REACH * self.reach))
 
     @property
     def reach(self) -> float:
@@ -51,39 +58,14 @@ class Scale(NamedTuple):
         return min(-self.low, self.high)
 
 
-def scale_of(setup: Setup) -> Scale:
+def scale_of(setup: Setup) -> StageScale:
     """The scale of this stage.
 
     Raises GapError where it has no room to move both ways, or not the current to.
     """
-    return checked(_scale(setup), str(setup.path))
-
-
-def checked(found: Scale, place: str) -> Scale:
-    """`found`, which `place` describes, where its axis can move.
-
-    Raises GapError where it has no room to move both ways, or not the current to.
-    """
-    if not found.reach > max(LEAST_REACH * found.span, 8.0 * found.presliding):
-        raise GapError(
-            f"limits.travel = [{found.low:g}, {found.high:g}] {found.unit} in {place}; the experiments move both "
-            f"ways from where the axis stands, so both ends must be at least "
-            f"{max(LEAST_REACH * found.span, 8.0 * found.presliding):.3g} {found.unit} away from 0: count the travel "
-            "from a place within the stroke, and start there"
-        )
-    if not WORKING * found.effort > found.resisting:
-        raise GapError(
-            f"drive.current_limit = {found.current_limit:g} A in {place} gives an effort of {found.effort:g}; "
-            f"friction and bias alone take {found.resisting:g}, and at least {found.resisting / WORKING:.3g} is needed "
-            "to move freely: raise the limit, or correct the model's friction"
-        )
-    return found
-
-
-def _scale(setup: Setup) -> Scale:
     p, axis, limits = setup.stage, setup.file.axis, setup.file.limits
     per_unit = axis.travel_per_unit
-    return Scale(
+    scale = StageScale(
         unit=axis.travel_unit,
         low=limits.travel[0] * per_unit,
         high=limits.travel[1] * per_unit,
@@ -93,12 +75,40 @@ def _scale(setup: Setup) -> Scale:
         resisting=_coulomb(p.friction) + abs(p.mechanics.bias),
         viscous=p.mechanics.viscous / per_unit,
         inertia=p.mechanics.inertia / per_unit,
-        presliding=max(presliding(p.friction), COARSEST * p.encoder.step) * per_unit,
+        presliding=visible_presliding(p) * per_unit,
         pitch=p.mechanics.pitch * per_unit,
         encoder_step=p.encoder.step * per_unit,
         current_limit=p.drive.current_limit,
         dt=setup.dt,
     )
+    return checked(scale, str(setup.path))
+
+
+def checked(scale: StageScale, place: str) -> StageScale:
+    """`scale`, which `place` describes, where its axis can move.
+
+    Raises GapError where it has no room to move both ways, or not the current to.
+    """
+    least = max(LEAST_REACH * scale.span, LEAST_REACH_LENGTHS * scale.presliding)
+    if not scale.reach > least:
+        raise GapError(
+            f"limits.travel = [{scale.low:g}, {scale.high:g}] {scale.unit} in {place}; the experiments move both ways "
+            f"from where the axis stands, so both ends must be at least {least:.3g} {scale.unit} away from 0: count "
+            "the travel from a place within the stroke, and start there"
+        )
+    if not WORKING_EFFORT * scale.effort > scale.resisting:
+        raise GapError(
+            f"drive.current_limit = {scale.current_limit:g} A in {place} gives an effort of {scale.effort:g}; "
+            f"friction and bias alone take {scale.resisting:g}, and at least "
+            f"{scale.resisting / WORKING_EFFORT:.3g} is needed to move freely: raise the limit, or correct the "
+            "model's friction"
+        )
+    return scale
+
+
+def visible_presliding(p: Stage) -> float:
+    """Presliding length (rad | m), or what the encoder resolves of it."""
+    return max(presliding(p.friction), RESOLVED_STEPS * p.encoder.step)
 
 
 def presliding(p: Friction) -> float:
@@ -108,12 +118,12 @@ def presliding(p: Friction) -> float:
     ``T_c (1 - 2 exp(-sigma_0 x / T_c))``.
     """
     weight, slip = np.asarray(p.operators.weight), np.asarray(p.operators.slip)
-    bristle = p.bristle.coulomb * math.log(2.0 / (1.0 - BACK)) / p.bristle.stiffness
+    bristle = p.bristle.coulomb * math.log(2.0 / (1.0 - FRICTION_BACK)) / p.bristle.stiffness
     if not weight.sum() > 0.0:
         return bristle
     x = np.linspace(0.0, 2.0 * slip[weight > 0.0].max(), 2001)
     force = np.minimum(x[:, None] / slip - 1.0, 1.0) @ weight
-    return max(float(x[np.argmax(force >= BACK * weight.sum())]), bristle)
+    return max(float(x[np.argmax(force >= FRICTION_BACK * weight.sum())]), bristle)
 
 
 def _coulomb(p: Friction) -> float:
@@ -126,27 +136,30 @@ def rounded(value: float, digits: int = 3) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def largest_acceleration(p: Scale, share: float, speed: float = 0.0) -> float:
-    """What this share of the current, and of the limit, leaves for accelerating at `speed` (m/s^2)."""
-    left = max(share * p.effort - p.resisting - p.viscous * speed, 0.05 * p.effort)
-    return min(share * p.acceleration, left / p.inertia)
+def _free_effort(p: StageScale, share: float, damping: float = 0.0) -> float:
+    """What this share of the effort leaves beyond friction, bias and `damping` (N m | N)."""
+    return max(share * p.effort - p.resisting - damping, LEAST_EFFORT * p.effort)
 
 
-def largest_speed(p: Scale, share: float) -> float:
-    """What this share of the current holds for ever, and of the limit allows (m/s)."""
-    left = max(share * p.effort - p.resisting, 0.05 * p.effort)
-    return min(share * p.speed, left / p.viscous if p.viscous else math.inf)
+def largest_acceleration(p: StageScale, share: float, speed: float = 0.0) -> float:
+    """Acceleration at `speed` that this share of the current, and of the limit, allows (m/s^2)."""
+    return min(share * p.acceleration, _free_effort(p, share, p.viscous * speed) / p.inertia)
 
 
-def largest_amplitude(p: Scale, share: float, frequency: float) -> float:
+def largest_speed(p: StageScale, share: float) -> float:
+    """Speed that this share of the current sustains, and of the limit allows (m/s)."""
+    return min(share * p.speed, _free_effort(p, share) / p.viscous if p.viscous else math.inf)
+
+
+def largest_amplitude(p: StageScale, share: float, frequency: float) -> float:
     """Of a sine that takes this share of the current, and of the limits of speed, acceleration and travel (m)."""
     w = 2.0 * math.pi * frequency
-    left = max(share * p.effort - p.resisting, 0.05 * p.effort)
     per_travel = sine_effort(p, 1.0, frequency) - p.resisting
-    return min(share * p.reach, share * p.speed / w, share * p.acceleration / (w * w), left / per_travel)
+    by_effort = _free_effort(p, share) / per_travel
+    return min(share * p.reach, share * p.speed / w, share * p.acceleration / (w * w), by_effort)
 
 
-def sine_effort(p: Scale, amplitude: float, frequency: float) -> float:
+def sine_effort(p: StageScale, amplitude: float, frequency: float) -> float:
     """Largest effort (N m | N) of a sine, ``|J w^2 + i D w| A + T_c``: a bound, as friction peaks with velocity."""
     w = 2.0 * math.pi * frequency
     return amplitude * w * math.hypot(p.inertia * w, p.viscous) + p.resisting

@@ -1,0 +1,56 @@
+"""The conclusions judged in closed loop: which model follows the logs best, and how far the gap closes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap.inference.conclusions import Conclusions
+from stagectl.gap.logs.session import Log, Session
+from stagectl.gap.selection.refine import Evidence
+from stagectl.gap.selection.search import Selected
+from stagectl.gap.validation import held_out_gap, rollouts
+from stagectl.gap.validation.closure import Closure, closure
+from stagectl.gap.validation.thresholds import NEARLY_CLOSEST
+from stagectl.gap.validation.warnings import warnings
+from stagectl.kernels.stage import Stage
+
+
+class Validation(NamedTuple):
+    """What the held-out runs say."""
+
+    improved: Stage  # nominal with all that was found
+    closure: Closure
+    warnings: tuple[str, ...]
+
+
+def validate(session: Session, e: Evidence, selected: Selected, found: Conclusions) -> Validation:
+    """The best of the models that were found, with the drive's signatures, on runs that chose nothing."""
+    best = _best_model(session, [*found.models, session.stage])
+    improved = best
+    for signature in found.signatures:
+        improved = signature.put_in(improved)
+    lines = warnings(session, e, best)
+    return Validation(improved, closure(session, e, selected, improved), tuple(lines))
+
+
+def _best_model(session: Session, stages: Sequence[Stage]) -> Stage:
+    """The first of `stages` that closes the loop's gap on the training logs; the first where no loop is known."""
+    training = [log for log in session.logs if not log.held_out]
+    if session.law is None or any(log.setpoints is None for log in training):
+        return stages[0]
+    return closest(session, stages, training)
+
+
+def closest(session: Session, stages: Sequence[Stage], logs: Sequence[Log]) -> Stage:
+    """The first of `stages` whose loop follows `logs` nearly as closely as that of the best of them.
+
+    A model that explains more of the effort need not bring its position closer: a table or a fit that leads away from
+    the logs that it was made on is dropped.
+    """
+    judged = held_out_gap.judged_logs(session, logs)
+    sums = [held_out_gap.remaining(judged, rollouts.simulated_logs(session, stage, logs)) for stage in stages]
+    limit = NEARLY_CLOSEST * np.nanmin(sums)
+    return next(stage for stage, remaining in zip(stages, sums, strict=True) if remaining <= limit)
