@@ -11,6 +11,7 @@ import typer
 from stagectl.cli.motion import Json
 from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, progress, typed, typed_files
+from stagectl.gap.steps import Step
 
 Folder = Annotated[
     list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
@@ -73,7 +74,7 @@ def diagnose(
     options = pipeline.Options(excluded(exclude or []), full)
     session = folders.load(folder, load_stage(stage) if stage is not None else None)
     with progress("diagnosis", 100) as update:
-        done = pipeline.diagnose(session, options, _told(update))
+        done = pipeline.diagnose(session, options, _shown(update))
         update(100, 100)
     target = output or (folder[0] if folder[0].is_dir() else folder[0].parent)
     target.mkdir(parents=True, exist_ok=True)
@@ -92,24 +93,24 @@ def diagnose(
 
 # Of a diagnosis, in %, where each of its steps begins, as measured on the recommended battery.
 BEGINS = {
-    "controller: the command recomputed": 0,
-    "base model refitted": 1,
-    "effects simulated along the measured paths": 8,
-    "search": 44,
-    "parameters": 76,
-    "where": 78,
-    "held-out runs simulated": 82,
-    "next experiment": 98,
+    Step.CONTROLLER: 0,
+    Step.BASELINE: 1,
+    Step.SENSITIVITIES: 8,
+    Step.SEARCH: 44,
+    Step.PARAMETERS: 76,
+    Step.LOCALISATION: 78,
+    Step.VALIDATION: 82,
+    Step.EXPERIMENT: 98,
 }
 
 
-def _told(update: Callable[..., None]) -> Callable[[str], None]:
-    """How far it is when a step begins; what is said between is shown beside."""
+def _shown(update: Callable[..., None]) -> Callable[[str], None]:
+    """Shows each step at its share of the whole, and what happens within it at the same place."""
     reached = 0
 
-    def say(words: str) -> None:
+    def report(message: str) -> None:
         nonlocal reached
-        reached = BEGINS.get(words, reached)
-        update(reached, 100, words)
+        reached = BEGINS[message] if isinstance(message, Step) else reached
+        update(reached, 100, str(message))
 
-    return say
+    return report

@@ -94,13 +94,13 @@ def _seen(motion: Any) -> dict[str, Any]:
     """What the twin saw, where there was one; its words are shown."""
     if motion.companion is None:
         return {}
-    from stagectl.twin.start import live_file, seen
+    from stagectl.twin.start import live_file, load_snapshot
 
     path = live_file(motion.recording)
     if not path.exists():
         console.print("twin: it saw nothing of this run")
         return {"twin": None}
-    found = seen(path)
+    found = load_snapshot(path)
     skipped = f"; {found['skipped_rows']} rows were skipped" if found["skipped_rows"] else ""
     console.print(f"twin: {found['words']}{skipped}")
     return {"twin": found}

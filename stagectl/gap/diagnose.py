@@ -13,8 +13,6 @@
 
 from __future__ import annotations
 
-import enum
-import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -36,26 +34,11 @@ from stagectl.gap.selection import baseline_fit, candidates, machine_scales, nul
 from stagectl.gap.selection.detection_thresholds import thresholds
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.search import Library, Selected
+from stagectl.gap.steps import Progress, Step, StepTimer
 from stagectl.gap.thresholds import ENSEMBLE_MEMBERS, ENSEMBLE_SEED, RESAMPLES
 from stagectl.gap.validation.closure import PARAMETERS
 from stagectl.gap.validation.validate import Validation, validate
 from stagectl.kernels.stage import Stage
-
-
-class Step(enum.StrEnum):
-    """The steps of a diagnosis, in their order; the value is its name in the answer and on the screen."""
-
-    CONTROLLER = "controller: the command recomputed"
-    BASELINE = "base model refitted"
-    SENSITIVITIES = "effects simulated along the measured paths"
-    SEARCH = "search"
-    PARAMETERS = "parameters"
-    LOCALISATION = "where"
-    VALIDATION = "held-out runs simulated"
-    EXPERIMENT = "next experiment"
-
-
-Progress = Callable[[str], None]  # called with each `Step` as it begins, and with a line for what happens within it
 
 
 class Options(NamedTuple):
@@ -71,25 +54,6 @@ class Diagnosis(NamedTuple):
 
     found: Found
     improved: Stage  # nominal with all that was found
-
-
-class StepTimer:
-    """Seconds of each step; passes on what is being done."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self._began: list[tuple[Step, float]] = []
-
-    def begin(self, step: Step) -> None:
-        """The step begins, and the one before ends."""
-        self._began.append((step, time.monotonic()))
-        self._progress(step)
-
-    @property
-    def seconds(self) -> tuple[tuple[str, float], ...]:
-        """Name and duration of each step so far."""
-        ends = [*(began for _, began in self._began[1:]), time.monotonic()]
-        return tuple((step.value, end - began) for (step, began), end in zip(self._began, ends, strict=True))
 
 
 def diagnose(session: Session, options: Options, progress: Progress) -> Diagnosis:
