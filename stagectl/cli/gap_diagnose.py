@@ -11,7 +11,7 @@ import typer
 from stagectl.cli.motion import Json
 from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, progress, typed, typed_files
-from stagectl.gap.steps import Step
+from stagectl.gap.steps import BEGINS, Step
 
 Folder = Annotated[
     list[Path], typer.Argument(metavar="FOLDER...", help="Of recordings or captures; or single logs and recordings.")
@@ -89,19 +89,6 @@ def diagnose(
     if json is None or str(json) != "-":
         show(done.found, target)
         console.print(f"{path}\n{stored}")
-
-
-# Of a diagnosis, in %, where each of its steps begins, as measured on the recommended battery.
-BEGINS = {
-    Step.CONTROLLER: 0,
-    Step.BASELINE: 1,
-    Step.SENSITIVITIES: 8,
-    Step.SEARCH: 44,
-    Step.PARAMETERS: 76,
-    Step.LOCALISATION: 78,
-    Step.VALIDATION: 82,
-    Step.EXPERIMENT: 98,
-}
 
 
 def _shown(update: Callable[..., None]) -> Callable[[str], None]:

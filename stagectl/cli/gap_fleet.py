@@ -15,7 +15,7 @@ from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, progress
 
 if TYPE_CHECKING:
-    from stagectl.gap.fleet import MachineSummary, FleetMachine
+    from stagectl.gap.fleet import FleetMachine, MachineSummary
 
 Folders = Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="One of each machine.")]
 Scheduler = Annotated[

@@ -16,7 +16,7 @@ from stagectl.gap.experiment_design.catalogue import library
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, yaml_of
 from stagectl.gap.experiment_design.manual_experiments import MANUAL
 from stagectl.gap.experiment_design.motions import wavering
-from stagectl.gap.experiment_design.scale import presliding, scale_of
+from stagectl.gap.experiment_design.stage_scale import presliding, scale_of
 from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels import friction, friction_bristle, stage
@@ -127,7 +127,7 @@ def test_the_text_is_the_experiment(setup: Setup, tmp_path: Path) -> None:
         path.write_text(yaml_of(one))
         assert load_trajectory(path, axis_of(setup)) == one.trajectory, one.name
         assert all(len(line) <= 118 for line in path.read_text().splitlines() if line.startswith("#"))
-    assert "kept back for checking" in yaml_of(held_out(setup)[0])
+    assert HELD_OUT in yaml_of(held_out(setup)[0])
 
 
 def test_an_angle_stays_an_angle(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.inference import time_localisation
+from stagectl.gap.inference import time_localisation, tracker_response
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import model_tracking
 from stagectl.gap.residuals.sensitivities import Model
@@ -46,7 +46,7 @@ def test_the_tracker_answers_as_its_poles_say(model: Model, frequency: float) ->
 def test_what_the_tracker_answered_is_brought_back(model: Model) -> None:
     effort = np.exp(-(((TIME - 1.0) / 0.01) ** 2))
     answered = _answered(model, effort)
-    back = time_localisation.untracked(answered, model, DT)
+    back = tracker_response.untracked(answered, model, DT)
     assert np.abs(answered - effort).max() > 0.25
     assert np.abs(back - effort).max() < 0.01
 
@@ -56,7 +56,7 @@ def test_a_constant_effort_is_followed_to_the_end(model: Model) -> None:
 
 
 def _answered(model: Model, effort: Array) -> Array:
-    return time_localisation.passed(effort, time_localisation.tracking(model, time_localisation.lines_of(ROWS, DT), DT))
+    return tracker_response.filtered(effort, tracker_response.tracking(model, tracker_response.lines_of(ROWS, DT), DT))
 
 
 def _flags(*spans: tuple[int, int]) -> time_localisation.Flags:

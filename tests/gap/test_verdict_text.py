@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,7 +14,6 @@ from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, Effect, Gap, Value
 from stagectl.gap.result.gap_numbers import parameter, percent, together
 from stagectl.gap.result.result_json import NAME, as_json, load, restored, save
-from stagectl.gap.validation.warnings import doubts
 from tests.gap.examples import ASYMMETRY, COGGING, MICRON, SHAPE, every, found, gap
 
 FOUND = every()
@@ -181,16 +178,3 @@ def test_a_gap_that_stays_is_not_told_in_shares() -> None:
     assert "%" not in said and "closable" not in said
     assert said.endswith("not surely smaller, so only the forces speak for it.")
     assert "closable gap" in verdict_text.sentence(before) and "forces" not in verdict_text.sentence(before)
-
-
-def test_doubts_are_told() -> None:
-    """Copies, runs that served twice, and a model that the loop does not confirm; of none of them nothing is said."""
-    stage, log = object(), SimpleNamespace
-    run = SimpleNamespace(logs=("a",))
-    good = SimpleNamespace(stage=stage, logs=[log(held_out=False), log(held_out=True)])
-    e: Any = SimpleNamespace(runs=[run])
-    assert doubts(cast(Any, good), e, cast(Any, object())) == []
-    assert ["nominal model" in one for one in doubts(cast(Any, good), e, cast(Any, stage))] == [True]
-    same = SimpleNamespace(stage=stage, logs=[log(held_out=False), log(held_out=False)])
-    copied, served = doubts(cast(Any, same), e, cast(Any, object()))
-    assert copied.startswith("1 repeats are copies") and "no log is held out" in served

@@ -129,7 +129,7 @@ def test_another_controller_than_the_files_is_said(ball_screw: Setup) -> None:
     rows = rows_of(ball_screw)
     law = design.design(ball_screw.stage, ball_screw.file.control).law
     stiffer = law.feedback._replace(proportional=1.01 * law.feedback.proportional)
-    p = live_model.twin(law._replace(feedback=stiffer), ball_screw.stage, ball_screw.dt)
+    p = live_model.twin_of(law._replace(feedback=stiffer), ball_screw.stage, ball_screw.dt)
     found = estimate.status_of(p, followed(p, rows))
     assert found.controller is not None
     assert 1e-5 < found.controller < 1e-3

@@ -122,12 +122,12 @@ def gap(before: StrokeSums, after: StrokeSums, least: StrokeSums, unit: str, exp
     """
     sums = (before, after, least)
     count = max(float(before.samples.sum()), 1.0)
-    rms = [math.sqrt(float(part.squares.sum()) / count) for part in sums]
+    rms = tuple(math.sqrt(float(part.squares.sum()) / count) for part in sums)
     whole = _closure(*(part.squares.sum() for part in sums))
     strokes = len(before.squares)
     picks = np.random.default_rng(1).integers(0, strokes, (BOOTSTRAP_RESAMPLES, strokes))
     low, high = np.quantile(_closure(*(part.squares[picks].sum(1) for part in sums)), [0.025, 0.975])
-    return Gap(*rms, unit, float(whole), float(low), float(high), expected)
+    return Gap(rms[0], rms[1], rms[2], unit, float(whole), float(low), float(high), expected)
 
 
 def _closure(before: Array, after: Array, least: Array) -> Array:
@@ -145,5 +145,5 @@ def traces(
 def _trace(log: Log, before: Array, after: Array, least: float, dt: float) -> Trace:
     time = dt * np.arange(log.rows, dtype=np.float64)
     reference = log.reference if log.reference is not None else log.position
-    errors = [-_difference(log, rows, "position") for rows in (before, after)]
-    return Trace(log.name, time, reference, *errors, least)
+    first, last = (-_difference(log, rows, "position") for rows in (before, after))
+    return Trace(log.name, time, reference, first, last, least)
