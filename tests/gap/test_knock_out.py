@@ -64,7 +64,7 @@ def test_a_force_is_one_law_over_all_logs(session: Session) -> None:
 
 
 def test_unknown_force(session: Session) -> None:
-    with pytest.raises(GapError, match="no such force"):
+    with pytest.raises(GapError, match="--into wind"):
         knock_out.into(session, ["wind"], 0.1)
 
 

@@ -16,8 +16,6 @@ from stagectl.gap.residuals.half_strokes import half_strokes, known_from, stands
 from stagectl.gap.residuals.model_tracking import Lacking
 from stagectl.gap.residuals.model_tracking import Path as Measured
 from stagectl.gap.selection import candidates
-from stagectl.gap.validation import held_out_gap
-from stagectl.gap.validation.shapley import shapley
 from stagectl.kernels import effects, feedback, stage, tracked_model
 
 SETUP = load_stage(Path(__file__).parents[2] / "config" / "ball-screw.yaml")
@@ -143,21 +141,6 @@ def test_an_order_of_the_pitch_is_found() -> None:
     whole = np.arange(1, 20)
     signal = np.sin(7.0 * angle + 0.3) + 0.2 * np.random.default_rng(1).standard_normal(4000)
     assert pitch_orders.peaks(whole, pitch_orders.power(signal[None], angle, whole)[0])[0] == 7
-
-
-def test_shapley_shares_the_whole() -> None:
-    worth = {"": 10.0, "a": 4.0, "b": 7.0, "ab": 2.0}
-    found = shapley(["a", "b"], lambda members: worth["".join(sorted(members))])
-    assert found["a"] + found["b"] == pytest.approx(8.0)
-    assert found == pytest.approx({"a": 5.5, "b": 2.5})
-
-
-def test_closure_counts_above_the_floor() -> None:
-    ones = np.ones(20)
-    one = [held_out_gap.StrokeSums(value * ones, 10.0 * ones) for value in (101.0, 2.0, 1.0)]
-    gap = held_out_gap.gap(one[0], one[1], one[2], "rad")
-    assert gap.closure == pytest.approx(0.99) and gap.low == pytest.approx(0.99) and gap.high == pytest.approx(0.99)
-    assert gap.before == pytest.approx(math.sqrt(10.1))
 
 
 def test_an_effect_left_out_is_not_found_under_a_wider_name() -> None:

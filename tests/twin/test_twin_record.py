@@ -91,18 +91,18 @@ def test_a_line_that_was_cut_off_is_left_out_and_garbage_is_refused(tmp_path: Pa
     path.write_text(whole + '{"format": "stagectl-tw')
     assert len(read(path)) == 3
     path.write_text("no record\n" + whole)
-    with pytest.raises(GapError, match=r"slow\.jsonl:1 is no line of a twin's record"):
+    with pytest.raises(GapError, match=r"slow\.jsonl:1 "):
         read(path)
-    with pytest.raises(GapError, match="cannot be read"):
+    with pytest.raises(GapError, match=r"none\.jsonl"):
         read(tmp_path / "none.jsonl")
 
 
 def test_too_few_lines_and_several_axes_are_refused() -> None:
-    with pytest.raises(GapError, match="has 2 lines; at least 3"):
+    with pytest.raises(GapError, match="2 lines"):
         drift(lines({}, count=2))
     two = [*lines({}, count=3), *({**line, "name": "other"} for line in lines({}, count=3))]
-    with pytest.raises(GapError, match="several axes: other, stage A; choose one with --axis"):
+    with pytest.raises(GapError, match="--axis"):
         drift(two)
     assert drift(two, "other").named == ()
-    with pytest.raises(GapError, match="--axis third: the record holds other, stage A"):
+    with pytest.raises(GapError, match="--axis third"):
         drift(two, "third")

@@ -165,7 +165,7 @@ RECIPES = (
     ),
     Recipe(
         "resonance-of-the-base",
-        "An odd multisine of 5 to 60 Hz on a moving axis: separates a base that moves from a compliance within the axis.",
+        "An odd multisine of 5 to 60 Hz on a moving axis: a base that moves, against a compliance within the axis.",
         ("base_vibration", "compliance", "inertia"),
         lambda p: carried(p, CarriedMultisine(0.375, 24, 0.15, 5.0, 60.0, 3.0)),
     ),

@@ -127,7 +127,7 @@ def test_the_text_is_the_experiment(setup: Setup, tmp_path: Path) -> None:
         path.write_text(yaml_of(one))
         assert load_trajectory(path, axis_of(setup)) == one.trajectory, one.name
         assert all(len(line) <= 118 for line in path.read_text().splitlines() if line.startswith("#"))
-    assert HELD_OUT in yaml_of(held_out(setup)[0])
+    assert "held out" in yaml_of(held_out(setup)[0])
 
 
 def test_an_angle_stays_an_angle(tmp_path: Path) -> None:
@@ -275,12 +275,10 @@ def test_presliding_length_in_closed_form() -> None:
 
 def test_a_stage_without_room_or_current_is_told_so(tmp_path: Path) -> None:
     one_sided = changed(tmp_path, ("travel: [-50 mm, 50 mm]", "travel: [0 mm, 100 mm]"))
-    with pytest.raises(
-        GapError, match=r"limits.travel = \[0, 0.1\] m .* at least 0.002 m away from 0: count the travel"
-    ):
+    with pytest.raises(GapError, match=r"limits\.travel = \[0, 0\.1\] m"):
         battery(one_sided)
     weak = changed(tmp_path, ("current_limit: 15 A", "current_limit: 2 A"))
-    with pytest.raises(GapError, match=r"drive.current_limit = 2 A .* friction and bias alone take 1, and at least 2 "):
+    with pytest.raises(GapError, match=r"drive\.current_limit = 2 A"):
         library(weak)
 
 
