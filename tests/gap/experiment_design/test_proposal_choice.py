@@ -9,6 +9,7 @@ import pytest
 
 from stagectl.gap.experiment_design import experiment_proposal, next_experiment, operating_range
 from stagectl.gap.experiment_design.operating_range import LoggedExtremes
+from stagectl.gap.inference import verdict
 from stagectl.gap.result.diagnosis import Effect
 
 NOTHING: Any = None
@@ -66,7 +67,7 @@ def test_the_first_ambiguous_effect_is_separated_from_its_alternatives(
 ) -> None:
     asked = []
     monkeypatch.setattr(next_experiment, "propose", lambda session, models, floor: asked.append((models, floor)))
-    monkeypatch.setattr(next_experiment.verdict, "rivals", lambda e, selected, effect: {"presliding": "rival"})
+    monkeypatch.setattr(verdict, "rivals", lambda e, selected, effect: {"presliding": "rival"})
     session: Any = SimpleNamespace(stage="stage")
     found: Any = SimpleNamespace(named=named, gap=SimpleNamespace(floor=2e-7))
     selected: Any = SimpleNamespace(fitted=SimpleNamespace(equipped=SimpleNamespace(stage="fitted")))

@@ -83,7 +83,7 @@ def test_models_with_an_alternative_in_the_place_of_an_effect(monkeypatch: pytes
     def refine(e: object, model: object, effects: list[Any], steps: int) -> Any:
         return SimpleNamespace(equipped=SimpleNamespace(stage=[part.effect.name for part in effects]))
 
-    monkeypatch.setattr(verdict.refine, "refine", refine)
+    monkeypatch.setattr("stagectl.gap.selection.refine.refine", refine)
     effect = Effect("cogging", ("current_gain", "bias"), 0.9, 0.0, {})
     nothing: Any = None
     assert verdict.rivals(nothing, selected, effect) == {"bias": ["dwell", "bias"]}
