@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from stagectl.gap.controller_check.command_check import Parity, parity
 from stagectl.gap.effects.library import Scales
-from stagectl.gap.experiment_design.next_experiment import next_experiment
+from stagectl.gap.experiment_design.experiment_proposal import next_experiment
 from stagectl.gap.inference import unknown
 from stagectl.gap.inference.conclusions import Conclusions, Localisation, conclude, localise, parameter_errors_of
 from stagectl.gap.logs.session import GapError, Session

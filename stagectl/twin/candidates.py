@@ -8,18 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.kernels import friction, stage
-from stagectl.twin.thresholds import (
-    MATERIAL,
-    MATERIAL_DEAD_TIME,
-    MATERIAL_FORM,
-    MATERIAL_GAIN,
-    MATERIAL_SHIFT,
-    NATURAL_RATE,
-    NUDGE,
-    PRIOR,
-    PRIOR_FORM,
-    PRIOR_SHIFT,
-)
+from stagectl.twin import thresholds
 
 PRESLIDING, BEND = "presliding", "presliding_curve"  # always in the fit: another friction law is no effect
 FORM = (PRESLIDING, BEND)
@@ -40,14 +29,17 @@ class TwinCandidate(NamedTuple):
 
 
 def of_mechanics(p: stage.Stage, dt: float) -> list[tuple[TwinCandidate, Change]]:
-    """Each candidate of the mechanics that `p` has a scale for, with its change of the model by `NUDGE`."""
+    """Each candidate of the mechanics that `p` has a scale for, with its change of the model by `thresholds.NUDGE`."""
     body, force_constant = p.mechanics, p.motor.force_constant
     sliding = stage.sliding(p.friction)
-    viscous = body.viscous or NATURAL_RATE * body.inertia
-    holding = sliding or NATURAL_RATE * viscous
+    viscous = body.viscous or thresholds.NATURAL_RATE * body.inertia
+    holding = sliding or thresholds.NATURAL_RATE * viscous
     length = friction_length(p.friction)
-    relative, form = (MATERIAL, PRIOR, "%"), (MATERIAL_FORM, PRIOR_FORM, "%")
-    shift = TwinCandidate("time_shift", "s", 0.0, dt, MATERIAL_SHIFT, PRIOR_SHIFT, "Ts")
+    relative, form = (
+        (thresholds.MATERIAL, thresholds.PRIOR, "%"),
+        (thresholds.MATERIAL_FORM, thresholds.PRIOR_FORM, "%"),
+    )
+    shift = TwinCandidate("time_shift", "s", 0.0, dt, thresholds.MATERIAL_SHIFT, thresholds.PRIOR_SHIFT, "Ts")
     changes: list[tuple[TwinCandidate, Change]] = [
         (TwinCandidate("inertia", "kg m^2 | kg", body.inertia, body.inertia, *relative), _inertia),
         (TwinCandidate("viscous", "N m s/rad | N s/m", body.viscous, viscous, *relative), _added("viscous", viscous)),
@@ -63,11 +55,11 @@ def of_mechanics(p: stage.Stage, dt: float) -> list[tuple[TwinCandidate, Change]
 
 def of_drive(p: stage.Stage, dt: float) -> tuple[TwinCandidate, ...]:
     """The candidates of the drive, whose columns need no other model."""
-    holding = (stage.sliding(p.friction) or NATURAL_RATE * p.mechanics.inertia) / p.motor.force_constant
+    holding = (stage.sliding(p.friction) or thresholds.NATURAL_RATE * p.mechanics.inertia) / p.motor.force_constant
     return (
-        TwinCandidate("current_gain", "", 0.0, 1.0, MATERIAL_GAIN, PRIOR, "%"),
-        TwinCandidate("current_offset", "A", 0.0, holding, MATERIAL, PRIOR, "%"),
-        TwinCandidate("dead_time", "s", 0.0, dt, MATERIAL_DEAD_TIME, PRIOR_SHIFT, "Ts"),
+        TwinCandidate("current_gain", "", 0.0, 1.0, thresholds.MATERIAL_GAIN, thresholds.PRIOR, "%"),
+        TwinCandidate("current_offset", "A", 0.0, holding, thresholds.MATERIAL, thresholds.PRIOR, "%"),
+        TwinCandidate("dead_time", "s", 0.0, dt, thresholds.MATERIAL_DEAD_TIME, thresholds.PRIOR_SHIFT, "Ts"),
     )
 
 
@@ -79,31 +71,31 @@ def friction_length(p: stage.Friction) -> float:
 
 
 def _inertia(p: stage.Stage) -> stage.Stage:
-    return p._replace(mechanics=p.mechanics._replace(inertia=p.mechanics.inertia * (1.0 + NUDGE)))
+    return p._replace(mechanics=p.mechanics._replace(inertia=p.mechanics.inertia * (1.0 + thresholds.NUDGE)))
 
 
 def _added(field: str, scale: float) -> Change:
     def change(p: stage.Stage) -> stage.Stage:
-        value = getattr(p.mechanics, field) + NUDGE * scale
+        value = getattr(p.mechanics, field) + thresholds.NUDGE * scale
         return p._replace(mechanics=p.mechanics._replace(**{field: value}))
 
     return change
 
 
 def _coulomb(p: stage.Stage) -> stage.Stage:
-    factor, rolling, bristle = 1.0 + NUDGE, p.friction.operators, p.friction.bristle
+    factor, rolling, bristle = 1.0 + thresholds.NUDGE, p.friction.operators, p.friction.bristle
     operators = rolling._replace(weight=rolling.weight * factor)
     stronger = bristle._replace(coulomb=bristle.coulomb * factor, stiffness=bristle.stiffness * factor)
     return p._replace(friction=p.friction._replace(operators=operators, bristle=stronger))
 
 
 def _force_constant(p: stage.Stage) -> stage.Stage:
-    return p._replace(motor=p.motor._replace(force_constant=p.motor.force_constant * (1.0 + NUDGE)))
+    return p._replace(motor=p.motor._replace(force_constant=p.motor.force_constant * (1.0 + thresholds.NUDGE)))
 
 
 def _stretched(p: stage.Stage) -> stage.Stage:
     """A longer rolling zone."""
-    factor, rolling, bristle = 1.0 + NUDGE, p.friction.operators, p.friction.bristle
+    factor, rolling, bristle = 1.0 + thresholds.NUDGE, p.friction.operators, p.friction.bristle
     operators = friction.bundle(rolling.weight, (float(slip) * factor for slip in rolling.slip))
     softer = bristle._replace(stiffness=bristle.stiffness / factor)
     return p._replace(friction=p.friction._replace(operators=operators, bristle=softer))
@@ -115,7 +107,7 @@ def _bent(p: stage.Stage) -> stage.Stage:
     weight = np.asarray(rolling.weight, dtype=np.float64)
     order = np.log(np.maximum(np.asarray(rolling.slip, dtype=np.float64), 1e-300))
     lean = order - np.average(order, weights=weight) if weight.sum() > 0.0 else np.zeros(len(weight))
-    leaning = weight * (1.0 + NUDGE * lean / max(float(np.max(np.abs(lean))), 1e-300))
-    curved = bristle._replace(exponent=bristle.exponent * (1.0 + NUDGE))
+    leaning = weight * (1.0 + thresholds.NUDGE * lean / max(float(np.max(np.abs(lean))), 1e-300))
+    curved = bristle._replace(exponent=bristle.exponent * (1.0 + thresholds.NUDGE))
     operators = rolling._replace(weight=leaning)
     return p._replace(friction=p.friction._replace(operators=operators, bristle=curved))

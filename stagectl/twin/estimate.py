@@ -18,17 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.logs.session import Array
+from stagectl.twin import thresholds
 from stagectl.twin.candidates import FORM, TwinCandidate
 from stagectl.twin.live_model import NormalEquations, Twin, TwinBlock
-from stagectl.twin.thresholds import (
-    ALTERNATIVE_GAIN,
-    CLUSTERS,
-    DEPENDENT_POWER,
-    DETERMINED,
-    FEWEST_BLOCKS,
-    NAME_SIGMA,
-    NEGLIGIBLE_SHARE,
-)
 
 INSEPARABLE = {  # by the data of one axis
     "force_constant": ("current_gain",),
@@ -52,12 +44,12 @@ class ParameterDrift(NamedTuple):
     @property
     def determined(self) -> bool:
         """Whether the motion determined it: the error is well below what was thought possible before."""
-        return self.error < DETERMINED * self.candidate.prior
+        return self.error < thresholds.DETERMINED * self.candidate.prior
 
     @property
     def significant(self) -> bool:
         """Whether it is large enough to matter, and sure."""
-        return abs(self.size) > max(self.candidate.material, NAME_SIGMA * self.error)
+        return abs(self.size) > max(self.candidate.material, thresholds.NAME_SIGMA * self.error)
 
     @property
     def value(self) -> float:
@@ -111,7 +103,7 @@ def status_of(p: Twin, blocks: Sequence[TwinBlock]) -> TwinStatus:
     differences = [block.controller for block in blocks if block.controller is not None]
     drives = [block.drive for block in blocks if block.drive is not None]
     counted = [block.drive for block in informative if block.drive is not None]
-    enough = len(informative) >= FEWEST_BLOCKS
+    enough = len(informative) >= thresholds.FEWEST_BLOCKS
     rows = sum(block.rows for block in blocks)
     return TwinStatus(
         blocks[-1].time,
@@ -155,7 +147,7 @@ def solved(
     inverse = np.linalg.inv(grams.sum(axis=0) + prior + 1e-30 * np.eye(len(chosen)))
     values = inverse @ crosses.sum(axis=0)
     scores = crosses - grams @ values
-    groups = min(CLUSTERS, len(blocks))
+    groups = min(thresholds.CLUSTERS, len(blocks))
     summed = np.array([part.sum(axis=0) for part in np.array_split(scores, groups)])
     spread = summed.T @ summed * groups / max(groups - len(chosen), 1)
     return values, inverse @ (spread + power * prior) @ inverse
@@ -172,7 +164,7 @@ def _names(
     alternatives: dict[int, tuple[str, ...]] = {}
     while gains := _gains(gram, cross, chosen):
         best = max(gains, key=lambda k: gains[k])
-        least = NEGLIGIBLE_SHARE * (total - _explained(gram, cross, chosen))
+        least = thresholds.NEGLIGIBLE_SHARE * (total - _explained(gram, cross, chosen))
         if gains[best] <= least or not drifts(candidates, blocks, [*chosen, best])[-1].significant:
             break
         alternatives[best] = _alternatives(candidates, gains, best)
@@ -187,12 +179,18 @@ def _names(
 def _gains(gram: Array, cross: Array, chosen: list[int]) -> dict[int, float]:
     """What each further column explains; none that the `chosen` ones make up."""
     before = _explained(gram, cross, chosen)
-    rest = (k for k in range(len(cross)) if k not in chosen and _own_power(gram, chosen, k) > DEPENDENT_POWER)
+    rest = (
+        k for k in range(len(cross)) if k not in chosen and _own_power(gram, chosen, k) > thresholds.DEPENDENT_POWER
+    )
     return {k: _explained(gram, cross, [*chosen, k]) - before for k in rest}
 
 
 def _alternatives(candidates: Sequence[TwinCandidate], gains: dict[int, float], best: int) -> tuple[str, ...]:
-    others = (candidates[k].name for k, gain in gains.items() if k != best and gain >= ALTERNATIVE_GAIN * gains[best])
+    others = (
+        candidates[k].name
+        for k, gain in gains.items()
+        if k != best and gain >= thresholds.ALTERNATIVE_GAIN * gains[best]
+    )
     return tuple(dict.fromkeys([*others, *INSEPARABLE.get(candidates[best].name, ())]))
 
 

@@ -23,18 +23,8 @@ import numpy as np
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import model_tracking
 from stagectl.kernels import feedback, law, parity, rollout, stage, tracked_model
-from stagectl.twin import candidates
+from stagectl.twin import candidates, thresholds
 from stagectl.twin.candidates import TwinCandidate
-from stagectl.twin.thresholds import (
-    AVERAGED,
-    INFORMATIVE_LENGTHS,
-    MISSING,
-    NUDGE,
-    SETTLED_LENGTHS,
-    SETTLED_TIME,
-    SPEED_PERIODS,
-    SUBSTEPS,
-)
 
 _AT = {name: k for k, name in enumerate(rollout.COLUMNS)}
 _LAW_INPUTS = [*(_AT[name] for name in law.Setpoint._fields), _AT["measured"]]
@@ -52,7 +42,7 @@ class Twin(NamedTuple):
     drive: tuple[TwinCandidate, ...]
     models: tuple[stage.Stage, ...]
     length: float  # rad | m of motion after which the friction slips
-    substeps: int = SUBSTEPS
+    substeps: int = thresholds.SUBSTEPS
 
 
 class TwinState(NamedTuple):
@@ -60,7 +50,7 @@ class TwinState(NamedTuple):
 
     law: law.State | None  # None: rows are missing, the law's memory is not known
     tracked: tuple[tracked_model.State, ...]
-    before: Array  # (SPEED_PERIODS,) rad | m, positions before the block
+    before: Array  # (thresholds.SPEED_PERIODS,) rad | m, positions before the block
     current: float  # A, of the drive model, one period ago
     time: float  # s, of the last row
     rows: int  # since the model was put onto the path
@@ -107,7 +97,7 @@ def twin_of(running: law.Law, p: stage.Stage, dt: float) -> Twin:
 def begin(p: Twin, position: float, controller: law.State | None) -> TwinState:
     """All models at rest where the encoder reads `position` (rad | m)."""
     states = [tracked_model.State(stage.at_reading(model, position), feedback.AT_REST) for model in p.models]
-    return TwinState(controller, tuple(states), np.full(SPEED_PERIODS, position), 0.0, float("nan"), 0, 0.0)
+    return TwinState(controller, tuple(states), np.full(thresholds.SPEED_PERIODS, position), 0.0, float("nan"), 0, 0.0)
 
 
 def step(p: Twin, x: TwinState | None, rows: Array) -> tuple[TwinBlock, TwinState]:
@@ -117,7 +107,7 @@ def step(p: Twin, x: TwinState | None, rows: Array) -> tuple[TwinBlock, TwinStat
     """
     if x is None:
         x = begin(p, float(rows[0, _AT["measured"]]), law.AT_REST)
-    elif rows[0, 0] - x.time > MISSING * p.dt:
+    elif rows[0, 0] - x.time > thresholds.MISSING * p.dt:
         x = begin(p, float(rows[0, _AT["measured"]]), None)
     path = np.ascontiguousarray(rows[:, _PATH])
     controller, memory = _command_difference(p, x.law, rows)
@@ -126,25 +116,25 @@ def step(p: Twin, x: TwinState | None, rows: Array) -> tuple[TwinBlock, TwinStat
     block = TwinBlock(
         float(rows[-1, 0]),
         len(rows),
-        _settled(p, x) and not np.any(rows[:, _AT["fault"]]) and travelled > INFORMATIVE_LENGTHS * p.length,
+        _settled(p, x) and not np.any(rows[:, _AT["fault"]]) and travelled > thresholds.INFORMATIVE_LENGTHS * p.length,
         controller,
         _drive(p, path[:, 2], currents, x.current),
         _mechanics(p, corrections),
         float(np.sqrt(np.mean(rows[:, _AT["lateness"]] ** 2))),
     )
-    before = np.concatenate([x.before, path[:, 1]])[-SPEED_PERIODS:]
+    before = np.concatenate([x.before, path[:, 1]])[-thresholds.SPEED_PERIODS :]
     rows_so_far, way = x.rows + len(rows), x.travelled + travelled
     return block, TwinState(memory, states, before, float(currents[-1]), block.time, rows_so_far, way)
 
 
 def _settled(p: Twin, x: TwinState) -> bool:
     """Whether the models have forgotten how they began."""
-    return x.rows * p.dt >= SETTLED_TIME and x.travelled >= SETTLED_LENGTHS * p.length
+    return x.rows * p.dt >= thresholds.SETTLED_TIME and x.travelled >= thresholds.SETTLED_LENGTHS * p.length
 
 
 def pieces(rows: Array, dt: float) -> list[Array]:
     """`rows` cut wherever periods are missing."""
-    return np.split(rows, np.flatnonzero(np.diff(rows[:, 0]) > MISSING * dt) + 1)
+    return np.split(rows, np.flatnonzero(np.diff(rows[:, 0]) > thresholds.MISSING * dt) + 1)
 
 
 def _command_difference(p: Twin, x: law.State | None, rows: Array) -> tuple[float | None, law.State | None]:
@@ -161,7 +151,7 @@ def _tracked(p: Twin, x: TwinState, path: Array) -> tuple[Array, Array, tuple[tr
     out = np.empty((len(p.models), len(path), 2))
     shifted = path.copy()
     past = np.concatenate([x.before, path[:, 1]])
-    shifted[:, 1] += NUDGE * (path[:, 1] - past[: len(path)]) / SPEED_PERIODS
+    shifted[:, 1] += thresholds.NUDGE * (path[:, 1] - past[: len(path)]) / thresholds.SPEED_PERIODS
     late = next(k for k, candidate in enumerate(p.mechanics, 1) if candidate.name == "time_shift")
     states = []
     for k, model in enumerate(p.models):
@@ -172,11 +162,11 @@ def _tracked(p: Twin, x: TwinState, path: Array) -> tuple[Array, Array, tuple[tr
 
 
 def _mechanics(p: Twin, corrections: Array) -> NormalEquations:
-    rows = max(1, round(AVERAGED / p.dt))
+    rows = max(1, round(thresholds.AVERAGED / p.dt))
     means = np.add.reduceat(corrections, np.arange(0, corrections.shape[1], rows), axis=1) / rows
     force_constants = np.array([model.motor.force_constant for model in p.models])
     missing = force_constants[:, None] * means
-    return _normal_equations((missing[1:] - missing[0]).T / NUDGE, -missing[0])
+    return _normal_equations((missing[1:] - missing[0]).T / thresholds.NUDGE, -missing[0])
 
 
 def _drive(p: Twin, measured: Array, expected: Array, before: float) -> NormalEquations | None:

@@ -8,20 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.experiment_design import battery, stage_scale
+from stagectl.gap.experiment_design import battery, stage_scale, thresholds
 from stagectl.gap.experiment_design.experiment import Experiment
 from stagectl.gap.experiment_design.operating_range import OperatingRange
-from stagectl.gap.experiment_design.thresholds import (
-    DISTINCT_DWELLS,
-    DISTINCT_SPEEDS,
-    HELD_SPREAD,
-    HELD_TIME,
-    SLOW_SCAN,
-    SLOWEST_MOVING,
-    SPEED_COUNT,
-    SPEED_WINDOW,
-    WIDE_SCAN,
-)
 from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals.half_strokes import REST, standstills
@@ -66,7 +55,7 @@ def _gaps(session: Session) -> list[tuple[str, str]]:
 
 def _motion(log: Log, dt: float) -> ReferenceMotion:
     path = log.position if log.reference is None else log.reference
-    window = max(round(SPEED_WINDOW / dt), 1)
+    window = max(round(thresholds.SPEED_WINDOW / dt), 1)
     velocity = np.zeros(len(path))
     velocity[: len(path) - window] = (path[window:] - path[:-window]) / (window * dt)
     injected = log.injection is not None and bool(np.any(log.injection))
@@ -74,12 +63,12 @@ def _motion(log: Log, dt: float) -> ReferenceMotion:
 
 
 def held_speeds(motion: ReferenceMotion, slowest: float) -> list[float]:
-    """Velocities, with their signs, above `slowest` that were held for `HELD_TIME` at least."""
-    rows, speeds = max(round(HELD_TIME / motion.dt), 1), []
+    """Velocities, with their signs, above `slowest` that were held for `thresholds.HELD_TIME` at least."""
+    rows, speeds = max(round(thresholds.HELD_TIME / motion.dt), 1), []
     for begin in range(0, len(motion.velocity) - rows, rows // 2 or 1):
         part = motion.velocity[begin : begin + rows]
         mean = float(part.mean())
-        if abs(mean) > slowest and float(np.ptp(part)) < HELD_SPREAD * abs(mean):
+        if abs(mean) > slowest and float(np.ptp(part)) < thresholds.HELD_SPREAD * abs(mean):
             speeds.append(mean)
     return speeds
 
@@ -98,20 +87,22 @@ def _top_speed(motions: list[ReferenceMotion]) -> float:
 
 
 def _speeds(session: Session, motions: list[ReferenceMotion]) -> str:
-    slowest = SLOWEST_MOVING * _top_speed(motions)
+    slowest = thresholds.SLOWEST_MOVING * _top_speed(motions)
     speeds = [speed for motion in motions for speed in held_speeds(motion, slowest)]
-    up, down = (distinct([abs(v) for v in speeds if v * sign > 0.0], DISTINCT_SPEEDS) for sign in (1.0, -1.0))
+    up, down = (
+        distinct([abs(v) for v in speeds if v * sign > 0.0], thresholds.DISTINCT_SPEEDS) for sign in (1.0, -1.0)
+    )
     most = max(up, down)
-    if min(up, down) >= SPEED_COUNT:
+    if min(up, down) >= thresholds.SPEED_COUNT:
         return ""
-    if most >= SPEED_COUNT:
+    if most >= thresholds.SPEED_COUNT:
         return (
             "speeds were held in one direction only: a difference between the directions cannot be separated from a "
             "bias"
         )
     return (
-        f"{most or 'no'} speed{'s were' if most != 1 else ' was'} held, and below {SPEED_COUNT} a curvature of viscous "
-        "friction cannot be separated from a Stribeck rise"
+        f"{most or 'no'} speed{'s were' if most != 1 else ' was'} held, and below {thresholds.SPEED_COUNT} a "
+        "curvature of viscous friction cannot be separated from a Stribeck rise"
     )
 
 
@@ -120,9 +111,9 @@ def _dwells(session: Session, motions: list[ReferenceMotion]) -> str:
         (end - begin) * motion.dt
         for motion in motions
         for begin, end in standstills(motion.position, motion.dt)
-        if begin > 0 and end < len(motion.position) - round(2.0 * SPEED_WINDOW / motion.dt)
+        if begin > 0 and end < len(motion.position) - round(2.0 * thresholds.SPEED_WINDOW / motion.dt)
     ]
-    if distinct([rest for rest in rests if rest > 2.0 * REST], DISTINCT_DWELLS) >= 2:
+    if distinct([rest for rest in rests if rest > 2.0 * REST], thresholds.DISTINCT_DWELLS) >= 2:
         return ""
     return "no motion follows standstills of different lengths: friction that grows at rest does not show"
 
@@ -149,16 +140,16 @@ def shortest_stroke(motion: ReferenceMotion) -> float:
 def _scanned(session: Session, motions: list[ReferenceMotion]) -> str:
     ends = [(float(motion.position.min()), float(motion.position.max())) for motion in motions]
     travel = max((high for _, high in ends), default=0.0) - min((low for low, _ in ends), default=0.0)
-    slow = SLOW_SCAN * _top_speed(motions)
+    slow = thresholds.SLOW_SCAN * _top_speed(motions)
     if any(_scans(motion, slow, travel) for motion in motions):
         return ""
     return "the stroke was not scanned slowly: effects of the place cannot be separated from effects of the speed"
 
 
 def _scans(motion: ReferenceMotion, slow: float, travel: float) -> bool:
-    speed, slowest = np.abs(motion.velocity), SLOWEST_MOVING * slow
+    speed, slowest = np.abs(motion.velocity), thresholds.SLOWEST_MOVING * slow
     there = motion.position[(speed < slow) & (speed > slowest)]
-    wide = len(there) > 0 and float(np.ptp(there)) > WIDE_SCAN * travel
+    wide = len(there) > 0 and float(np.ptp(there)) > thresholds.WIDE_SCAN * travel
     return wide and len(held_speeds(motion, slowest)) > 1
 
 

@@ -19,24 +19,23 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from stagectl.gap.experiment_design import catalogue, coverage, manual_experiments, nuisance_refit, prediction_distance
+from stagectl.gap.experiment_design import (
+    catalogue,
+    coverage,
+    manual_experiments,
+    nuisance_refit,
+    prediction_distance,
+    thresholds,
+)
 from stagectl.gap.experiment_design.experiment import Experiment, made, yaml_of
 from stagectl.gap.experiment_design.nuisance_refit import Linearised
 from stagectl.gap.experiment_design.operating_range import OperatingRange, operating_range, setpoints_for
 from stagectl.gap.experiment_design.prediction_distance import PlannedRun, RepeatNoise
-from stagectl.gap.experiment_design.thresholds import (
-    CLEAR_SIGMA,
-    FINALISTS,
-    HIDDEN_SIGMA,
-    LONGEST_EXPERIMENT,
-    MENTIONED,
-    MOST_REPEATS,
-    PROMISING,
-    REFITTED_MOTION,
-    SIMULATED_MOTION,
-)
+from stagectl.gap.inference import verdict
 from stagectl.gap.logs.session import Session
-from stagectl.gap.result.diagnosis import Next
+from stagectl.gap.result.diagnosis import Found, Next
+from stagectl.gap.selection.refine import Evidence
+from stagectl.gap.selection.search import Selected
 from stagectl.gap.validation.rollouts import Rollout
 from stagectl.kernels.stage import Stage
 from stagectl.parallel import in_parallel
@@ -63,6 +62,18 @@ class SimulatedExperiment(NamedTuple):
         return self.separation * self.separation / self.experiment.duration
 
 
+def next_experiment(session: Session, found: Found, selected: Selected, e: Evidence) -> Next | None:
+    """The experiment that separates the first ambiguous effect from its alternatives.
+
+    Where no effect is ambiguous it shows what no run has shown.  Raises GapError where no experiment can be made.
+    """
+    ambiguous = next((effect for effect in found.named if effect.alternatives and not effect.parameter), None)
+    models = {"nominal": session.stage}
+    if ambiguous is not None:
+        models = {ambiguous.name: selected.fitted.equipped.stage, **verdict.rivals(e, selected, ambiguous)}
+    return propose(session, models, found.gap.floor)
+
+
 def propose(session: Session, models: Models, floor: float, seen: Collection[str] = ()) -> Next | None:
     """The experiment that separates `models`, each of which explains the data of `session`.
 
@@ -75,7 +86,7 @@ def propose(session: Session, models: Models, floor: float, seen: Collection[str
     if len(models) < 2:
         return _uncovered(session, within, floor)
     best = _best(session, within, models, floor, {*seen, *(log.experiment for log in session.logs)})
-    if best is None or best.separation < HIDDEN_SIGMA:
+    if best is None or best.separation < thresholds.HIDDEN_SIGMA:
         return by_hand(tuple(models))
     return _separating(within, best, tuple(models))
 
@@ -119,10 +130,10 @@ def promising(known: Sequence[Experiment], names: Collection[str]) -> list[Exper
     def bearing(experiment: Experiment) -> int:
         return len(set(experiment.effects) & set(names))
 
-    short = [experiment for experiment in known if experiment.duration <= LONGEST_EXPERIMENT]
+    short = [experiment for experiment in known if experiment.duration <= thresholds.LONGEST_EXPERIMENT]
     ranked = sorted(filter(bearing, short), key=lambda chosen: (-bearing(chosen), chosen.duration))
     ranked = ranked or sorted(short, key=lambda chosen: chosen.duration)
-    return _within(ranked, [chosen.duration for chosen in ranked], PROMISING, SIMULATED_MOTION)
+    return _within(ranked, [chosen.duration for chosen in ranked], thresholds.PROMISING, thresholds.SIMULATED_MOTION)
 
 
 def _within(ranked: Sequence[T], durations: Sequence[float], most: int, seconds: float) -> list[T]:
@@ -158,9 +169,11 @@ def _smallest(distances: Sequence[float]) -> float:
 
 def finalists(simulated: Sequence[SimulatedExperiment], within: OperatingRange) -> list[SimulatedExperiment]:
     """The best by their rate; those beyond what the logs have shown only where nothing else is clear."""
-    safe = [item for item in simulated if item.separation > CLEAR_SIGMA and not exceeding(item, within)]
+    safe = [item for item in simulated if item.separation > thresholds.CLEAR_SIGMA and not exceeding(item, within)]
     ranked = sorted(safe or simulated, key=lambda item: -item.rate)
-    return _within(ranked, [item.experiment.duration for item in ranked], FINALISTS, REFITTED_MOTION)
+    return _within(
+        ranked, [item.experiment.duration for item in ranked], thresholds.FINALISTS, thresholds.REFITTED_MOTION
+    )
 
 
 def _refitted(chosen: Sequence[SimulatedExperiment], models: Models) -> list[SimulatedExperiment]:
@@ -207,9 +220,9 @@ def exceeding(p: SimulatedExperiment, within: OperatingRange) -> list[str]:
     """What goes beyond all that the logs have shown, in words."""
     unit, per_unit = within.scale.unit, within.per_unit
     lines = []
-    if p.speed > MENTIONED * within.seen.speed:
+    if p.speed > thresholds.MENTIONED * within.seen.speed:
         lines.append(f"{p.speed * per_unit:.3g} {unit}/s (the logs: {within.seen.speed * per_unit:.3g})")
-    if p.current > MENTIONED * within.seen.current:
+    if p.current > thresholds.MENTIONED * within.seen.current:
         lines.append(f"{p.current:.3g} A (the logs: {within.seen.current:.3g})")
     return lines
 
@@ -246,7 +259,7 @@ def _cautions(within: OperatingRange, p: SimulatedExperiment) -> list[str]:
 
 def repeats_needed(separation: float) -> str:
     """How often the experiment is to be run, in words, by its `separation` (sigma)."""
-    if separation >= CLEAR_SIGMA:
+    if separation >= thresholds.CLEAR_SIGMA:
         return "Three repeats show what varies by chance."
-    repeats = min(math.ceil((CLEAR_SIGMA / separation) ** 2), MOST_REPEATS)
-    return f"One run is not clear: {repeats} repeats give {CLEAR_SIGMA:g} sigma."
+    repeats = min(math.ceil((thresholds.CLEAR_SIGMA / separation) ** 2), thresholds.MOST_REPEATS)
+    return f"One run is not clear: {repeats} repeats give {thresholds.CLEAR_SIGMA:g} sigma."

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence as Many
 from typing import NamedTuple
 
+from stagectl.gap.experiment_design import thresholds
 from stagectl.gap.experiment_design.stage_scale import (
     StageScale,
     largest_acceleration,
@@ -13,29 +14,20 @@ from stagectl.gap.experiment_design.stage_scale import (
     largest_speed,
     rounded,
 )
-from stagectl.gap.experiment_design.thresholds import (
-    CARRIER_SETTLE,
-    CARRIER_WAY,
-    FEWEST_PERIODS,
-    FIRM,
-    GENTLE,
-    LONGEST_MOVE,
-    PRECONDITIONING_TIME,
-    RESERVE,
-    REST,
-    SHORTEST_STEP,
-)
 from stagectl.trajectories import CurrentMultisine, Dwell, Excited, Sequence, Sine, Sum, Trajectory, Trapezoid
 
 
 def preconditioned(p: StageScale, *parts: Trajectory) -> Sequence:
     """One reversal beyond presliding before `parts`: friction then begins in a state that is known."""
-    acceleration = min(4.0 * p.short / (PRECONDITIONING_TIME * PRECONDITIONING_TIME), largest_acceleration(p, FIRM))
-    return Sequence((move(p.short, largest_speed(p, GENTLE), acceleration), *parts))
+    acceleration = min(
+        4.0 * p.short / (thresholds.PRECONDITIONING_TIME * thresholds.PRECONDITIONING_TIME),
+        largest_acceleration(p, thresholds.FIRM),
+    )
+    return Sequence((move(p.short, largest_speed(p, thresholds.GENTLE), acceleration), *parts))
 
 
 def move(
-    distance: float, velocity: float, acceleration: float, dwell: float = REST, one_way: bool = False
+    distance: float, velocity: float, acceleration: float, dwell: float = thresholds.REST, one_way: bool = False
 ) -> Trapezoid:
     """There and back, or one way, in figures that a person reads."""
     return Trapezoid(rounded(distance), rounded(velocity), rounded(acceleration), dwell, 1, one_way)
@@ -43,13 +35,13 @@ def move(
 
 def sine(p: StageScale, amplitude: float, frequency: float, periods: float = 3.0, ramp: float = 1.0) -> Sine:
     """A sine of `amplitude` (m), or of what firm use of the machine allows."""
-    largest = largest_amplitude(p, FIRM, frequency)
+    largest = largest_amplitude(p, thresholds.FIRM, frequency)
     return Sine(rounded(min(amplitude, largest)), rounded(frequency), periods, ramp)
 
 
 def at_speed(p: StageScale, speed: float, frequency: float, periods: float = 3.0) -> Sine:
     """A sine of this peak speed (m/s), where reach and current allow it."""
-    return sine(p, min(speed / (2.0 * math.pi * frequency), GENTLE * p.reach), frequency, periods)
+    return sine(p, min(speed / (2.0 * math.pi * frequency), thresholds.GENTLE * p.reach), frequency, periods)
 
 
 def strong(p: StageScale, share: float, frequency: float, periods: float = 4.0) -> Sine:
@@ -59,18 +51,22 @@ def strong(p: StageScale, share: float, frequency: float, periods: float = 4.0) 
 
 def ramp(p: StageScale, speed: float) -> float:
     """Acceleration (m/s^2) to `speed` (m/s): in a tenth of a second, or as the current beyond friction allows."""
-    return min(speed / 0.1, GENTLE * p.acceleration, largest_acceleration(heavier(p), 0.95, speed))
+    return min(speed / 0.1, thresholds.GENTLE * p.acceleration, largest_acceleration(heavier(p), 0.95, speed))
 
 
 def heavier(p: StageScale) -> StageScale:
     """The same stage with a quarter more of all that resists: a battery must not fault on the gap that it looks for."""
-    return p._replace(inertia=RESERVE * p.inertia, viscous=RESERVE * p.viscous, resisting=RESERVE * p.resisting)
+    return p._replace(
+        inertia=thresholds.RESERVE * p.inertia,
+        viscous=thresholds.RESERVE * p.viscous,
+        resisting=thresholds.RESERVE * p.resisting,
+    )
 
 
 def top_speed(p: StageScale) -> float:
     """Largest of the stairs (m/s): 4/15 of the limit, 65 % of the current, and a quarter of a second at it."""
     fastest = min(4.0 / 15.0 * p.speed, largest_speed(p, 0.65))
-    a, way = ramp(p, fastest), LONGEST_MOVE * p.span
+    a, way = ramp(p, fastest), thresholds.LONGEST_MOVE * p.span
     by_way = 0.5 * a * (math.sqrt(0.0625 + 4.0 * way / a) - 0.25)
     return rounded(min(fastest, by_way))
 
@@ -89,7 +85,7 @@ def transit(p: StageScale) -> tuple[float, float]:
 def stairs(p: StageScale, speeds: Many[float], hold: float) -> tuple[Trapezoid, ...]:
     """There and back at each of `speeds` (m/s), held for `hold` (s) where the travel is long enough."""
     start = move(0.9 * p.low, *transit(p), one_way=True)
-    steps = tuple(there_and_back(p, speed, hold, LONGEST_MOVE * p.span) for speed in speeds)
+    steps = tuple(there_and_back(p, speed, hold, thresholds.LONGEST_MOVE * p.span) for speed in speeds)
     return start, *steps, start._replace(distance=-start.distance)
 
 
@@ -104,7 +100,7 @@ def there_and_back(p: StageScale, speed: float, hold: float, longest: float) -> 
 def scan(p: StageScale, time: float, ends: float = 0.05) -> tuple[Trapezoid, ...]:
     """The stroke up and down in `time` (s) each way, but for a share of it at both `ends`."""
     low, high = rounded(p.low * (1.0 - ends)), rounded(p.high * (1.0 - ends))
-    slow = min((high - low) / time, largest_speed(p, FIRM))
+    slow = min((high - low) / time, largest_speed(p, thresholds.FIRM))
     fast, a = transit(p)
     way = rounded(high - low)
     return (
@@ -121,9 +117,9 @@ def micro(p: StageScale, ratio: float, steps: float, frequency: float = 2.0, per
 
 def steps(p: StageScale, distance: float, dwells: Many[float], share: float = 0.4) -> tuple[Trapezoid, ...]:
     """There and back by `distance` (m), as sharply as this share of the current allows, after each of `dwells` (s)."""
-    shortest = max(SHORTEST_STEP, FEWEST_PERIODS * p.dt)
+    shortest = max(thresholds.SHORTEST_STEP, thresholds.FEWEST_PERIODS * p.dt)
     a = min(largest_acceleration(p, share), 4.0 * distance / (shortest * shortest))
-    return tuple(move(distance, largest_speed(p, GENTLE), a, dwell) for dwell in dwells)
+    return tuple(move(distance, largest_speed(p, thresholds.GENTLE), a, dwell) for dwell in dwells)
 
 
 class CarriedMultisine(NamedTuple):
@@ -148,14 +144,14 @@ def carried(p: StageScale, injection: CarriedMultisine) -> Excited:
         0.25,
         injection.seed,
     )
-    way = rounded(CARRIER_WAY * p.span)
+    way = rounded(thresholds.CARRIER_WAY * p.span)
     start = rounded(p.low + injection.place * p.span)
     fast, a = transit(p)
-    speed = way / (current.duration + 2.0 * CARRIER_SETTLE)
-    before = preconditioned(p, *([move(start, fast, a, one_way=True)] if start else [Dwell(REST)]))
+    speed = way / (current.duration + 2.0 * thresholds.CARRIER_SETTLE)
+    before = preconditioned(p, *([move(start, fast, a, one_way=True)] if start else [Dwell(thresholds.REST)]))
     carrier = move(way, speed, a, one_way=True)
     back = carrier._replace(distance=-rounded(start + way, 6), velocity=rounded(fast), acceleration=rounded(a))
-    begin = before.duration + carrier.velocity / carrier.acceleration + CARRIER_SETTLE
+    begin = before.duration + carrier.velocity / carrier.acceleration + thresholds.CARRIER_SETTLE
     return Excited(Sequence((*before.parts, carrier, back)), current, rounded(begin, 4))
 
 

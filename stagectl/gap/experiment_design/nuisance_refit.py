@@ -14,17 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.gap.effects import library
+from stagectl.gap.experiment_design import thresholds
 from stagectl.gap.experiment_design.prediction_distance import PlannedRun, predict, shift_slope
-from stagectl.gap.experiment_design.thresholds import (
-    DIFFERENCE_STEP,
-    FARTHEST_STEP,
-    HIDDEN_SHARE,
-    LENGTH_STEP,
-    REFIT_STEPS,
-    SETTLED,
-    SHORTENED,
-    WEIGHT_GROUPS,
-)
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import friction_family, least_squares
 from stagectl.kernels import stage
@@ -36,7 +27,7 @@ class Nuisance(NamedTuple):
 
     name: str
     moved: Callable[[Stage, float], Stage]
-    step: float = DIFFERENCE_STEP  # for its sensitivity
+    step: float = thresholds.DIFFERENCE_STEP  # for its sensitivity
 
 
 class Linearised(NamedTuple):
@@ -61,7 +52,7 @@ def nuisances(p: Stage, weights: bool) -> list[Nuisance]:
     if coulomb > 0.0:
         free += [
             Nuisance("coulomb", lambda m, a: library.coulomb(m, {"size": math.expm1(a)})),
-            Nuisance("length", lambda m, a: library.stretched(m, {"size": math.expm1(a)}), LENGTH_STEP),
+            Nuisance("length", lambda m, a: library.stretched(m, {"size": math.expm1(a)}), thresholds.LENGTH_STEP),
         ]
     return free + (_weights(p, coulomb) if weights and coulomb > 0.0 else [])
 
@@ -76,8 +67,8 @@ def _added(p: Stage, place: str, amount: float) -> Stage:
 
 
 def _weights(p: Stage, coulomb: float) -> list[Nuisance]:
-    """Neighbouring elements together, so that there are no more than `WEIGHT_GROUPS`."""
-    groups = np.array_split(np.arange(len(p.friction.operators.weight)), WEIGHT_GROUPS)
+    """Neighbouring elements together, so that there are no more than `thresholds.WEIGHT_GROUPS`."""
+    groups = np.array_split(np.arange(len(p.friction.operators.weight)), thresholds.WEIGHT_GROUPS)
     return [Nuisance(f"weights_{k}", _weighted(group, coulomb)) for k, group in enumerate(groups) if len(group)]
 
 
@@ -118,26 +109,26 @@ def refitted_distance(run: PlannedRun, p: Linearised, free: Sequence[Nuisance], 
     place, value, slopes = np.zeros(len(p.slopes)), p.value, p.slopes.copy()
     whole = float(np.linalg.norm(truth - value))
     best, share = whole, 1.0
-    for _ in range(REFIT_STEPS):
+    for _ in range(thresholds.REFIT_STEPS):
         step = share * _step(slopes, truth - value)
         after = predict(run, _moved(p.model, free, place + step), (place + step)[-1] * run.rollout.dt).values
         distance = float(np.linalg.norm(truth - after))
         if math.isfinite(distance):
             slopes += np.outer(step / max(float(step @ step), 1e-300), after - value - step @ slopes)
         if not distance < best:
-            share *= SHORTENED
+            share *= thresholds.SHORTENED
             continue
-        settled = distance > SETTLED * best
+        settled = distance > thresholds.SETTLED * best
         place, value, best, share = place + step, after, distance, 1.0
         if settled:
             break
-    return best if best > HIDDEN_SHARE * whole else 0.0
+    return best if best > thresholds.HIDDEN_SHARE * whole else 0.0
 
 
 def _step(slopes: Array, missing: Array) -> Array:
     """Least squares (k,) with no nuisance farther than it may move at once."""
     columns = np.vstack([slopes, missing])
-    farthest = np.full(len(slopes), FARTHEST_STEP)
+    farthest = np.full(len(slopes), thresholds.FARTHEST_STEP)
     return least_squares.bounded(columns @ columns.T, range(len(slopes)), -farthest, farthest)
 
 

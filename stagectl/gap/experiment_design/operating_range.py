@@ -10,19 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.experiment_design import stage_scale
+from stagectl.gap.experiment_design import stage_scale, thresholds
 from stagectl.gap.experiment_design.experiment import Experiment
 from stagectl.gap.experiment_design.stage_scale import StageScale
-from stagectl.gap.experiment_design.thresholds import (
-    BEYOND_SEEN,
-    CURRENT_RESERVE,
-    GOES_FARTHER,
-    LEAST_TRAVEL,
-    ONE_SIDED,
-    SPEED_WINDOW,
-    STAND_IN_BANDWIDTH,
-    WORKING_EFFORT,
-)
 from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs import deployed_controller, setpoints
 from stagectl.gap.logs.deployed_controller import Deployed
@@ -63,7 +53,7 @@ class OperatingRange(NamedTuple):
         lines = []
         if self.start != p.begins:
             lines.append(f"Start in the middle of the travel, at {number(self.start * self.per_unit, unit)}.")
-        low, high = (GOES_FARTHER * (end - self.start) * self.per_unit for end in (p.low, p.high))
+        low, high = (thresholds.GOES_FARTHER * (end - self.start) * self.per_unit for end in (p.low, p.high))
         if self.scale.low < low or self.scale.high > high:
             ends = f"{number(self.scale.low, unit)} and {number(self.scale.high, unit)}"
             lines.append(f"It may go farther than the logs did, between {ends}: check that the machine allows it.")
@@ -100,7 +90,7 @@ def _path(log: Log) -> Array:
 
 def _rates(log: Log, dt: float) -> tuple[float, float]:
     """Largest speed and acceleration."""
-    window = max(round(SPEED_WINDOW / dt), 1)
+    window = max(round(thresholds.SPEED_WINDOW / dt), 1)
     path = _path(log)
     speed = (path[window:] - path[:-window]) / (window * dt)
     change = (speed[window:] - speed[:-window]) / (window * dt)
@@ -129,22 +119,22 @@ def operating_range(session: Session) -> OperatingRange:
 def _start(p: LoggedExtremes) -> float:
     """Where the logs begin, or the middle of the travel where that is near its end."""
     nearer = min(p.begins - p.low, p.high - p.begins)
-    return p.begins if nearer > ONE_SIDED * (p.high - p.low) else 0.5 * (p.low + p.high)
+    return p.begins if nearer > thresholds.ONE_SIDED * (p.high - p.low) else 0.5 * (p.low + p.high)
 
 
 def _scale(session: Session, p: LoggedExtremes, start: float, law: Law) -> StageScale:
     model, per_unit = session.stage, session.travel_per_unit
     presliding = stage_scale.visible_presliding(model)
-    beyond = LEAST_TRAVEL * presliding
+    beyond = thresholds.LEAST_TRAVEL * presliding
     resisting = stage.sliding(model.friction) + abs(model.mechanics.bias)
-    needed = CURRENT_RESERVE * resisting / (WORKING_EFFORT * model.motor.force_constant)
-    limit = min(max(BEYOND_SEEN * p.current, needed), law.current_limit, model.drive.current_limit)
+    needed = thresholds.CURRENT_RESERVE * resisting / (thresholds.WORKING_EFFORT * model.motor.force_constant)
+    limit = min(max(thresholds.BEYOND_SEEN * p.current, needed), law.current_limit, model.drive.current_limit)
     scale = StageScale(
         unit=session.travel_unit,
         low=stage_scale.rounded(min(p.low - start, -beyond) * per_unit),
         high=stage_scale.rounded(max(p.high - start, beyond) * per_unit),
-        speed=BEYOND_SEEN * p.speed * per_unit,
-        acceleration=BEYOND_SEEN * p.acceleration * per_unit,
+        speed=thresholds.BEYOND_SEEN * p.speed * per_unit,
+        acceleration=thresholds.BEYOND_SEEN * p.acceleration * per_unit,
         effort=model.motor.force_constant * limit,
         resisting=resisting,
         viscous=model.mechanics.viscous / per_unit,
@@ -168,7 +158,7 @@ def _described(session: Session) -> Deployed | None:
 def _stand_in(session: Session) -> Deployed:
     """A loop designed for the nominal model, slow enough for any delay."""
     p, dt = session.stage, session.dt
-    bandwidth = STAND_IN_BANDWIDTH * model_tracking.BANDWIDTH / dt
+    bandwidth = thresholds.STAND_IN_BANDWIDTH * model_tracking.BANDWIDTH / dt
     gains = feedback.place_poles(p.mechanics, p.motor.force_constant, bandwidth)
     law = Law(feedback.discretised(gains, dt), p.drive.current_limit)
     plant = feedforward.held(p.mechanics, p.motor.force_constant, dt)

@@ -19,13 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import welch
 
-from stagectl.gap.experiment_design.thresholds import (
-    LEAST_DENSITY,
-    LEAST_NOISE,
-    NOISE_SEGMENT,
-    NOISE_SMOOTHING,
-    SUBSTEPS,
-)
+from stagectl.gap.experiment_design import thresholds
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals import whitening
 from stagectl.gap.residuals.half_strokes import by_experiment, standstills, without_rests
@@ -61,7 +55,7 @@ class Prediction(NamedTuple):
 def noise_of(session: Session, floor: float) -> RepeatNoise:
     """The noise of a session from its repeats; without any, `floor` (rad | m rms) and the model's steps stand in."""
     repeated = [logs for logs in by_experiment(session.logs).values() if len(logs) > 1]
-    segment = min([NOISE_SEGMENT, *(log.rows for log in session.logs)])
+    segment = min([thresholds.NOISE_SEGMENT, *(log.rows for log in session.logs)])
     frequency: Array = np.arange(segment // 2 + 1, dtype=np.float64) / (segment * session.dt)
 
     def density(name: str, white: float) -> Array:
@@ -72,7 +66,9 @@ def noise_of(session: Session, floor: float) -> RepeatNoise:
     if not repeated and math.isfinite(floor):
         step = max(step, floor)
     quantum = session.stage.drive.current_quantum / math.sqrt(12.0)
-    current = density("current" if measured(session) else "command", max(quantum, LEAST_NOISE * _rms(session)))
+    current = density(
+        "current" if measured(session) else "command", max(quantum, thresholds.LEAST_NOISE * _rms(session))
+    )
     return RepeatNoise(frequency, density("position", step), current)
 
 
@@ -107,21 +103,21 @@ def _density(signals: Sequence[Array], dt: float, segment: int) -> Array:
     weighted = [welch(signal, 1.0 / dt, nperseg=segment)[1] * (len(signal) / total) for signal in signals]
     mean = np.sum(weighted, axis=0)
     mean[0] = mean[1]  # Welch's method takes the mean away
-    kernel = np.ones(NOISE_SMOOTHING) / NOISE_SMOOTHING
-    smooth: Array = np.convolve(np.pad(mean, NOISE_SMOOTHING // 2, mode="edge"), kernel, mode="valid")
+    kernel = np.ones(thresholds.NOISE_SMOOTHING) / thresholds.NOISE_SMOOTHING
+    smooth: Array = np.convolve(np.pad(mean, thresholds.NOISE_SMOOTHING // 2, mode="edge"), kernel, mode="valid")
     return smooth
 
 
 def _at_least(density: Array, white: float, dt: float) -> Array:
     """`density`, nowhere below that of a `white` noise of this standard deviation."""
-    least = max(2.0 * dt * white * white, LEAST_DENSITY * float(density.max(initial=0.0)), 1e-300)
+    least = max(2.0 * dt * white * white, thresholds.LEAST_DENSITY * float(density.max(initial=0.0)), 1e-300)
     raised: Array = np.maximum(density, least)
     return raised
 
 
 def predict(p: PlannedRun, model: stage.Stage, shift: float = 0.0) -> Prediction:
     """The prediction of `model` with its current logged late by `shift` (s), without noise."""
-    rows = closed_loop(p.rollout, model, SUBSTEPS)
+    rows = closed_loop(p.rollout, model, thresholds.SUBSTEPS)
     position = column(rows, "measured") - p.rollout.setpoints[:, 0]
     current = column(rows, "measured_current" if p.measured else "current")
     if not (np.isfinite(position).all() and np.isfinite(current).all()):

@@ -8,17 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.config.stage_file import Setup
-from stagectl.gap.experiment_design.thresholds import (
-    FRICTION_BACK,
-    LEAST_EFFORT,
-    LEAST_REACH,
-    LEAST_REACH_LENGTHS,
-    RESOLVED_STEPS,
-    SHORT_LENGTHS,
-    SHORT_REACH,
-    SHORT_SHARE,
-    WORKING_EFFORT,
-)
+from stagectl.gap.experiment_design import thresholds
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels.stage import Friction, Stage
 
@@ -49,8 +39,8 @@ class StageScale(NamedTuple):
     @property
     def short(self) -> float:
         """A stroke far beyond presliding, and a small part of the whole one (m)."""
-        short = max(SHORT_SHARE * self.span, SHORT_LENGTHS * self.presliding)
-        return rounded(min(short, SHORT_REACH * self.reach))
+        short = max(thresholds.SHORT_SHARE * self.span, thresholds.SHORT_LENGTHS * self.presliding)
+        return rounded(min(short, thresholds.SHORT_REACH * self.reach))
 
     @property
     def reach(self) -> float:
@@ -89,26 +79,26 @@ def checked(scale: StageScale, place: str) -> StageScale:
 
     Raises GapError where it has no room to move both ways, or not the current to.
     """
-    least = max(LEAST_REACH * scale.span, LEAST_REACH_LENGTHS * scale.presliding)
+    least = max(thresholds.LEAST_REACH * scale.span, thresholds.LEAST_REACH_LENGTHS * scale.presliding)
     if not scale.reach > least:
         raise GapError(
             f"limits.travel = [{scale.low:g}, {scale.high:g}] {scale.unit} in {place}; the experiments move both ways "
             f"from where the axis stands, so both ends must be at least {least:.3g} {scale.unit} away from 0: count "
             "the travel from a place within the stroke, and start there"
         )
-    if not WORKING_EFFORT * scale.effort > scale.resisting:
+    if not thresholds.WORKING_EFFORT * scale.effort > scale.resisting:
         raise GapError(
             f"drive.current_limit = {scale.current_limit:g} A in {place} gives an effort of {scale.effort:g}; "
             f"friction and bias alone take {scale.resisting:g}, and at least "
-            f"{scale.resisting / WORKING_EFFORT:.3g} is needed to move freely: raise the limit, or correct the "
-            "model's friction"
+            f"{scale.resisting / thresholds.WORKING_EFFORT:.3g} is needed to move freely: raise the limit, or correct "
+            "the model's friction"
         )
     return scale
 
 
 def visible_presliding(p: Stage) -> float:
     """Presliding length (rad | m), or what the encoder resolves of it."""
-    return max(presliding(p.friction), RESOLVED_STEPS * p.encoder.step)
+    return max(presliding(p.friction), thresholds.RESOLVED_STEPS * p.encoder.step)
 
 
 def presliding(p: Friction) -> float:
@@ -118,12 +108,12 @@ def presliding(p: Friction) -> float:
     ``T_c (1 - 2 exp(-sigma_0 x / T_c))``.
     """
     weight, slip = np.asarray(p.operators.weight), np.asarray(p.operators.slip)
-    bristle = p.bristle.coulomb * math.log(2.0 / (1.0 - FRICTION_BACK)) / p.bristle.stiffness
+    bristle = p.bristle.coulomb * math.log(2.0 / (1.0 - thresholds.FRICTION_BACK)) / p.bristle.stiffness
     if not weight.sum() > 0.0:
         return bristle
     x = np.linspace(0.0, 2.0 * slip[weight > 0.0].max(), 2001)
     force = np.minimum(x[:, None] / slip - 1.0, 1.0) @ weight
-    return max(float(x[np.argmax(force >= FRICTION_BACK * weight.sum())]), bristle)
+    return max(float(x[np.argmax(force >= thresholds.FRICTION_BACK * weight.sum())]), bristle)
 
 
 def _coulomb(p: Friction) -> float:
@@ -138,7 +128,7 @@ def rounded(value: float, digits: int = 3) -> float:
 
 def _free_effort(p: StageScale, share: float, damping: float = 0.0) -> float:
     """What this share of the effort leaves beyond friction, bias and `damping` (N m | N)."""
-    return max(share * p.effort - p.resisting - damping, LEAST_EFFORT * p.effort)
+    return max(share * p.effort - p.resisting - damping, thresholds.LEAST_EFFORT * p.effort)
 
 
 def largest_acceleration(p: StageScale, share: float, speed: float = 0.0) -> float:

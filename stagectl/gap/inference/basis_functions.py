@@ -13,27 +13,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from stagectl.gap.effects.library import Scales
-from stagectl.gap.inference import tracker_response
-from stagectl.gap.inference.thresholds import (
-    ACCELERATION_NODES,
-    ACCELERATION_PERCENTILE,
-    CLOCK_KNOTS,
-    CURRENT_NODES,
-    DERIVATIVE_WINDOW,
-    LOOP_SLOPE,
-    PITCH_ORDERS,
-    PLACE_NODES,
-    REVERSAL_SHARE,
-    SLOWEST_NODE,
-    SPEED_NODES,
-    STANDSTILL_SPEED,
-    WAY_FROM,
-    WAY_NODES,
-    WAY_TO,
-    ZONE_FROM,
-    ZONE_NODES,
-    ZONE_TO,
-)
+from stagectl.gap.inference import thresholds, tracker_response
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, whitening
 from stagectl.gap.residuals.gram_matrices import Columns, Products
@@ -44,7 +24,7 @@ from stagectl.parallel import in_parallel
 EVEN, ODD, INERTIAL, LOOP = "even", "odd", "inertial", "loop"
 ALL = (EVEN, ODD, INERTIAL, LOOP)  # EVEN + ODD: any function of coordinate and direction
 TIME = "time"
-SIDE, VELOCITY = (tuple(f"{TIME}.{name}.{k}" for k in range(CLOCK_KNOTS)) for name in ("side", "velocity"))
+SIDE, VELOCITY = (tuple(f"{TIME}.{name}.{k}" for k in range(thresholds.CLOCK_KNOTS)) for name in ("side", "velocity"))
 CLOCK = (*SIDE, *VELOCITY)  # columns over the session's clock
 OF_A_DRIVE = ("current", "speed", "acceleration")  # coordinates that a current may depend on
 
@@ -103,9 +83,9 @@ def functions(filtering: ResidualFilter, runs: Sequence[Run], size: Scales, know
 def motion_of(run: Run, size: Scales) -> RunMotion:
     """The motion of `run` along the mean of its repeats."""
     position, dt = run.mean.rows[:, 1], run.mean.dt
-    window = min(2 * max(round(0.5 * DERIVATIVE_WINDOW / dt), 2) + 1, len(position) - 1 + len(position) % 2)
+    window = min(2 * max(round(0.5 * thresholds.DERIVATIVE_WINDOW / dt), 2) + 1, len(position) - 1 + len(position) % 2)
     velocity, acceleration = (savgol_filter(position, window, 3, deriv=k, delta=dt) for k in (1, 2))
-    since = since_reversal(position, REVERSAL_SHARE * size.length)
+    since = since_reversal(position, thresholds.REVERSAL_SHARE * size.length)
     columns = (position, velocity, acceleration, since, run.mean.rows[:, 0])
     return RunMotion(*(column[:: whitening.KEPT] for column in columns))
 
@@ -144,23 +124,30 @@ def waves(pitch: float, orders: Sequence[float]) -> Basis:
 
 def bases_of(size: Scales, motions: Sequence[RunMotion]) -> list[CoordinateBasis]:
     """One basis for each coordinate of a motion, on grids that suit this machine's sizes; time has its own."""
-    speeds = np.concatenate([[0.0], np.geomspace(SLOWEST_NODE, 1.0, SPEED_NODES)]) * size.speed
-    zone = np.concatenate([[0.0], size.length * np.geomspace(ZONE_FROM, ZONE_TO, ZONE_NODES)])
-    beyond = np.geomspace(WAY_FROM * size.length, max(size.stroke, WAY_TO * size.length), WAY_NODES)
+    speeds = np.concatenate([[0.0], np.geomspace(thresholds.SLOWEST_NODE, 1.0, thresholds.SPEED_NODES)]) * size.speed
+    zone = np.concatenate(
+        [[0.0], size.length * np.geomspace(thresholds.ZONE_FROM, thresholds.ZONE_TO, thresholds.ZONE_NODES)]
+    )
+    beyond = np.geomspace(
+        thresholds.WAY_FROM * size.length, max(size.stroke, thresholds.WAY_TO * size.length), thresholds.WAY_NODES
+    )
     measured = np.concatenate([np.abs(motion.acceleration) for motion in motions])
-    largest = float(np.percentile(measured, ACCELERATION_PERCENTILE))
-    places = np.linspace(size.centre - size.stroke, size.centre + size.stroke, PLACE_NODES)
+    largest = float(np.percentile(measured, thresholds.ACCELERATION_PERCENTILE))
+    places = np.linspace(size.centre - size.stroke, size.centre + size.stroke, thresholds.PLACE_NODES)
     orders = sorted(
-        {*range(1, PITCH_ORDERS + 1), *(order for order in size.orders.get("cogging", ()) if order > PITCH_ORDERS)}
+        {
+            *range(1, thresholds.PITCH_ORDERS + 1),
+            *(order for order in size.orders.get("cogging", ()) if order > thresholds.PITCH_ORDERS),
+        }
     )
     return [
         _over("speed", lambda m: np.abs(m.velocity), speeds),
-        _over("acceleration", lambda m: m.acceleration, np.linspace(-largest, largest, ACCELERATION_NODES)),
+        _over("acceleration", lambda m: m.acceleration, np.linspace(-largest, largest, thresholds.ACCELERATION_NODES)),
         CoordinateBasis("direction", lambda m: m.velocity, lambda x: np.ones((1, len(x))), -size.speed, size.speed),
         _over("displacement_since_reversal", lambda m: m.since, np.concatenate([zone, beyond])),
         _over("position", lambda m: m.position, places),
         CoordinateBasis("position_mod_pitch", lambda m: m.position, waves(size.pitch, orders), 0.0, size.pitch),
-        _over("current", lambda m: m.current, np.linspace(-size.current, size.current, CURRENT_NODES)),
+        _over("current", lambda m: m.current, np.linspace(-size.current, size.current, thresholds.CURRENT_NODES)),
     ]
 
 
@@ -170,13 +157,17 @@ def _over(name: str, place: Callable[[RunMotion], Array], nodes: Array) -> Coord
 
 def factor(part: str, motion: RunMotion, size: Scales) -> Array:
     """Factor (n,) of a function; LOOP: which way the speed changes, with the sign of the velocity."""
-    side = np.where(np.abs(motion.velocity) > STANDSTILL_SPEED * size.speed, np.sign(motion.velocity), 0.0)
+    side = np.where(np.abs(motion.velocity) > thresholds.STANDSTILL_SPEED * size.speed, np.sign(motion.velocity), 0.0)
     if part == EVEN:
         return np.ones(len(side))
     if part == ODD:
         return side
     scale = float(np.abs(motion.acceleration).max(initial=0.0)) or 1.0
-    return motion.acceleration / scale if part == INERTIAL else np.tanh(LOOP_SLOPE * motion.acceleration / scale)
+    return (
+        motion.acceleration / scale
+        if part == INERTIAL
+        else np.tanh(thresholds.LOOP_SLOPE * motion.acceleration / scale)
+    )
 
 
 class ResidualFilter(NamedTuple):
@@ -247,4 +238,4 @@ def _over_the_clock(filtering: ResidualFilter, runs: Sequence[Run], motions: Seq
 def knots(runs: Sequence[Run]) -> Array:
     """Instants (k,) s of the session's clock between which friction may change in its own way."""
     starts = [log.start for run in runs for log in run.logs]
-    return np.linspace(min(starts), max(max(starts), min(starts) + 1.0), CLOCK_KNOTS)
+    return np.linspace(min(starts), max(max(starts), min(starts) + 1.0), thresholds.CLOCK_KNOTS)

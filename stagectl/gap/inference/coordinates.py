@@ -10,15 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from stagectl.gap.inference import basis_functions
+from stagectl.gap.inference import basis_functions, thresholds
 from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, BasisColumns, CoordinateBasis
-from stagectl.gap.inference.thresholds import (
-    EXCESS_BAND,
-    LOWEST_FREQUENCY,
-    PSEUDO_INVERSE_RANK,
-    RIDGE_SHARE,
-    SPECTRUM_ROWS,
-)
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import Grams
@@ -100,23 +93,25 @@ def ridge_fit(g: Array, columns: Sequence[int], nuisances: Sequence[int] = ()) -
     places, free = [*nuisances, *columns], len(nuisances)
     size = np.diag(g)[places].copy()
     own = size[free:]
-    prior = np.concatenate([np.zeros(free), np.full(len(own), RIDGE_SHARE * float(own.max(initial=0.0)))])
+    prior = np.concatenate([np.zeros(free), np.full(len(own), thresholds.RIDGE_SHARE * float(own.max(initial=0.0)))])
     scale = 1.0 / np.sqrt(size + prior + 1e-300)
     a = g[np.ix_(places, places)] + np.diag(prior)
-    inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=PSEUDO_INVERSE_RANK, hermitian=True)
+    inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=thresholds.PSEUDO_INVERSE_RANK, hermitian=True)
     amplitudes: Array = scale * (inverse @ (scale * g[places, -1]))
     return amplitudes
 
 
 def _share_in_a_band(e: Evidence) -> float:
-    """Largest share of the excess within `EXCESS_BAND` octaves above `LOWEST_FREQUENCY`."""
+    """Largest share of the excess within `thresholds.EXCESS_BAND` octaves above `thresholds.LOWEST_FREQUENCY`."""
     dt = e.runs[-1].mean.dt * KEPT
-    segment = min(SPECTRUM_ROWS, *(len(run.mean.rows) // KEPT for run in e.runs))
+    segment = min(thresholds.SPECTRUM_ROWS, *(len(run.mean.rows) // KEPT for run in e.runs))
     frequency = np.fft.rfftfreq(segment, dt)
     power = np.sum([_excess_power(e, number, segment) for number in range(len(e.runs))], axis=0)
     whole = float(power.sum())
-    starts = frequency[(frequency >= LOWEST_FREQUENCY) & (frequency * 2.0**EXCESS_BAND <= frequency[-1])]
-    bands = [float(power[(frequency >= f) & (frequency < f * 2.0**EXCESS_BAND)].sum()) for f in starts]
+    starts = frequency[
+        (frequency >= thresholds.LOWEST_FREQUENCY) & (frequency * 2.0**thresholds.EXCESS_BAND <= frequency[-1])
+    ]
+    bands = [float(power[(frequency >= f) & (frequency < f * 2.0**thresholds.EXCESS_BAND)].sum()) for f in starts]
     return min(max(max(bands, default=0.0) / whole, 0.0), 1.0) if whole > 0.0 else 0.0
 
 

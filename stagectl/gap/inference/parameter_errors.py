@@ -11,17 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.inference.thresholds import (
-    COMMON_ERROR,
-    COMMON_LEAST,
-    COMMON_SPREAD,
-    FRICTIONLESS,
-    LOST,
-    PRESLIDING_ERROR,
-    SHIFT_LEAST,
-    SHIFT_SHARE,
-    SHIFT_SIGMA,
-)
+from stagectl.gap.inference import thresholds
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
 from stagectl.gap.residuals.sensitivities import Model
@@ -152,10 +142,10 @@ def _unit(name: str, kind: str) -> str:
 
 def _shift(name: str, p: Estimate, share: float, kind: str) -> Shift:
     change, spread = (p.value - p.nominal) / p.scale, p.deviation / p.scale
-    large = abs(change) > SHIFT_LEAST[name] and abs(change) > SHIFT_SIGMA * spread
+    large = abs(change) > thresholds.SHIFT_LEAST[name] and abs(change) > thresholds.SHIFT_SIGMA * spread
     half = 1.96 * p.deviation
     value = Value(p.value, p.value - half, p.value + half, _unit(name, kind))
-    return Shift(name, change, spread, share, value, large and share > SHIFT_SHARE)
+    return Shift(name, change, spread, share, value, large and share > thresholds.SHIFT_SHARE)
 
 
 def _presliding(session: Session, now: Fitted) -> list[Shift]:
@@ -164,11 +154,13 @@ def _presliding(session: Session, now: Fitted) -> list[Shift]:
     It has no column of its own, so it counts as material and its deviation is a share of itself.
     """
     p, q = session.stage.friction, now.model.stage.friction
-    if min(stage.sliding(p), stage.sliding(q)) < FRICTIONLESS * max(stage.sliding(p), stage.sliding(q), 1e-300):
+    if min(stage.sliding(p), stage.sliding(q)) < thresholds.FRICTIONLESS * max(
+        stage.sliding(p), stage.sliding(q), 1e-300
+    ):
         return []
     before, after = half_way(p), half_way(q)
-    estimate = Estimate(after, before, PRESLIDING_ERROR * before, before)
-    return [_shift("presliding", estimate, 1.01 * SHIFT_SHARE, session.kind)]
+    estimate = Estimate(after, before, thresholds.PRESLIDING_ERROR * before, before)
+    return [_shift("presliding", estimate, 1.01 * thresholds.SHIFT_SHARE, session.kind)]
 
 
 def half_way(p: stage.Friction) -> float:
@@ -184,12 +176,12 @@ def shared(found: Sequence[Shift]) -> frozenset[str]:
     A force constant that is off shifts all three alike.  Where two agree and the third has changed by itself, the force
     constant and that third one explain the data as well.
     """
-    scaled = [shift for shift in found if shift.sure and shift.name in SCALED and shift.change > LOST]
+    scaled = [shift for shift in found if shift.sure and shift.name in SCALED and shift.change > thresholds.LOST]
     logs = {shift.name: np.log1p(shift.change) for shift in scaled}
     return frozenset(
         name
         for name, log in logs.items()
-        if any(abs(log - other) < COMMON_SPREAD for rival, other in logs.items() if rival != name)
+        if any(abs(log - other) < thresholds.COMMON_SPREAD for rival, other in logs.items() if rival != name)
     )
 
 
@@ -200,12 +192,14 @@ def common(found: Sequence[Shift]) -> Shift | None:
     """
     by_name = {shift.name: shift for shift in found}
     three = [by_name[name] for name in SCALED if name in by_name]
-    if len(three) < 3 or not all(abs(shift.change) > COMMON_LEAST and shift.change > LOST for shift in three):
+    if len(three) < 3 or not all(
+        abs(shift.change) > thresholds.COMMON_LEAST and shift.change > thresholds.LOST for shift in three
+    ):
         return None
     logs = np.log1p([shift.change for shift in three])
-    if np.ptp(logs) > COMMON_SPREAD or not any(shift.sure for shift in three):
+    if np.ptp(logs) > thresholds.COMMON_SPREAD or not any(shift.sure for shift in three):
         return None
     scale = float(np.exp(-logs[0]))  # the inertia is known best
-    width = 1.96 * max(three[0].deviation, COMMON_ERROR)
+    width = 1.96 * max(three[0].deviation, thresholds.COMMON_ERROR)
     value = Value(scale - 1.0, scale - 1.0 - width, scale - 1.0 + width, "")
     return Shift("force_constant", scale - 1.0, three[0].deviation, sum(shift.share for shift in three), value, True)

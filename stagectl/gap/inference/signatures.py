@@ -14,18 +14,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from stagectl.gap.effects.library import put
-from stagectl.gap.inference.thresholds import (
-    ANSWER_STEP,
-    BINS_PER_STEP,
-    FINEST_STEP,
-    JITTER_SHARE,
-    JITTER_SIGMA,
-    LINE_POWER,
-    SAW_TOOTH,
-    SETTLING_ROWS,
-    SIGNATURE_PROBABILITY,
-    STEP_RANGE,
-)
+from stagectl.gap.inference import thresholds
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -77,11 +66,11 @@ def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, 
 
 def missing_currents(p: Model, e: Evidence) -> list[list[MissingCurrent]]:
     """The missing current of every run and repeat, where its rows count."""
-    later = p._replace(stage=put(p.stage, "drive.dead_time", p.stage.drive.dead_time + ANSWER_STEP))
+    later = p._replace(stage=put(p.stage, "drive.dead_time", p.stage.drive.dead_time + thresholds.ANSWER_STEP))
 
     def of(run: Run) -> list[MissingCurrent]:
         keep = np.logical_and.reduce([log.valid[: run.rows] for log in run.logs])
-        keep[:SETTLING_ROWS] = False
+        keep[: thresholds.SETTLING_ROWS] = False
         return [_along(p, later, path, keep) for path in run.paths]
 
     return in_parallel(of, e.runs)
@@ -89,7 +78,9 @@ def missing_currents(p: Model, e: Evidence) -> list[list[MissingCurrent]]:
 
 def _along(p: Model, later: Model, path: Path, keep: NDArray[np.bool_]) -> MissingCurrent:
     plain, moved = sensitivities.lacks(p, path).current, sensitivities.lacks(later, path).current
-    return MissingCurrent(*(column[keep] for column in (path.rows[:, 0], plain, (plain - moved) / ANSWER_STEP)))
+    return MissingCurrent(
+        *(column[keep] for column in (path.rows[:, 0], plain, (plain - moved) / thresholds.ANSWER_STEP))
+    )
 
 
 def quantised(delay: int, logs: list[MissingCurrent]) -> DriveSignature | None:
@@ -112,7 +103,7 @@ def _signature(name: str, parameter: str, value: Value) -> DriveSignature:
         "jitter": ("drive.jitter", "frequency"),
     }[name]
     effect = Effect(
-        name, (), SIGNATURE_PROBABILITY, 0.0, {parameter: value}, "drive", ((place, value.value),),
+        name, (), thresholds.SIGNATURE_PROBABILITY, 0.0, {parameter: value}, "drive", ((place, value.value),),
         coordinate=coordinate,
     )  # fmt: skip
     return DriveSignature(effect, place, value.value)
@@ -124,18 +115,21 @@ def _line(logs: list[MissingCurrent], shift: int) -> SpectralLine | None:
     current = np.concatenate([log.current[shift:] for log in logs])
     current = current - np.polynomial.Polynomial.fit(command, current, 3)(command)
     low, high = float(command.min()), float(command.max())
-    smallest = max(STEP_RANGE[0], (high - low) / FINEST_STEP)
-    width = smallest / BINS_PER_STEP
+    smallest = max(thresholds.STEP_RANGE[0], (high - low) / thresholds.FINEST_STEP)
+    width = smallest / thresholds.BINS_PER_STEP
     place = np.round((command - low) / width).astype(np.int64)
     count = fft.next_fast_len(4 * (int(place.max()) + 1), real=True)
     squares = float(np.sum(current**2))
     power = np.abs(fft.rfft(np.bincount(place, current, count))) ** 2 / max(squares, 1e-300)
     per_ampere = np.arange(len(power)) / (count * width)
-    within = (per_ampere >= 1.0 / STEP_RANGE[1]) & (per_ampere <= 1.0 / smallest)
+    within = (per_ampere >= 1.0 / thresholds.STEP_RANGE[1]) & (per_ampere <= 1.0 / smallest)
     best = int(np.argmax(np.where(within, power, 0.0)))
     step = 1.0 / float(per_ampere[best])
     amplitude = 2.0 * math.sqrt(float(power[best]) * squares) / len(current)
-    if not _stands_out(power, best) or not SAW_TOOTH[0] < amplitude * math.pi / step < SAW_TOOTH[1]:
+    if (
+        not _stands_out(power, best)
+        or not thresholds.SAW_TOOTH[0] < amplitude * math.pi / step < thresholds.SAW_TOOTH[1]
+    ):
         return None
     return SpectralLine(step, float(power[best]), step * step * 0.5 / (count * width))
 
@@ -143,7 +137,7 @@ def _line(logs: list[MissingCurrent], shift: int) -> SpectralLine | None:
 def _stands_out(power: Array, best: int) -> bool:
     """Whether the line `best` stands out of noise, and of its neighbours: a gain's error falls off with frequency."""
     neighbours = np.median(power[int(0.8 * best) : int(1.25 * best) + 1])
-    return not power[best] < LINE_POWER * max(1.0, neighbours)
+    return not power[best] < thresholds.LINE_POWER * max(1.0, neighbours)
 
 
 def jittered(runs: list[list[MissingCurrent]]) -> DriveSignature | None:
@@ -165,7 +159,9 @@ def jittered(runs: list[list[MissingCurrent]]) -> DriveSignature | None:
     slope = float(spread @ y) / total
     rest = y - y.mean() - slope * spread
     deviation = math.sqrt(float((spread * rest) @ (spread * rest))) / total
-    if slope < JITTER_SIGMA * deviation or slope * float(x.mean()) < JITTER_SHARE * float(y.mean()):
+    if slope < thresholds.JITTER_SIGMA * deviation or slope * float(x.mean()) < thresholds.JITTER_SHARE * float(
+        y.mean()
+    ):
         return None
     size, width = math.sqrt(slope), 0.5 * deviation / math.sqrt(slope)
     return _signature("jitter", "rms", Value(size, size - 1.96 * width, size + 1.96 * width, "s"))

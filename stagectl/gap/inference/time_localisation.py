@@ -12,17 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.gap.controller_check.command_check import Parity
-from stagectl.gap.inference import parameter_errors
+from stagectl.gap.inference import parameter_errors, thresholds
 from stagectl.gap.inference.signatures import DriveSignature
-from stagectl.gap.inference.thresholds import (
-    ACTIVE_SHARE,
-    BRIDGED,
-    CONTRIBUTION_QUANTILE,
-    OPEN_SHARE,
-    OPEN_SIGMA,
-    RESIDUAL_WINDOW,
-    SHORTEST_SPAN,
-)
 from stagectl.gap.inference.tracker_response import untracked
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import model_tracking, sensitivities
@@ -143,16 +134,16 @@ def spans(e: Evidence, now: Fitted, runs: Sequence[Run], parts: Sequence[Contrib
 def _open_by(runs: Sequence[Run], part: Contributor) -> list[list[Flags]]:
     sizes = contributions(runs, part)
     largest = _quantile(np.concatenate([size for repeats in sizes for size in repeats]))
-    return [[size > OPEN_SHARE * largest for size in repeats] for repeats in sizes]
+    return [[size > thresholds.OPEN_SHARE * largest for size in repeats] for repeats in sizes]
 
 
 def _quantile(sizes: Array) -> float:
     """95 % quantile; of the rows where it acts, if they are fewer than 5 %."""
-    quantile = float(np.quantile(sizes, CONTRIBUTION_QUANTILE))
-    least = ACTIVE_SHARE * float(sizes.max(initial=0.0))
+    quantile = float(np.quantile(sizes, thresholds.CONTRIBUTION_QUANTILE))
+    least = thresholds.ACTIVE_SHARE * float(sizes.max(initial=0.0))
     if quantile >= least:
         return quantile
-    return float(np.quantile(sizes[sizes > least], CONTRIBUTION_QUANTILE))
+    return float(np.quantile(sizes[sizes > least], thresholds.CONTRIBUTION_QUANTILE))
 
 
 def contributions(runs: Sequence[Run], part: Contributor) -> list[list[Array]]:
@@ -190,7 +181,7 @@ def _open_by_residual(e: Evidence, now: Fitted, runs: Sequence[Run]) -> list[lis
     noise = _noise(residuals, means, runs)
     flags = []
     for mean, run in zip(means, runs, strict=True):
-        limit = OPEN_SIGMA * np.maximum(noise, 1e-300)
+        limit = thresholds.OPEN_SIGMA * np.maximum(noise, 1e-300)
         beyond = (np.abs(_smoothed(mean, run)) > limit).any(axis=1) & (run.weight > 0.0)
         flags.append([np.repeat(beyond, KEPT)[: run.rows]])
     return flags
@@ -207,8 +198,8 @@ def _noise(residuals: Sequence[list[Array]], means: Sequence[Array], runs: Seque
 
 
 def _smoothed(signal: Array, run: Run) -> Array:
-    """`signal` (m, 2), each column averaged over `RESIDUAL_WINDOW`."""
-    count = max(round(RESIDUAL_WINDOW / (run.mean.dt * KEPT)), 1)
+    """`signal` (m, 2), each column averaged over `thresholds.RESIDUAL_WINDOW`."""
+    count = max(round(thresholds.RESIDUAL_WINDOW / (run.mean.dt * KEPT)), 1)
     return np.stack([np.convolve(column, np.ones(count) / count, mode="same") for column in signal.T], axis=1)
 
 
@@ -217,8 +208,8 @@ def stretches(flags: Flags, dt: float) -> tuple[tuple[float, float], ...]:
     edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
     joined: list[tuple[float, float]] = []
     for begin, end in zip((edges[::2] * dt).tolist(), (edges[1::2] * dt).tolist(), strict=True):
-        if joined and begin - joined[-1][1] < BRIDGED:
+        if joined and begin - joined[-1][1] < thresholds.BRIDGED:
             joined[-1] = (joined[-1][0], end)
         else:
             joined.append((begin, end))
-    return tuple((begin, end) for begin, end in joined if end - begin >= SHORTEST_SPAN)
+    return tuple((begin, end) for begin, end in joined if end - begin >= thresholds.SHORTEST_SPAN)

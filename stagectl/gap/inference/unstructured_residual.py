@@ -11,20 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.inference import basis_functions
+from stagectl.gap.inference import basis_functions, thresholds
 from stagectl.gap.inference.basis_functions import TIME, BasisColumns
 from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_squares, ridge_fit, scatter
-from stagectl.gap.inference.thresholds import (
-    BAND_ABOVE_FORM,
-    BAND_COUNT,
-    BAND_SHARE,
-    BAND_STEP,
-    CLOCK_OF_FORM,
-    CLOCK_OF_NOISE,
-    DRIVE_OF_FORM,
-    DRIVE_OF_NOISE,
-    LOWEST_FREQUENCY,
-)
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products
@@ -67,11 +56,13 @@ def in_a_band(e: Evidence, rows: FreeRows, least: float) -> Shape | None:
     power = powers(e, rows.residual) - noise
     members = range(len(rows.members[0]))
     form = np.max([powers(e, [of_run[k] for of_run in rows.members]) for k in members], axis=0)
-    first = max(range(len(power) - BAND_COUNT + 1), key=lambda k: float(power[k : k + BAND_COUNT].sum()))
-    band = slice(first, first + BAND_COUNT)
+    first = max(
+        range(len(power) - thresholds.BAND_COUNT + 1), key=lambda k: float(power[k : k + thresholds.BAND_COUNT].sum())
+    )
+    band = slice(first, first + thresholds.BAND_COUNT)
     held, whole = float(power[band].sum()), float(power.sum())
-    clear = held > BAND_ABOVE_FORM * float((form + noise)[band].sum()) and held > least
-    if not clear or held < BAND_SHARE * whole:
+    clear = held > thresholds.BAND_ABOVE_FORM * float((form + noise)[band].sum()) and held > least
+    if not clear or held < thresholds.BAND_SHARE * whole:
         return None
     return Shape(BANDS, *_spectrum(e, power, MECHANICS), min(held / whole, 1.0))
 
@@ -88,7 +79,7 @@ def in_the_drive(e: Evidence, residual: MeanResidual) -> Shape | None:
     gram_before = gram_matrices.dealt(residual.known, means(e.base.after)).current.sum(axis=0)
     after = least_squares.fit(gram, nuisances).misfit - floor
     before = least_squares.fit(gram_before, shift).misfit - floor
-    if after < max(DRIVE_OF_NOISE * floor, DRIVE_OF_FORM * before):
+    if after < max(thresholds.DRIVE_OF_NOISE * floor, thresholds.DRIVE_OF_FORM * before):
         return None
     power = powers(e, free_rows(e, residual, DRIVE).residual) - powers(e, _noise(e, DRIVE))
     return Shape(BANDS, *_spectrum(e, power, DRIVE), min(after / (after + floor), 1.0), block="drive")
@@ -100,7 +91,7 @@ def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: flo
         return None
     after, before = (gram_matrices.dealt(functions.clock, residuals) for residuals in (now.left, e.base.after))
     (gain, noise), (first, _) = _clock_gain(e, after), _clock_gain(e, before)
-    if gain < max(CLOCK_OF_NOISE * noise, CLOCK_OF_FORM * first, least):
+    if gain < max(thresholds.CLOCK_OF_NOISE * noise, thresholds.CLOCK_OF_FORM * first, least):
         return None
     return Shape(TIME, *_course(e, after, functions), min(gain / max(first, gain), 1.0))
 
@@ -137,7 +128,9 @@ def _noise(e: Evidence, cut: int) -> list[Array]:
 def edges_of(e: Evidence) -> Array:
     """Edges (b + 1,) Hz of the bands."""
     highest = whitening.BAND / e.runs[0].mean.dt
-    return LOWEST_FREQUENCY * 2.0 ** np.arange(0.0, np.log2(highest / LOWEST_FREQUENCY), BAND_STEP)
+    return thresholds.LOWEST_FREQUENCY * 2.0 ** np.arange(
+        0.0, np.log2(highest / thresholds.LOWEST_FREQUENCY), thresholds.BAND_STEP
+    )
 
 
 def powers(e: Evidence, rows: Sequence[Array]) -> Array:

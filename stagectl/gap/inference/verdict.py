@@ -8,19 +8,8 @@ from typing import NamedTuple
 
 from stagectl.gap.effects import equivalences
 from stagectl.gap.effects.library import Amplitude, Definition, Shape
-from stagectl.gap.inference import patch_fields
+from stagectl.gap.inference import patch_fields, thresholds
 from stagectl.gap.inference.signatures import DriveSignature
-from stagectl.gap.inference.thresholds import (
-    ALTERNATIVE_GAIN,
-    DEAD_TIME_PER_JITTER,
-    DELAY_SIGMA,
-    DOUBT_STEEPNESS,
-    FAINT_SHARE,
-    FAINT_SHARE_OF_DELAY,
-    LEAST_AGAINST_RIVALS,
-    RIVAL_SHARPNESS,
-    STABLE_INCLUSION,
-)
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.residuals import friction_family
 from stagectl.gap.residuals.gram_matrices import Grams
@@ -75,7 +64,7 @@ def with_signatures(effects: Sequence[Effect], signatures: Sequence[DriveSignatu
     kept = [
         effect
         for effect in effects
-        if effect.name != "dead_time" or effect.parameters["time"].value > DEAD_TIME_PER_JITTER * jitter
+        if effect.name != "dead_time" or effect.parameters["time"].value > thresholds.DEAD_TIME_PER_JITTER * jitter
     ]
     return [*kept, *(signature.effect for signature in signatures)]
 
@@ -92,7 +81,7 @@ def _effect(session: Session, selected: Selected, fitted: Named, rule: NamingRul
     return Effect(
         name=name,
         alternatives=_alternatives(name, rivals),
-        probability=min(selected.inclusion[name] / STABLE_INCLUSION, 1.0)
+        probability=min(selected.inclusion[name] / thresholds.STABLE_INCLUSION, 1.0)
         * clarity(selected, fitted, rule)
         * probability(selected.clarity[name].doubt, rivals, name),
         share=0.0,
@@ -109,7 +98,7 @@ def _alternatives(name: str, rivals: Mapping[str, float]) -> tuple[str, ...]:
     close = [
         other
         for other, share in sorted(rivals.items(), key=lambda pair: -pair[1])
-        if share >= ALTERNATIVE_GAIN and other not in equivalences.WIDER.get(name, ())
+        if share >= thresholds.ALTERNATIVE_GAIN and other not in equivalences.WIDER.get(name, ())
     ]
     return tuple(dict.fromkeys([*exact, *close, *(("bias",) if name == "coulomb_asymmetry" else ())]))
 
@@ -124,11 +113,11 @@ def clarity(selected: Selected, fitted: Named, rule: NamingRule) -> float:
         return 1.0
     width = rule.deviation[f"{name}.{DELAYS[name]}"] if name in DELAYS else 0.0
     if width > 0.0:
-        return min(abs(fitted.values[DELAYS[name]]) / (DELAY_SIGMA[name] * width), 1.0)
+        return min(abs(fitted.values[DELAYS[name]]) / (thresholds.DELAY_SIGMA[name] * width), 1.0)
     share = selected.gains[name] / max(selected.unexplained, 1e-300)
     if name in DELAYS:
-        return min(share / FAINT_SHARE_OF_DELAY, 1.0)
-    return min(max(share, selected.clarity[name].share if rule.by_experiment else 0.0) / FAINT_SHARE, 1.0)
+        return min(share / thresholds.FAINT_SHARE_OF_DELAY, 1.0)
+    return min(max(share, selected.clarity[name].share if rule.by_experiment else 0.0) / thresholds.FAINT_SHARE, 1.0)
 
 
 def probability(doubt: float, rivals: Mapping[str, float], name: str) -> float:
@@ -136,10 +125,10 @@ def probability(doubt: float, rivals: Mapping[str, float], name: str) -> float:
 
     The search takes the best, so that it keeps at least an even chance against them all.
     """
-    there: float = 1.0 - 0.5 * min(doubt, 1.0) ** DOUBT_STEEPNESS
+    there: float = 1.0 - 0.5 * min(doubt, 1.0) ** thresholds.DOUBT_STEEPNESS
     wider = equivalences.WIDER.get(name, frozenset())  # what holds this effect as a special case is no rival to it
-    weights = (min(share, 1.0) ** RIVAL_SHARPNESS for other, share in rivals.items() if other not in wider)
-    return float(there * max(1.0 / (1.0 + sum(weights)), LEAST_AGAINST_RIVALS))
+    weights = (min(share, 1.0) ** thresholds.RIVAL_SHARPNESS for other, share in rivals.items() if other not in wider)
+    return float(there * max(1.0 / (1.0 + sum(weights)), thresholds.LEAST_AGAINST_RIVALS))
 
 
 def changed(before: Stage, after: Stage) -> Fields:

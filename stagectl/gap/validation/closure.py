@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -14,7 +17,6 @@ from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.search import Selected
 from stagectl.gap.validation import effort_gap, held_out_gap, rollouts
-from stagectl.gap.validation.shapley import shapley
 from stagectl.gap.validation.thresholds import OPEN_ABOVE_FLOOR, OPEN_CLOSURE
 from stagectl.kernels.stage import Stage
 
@@ -110,6 +112,27 @@ def _shares(session: Session, selected: Selected, remaining: Callable[[Model], f
         return remaining(equipped(model, [fitted for fitted in now.effects if fitted.effect.name in members]))
 
     return scaled(shapley([PARAMETERS, *(fitted.effect.name for fitted in now.effects)], of), gap)
+
+
+def shapley(players: Sequence[str], remaining: Callable[[frozenset[str]], float]) -> dict[str, float]:
+    """What each player takes from `remaining`, averaged over the orders in which the players may be added.
+
+    The shares sum to what all players together take.  `remaining` is called once for each subset.
+
+    Source: L. S. Shapley, A value for n-person games, Contributions to the Theory of Games II, 1953.
+    """
+    worth = functools.cache(remaining)
+    count = len(players)
+    shares = {}
+    for player in players:
+        others = [other for other in players if other != player]
+        total = 0.0
+        for size in range(count):
+            weight = math.factorial(size) * math.factorial(count - size - 1) / math.factorial(count)
+            for members in map(frozenset, itertools.combinations(others, size)):
+                total += weight * (worth(members) - worth(members | {player}))
+        shares[player] = total
+    return shares
 
 
 def scaled(taken: dict[str, float], gap: Gap) -> dict[str, float]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from stagectl.gap.experiment_design import experiment_proposal, next_experiment, operating_range
+from stagectl.gap.experiment_design import experiment_proposal, operating_range
 from stagectl.gap.experiment_design.operating_range import LoggedExtremes
 from stagectl.gap.inference import verdict
 from stagectl.gap.result.diagnosis import Effect
@@ -66,10 +66,10 @@ def test_the_first_ambiguous_effect_is_separated_from_its_alternatives(
     monkeypatch: pytest.MonkeyPatch, named: tuple[Effect, ...], models: dict[str, str]
 ) -> None:
     asked = []
-    monkeypatch.setattr(next_experiment, "propose", lambda session, models, floor: asked.append((models, floor)))
+    monkeypatch.setattr(experiment_proposal, "propose", lambda session, models, floor: asked.append((models, floor)))
     monkeypatch.setattr(verdict, "rivals", lambda e, selected, effect: {"presliding": "rival"})
     session: Any = SimpleNamespace(stage="stage")
     found: Any = SimpleNamespace(named=named, gap=SimpleNamespace(floor=2e-7))
     selected: Any = SimpleNamespace(fitted=SimpleNamespace(equipped=SimpleNamespace(stage="fitted")))
-    next_experiment.next_experiment(session, found, selected, NOTHING)
+    experiment_proposal.next_experiment(session, found, selected, NOTHING)
     assert asked == [(models, 2e-7)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from stagectl.gap.validation.warnings import NOTHING_CLOSER, NOTHING_HELD_OUT, warnings
+from stagectl.gap.validation.validate import NOTHING_CLOSER, NOTHING_HELD_OUT, warnings
 
 STAGE: Any = object()
 OTHER: Any = object()
