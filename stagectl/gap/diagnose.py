@@ -13,7 +13,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -72,9 +72,13 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
         return Diagnosis(_wrong_controller(session, agreement), session.stage)
     if reason := unidentifiable(session):
         return Diagnosis(_without_effects(session, "not-identifiable", reason), session.stage)
-    evidence, size, library = prepared(session, options, timer.begin)
+    timer.begin(Step.BASELINE)
+    evidence = baseline(session, options.excluded)
+    timer.begin(Step.SENSITIVITIES)
+    size = scales_of(session, evidence)
+    library = candidates_of(evidence, size, options)
     timer.begin(Step.SEARCH)
-    functions = unknown.functions(evidence, size, library)
+    functions = unknown.functions(evidence, size, library)  # where they predict far more than an effect, it is none
     selected = search.search(evidence, library, progress, lambda now: unknown.largest(evidence, now, functions))
     timer.begin(Step.PARAMETERS)
     errors = parameter_errors_of(session, evidence, selected)
@@ -104,16 +108,16 @@ def unidentifiable(session: Session) -> str:
     return ""
 
 
-def prepared(session: Session, options: Options, begin: Callable[[Step], None]) -> tuple[Evidence, Scales, Library]:
-    """The base refit, the scales of the machine, and all candidates with their columns: where every search begins."""
-    begin(Step.BASELINE)
-    training = runs(session)
-    refitted = baseline_fit.refit(session, training, sensitivities.model_of(session, session.stage), options.excluded)
-    evidence = refine.evidence(training, refitted)
-    begin(Step.SENSITIVITIES)
-    size = machine_scales.scales(session, training, orders(training, refitted.after, session.stage.mechanics.pitch))
-    size = size._replace(modes=modes(training, refitted.after))
-    return evidence, size, candidates_of(evidence, size, options)
+def baseline(session: Session, excluded: Sequence[str]) -> Evidence:
+    """The training runs, with the nominal model refitted to them; `excluded` parameters stay at their values."""
+    training, nominal = runs(session), sensitivities.model_of(session, session.stage)
+    return refine.evidence(training, baseline_fit.refit(session, training, nominal, excluded))
+
+
+def scales_of(session: Session, e: Evidence) -> Scales:
+    """Sizes of the machine, with the orders of the pitch and the frequencies that stand out of the residual."""
+    found = orders(e.runs, e.base.after, session.stage.mechanics.pitch)
+    return machine_scales.scales(session, e.runs, found)._replace(modes=modes(e.runs, e.base.after))
 
 
 def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
