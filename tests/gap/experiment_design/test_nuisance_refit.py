@@ -38,7 +38,7 @@ def predicted(model: float) -> np.ndarray:
 @pytest.fixture
 def free(monkeypatch: pytest.MonkeyPatch) -> list[Nuisance]:
     monkeypatch.setattr(nuisance_refit, "predict", lambda run, model, shift=0.0: Prediction(predicted(model), 1.0))
-    return [Nuisance("x", lambda model, amount: model + amount)]
+    return [Nuisance("x", lambda model, amount: model + amount)]  # type: ignore[operator]
 
 
 def at(model: float) -> Linearised:
