@@ -1,4 +1,4 @@
-"""The motions that experiments are made of, scaled to a stage: each starts and ends where the axis stands."""
+"""The motions that experiments are made of, scaled to a stage: each starts and ends at the initial position."""
 
 from __future__ import annotations
 

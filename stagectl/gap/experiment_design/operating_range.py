@@ -41,7 +41,7 @@ class OperatingRange(NamedTuple):
 
     seen: LoggedExtremes
     scale: StageScale
-    start: float  # rad | m, where the axis stands
+    start: float  # rad | m, initial position of the axis
     deployed: Deployed  # what goes into the setpoints
     law: Law
     known: bool  # whether that is the deployed controller, or one that stands in for it
@@ -168,7 +168,7 @@ def _stand_in(session: Session) -> Deployed:
 
 
 def setpoints_for(session: Session, p: OperatingRange, experiment: Experiment) -> Array:
-    """Rows (n, 8) of `kernels.law.Setpoint`, as the controller would have them, from where the axis stands."""
+    """Rows (n, 8) of `kernels.law.Setpoint`, as the controller would have them, from the initial position."""
     parts = phases(experiment.trajectory)
     rows = 2 * math.ceil((parts.duration + SETTLE) / (2.0 * session.dt))
     t: Array = session.dt * np.arange(rows, dtype=np.float64)

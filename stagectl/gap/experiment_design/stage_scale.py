@@ -17,7 +17,7 @@ class StageScale(NamedTuple):
     """A stage in its unit of travel: metres of table, or radians where an axis has no lead."""
 
     unit: str  # m | rad
-    low: float  # lowest position, from where the axis stands
+    low: float  # lowest position, relative to the initial one
     high: float
     speed: float  # limit, m/s
     acceleration: float  # limit, m/s^2
@@ -44,7 +44,7 @@ class StageScale(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """The shorter way to an end of the travel, from where the axis stands (m)."""
+        """The shorter way to an end of the travel, from the initial position (m)."""
         return min(-self.low, self.high)
 
 
@@ -83,8 +83,8 @@ def checked(scale: StageScale, place: str) -> StageScale:
     if not scale.reach > least:
         raise GapError(
             f"limits.travel = [{scale.low:g}, {scale.high:g}] {scale.unit} in {place}; the experiments move both ways "
-            f"from where the axis stands, so both ends must be at least {least:.3g} {scale.unit} away from 0: count "
-            "the travel from a place within the stroke, and start there"
+            f"from the initial position, so both ends must be at least {least:.3g} {scale.unit} away from 0: count the "
+            "travel from a place within the stroke, and start there"
         )
     if not thresholds.WORKING_EFFORT * scale.effort > scale.resisting:
         raise GapError(

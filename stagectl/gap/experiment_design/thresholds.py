@@ -9,7 +9,7 @@ from __future__ import annotations
 # -- the scale of a stage --------------------------------------------------------------------------------------------
 
 FRICTION_BACK = 0.95  # of friction after a reversal; definition of the presliding length.
-LEAST_REACH = 0.02  # of the stroke; chosen. Both ends must be farther away from where the axis stands.
+LEAST_REACH = 0.02  # of the stroke; chosen. Both ends must be farther away from the initial position.
 LEAST_REACH_LENGTHS = 8.0  # presliding lengths; chosen. The same, for stages with long presliding.
 WORKING_EFFORT = 0.5  # of the largest effort; chosen. Friction and bias must take less, or the axis hardly moves.
 RESOLVED_STEPS = 100.0  # encoder steps; chosen. A shorter presliding length cannot be seen and counts as this long.

@@ -36,7 +36,7 @@ class Conclusions(NamedTuple):
     """What the fits say."""
 
     named: tuple[Effect, ...]  # where nothing is unknown
-    named_beside_unknown: tuple[Effect, ...]  # the same effects, less sure: each may be a part of the unknown
+    named_with_unknown: tuple[Effect, ...]  # the same effects, less sure: each may be a part of the unknown
     shifts: tuple[Effect, ...]
     signatures: tuple[DriveSignature, ...]
     unknown: Shape | None
@@ -44,7 +44,7 @@ class Conclusions(NamedTuple):
 
     def effects(self, something_unknown: bool) -> list[Effect]:
         """Effects of the search, signatures of the drive, shifted parameters."""
-        named = self.named_beside_unknown if something_unknown else self.named
+        named = self.named_with_unknown if something_unknown else self.named
         return [*verdict.with_signatures(named, self.signatures), *self.shifts]
 
 

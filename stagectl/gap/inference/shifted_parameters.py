@@ -18,7 +18,7 @@ COORDINATES = {"inertia": "acceleration", "viscous": "speed", "coulomb": "direct
 def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[Effect]:
     """The parameters that are off, the largest shares first.
 
-    A common scale of inertia, viscous and Coulomb friction is that of the force constant, and stands for them.
+    A common scale of inertia, viscous and Coulomb friction is that of the force constant, and replaces them.
     """
     scale = common(found)
     if scale is not None:

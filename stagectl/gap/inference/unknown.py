@@ -55,7 +55,7 @@ def largest(e: Evidence, now: Fitted, smooth: BasisColumns) -> float:
 def unknown(e: Evidence, selected: search.Selected, smooth: BasisColumns) -> Shape | None:
     """The shape of the residual of `selected`, over the coordinate that orders it best; None where it has none.
 
-    Noise has no order either: what was not repeated cannot be told from it, and only a coordinate counts.
+    Noise has no order either: what was not repeated cannot be separated from it, so only a coordinate counts.
     """
     now = selected.fitted
     own = shape_fits.own_columns(e, now)

@@ -19,7 +19,7 @@ class Rollout(NamedTuple):
 
     setpoints: Array  # (n, 8), the fields of `kernels.law.Setpoint`
     law: Law
-    start: float  # rad | m, where the axis stands
+    start: float  # rad | m, initial position of the axis
     clock: float  # s, session clock of the first row
     dt: float  # s
 
