@@ -30,7 +30,7 @@ def _trial(place: Path, seed: int, stratum: str, **left: Any) -> tuple[Session, 
 
 
 def _named(found: Found) -> list[str]:
-    return [one.name for one in found.effects if one.probability >= 0.5 and not one.parameter]
+    return [effect.name for effect in found.effects if effect.probability >= 0.5 and not effect.parameter]
 
 
 def test_one_hidden_effect(tmp_path: Path) -> None:

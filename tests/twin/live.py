@@ -63,9 +63,9 @@ def seen(setup: Setup, plant: Setup) -> estimate.TwinStatus:
     return estimate.status_of(p, followed(p, rows_of(setup, plant)))
 
 
-def names(found: estimate.TwinStatus) -> list[str]:
+def names(status: estimate.TwinStatus) -> list[str]:
     """The effects that are named."""
-    return [one.drift.candidate.name for one in found.named]
+    return [named.drift.candidate.name for named in status.named]
 
 
 def dahl(length: float) -> stage.Friction:

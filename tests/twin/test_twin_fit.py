@@ -20,13 +20,13 @@ BOTH = (INERTIA, VISCOUS)
 def blocks(theta: tuple[float, float], noise: float, mixed: float = 0.0, seed: int = 1) -> list[NormalEquations]:
     """32 blocks of 100 rows; the second column holds `mixed` of the first."""
     source = np.random.default_rng(seed)
-    made = []
+    equations = []
     for _ in range(32):
         columns = source.standard_normal((100, 2))
         columns[:, 1] = mixed * columns[:, 0] + np.sqrt(1.0 - mixed * mixed) * columns[:, 1]
         target = columns @ np.array(theta) + noise * source.standard_normal(100)
-        made.append(NormalEquations(columns.T @ columns, columns.T @ target, float(target @ target), 100))
-    return made
+        equations.append(NormalEquations(columns.T @ columns, columns.T @ target, float(target @ target), 100))
+    return equations
 
 
 def test_a_drift_is_found_with_its_error() -> None:

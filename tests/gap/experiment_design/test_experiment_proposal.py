@@ -77,7 +77,7 @@ def rivals(p: Stage) -> dict[str, Stage]:
 def distance(session: Session, models: dict[str, Stage]) -> float:
     """What the session's own logs separate two models by (sigma), the nuisances taken as linear."""
     p, noise = operating_range.operating_range(session), prediction_distance.noise_of(session, NAN)
-    first, second = (nuisance_refit.spread(one) for one in models.values())
+    first, second = (nuisance_refit.spread(model) for model in models.values())
     runs = [
         prediction_distance.PlannedRun(
             Rollout(log.setpoints, p.law, 0.0, 0.0, session.dt),
@@ -90,8 +90,8 @@ def distance(session: Session, models: dict[str, Stage]) -> float:
     ]
     tangents = [nuisance_refit.linearised(planned, second, nuisance_refit.nuisances(second, True)) for planned in runs]
     truth = np.concatenate([prediction_distance.predict(planned, first).values for planned in runs])
-    value = np.concatenate([one.value for one in tangents])
-    slopes = np.concatenate([one.slopes for one in tangents], axis=1)
+    value = np.concatenate([tangent.value for tangent in tangents])
+    slopes = np.concatenate([tangent.slopes for tangent in tangents], axis=1)
     return nuisance_refit.linear_distance(value, slopes, truth)
 
 
@@ -131,7 +131,8 @@ def test_what_three_sines_leave_open_is_told(
     repeats = [run(setup, proposed, models[hidden], tmp_path, seed) for seed in (101, 102)]
     sigma = np.std(repeats[0] - repeats[1], axis=0) / math.sqrt(2.0)
     left = {
-        name: np.sum(((repeats[0] - run(setup, proposed, one, tmp_path)) / sigma) ** 2) for name, one in models.items()
+        name: np.sum(((repeats[0] - run(setup, proposed, model, tmp_path)) / sigma) ** 2)
+        for name, model in models.items()
     }
     assert 0.9 < left[hidden] / repeats[0].size < 1.2  # a quiet gap closes a little earlier than a noisy one
     (other,) = set(models) - {hidden}
@@ -174,7 +175,7 @@ def test_within_what_the_logs_have_shown(session: Session, proposed: Next, folde
 def test_what_goes_beyond_is_said_and_comes_last(session: Session) -> None:
     """A faster experiment is no finalist beside one that is clear; alone it is, and its words say how fast."""
     p = operating_range.operating_range(session)
-    by_name = {one.name: one for one in made(p.scale, catalogue.RECIPES)}
+    by_name = {experiment.name: experiment for experiment in made(p.scale, catalogue.RECIPES)}
     still = Rollout(np.zeros((2, 8)), p.law, 0.0, 0.0, session.dt)
     planned = prediction_distance.PlannedRun(still, prediction_distance.noise_of(session, NAN), True)
     fast = experiment_proposal.SimulatedExperiment(
@@ -192,16 +193,21 @@ def test_the_promising_bear_on_what_is_to_be_told(session: Session) -> None:
     """Those that bear on both come first, none is longer than a minute, all together are affordable."""
     known = made(operating_range.operating_range(session).scale, catalogue.RECIPES)
     found = experiment_proposal.promising(known, ("viscous_nonlinear", "stribeck"))
-    shared = [len({"viscous_nonlinear", "stribeck"} & set(one.effects)) for one in found]
+    shared = [len({"viscous_nonlinear", "stribeck"} & set(experiment.effects)) for experiment in found]
     assert shared[0] == 2 and shared == sorted(shared, reverse=True) and shared[-1] >= 1
-    assert max(one.duration for one in found) <= 60.0 and sum(one.duration for one in found) <= 90.0
+    assert (
+        max(experiment.duration for experiment in found) <= 60.0
+        and sum(experiment.duration for experiment in found) <= 90.0
+    )
 
 
 def test_setpoints_are_those_of_the_daemon(session: Session, ball_screw: Setup) -> None:
     """From the description of the controller as from the stage file, to a part in a thousand of the current."""
     p = operating_range.operating_range(session)
-    one = next(one for one in made(p.scale, catalogue.RECIPES) if one.name == "swing-one-way")
-    ours, theirs = operating_range.setpoints_for(session, p, one), one.setpoints(ball_screw)
+    experiment = next(
+        experiment for experiment in made(p.scale, catalogue.RECIPES) if experiment.name == "swing-one-way"
+    )
+    ours, theirs = operating_range.setpoints_for(session, p, experiment), experiment.setpoints(ball_screw)
     assert len(ours) == len(theirs)
     np.testing.assert_allclose(ours[:, 0], theirs[:, 0], atol=1e-9)
     assert np.percentile(np.abs(ours[:, 2] - theirs[:, 2]), 99) < 1e-3 * np.abs(theirs[:, 2]).max()
@@ -263,10 +269,12 @@ def test_what_is_covered_is_not_asked_for(session: Session, ball_screw: Setup) -
     from stagectl.gap.experiment_design.battery import battery
 
     logs = []
-    for one in battery(ball_screw):
-        rows = one.setpoints(ball_screw)
+    for experiment in battery(ball_screw):
+        rows = experiment.setpoints(ball_screw)
         logs.append(
-            session.logs[0]._replace(name=one.name, position=rows[:, 0], reference=rows[:, 0], injection=rows[:, 6])
+            session.logs[0]._replace(
+                name=experiment.name, position=rows[:, 0], reference=rows[:, 0], injection=rows[:, 6]
+            )
         )
     assert coverage.uncovered(session._replace(logs=tuple(logs))) == ()
     assert experiment_proposal.propose(session._replace(logs=tuple(logs)), {"viscous": session.stage}, NAN) is None

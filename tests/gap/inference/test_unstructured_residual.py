@@ -58,15 +58,15 @@ def test_the_noise_of_a_machine_that_ran_once_is_nothing_unknown(tmp_path: Path)
 
 
 def test_a_band_holds_what_lies_in_it() -> None:
-    """A sine of 40 Hz has all its squares, and its size, in the half octave around it."""
+    """A sine of 45 Hz has all its squares, and its size, in the half octave around it."""
     run = SimpleNamespace(mean=SimpleNamespace(dt=5e-4))
     e: Any = SimpleNamespace(runs=[run])
     clock = 1e-3 * np.arange(8000)
     power, edges = (
-        unstructured_residual.powers(e, [np.sin(2.0 * np.pi * 40.0 * clock)]),
+        unstructured_residual.powers(e, [np.sin(2.0 * np.pi * 45.0 * clock)]),
         unstructured_residual.edges_of(e),
     )
-    band = int(np.searchsorted(edges, 40.0)) - 1
+    band = int(np.searchsorted(edges, 45.0)) - 1
     assert power[band] == pytest.approx(0.5 * len(clock), rel=0.02) and power.sum() == pytest.approx(
         power[band], rel=0.02
     )
