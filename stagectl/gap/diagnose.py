@@ -78,7 +78,7 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     size = scales_of(session, evidence)
     library = candidates_of(evidence, size, options)
     timer.begin(Step.SEARCH)
-    functions = unknown.functions(evidence, size, library)  # where they predict far more than an effect, it is none
+    functions = unknown.functions(evidence, size, library)  # where they predict far more than any effect, it stops
     selected = search.search(evidence, library, progress, lambda now: unknown.largest(evidence, now, functions))
     timer.begin(Step.PARAMETERS)
     errors = parameter_errors_of(session, evidence, selected)
