@@ -136,7 +136,7 @@ def test_another_controller_than_the_files_is_said(ball_screw: Setup) -> None:
     assert status.controller is not None
     assert 1e-5 < status.controller < 1e-3
     assert verdict(status, SAME_COMMAND) == "controller"
-    assert "another controller" in words(status, ABOUT)
+    assert f"{status.controller:.3g} A" in words(status, ABOUT)
 
 
 def test_blocks_of_any_size_give_the_same_sums(ball_screw: Setup) -> None:
