@@ -19,6 +19,7 @@ from stagectl.gap.effects.library import excluded
 from stagectl.gap.logs import load_session
 from stagectl.gap.result import patch, result_json
 from stagectl.gap.result.diagnosis import Coordinate, DiagnosisResult, FoundEffect, Gap, NextExperiment, Spans
+from stagectl.gap.steps import BEGINS, Step
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,21 +29,10 @@ if TYPE_CHECKING:
     from stagectl.report.page import Page
 
 DiagnosisFigure = Literal["shares", "coordinates", "spans", "run"]
-# Of a diagnosis, in %, where each of its steps begins, as measured on the recommended battery.
-BEGINS = {
-    "controller: the command recomputed": 0,
-    "base model refitted": 1,
-    "effects simulated along the measured paths": 8,
-    "search": 44,
-    "parameters": 76,
-    "where": 78,
-    "held-out runs simulated": 82,
-    "next experiment": 98,
-}
 
 
 class GapLocation(NamedTuple):
-    """GapLocation the gap lies: in the loop, over the motion, and in time."""
+    """Where the gap is: in the loop, over the motion, and in time."""
 
     blocks: dict[str, float | None]  # share of controller, drive, mechanics and sensor; None: not judged
     coordinates: tuple[Coordinate, ...]  # what it follows: speed, position, ...
@@ -207,9 +197,9 @@ def _steps(update: Update) -> Callable[[str], None]:
     """How far it is when a step begins; what is reported between steps is shown next to it."""
     reached = 0
 
-    def say(words: str) -> None:
+    def report(message: str) -> None:
         nonlocal reached
-        reached = BEGINS.get(words, reached)
-        update(reached, 100, words)
+        reached = BEGINS[message] if isinstance(message, Step) else reached
+        update(reached, 100, str(message))
 
-    return say
+    return report

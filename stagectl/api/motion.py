@@ -103,13 +103,13 @@ def _seen(motion: Motion, say: Say) -> dict[str, Any]:
     """What the twin saw, where there was one."""
     if motion.companion is None:
         return {}
-    from stagectl.twin.start import live_file, seen
+    from stagectl.twin.start import live_file, load_snapshot
 
     path = live_file(motion.recording)
     if not path.exists():
         say("twin: it saw nothing of this run")
         return {"twin": None}
-    comparison = seen(path)
+    comparison = load_snapshot(path)
     skipped = f"; {comparison['skipped_rows']} rows were skipped" if comparison["skipped_rows"] else ""
     say(f"twin: {comparison['words']}{skipped}")
     return {"twin": comparison}

@@ -14,7 +14,7 @@ from stagectl.cli.process import single_threaded_algebra
 from stagectl.cli.show import console, emit, progress
 
 if TYPE_CHECKING:
-    from stagectl.gap.fleet import Line, Machine
+    from stagectl.gap.fleet import FleetMachine, MachineSummary
 
 Folders = Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="One folder per machine.")]
 Scheduler = Annotated[
@@ -38,11 +38,11 @@ def fleet(
     from rich.table import Table
 
     from stagectl.gap.effects.library import excluded
-    from stagectl.gap.fleet import Machine, names_of
+    from stagectl.gap.fleet import FleetMachine, names_of
 
     names = excluded(exclude or [])
     places = [one.resolve() for one in folders]
-    machines = [Machine(str(one), name, names, full) for one, name in zip(places, names_of(places), strict=True)]
+    machines = [FleetMachine(str(one), name, names, full) for one, name in zip(places, names_of(places), strict=True)]
     with progress("machines", len(machines)) as update:
         found = sorted(_counted(_lines(machines, scheduler), len(machines), update), key=lambda one: one.machine)
     table = Table("machine", "verdict", "named", "gap", "left", "drift")
@@ -57,21 +57,21 @@ def fleet(
         raise typer.Exit(1)
 
 
-def _lines(machines: Sequence[Machine], scheduler: str | None) -> Iterable[Line]:
+def _lines(machines: Sequence[FleetMachine], scheduler: str | None) -> Iterable[MachineSummary]:
     from stagectl.cluster import on_cluster
     from stagectl.gap.fleet import diagnosed
 
     return map(diagnosed, machines) if scheduler is None else on_cluster(diagnosed, machines, scheduler)
 
 
-def _counted(lines: Iterable[Line], whole: int, update: object) -> Iterator[Line]:
+def _counted(lines: Iterable[MachineSummary], whole: int, update: object) -> Iterator[MachineSummary]:
     for done, one in enumerate(lines, 1):
         if callable(update):
             update(done, whole)
         yield one
 
 
-def _cells(one: Line) -> list[str]:
+def _cells(one: MachineSummary) -> list[str]:
     if not one.verdict:
         return [one.machine, "not diagnosed", "", "", "", ""]
     drift = "first" if one.drift is None else f"{100.0 * one.drift:+.0f} %"

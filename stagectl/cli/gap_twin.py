@@ -47,7 +47,7 @@ def watch(
     """
     from rich.live import Live
 
-    from stagectl.twin.start import newest, seen
+    from stagectl.twin.start import load_snapshot, newest
 
     path = file or newest(Path("recordings"))
     if path is None:
@@ -55,8 +55,8 @@ def watch(
     if once or json or not terminal().is_terminal:
         console.print(_plain(path, once, json), end="")
         return
-    with Live(_table(seen(path)), console=terminal(), refresh_per_second=4) as live:
-        while not (ended := _ended(now := seen(path))):
+    with Live(_table(load_snapshot(path)), console=terminal(), refresh_per_second=4) as live:
+        while not (ended := _ended(now := load_snapshot(path))):
             live.update(_table(now))
             time.sleep(_POLL)
         live.update(_table(now))
@@ -65,11 +65,11 @@ def watch(
 
 def _plain(path: Path, once: bool, json: str | None) -> str:
     """Every snapshot as it comes; why there will be no more, where that is so."""
-    from stagectl.twin.start import seen
+    from stagectl.twin.start import load_snapshot
 
     last, write = 0.0, stream(json)
     while True:
-        now = seen(path)
+        now = load_snapshot(path)
         if now["written"] != last:
             write(now) if json else console.print(_table(now))
         last, ended = now["written"], _ended(now)

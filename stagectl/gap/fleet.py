@@ -1,4 +1,4 @@
-"""Many machines, a folder each: what a diagnosis says of every one of them, in one line."""
+"""Many machines, a folder each: the diagnosis of every one of them, in one line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stagectl.gap.result.diagnosis import Gap
 from stagectl.units import StageError
 
 
-class Machine(NamedTuple):
+class FleetMachine(NamedTuple):
     """One folder, for whichever process diagnoses it."""
 
     folder: str
@@ -23,15 +23,15 @@ class Machine(NamedTuple):
 
 
 def names_of(folders: Sequence[Path]) -> list[str]:
-    """A name for each folder: as much of its path as tells it from the others."""
-    for parts in range(1, max((len(one.parts) for one in folders), default=1) + 1):
-        names = ["/".join(one.parts[-parts:]) for one in folders]
+    """A name for each folder: as much of its path as distinguishes it from the others."""
+    for parts in range(1, max((len(folder.parts) for folder in folders), default=1) + 1):
+        names = ["/".join(folder.parts[-parts:]) for folder in folders]
         if len(set(names)) == len(names):
             return names
-    return [str(one) for one in folders]
+    return [str(folder) for folder in folders]
 
 
-class Line(NamedTuple):
+class MachineSummary(NamedTuple):
     """What was found on one machine."""
 
     machine: str
@@ -44,34 +44,37 @@ class Line(NamedTuple):
     words: str  # the sentence, or why it could not be diagnosed
 
 
-def diagnosed(machine: Machine) -> Line:
-    """Diagnose one folder, leave diagnosis.json in it; a folder that cannot be diagnosed is a line that says so."""
-    from stagectl.gap import diagnose as pipeline
-    from stagectl.gap.logs import load_session as folders
+def diagnosed(machine: FleetMachine) -> MachineSummary:
+    """Diagnose one folder and write diagnosis.json into it.
+
+    A folder that cannot be diagnosed gives a summary with the reason: the other machines must not suffer from it.
+    """
+    from stagectl.gap.diagnose import Options, diagnose
+    from stagectl.gap.logs import load_session
 
     folder = Path(machine.folder)
-    before = _last(folder)
+    last = _last_gap(folder)
     try:
-        session = folders.load([folder])
-        found = pipeline.diagnose(session, pipeline.Options(machine.excluded, machine.full), lambda _: None).found
+        options = Options(machine.excluded, machine.full)
+        found = diagnose(load_session.load([folder]), options, lambda _: None).found
         result_json.save(found, folder)
-    except Exception as error:  # whatever one machine's logs bring about, the others' lines stand
+    except Exception as error:  # whatever one machine's logs cause
         words = str(error) if isinstance(error, StageError) else f"{type(error).__name__}: {error}"
-        return Line(machine.name, "", (), math.nan, math.nan, "", None, words)
-    named = tuple(one.name for one in found.named)
-    gap = found.gap
-    return Line(machine.name, found.verdict, named, gap.before, gap.after, gap.unit, drift(before, gap), found.sentence)
+        return MachineSummary(machine.name, "", (), math.nan, math.nan, "", None, words)
+    names, gap = tuple(effect.name for effect in found.named), found.gap
+    change = drift(last, gap)
+    return MachineSummary(machine.name, found.verdict, names, gap.before, gap.after, gap.unit, change, found.sentence)
 
 
-def _last(folder: Path) -> Gap | None:
+def _last_gap(folder: Path) -> Gap | None:
     try:
         return result_json.load(folder).gap
     except GapError:
         return None
 
 
-def drift(before: Gap | None, now: Gap) -> float | None:
+def drift(last: Gap | None, now: Gap) -> float | None:
     """Change of the gap since the last diagnosis, as a share of it."""
-    if before is None or before.unit != now.unit or not before.before > 0.0:
+    if last is None or last.unit != now.unit or not last.before > 0.0:
         return None
-    return now.before / before.before - 1.0
+    return now.before / last.before - 1.0

@@ -1,11 +1,11 @@
 """True answers on real records: a term is knocked out of the model, or a known force is knocked into the record.
 
-Out: the model lacks what it had, so that the machine has an effect that it does not know: its name is the answer.
+Out: the model is without a term that it had, so the machine has an effect that the model does not know.
 In: an effort of a known form is added to the recorded one, as if the motor had had to overcome it::
 
     command' = command + F(x, v, t) / K,      rms(F) = share rms(K command)
 
-The loop never felt that force, so that its controller counts as unknown, and the gap is that of the effort.
+The loop never felt that force, so its controller counts as unknown, and the gap is that of the effort.
 """
 
 from __future__ import annotations
@@ -18,18 +18,13 @@ from scipy.signal import butter, filtfilt
 
 from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.logs.session import Array, GapError, Log, Session
-from stagectl.gap.result.diagnosis import DiagnosisResult, FoundEffect
+from stagectl.gap.result.diagnosis import DiagnosisResult
+from stagectl.gap.thresholds import KEPT_COULOMB, KNOCKED_INERTIA, MOTION_CUTOFF, SIGN_SPEED, STEP_TIME
 from stagectl.kernels import stage
 from stagectl.kernels.stage import Stage
 
-MASS = 0.2  # share of the inertia that is taken out
-REST = 0.02  # share of Coulomb friction that stays: the rolling zone keeps its length
-CUT_OFF = 50.0  # Hz, of the motion along which a force is made
 
-STEP = 0.55  # of the session, at which friction changes
-
-
-class Motion(NamedTuple):
+class LoggedMotion(NamedTuple):
     """One log's motion, (n,) each."""
 
     position: Array  # rad | m from the middle of the session's travel
@@ -38,7 +33,7 @@ class Motion(NamedTuple):
     time: Array  # 0 to 1, of the session
 
 
-Force = Callable[[Motion], Array]
+Force = Callable[[LoggedMotion], Array]
 
 
 class Knock(NamedTuple):
@@ -49,8 +44,8 @@ class Knock(NamedTuple):
     session: Session
 
 
-class Told(NamedTuple):
-    """What the diagnosis said of a knock."""
+class KnockResult(NamedTuple):
+    """What the diagnosis found of a knock."""
 
     name: str
     way: str
@@ -61,12 +56,12 @@ class Told(NamedTuple):
 
 
 def out(session: Session) -> list[Knock]:
-    """The session with a model that lacks viscous friction, Coulomb friction, its bias, a fifth of its inertia."""
+    """The session with a model without viscous friction, Coulomb friction, its bias, a fifth of its inertia."""
     models = {
         "viscous": _with(session.stage, "viscous", 0.0),
         "coulomb": _without_coulomb(session.stage),
         "bias": _with(session.stage, "bias", 0.0),
-        "inertia": _with(session.stage, "inertia", (1.0 - MASS) * session.stage.mechanics.inertia),
+        "inertia": _with(session.stage, "inertia", (1.0 - KNOCKED_INERTIA) * session.stage.mechanics.inertia),
     }
     return [
         Knock(name, "out", session._replace(stage=model))
@@ -76,12 +71,12 @@ def out(session: Session) -> list[Knock]:
 
 
 def _with(p: Stage, name: str, value: float) -> Stage:
-    """`p` with another value of its mechanics; itself where that stands there already."""
+    """`p` with another value of its mechanics; `p` itself where it has that value already."""
     return p if getattr(p.mechanics, name) == value else put(p, f"mechanics.{name}", value)
 
 
 def _without_coulomb(p: Stage) -> Stage:
-    return p._replace(friction=stage.scaled_friction(p.friction, REST))
+    return p._replace(friction=stage.scaled_friction(p.friction, KEPT_COULOMB))
 
 
 FORCES: Mapping[str, Force] = {
@@ -89,7 +84,7 @@ FORCES: Mapping[str, Force] = {
     "viscous_asymmetry": lambda m: np.abs(m.velocity),
     "position_friction": lambda m: m.position * m.side,
     "cable_spring": lambda m: m.position,
-    "friction_step": lambda m: m.side * (m.time > STEP),
+    "friction_step": lambda m: m.side * (m.time > STEP_TIME),
 }
 
 
@@ -107,10 +102,10 @@ def into(session: Session, names: Sequence[str], share: float) -> list[Knock]:
 
 def _with_force(session: Session, force: Force, share: float) -> Session:
     """One law over all logs: one middle of the travel, one clock, one amplitude."""
-    found = [force(motion) for motion in _motions(session)]
+    forces = [force(motion) for motion in _motions(session)]
     commands = [log.command for log in session.logs if log.command is not None]
-    scale = share * _rms(commands) / max(_rms(found), 1e-300)
-    logs = tuple(_pushed(log, scale * added) for log, added in zip(session.logs, found, strict=True))
+    scale = share * _rms(commands) / max(_rms(forces), 1e-300)
+    logs = tuple(_pushed(log, scale * added) for log, added in zip(session.logs, forces, strict=True))
     return session._replace(logs=logs, law=None)
 
 
@@ -118,18 +113,18 @@ def _rms(signals: Sequence[Array]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(signals) ** 2)))
 
 
-def _motions(session: Session) -> list[Motion]:
-    """Of each log, along its smoothed path."""
+def _motions(session: Session) -> list[LoggedMotion]:
+    """The motion of each log, along its smoothed path."""
     dt = session.dt
-    numerator, denominator = butter(2, min(2.0 * CUT_OFF * dt, 0.9))
+    numerator, denominator = butter(2, min(2.0 * MOTION_CUTOFF * dt, 0.9))
     paths = [np.asarray(filtfilt(numerator, denominator, log.position), dtype=np.float64) for log in session.logs]
     velocities = [np.gradient(path, dt) for path in paths]
     clocks = [log.start + dt * np.arange(log.rows, dtype=np.float64) for log in session.logs]
-    middle = 0.5 * (min(float(one.min()) for one in paths) + max(float(one.max()) for one in paths))
-    slow = 0.01 * max(float(np.abs(one).max()) for one in velocities)
-    begin, end = min(float(one[0]) for one in clocks), max(float(one[-1]) for one in clocks)
+    middle = 0.5 * (min(float(path.min()) for path in paths) + max(float(path.max()) for path in paths))
+    slow = SIGN_SPEED * max(float(np.abs(velocity).max()) for velocity in velocities)
+    begin, end = min(float(clock[0]) for clock in clocks), max(float(clock[-1]) for clock in clocks)
     return [
-        Motion(path - middle, velocity, np.tanh(velocity / slow), (clock - begin) / (end - begin))
+        LoggedMotion(path - middle, velocity, np.tanh(velocity / slow), (clock - begin) / (end - begin))
         for path, velocity, clock in zip(paths, velocities, clocks, strict=True)
     ]
 
@@ -140,10 +135,9 @@ def _pushed(log: Log, added: Array) -> Log:
     return log._replace(command=log.command + added, current=current, setpoints=None)
 
 
-def judged(knock: Knock, found: DiagnosisResult, before: DiagnosisResult | None = None) -> Told:
-    """Whether the knocked term is named; an effect that the plain record has already counts for nothing."""
-    known = {one.name for one in before.named if not one.parameter} if before is not None else set[str]()
-    named = tuple((one.name, *one.alternatives) for one in found.named)
-    mine: list[FoundEffect] = [one for one in found.named if knock.name in (one.name, *one.alternatives)]
-    right = bool(mine) and knock.name not in known
-    return Told(knock.name, knock.way, found.verdict, named, right, found.gap.closure)
+def judged(knock: Knock, found: DiagnosisResult, before: DiagnosisResult | None = None) -> KnockResult:
+    """Whether the knocked term is named; an effect that the unchanged record shows already does not count."""
+    known = {effect.name for effect in before.named if not effect.parameter} if before is not None else set[str]()
+    named = tuple((effect.name, *effect.alternatives) for effect in found.named)
+    right = knock.name not in known and any(knock.name in names for names in named)
+    return KnockResult(knock.name, knock.way, found.verdict, named, right, found.gap.closure)

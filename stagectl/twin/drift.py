@@ -1,7 +1,7 @@
 """The trend over days in a twin's slow record: which parameter drifts, how fast, and by which effect's name.
 
-A line through all values, weighted by their own intervals; where they scatter more than those say - another
-temperature, another motion - the interval of the slope grows with the scatter:
+A line is fitted through all values, weighted by their own intervals.  Where they scatter more than these allow, by
+another temperature or another motion, the interval of the slope grows with the scatter:
 
     slope +- t sqrt(cov max(1, chi^2/(n - 2)))
 
@@ -19,11 +19,9 @@ from scipy import stats
 
 from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.logs.session import GapError
+from stagectl.twin.thresholds import FEWEST_LINES, LEAST_ERROR, MATERIAL_DRIFT, RISK
 
 DAY = 86400.0  # s
-FEWEST = 3  # lines
-_MATERIAL = 0.03  # of the parameter's scale, over the record
-_RISK = 0.05
 
 
 class Trend(NamedTuple):
@@ -40,17 +38,17 @@ class Trend(NamedTuple):
 
     @property
     def sure(self) -> bool:
-        """Whether the interval leaves out zero."""
+        """Whether the interval excludes zero."""
         return abs(self.slope) > self.half
 
     @property
     def drifts(self) -> bool:
         """Whether it is sure, and over the whole record large enough to matter."""
-        return self.sure and abs(self.slope) * self.days > _MATERIAL * abs(self.scale)
+        return self.sure and abs(self.slope) * self.days > MATERIAL_DRIFT * abs(self.scale)
 
 
-class Drifting(NamedTuple):
-    """The record's answer."""
+class DriftReport(NamedTuple):
+    """What drifts in a record."""
 
     trends: tuple[Trend, ...]
     named: tuple[str, ...]
@@ -58,7 +56,7 @@ class Drifting(NamedTuple):
     sentence: str
 
 
-def drift(lines: Sequence[dict[str, Any]], axis: str | None = None) -> Drifting:
+def drift(lines: Sequence[dict[str, Any]], axis: str | None = None) -> DriftReport:
     """Trends of all parameters in the `lines` of one `axis` (its name; None where the record holds one only).
 
     Raises GapError where there are too few, or several axes.
@@ -69,9 +67,9 @@ def drift(lines: Sequence[dict[str, Any]], axis: str | None = None) -> Drifting:
     if axis is not None and axis not in names:
         raise GapError(f"--axis {axis}: the record holds {', '.join(names) or 'no axis'}")
     own = [line for line in lines if axis is None or line["name"] == axis]
-    if len(own) < FEWEST:
+    if len(own) < FEWEST_LINES:
         raise GapError(
-            f"the record has {len(own)} lines; at least {FEWEST} are needed for a trend: run with --twin again"
+            f"the record has {len(own)} lines; at least {FEWEST_LINES} are needed for a trend: run with --twin again"
         )
     known = sorted({name for line in own for name in line["drift"]})
     trends = tuple(trend for name in known if (trend := _trend(name, own)) is not None)
@@ -80,54 +78,54 @@ def drift(lines: Sequence[dict[str, Any]], axis: str | None = None) -> Drifting:
 
 def _trend(name: str, lines: Sequence[dict[str, Any]]) -> Trend | None:
     having = [line for line in lines if name in line["drift"]]
-    if len(having) < FEWEST:
+    if len(having) < FEWEST_LINES:
         return None
     entries = [line["drift"][name] for line in having]
     days = np.array([line["time"] for line in having]) / DAY
     span = float(days[-1] - days[0])
     if span <= 0.0:
         return None
-    values, errors = (np.array([entry[what] for entry in entries], dtype=np.float64) for what in ("value", "error"))
+    values, errors = (np.array([entry[key] for entry in entries], dtype=np.float64) for key in ("value", "error"))
     scale = float(entries[-1]["scale"])
-    errors = np.maximum(errors, 1e-6 * abs(scale))  # no line is exact
+    errors = np.maximum(errors, LEAST_ERROR * abs(scale))
     columns = np.column_stack([np.ones(len(days)), days - days[0]]) / errors[:, None]
     cov = np.linalg.inv(columns.T @ columns)
     start, slope = cov @ columns.T @ (values / errors)
     free = len(days) - 2
     chi = float(np.sum((values / errors - columns @ [start, slope]) ** 2)) / free
-    half = float(stats.t.ppf(1.0 - _RISK / 2.0, free) * np.sqrt(cov[1, 1] * max(1.0, chi)))
+    half = float(stats.t.ppf(1.0 - RISK / 2.0, free) * np.sqrt(cov[1, 1] * max(1.0, chi)))
     return Trend(name, entries[-1]["unit"], len(days), span, float(start), float(slope), half, scale)
 
 
-def _named(trends: tuple[Trend, ...]) -> Drifting:
+def _named(trends: tuple[Trend, ...]) -> DriftReport:
     drifting = sorted((trend for trend in trends if trend.drifts), key=_pace, reverse=True)
     if not drifting:
-        return Drifting(trends, (), (), f"nothing drifts beyond {100 * _MATERIAL:.0f} % over {_span(trends)}")
-    if _one_scale([trend for trend in trends if trend.name in FORCE_SCALED]):
+        return DriftReport(trends, (), (), f"nothing drifts beyond {100 * MATERIAL_DRIFT:.0f} % over {_span(trends)}")
+    if _same_rate([trend for trend in trends if trend.name in FORCE_SCALED]):
         rest = [trend for trend in drifting if trend.name not in (*FORCE_SCALED, "bias")]
-        rate = _common(trends)
+        rate = _common_rate(trends)
         words = f"force_constant or current_gain {100 * -rate:+.3g} % a day: inertia, viscous and coulomb drift alike"
         named = ("force_constant", *(trend.name for trend in rest))
-        return Drifting(trends, named, ("current_gain",), "; ".join([words, *map(_words, rest)]))
-    return Drifting(trends, tuple(t.name for t in drifting), (), "; ".join(map(_words, drifting)))
+        return DriftReport(trends, named, ("current_gain",), "; ".join([words, *map(_words, rest)]))
+    return DriftReport(trends, tuple(t.name for t in drifting), (), "; ".join(map(_words, drifting)))
 
 
 def _pace(trend: Trend) -> float:
     return abs(trend.slope / trend.scale)
 
 
-def _one_scale(common: Sequence[Trend]) -> bool:
-    """Whether inertia, viscous and coulomb drift by one factor, and surely: an exact ambiguity with Kt."""
+def _same_rate(common: Sequence[Trend]) -> bool:
+    """Whether inertia, viscous and coulomb surely drift by one factor: an exact ambiguity with Kt."""
     if len(common) < len(FORCE_SCALED) or sum(trend.drifts for trend in common) < 2:
         return False
     rates = np.array([trend.slope / trend.scale for trend in common])
-    errors = np.array([trend.half / trend.scale for trend in common]) / stats.norm.ppf(1.0 - _RISK / 2.0)
+    errors = np.array([trend.half / trend.scale for trend in common]) / stats.norm.ppf(1.0 - RISK / 2.0)
     mean = np.average(rates, weights=errors**-2.0)
     apart = float(np.sum(((rates - mean) / errors) ** 2))
-    return apart < float(stats.chi2.ppf(1.0 - _RISK, len(common) - 1))
+    return apart < float(stats.chi2.ppf(1.0 - RISK, len(common) - 1))
 
 
-def _common(trends: Sequence[Trend]) -> float:
+def _common_rate(trends: Sequence[Trend]) -> float:
     """The factor per day by which all of them rise, weighted by their intervals."""
     own = [trend for trend in trends if trend.name in FORCE_SCALED]
     rates = [trend.slope / trend.scale for trend in own]

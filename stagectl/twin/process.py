@@ -1,8 +1,8 @@
-"""The twin's process: reads the loop's ring beside the recorder, compiled, and costs the loop nothing.
+"""The twin's process: reads the loop's ring next to the recorder, compiled, and costs the loop nothing.
 
-Run as ``python -m stagectl.twin.process``; its orders come as one pickled `Order` on standard input.  Every second
-it replaces a small file with what it sees now, every minute it adds a line to the slow record; both are JSON.  It only
-reads the ring: no lock, no pipe, no call of the loop's depends on it, and it may be killed at any time.
+Run as ``python -m stagectl.twin.process``, with one pickled `TwinOrder` on standard input.  Every second it replaces a
+small file with what it sees now, every minute it adds a line to the slow record; both are JSON.  It only reads the
+ring: no lock, no pipe, no call of the loop's depends on it, and it may be killed at any time.
 """
 
 from __future__ import annotations
@@ -24,20 +24,14 @@ import numpy as np
 from stagectl.gap.logs.session import Array
 from stagectl.kernels import jit, law, rollout, stage
 from stagectl.recording.ring import Ring
-from stagectl.twin.estimate import update
-from stagectl.twin.live_model import Block, State, Twin, pieces, step, twin
+from stagectl.twin.estimate import status_of
+from stagectl.twin.live_model import Twin, TwinBlock, TwinState, pieces, step, twin_of
 from stagectl.twin.record import add, line_of, snapshot
-
-BLOCK = 0.25  # s of data in a block
-WINDOW = 60.0  # s of data that the live figures are of; and between two lines of the slow record
-_SHOWN = 1.0  # s of wall clock between two snapshots
-_POLL = 0.1  # s
-_BEHIND = 0.5  # of the ring's capacity: further behind, rows are skipped and that is said
-_NICE = 5
+from stagectl.twin.thresholds import BLOCK, NICENESS, POLL_PERIOD, SNAPSHOT_PERIOD, TOO_FAR_BEHIND, WINDOW
 
 
-class Order(NamedTuple):
-    """The axis that the twin runs beside, and where it writes."""
+class TwinOrder(NamedTuple):
+    """The axis that the twin runs next to, and where it writes."""
 
     ring: int  # descriptor
     width: int
@@ -52,32 +46,32 @@ class Order(NamedTuple):
     avoid: int | None  # CPU of the loop
 
 
-class Reader:
-    """The mutable shell around `twin.step`: where in the ring it is, and what it has seen."""
+class RingFollower:
+    """The mutable shell around `live_model.step`: where in the ring it is, and what it has seen."""
 
-    def __init__(self, order: Order, ring: Ring) -> None:
+    def __init__(self, order: TwinOrder, ring: Ring) -> None:
         self.order, self.ring = order, ring
-        self.twin: Twin = twin(restored(order.law), restored(order.stage), order.dt)
-        self.state: State | None = None
+        self.twin: Twin = twin_of(restored(order.law), restored(order.stage), order.dt)
+        self.state: TwinState | None = None
         self.size = max(1, round(BLOCK / order.dt))
-        self.live: deque[Block] = deque(maxlen=round(WINDOW / BLOCK))
-        self.minute: list[Block] = []
+        self.live: deque[TwinBlock] = deque(maxlen=round(WINDOW / BLOCK))
+        self.minute: list[TwinBlock] = []
         self.done, self.skipped, self.lag = 0, 0, 0
 
     def catch_up(self, over: bool) -> None:
-        """Take all whole blocks in the ring; at the end what is left, too."""
+        """Take all whole blocks in the ring; the last, incomplete one too where the run is `over`."""
         self.lag = self.ring.written - self.done
-        if self.lag > _BEHIND * self.ring.capacity:
+        if self.lag > TOO_FAR_BEHIND * self.ring.capacity:
             self._skip(self.ring.written - self.size)
-        while (left := self.ring.written - self.done) >= (1 if over else self.size):
-            first, rows = self.ring.read(self.done, min(self.size, left))
+        while (waiting := self.ring.written - self.done) >= (1 if over else self.size):
+            first, rows = self.ring.read(self.done, min(self.size, waiting))
             if first != self.done:
                 self._skip(first)
             self.done += len(rows) // (8 * self.order.width)
             self._take(np.frombuffer(rows).reshape(-1, self.order.width))
 
     def _skip(self, to: int) -> None:
-        """Go on at row `to`: a gap in time, which `twin.step` sees by itself."""
+        """Go on at row `to`: a gap in time, which `live_model.step` notices."""
         self.skipped += to - self.done
         self.done = to
 
@@ -90,8 +84,8 @@ class Reader:
             self.note()
 
     def note(self) -> None:
-        """Add a line to the slow record, of all since the last one, where the motion told something."""
-        line = line_of(self.order.about, update(self.twin, self.minute), time.time()) if self.minute else None
+        """Add a line to the slow record, of all since the last one, where the motion determined something."""
+        line = line_of(self.order.about, status_of(self.twin, self.minute), time.time()) if self.minute else None
         if line is not None:
             add(Path(self.order.record), line)
         self.minute = []
@@ -110,11 +104,11 @@ class Reader:
             "behind": self.lag * self.order.dt,
             "cpu_share": spent / max((self.done - self.skipped) * self.order.dt, 1e-9),
         }
-        text = json.dumps(snapshot(update(self.twin, list(self.live)), about))
+        text = json.dumps(snapshot(status_of(self.twin, list(self.live)), about))
         path = Path(self.order.live)
-        beside = path.with_name(f".{path.name}.new")
-        beside.write_text(text + "\n", encoding="utf-8")
-        beside.replace(path)
+        new = path.with_name(f".{path.name}.new")
+        new.write_text(text + "\n", encoding="utf-8")
+        new.replace(path)
 
 
 def restored(p: Any) -> Any:
@@ -124,41 +118,41 @@ def restored(p: Any) -> Any:
     return jit.table(p) if isinstance(p, tuple) else p
 
 
-def watch(order: Order) -> None:
+def watch(order: TwinOrder) -> None:
     """Follow the ring until it closes or its writer is gone."""
     ring = Ring(order.ring, order.width, order.capacity)
     _warmed(order, ring)
-    reader = Reader(order, ring)
+    follower = RingFollower(order, ring)
     print("ready", flush=True)
     start, shown = time.thread_time(), time.monotonic()
     while True:
         over = ring.closed or _writer_gone(order.alive)
-        reader.catch_up(over)
+        follower.catch_up(over)
         if over:
             break
-        if time.monotonic() - shown >= _SHOWN:
+        if time.monotonic() - shown >= SNAPSHOT_PERIOD:
             shown = time.monotonic()
-            reader.show("", time.thread_time() - start)
-    reader.note()
-    reader.show("complete" if ring.closed else "the loop process died", time.thread_time() - start)
+            follower.show("", time.thread_time() - start)
+    follower.note()
+    follower.show("complete" if ring.closed else "the loop process died", time.thread_time() - start)
 
 
-def _warmed(order: Order, ring: Ring) -> None:
+def _warmed(order: TwinOrder, ring: Ring) -> None:
     """Compile, before anything moves: two rows at rest."""
     rows = np.zeros((2, rollout.WIDTH))
     rows[:, 0] = (0.0, order.dt)
-    step(Reader(order, ring).twin, None, rows)
+    step(RingFollower(order, ring).twin, None, rows)
 
 
 def _writer_gone(alive: int) -> bool:
-    readable, _, _ = select.select([alive], [], [], _POLL)
+    readable, _, _ = select.select([alive], [], [], POLL_PERIOD)
     return bool(readable) and os.read(alive, 1) == b""
 
 
 def _stand_back(avoid: int | None) -> None:
     """The loop comes first: lower priority, and not on its CPU where there is another one."""
     with contextlib.suppress(OSError):
-        os.nice(_NICE)
+        os.nice(NICENESS)
     others = os.sched_getaffinity(0) - {avoid}
     if avoid is not None and others:
         os.sched_setaffinity(0, others)
@@ -168,7 +162,7 @@ def main() -> None:
     """Entry of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop stops the axis; the twin sees it to the end
     try:
-        order: Order = pickle.load(sys.stdin.buffer)
+        order: TwinOrder = pickle.load(sys.stdin.buffer)
     except EOFError:  # the run failed before there was anything to watch
         return
     _stand_back(order.avoid)

@@ -1,6 +1,6 @@
-"""What the twin writes: a snapshot for who looks now, a line a minute for the drift over days; and the line's words.
+"""What the twin writes: a snapshot of now, a line a minute for the drift over days, and both in words.
 
-A line holds values, not differences to the model: a stage file that changes in between leaves no step in a trend.
+A line holds values, not differences from the model: a stage file that changes in between leaves no step in a trend.
 """
 
 from __future__ import annotations
@@ -12,33 +12,34 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.gap.logs.session import GapError
-from stagectl.twin.estimate import Drift, Fit, Named, Update, there
-from stagectl.twin.live_model import BEND, PRESLIDING
+from stagectl.twin.candidates import FORM as FRICTION_FORM
+from stagectl.twin.estimate import NamedDrift, ParameterDrift, TwinStatus
 from stagectl.units import Quantity
 
 FORMAT = "stagectl-twin/1"
 
 
-def _drift(one: Drift, kind: str) -> dict[str, Any]:
-    at = one.candidate
+def _drift(drift: ParameterDrift, kind: str) -> dict[str, Any]:
+    p = drift.candidate
     return {
-        "value": one.value,
-        "error": one.error * at.scale,
-        "nominal": at.nominal,
-        "scale": at.scale,
-        "unit": Quantity(at.unit, "", "").unit_for(kind),
-        "told": one.told,
+        "value": drift.value,
+        "error": drift.error * p.scale,
+        "nominal": p.nominal,
+        "scale": p.scale,
+        "unit": Quantity(p.unit, "", "").unit_for(kind),
+        "told": drift.determined,
     }
 
 
-def _fits(p: Update) -> list[Fit]:
-    return [fit for fit in (p.drive_fit, p.mechanics_fit) if fit is not None]
+def _drifts(p: TwinStatus, kind: str) -> dict[str, dict[str, Any]]:
+    """All drifts by the name of their candidate."""
+    return {drift.candidate.name: _drift(drift, kind) for fit in p.fits for drift in fit.drifts}
 
 
-def line_of(about: dict[str, Any], p: Update, now: float) -> dict[str, Any] | None:
-    """A line of the slow record at the time `now` (s since 1970); None where the motion told nothing."""
-    told = {d.candidate.name: _drift(d, about["kind"]) for fit in _fits(p) for d in fit.drifts if d.told}
-    if not told:
+def line_of(about: dict[str, Any], p: TwinStatus, now: float) -> dict[str, Any] | None:
+    """A line of the slow record at the time `now` (s since 1970); None where the motion determined nothing."""
+    determined = {name: entry for name, entry in _drifts(p, about["kind"]).items() if entry["told"]}
+    if not determined:
         return None
     return {
         "format": FORMAT,
@@ -47,23 +48,22 @@ def line_of(about: dict[str, Any], p: Update, now: float) -> dict[str, Any] | No
         "kind": about["kind"],
         "covered": p.covered,
         "residual": residuals(p),
-        "drift": told,
+        "drift": determined,
         "named": [named.drift.candidate.name for named in p.named],
     }
 
 
-def residuals(p: Update) -> dict[str, float | None]:
+def residuals(p: TwinStatus) -> dict[str, float | None]:
     """Residual of each cut: A (worst), A rms, N m | N rms, s."""
     shift = None
     if p.mechanics_fit is not None:
         late = next((d for d in p.mechanics_fit.drifts if d.candidate.name == "time_shift"), None)
-        shift = late.value if late is not None and late.told else None
+        shift = late.value if late is not None and late.determined else None
     return {"controller": p.controller, "drive": p.drive, "mechanics": p.mechanics, "sensor": shift}
 
 
-def snapshot(p: Update, about: dict[str, Any]) -> dict[str, Any]:
+def snapshot(p: TwinStatus, about: dict[str, Any]) -> dict[str, Any]:
     """All that is known now."""
-    drifts = {d.candidate.name: _drift(d, about["kind"]) for fit in _fits(p) for d in fit.drifts}
     return {
         "format": FORMAT,
         **about,
@@ -73,26 +73,26 @@ def snapshot(p: Update, about: dict[str, Any]) -> dict[str, Any]:
         "lateness": p.lateness,
         "enough": p.mechanics_fit is not None,
         "left": p.mechanics_fit.after if p.mechanics_fit is not None else None,
-        "drift": drifts,
-        "named": [_named(one, about["kind"]) for one in p.named],
+        "drift": _drifts(p, about["kind"]),
+        "named": [_named(named, about["kind"]) for named in p.named],
         "verdict": verdict(p, about["limit"]),
         "words": words(p, about),
         "form": form(p),
     }
 
 
-def _named(one: Named, kind: str) -> dict[str, Any]:
+def _named(named: NamedDrift, kind: str) -> dict[str, Any]:
     return {
-        "name": one.drift.candidate.name,
-        "alternatives": list(one.alternatives),
-        "share": one.drift.size,
-        "share_error": one.drift.error,
-        **_drift(one.drift, kind),
+        "name": named.drift.candidate.name,
+        "alternatives": list(named.alternatives),
+        "share": named.drift.size,
+        "share_error": named.drift.error,
+        **_drift(named.drift, kind),
     }
 
 
-def verdict(p: Update, limit: float) -> str:
-    """One of found.VERDICTS, as far as a twin can tell; ``waiting`` before enough has moved."""
+def verdict(p: TwinStatus, limit: float) -> str:
+    """``controller``, ``effects`` or ``none`` as in a diagnosis; ``waiting`` before the axis has moved enough."""
     if p.controller is not None and p.controller > limit:
         return "controller"
     if p.named:
@@ -100,41 +100,40 @@ def verdict(p: Update, limit: float) -> str:
     return "none" if p.mechanics_fit is not None else "waiting"
 
 
-def words(p: Update, about: dict[str, Any]) -> str:
+def words(p: TwinStatus, about: dict[str, Any]) -> str:
     """The verdict as a sentence."""
-    found = verdict(p, about["limit"])
-    if found == "controller":
-        return (
-            f"the logged command is not what the law answers to the logged position (off by up to {p.controller:.3g} "
-            f"A): another controller runs than the stage file's"
-        )
-    if found == "effects":
-        return "the machine differs from the model: " + "; ".join(told(one) for one in p.named)
-    if found == "waiting":
-        return "too little motion yet: the model must travel through its friction, then a few seconds"
+    match verdict(p, about["limit"]):
+        case "controller":
+            return (
+                f"the logged command differs from the law's command by up to {p.controller:.3g} A: the controller that "
+                "runs is not the stage file's"
+            )
+        case "effects":
+            return "the machine differs from the model: " + "; ".join(map(effect_words, p.named))
+        case "waiting":
+            return "too little motion yet: the axis must travel through its friction, then a few seconds"
     effort = Quantity("N m | N", "", "").unit_for(about["kind"])
     return f"silent: nothing named, residual {p.mechanics:.3g} {effort} rms"
 
 
-def form(p: Update) -> str:
-    """What to say where the friction builds up otherwise than the model's; empty where it does not."""
-    fit = p.mechanics_fit
-    curves = [d for d in fit.drifts if d.candidate.name in (PRESLIDING, BEND)] if fit is not None else []
-    if not any(there(one) for one in curves):
+def form(p: TwinStatus) -> str:
+    """A remark where the friction builds up in another way than the model's; empty where it does not."""
+    drifts = p.mechanics_fit.drifts if p.mechanics_fit is not None else ()
+    if not any(drift.significant for drift in drifts if drift.candidate.name in FRICTION_FORM):
         return ""
     return (
-        "after a reversal the friction builds up otherwise than the model's: that alone is no effect; "
+        "after a reversal the friction builds up in another way than the model's: that alone is no effect; "
         "`stagectl gap diagnose` looks closer"
     )
 
 
-def told(one: Named) -> str:
+def effect_words(named: NamedDrift) -> str:
     """``viscous +20.0 % +- 0.2 % (or thermal_viscous)``."""
-    at, half = one.drift.candidate, 1.96 * one.drift.error
-    other = f" (or {', '.join(one.alternatives)})" if one.alternatives else ""
-    if at.gauge == "%":
-        return f"{at.name} {100 * one.drift.size:+.3g} % ± {100 * half:.2g} %{other}"
-    return f"{at.name} {one.drift.value * 1e6:+.3g} µs ± {half * at.scale * 1e6:.2g} µs{other}"
+    drift, p, half = named.drift, named.drift.candidate, 1.96 * named.drift.error
+    other = f" (or {', '.join(named.alternatives)})" if named.alternatives else ""
+    if p.gauge == "%":
+        return f"{p.name} {100 * drift.size:+.3g} % ± {100 * half:.2g} %{other}"
+    return f"{p.name} {drift.value * 1e6:+.3g} µs ± {half * p.scale * 1e6:.2g} µs{other}"
 
 
 def add(path: Path, line: dict[str, Any]) -> None:
@@ -149,7 +148,7 @@ def add(path: Path, line: dict[str, Any]) -> None:
 
 
 def read(path: Path) -> list[dict[str, Any]]:
-    """All lines of a slow record, oldest first; a last line that was cut off by a crash is left out.
+    """All lines of a slow record, oldest first; a last line that was cut off by a crash is dropped.
 
     Raises GapError where it is no slow record.
     """
@@ -158,17 +157,17 @@ def read(path: Path) -> list[dict[str, Any]]:
     except (OSError, UnicodeDecodeError) as error:
         raise GapError(f"{path} cannot be read: {error}; give the file that `run --twin --state` wrote") from error
     lines = text.split("\n")
-    found = []
+    entries = []
     for number, line in enumerate(lines, 1):
         if not line.strip():
             continue
         entry = _entry(line)
         if entry is None:
             if number == len(lines):
-                break  # no line break behind it: it was never finished
+                break  # no line break follows: it was never finished
             raise GapError(f"{path}:{number} is no line of a twin's record; give the file that `run --twin` wrote")
-        found.append(entry)
-    return sorted(found, key=lambda entry: float(entry["time"]))
+        entries.append(entry)
+    return sorted(entries, key=lambda entry: float(entry["time"]))
 
 
 def _entry(line: str) -> dict[str, Any] | None:

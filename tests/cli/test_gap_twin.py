@@ -71,4 +71,4 @@ def test_watch_without_a_run_says_how_to_get_one(
     other.write_text("{}")
     code, _, said = command("gap", "watch", other)
     assert code == 2
-    assert "is no file of a twin" in said
+    assert "stagectl-twin/1" in said

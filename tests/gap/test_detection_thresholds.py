@@ -93,9 +93,9 @@ def test_an_effect_alone_is_never_idle(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_not_named_explains_nothing() -> None:
     selected, nothing = _selected({"cogging": 900.0, "dwell": 300.0}, {}), Any
     effects = [FoundEffect(name, (), p, 0.0, {}) for name, p in (("cogging", 0.9), ("dwell", 0.4))]
-    sure = verdict.sure(nothing, selected, effects)  # type: ignore[arg-type]
+    sure = verdict.only_named(nothing, selected, effects)  # type: ignore[arg-type]
     assert [one.effect.name for one in sure.fitted.effects] == ["cogging"]
-    assert verdict.sure(nothing, sure, effects) is sure  # type: ignore[arg-type]
+    assert verdict.only_named(nothing, sure, effects) is sure  # type: ignore[arg-type]
 
 
 def test_an_experiment_alone_may_be_clear_of_what_is_left_in_the_others() -> None:
@@ -132,4 +132,4 @@ def test_what_is_faint_on_all_data_is_clear_where_one_experiment_says_so(
     gain = 250.0 if block == "mechanics" else 40.0
     selected = _selected({name: gain}, {name: 1.0})._replace(unexplained=10_000.0, clarity={name: Clarity(0.1, 0.6)})
     one = EffectValues(EFFECT._replace(name=name, block=block), {"time": 1e-4})
-    assert verdict._clear(selected, one, {"dead_time.time": 0.0}, apart) == pytest.approx(clear)
+    assert verdict.clarity(selected, one, verdict.NamingRule({"dead_time.time": 0.0}, apart)) == pytest.approx(clear)

@@ -13,12 +13,12 @@ from stagectl_studies.machine.stage_trial import stage_trial
 from stagectl_studies.machine.trials import Options as Drawn
 from stagectl_studies.machine.trials import draw
 
-from stagectl.api.diagnosis import BEGINS
 from stagectl.gap import diagnose
 from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.result.result_json import as_json
+from stagectl.gap.steps import BEGINS, Step
 from stagectl.gap.validation import predictions
 from tests.gap.captured import SINE, TRAPEZOID, exported, recorded
 
@@ -29,8 +29,8 @@ def _trial(place: Path, seed: int, stratum: str, **left: Any) -> tuple[Session, 
     return load_session.load([place / "captures"]), truth
 
 
-def _named(found: DiagnosisResult) -> list[str]:
-    return [one.name for one in found.effects if one.probability >= 0.5 and not one.parameter]
+def _named(result: DiagnosisResult) -> list[str]:
+    return [effect.name for effect in result.effects if effect.probability >= 0.5 and not effect.parameter]
 
 
 def test_one_hidden_effect(tmp_path: Path) -> None:
@@ -43,7 +43,7 @@ def test_one_hidden_effect(tmp_path: Path) -> None:
     inertia = truth["true"]["inertia"]
     assert done.improved.mechanics.inertia == pytest.approx(inertia, rel=0.01)
     assert set(as_json(found)) >= {"verdict", "effects", "gap", "where", "next_experiment"}
-    assert [name for name, _ in found.seconds] == list(BEGINS)  # the bar knows each step
+    assert [name for name, _ in found.seconds] == list(Step) == list(BEGINS)
     _check_predictions(session, done, tmp_path / "predictions")
 
 

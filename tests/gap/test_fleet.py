@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from stagectl.cli.app import application
-from stagectl.gap.fleet import Machine, diagnosed, drift, names_of
+from stagectl.gap.fleet import FleetMachine, diagnosed, drift, names_of
 from stagectl.gap.result import result_json
 from stagectl.gap.result.diagnosis import Gap
 from stagectl.recording.exports import write_columns
@@ -42,7 +42,7 @@ def test_names_that_tell_folders_apart() -> None:
 
 def test_an_error_of_ours_takes_no_other_line(blind: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(result_json, "save", lambda *_: 1 / 0)
-    line = diagnosed(Machine(str(blind), "one"))
+    line = diagnosed(FleetMachine(str(blind), "one"))
     assert (line.machine, line.verdict, line.words) == ("one", "", "ZeroDivisionError: division by zero")
 
 
@@ -59,5 +59,5 @@ def test_a_line_for_every_machine(blind: Path, tmp_path: Path) -> None:
 
 
 def test_the_answer_stays_in_the_folder(blind: Path) -> None:
-    assert diagnosed(Machine(str(blind), "one")).verdict == "not-identifiable"
+    assert diagnosed(FleetMachine(str(blind), "one")).verdict == "not-identifiable"
     assert (blind / "diagnosis.json").exists()

@@ -23,26 +23,26 @@ def session() -> Session:
 
 
 def test_out(session: Session) -> None:
-    models = {one.name: one.session.stage for one in knock_out.out(session)}
+    models = {knock.name: knock.session.stage for knock in knock_out.out(session)}
     assert set(models) == {"viscous", "coulomb", "bias", "inertia"}
     assert models["viscous"].mechanics.viscous == 0.0 and models["bias"].mechanics.bias == 0.0
     assert models["inertia"].mechanics.inertia == pytest.approx(0.8 * 95.1089)
     assert sliding(models["coulomb"].friction) == pytest.approx(0.02 * 20.3935)
     calm = session._replace(stage=models["bias"])
-    assert "bias" not in {one.name for one in knock_out.out(calm)}
+    assert "bias" not in {knock.name for knock in knock_out.out(calm)}
 
 
 @pytest.mark.parametrize("name", sorted(knock_out.FORCES))
 def test_into(session: Session, name: str) -> None:
     """The added force has the share of the rms that was asked for, and no controller is known any more."""
-    (one,) = knock_out.into(session, [name], 0.03)
-    before, after = session.logs[0].command, one.session.logs[0].command
+    (knock,) = knock_out.into(session, [name], 0.03)
+    before, after = session.logs[0].command, knock.session.logs[0].command
     assert before is not None and after is not None
     assert float(np.sqrt(np.mean((after - before) ** 2))) == pytest.approx(
         0.03 * float(np.sqrt(np.mean(before**2))), rel=1e-9
     )
-    assert one.session.law is None and one.session.logs[0].setpoints is None
-    assert np.array_equal(one.session.logs[0].position, session.logs[0].position)
+    assert knock.session.law is None and knock.session.logs[0].setpoints is None
+    assert np.array_equal(knock.session.logs[0].position, session.logs[0].position)
 
 
 def test_a_force_is_one_law_over_all_logs(session: Session) -> None:
@@ -53,9 +53,9 @@ def test_a_force_is_one_law_over_all_logs(session: Session) -> None:
     both = session._replace(logs=(first, second))
 
     def added(name: str) -> list[np.ndarray]:
-        (one,) = knock_out.into(both, [name], 0.03)
+        (knock,) = knock_out.into(both, [name], 0.03)
         assert first.command is not None
-        return [log.command - first.command for log in one.session.logs if log.command is not None]
+        return [log.command - first.command for log in knock.session.logs if log.command is not None]
 
     near, far = added("cable_spring")
     assert np.mean(far - near) == pytest.approx(float(np.max(far) - np.min(near)) / 2.0, rel=0.02)
@@ -64,7 +64,7 @@ def test_a_force_is_one_law_over_all_logs(session: Session) -> None:
 
 
 def test_unknown_force(session: Session) -> None:
-    with pytest.raises(GapError, match="no such force"):
+    with pytest.raises(GapError, match="--into wind"):
         knock_out.into(session, ["wind"], 0.1)
 
 
@@ -85,16 +85,17 @@ def test_what_is_named_on_a_real_record(session: Session) -> None:
     Its friction differs between directions: A. Janot, M. Gautier, M. Brunot, 2019, have 166.7 and 240.4 N s/m and then
     no offset, against 203.5 N s/m and -3.2 N without that.
     """
-    mass = next(one for one in knock_out.out(session) if one.name == "inertia")
+    mass = next(knock for knock in knock_out.out(session) if knock.name == "inertia")
     plain, lighter = (
-        diagnose.diagnose(one, diagnose.Options(advice=False), lambda _: None).found for one in (session, mass.session)
+        diagnose.diagnose(chosen, diagnose.Options(advice=False), lambda _: None).found
+        for chosen in (session, mass.session)
     )
-    named = {one.name: one for one in plain.named}
+    named = {effect.name: effect for effect in plain.named}
     assert named["viscous_asymmetry"].parameters["size"].value == pytest.approx(
         (166.7 - 240.4) / (166.7 + 240.4), rel=0.1
     )
     assert abs(named["bias"].parameters["bias"].value) < 1.0 and "inertia" not in named
     assert plain.verdict == "effects+unknown" and plain.gap.after < 0.9 * plain.gap.before
     assert any("no log is held out" in note for note in plain.notes)
-    lacked = {one.name: one for one in lighter.named}["inertia"].parameters["inertia"]
+    lacked = {effect.name: effect for effect in lighter.named}["inertia"].parameters["inertia"]
     assert lacked.value == pytest.approx(95.1, rel=0.03)

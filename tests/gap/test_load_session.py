@@ -53,7 +53,7 @@ def test_our_recordings_survive_the_folder(tmp_path: Path, text: str, stage: str
     for session in (own, again):
         (log,) = session.logs
         assert log.command is not None
-        rows = rollouts.closed(session, session.stage, log, substeps)
+        rows = rollouts.simulated_log(session, session.stage, log, substeps)
         np.testing.assert_allclose(rollouts.column(rows, "measured"), log.position, rtol=0.0, atol=1e-9)
         np.testing.assert_allclose(rollouts.column(rows, "command"), log.command, rtol=0.0, atol=1e-9)
         assert log.valid.all() and log.exact
@@ -123,7 +123,7 @@ def test_a_foreign_model_with_defaults_in_the_notes(tmp_path: Path) -> None:
     for token, sentence in zip(missing, session.cannot_tell, strict=True):
         assert token in sentence
     with pytest.raises(GapError, match="controller"):
-        rollouts.closed(session, session.stage, session.logs[0])
+        rollouts.simulated_log(session, session.stage, session.logs[0])
 
 
 def test_what_the_owner_trusts() -> None:
@@ -324,7 +324,7 @@ def test_the_benchmark_in_closed_loop() -> None:
     (log,) = session.logs
     assert session.law is not None and session.law.cascade[:2] == pytest.approx((160.18, 243.45))
     assert log.current is None and log.rows == 24841 and log.reference is not None
-    rows = rollouts.closed(session, session.stage, log)
+    rows = rollouts.simulated_log(session, session.stage, log)
     left = rollouts.column(rows, "measured") - log.position
     share = float(np.sqrt(np.mean(left**2) / np.mean((log.reference - log.position) ** 2)))
     assert 0.002 < share < 0.008

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ import pytest
 from stagectl.gap.result import verdict_text
 from stagectl.gap.result.diagnosis import BLOCKS, VERDICTS, FoundEffect, Gap
 from stagectl.gap.result.result_json import NAME, NotADiagnosisError, as_json, load, restored, save
-from stagectl.gap.validation.warnings import doubts
 from tests.gap.examples import ASYMMETRY, COGGING, SHAPE, every, found, gap
 
 FOUND = every()
@@ -172,16 +169,3 @@ def test_a_gap_that_stays_is_not_told_in_shares() -> None:
     assert "%" not in text and "closable" not in text
     assert text.endswith("; this decrease is not significant.")
     assert "closable gap" in verdict_text.sentence(before) and "significant" not in verdict_text.sentence(before)
-
-
-def test_doubts_are_told() -> None:
-    """Copies, runs that served twice, and a model that the loop does not confirm; of none of them nothing is said."""
-    stage, log = object(), SimpleNamespace
-    run = SimpleNamespace(logs=("a",))
-    good = SimpleNamespace(stage=stage, logs=[log(held_out=False), log(held_out=True)])
-    e: Any = SimpleNamespace(runs=[run])
-    assert doubts(cast(Any, good), e, cast(Any, object())) == []
-    assert ["nominal model" in one for one in doubts(cast(Any, good), e, cast(Any, stage))] == [True]
-    same = SimpleNamespace(stage=stage, logs=[log(held_out=False), log(held_out=False)])
-    copied, served = doubts(cast(Any, same), e, cast(Any, object()))
-    assert copied.startswith("1 repeats are copies") and "no log is held out" in served

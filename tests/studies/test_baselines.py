@@ -20,7 +20,7 @@ from stagectl.gap.effects.effect import Definition
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.selection.candidates import Form
-from stagectl.gap.validation import held_out_gap
+from stagectl.gap.validation import rollouts
 from stagectl.gap.validation.rollouts import column
 
 NAMES = ("refit", "ladder", "sparse", "blackbox", "oracle")
@@ -58,7 +58,7 @@ def gap(session: Session, folder: Path) -> float:
 
 def nominal(session: Session) -> float:
     held = [log for log in session.logs if log.held_out]
-    rows = held_out_gap.predicted(session, session.stage, held)
+    rows = rollouts.simulated_logs(session, session.stage, held)
     lacking = [log.position - column(one, "measured")[: log.rows] for log, one in zip(held, rows, strict=True)]
     return float(np.sqrt(np.mean(np.concatenate(lacking) ** 2)))
 

@@ -14,7 +14,7 @@ from stagectl.plan import plan
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
 from stagectl.twin import estimate, live_model
-from stagectl.twin.process import BLOCK
+from stagectl.twin.thresholds import BLOCK
 
 Array = NDArray[np.float64]
 SINE = Sine(0.005, 1.6, 5.0, 1.0)
@@ -43,10 +43,10 @@ def rows_of(setup: Setup, plant: Setup | None = None, motion: Sine = SINE) -> Ar
 
 def beside(setup: Setup) -> live_model.Twin:
     """The twin of the stage as its file has it."""
-    return live_model.twin(design.design(setup.stage, setup.file.control).law, setup.stage, setup.dt)
+    return live_model.twin_of(design.design(setup.stage, setup.file.control).law, setup.stage, setup.dt)
 
 
-def followed(p: live_model.Twin, rows: Array, size: int | None = None) -> list[live_model.Block]:
+def followed(p: live_model.Twin, rows: Array, size: int | None = None) -> list[live_model.TwinBlock]:
     """All blocks of `rows`, as large as live ones unless a `size` is given."""
     x, blocks = None, []
     size = size or round(BLOCK / p.dt)
@@ -57,15 +57,15 @@ def followed(p: live_model.Twin, rows: Array, size: int | None = None) -> list[l
     return blocks
 
 
-def seen(setup: Setup, plant: Setup) -> estimate.Update:
+def seen(setup: Setup, plant: Setup) -> estimate.TwinStatus:
     """What the twin says at the end of a run on `plant`."""
     p = beside(setup)
-    return estimate.update(p, followed(p, rows_of(setup, plant)))
+    return estimate.status_of(p, followed(p, rows_of(setup, plant)))
 
 
-def names(found: estimate.Update) -> list[str]:
+def names(status: estimate.TwinStatus) -> list[str]:
     """The effects that are named."""
-    return [one.drift.candidate.name for one in found.named]
+    return [named.drift.candidate.name for named in status.named]
 
 
 def dahl(length: float) -> stage.Friction:

@@ -20,27 +20,27 @@ NOMINAL = {"inertia": 0.01, "viscous": 0.14, "coulomb": 1.0}
 
 def lines(rates: dict[str, float], scatter: float = 0.002, count: int = 40, seed: int = 5) -> list[dict[str, Any]]:
     """A line each quarter of a day; `rates` are shares a day, `scatter` the share that each line is off by."""
-    source, found = np.random.default_rng(seed), []
+    source, report = np.random.default_rng(seed), []
     for number in range(count):
         day = 0.25 * number
         entries = {}
         for name, nominal in NOMINAL.items():
             value = nominal * (1.0 + rates.get(name, 0.0) * day + source.normal(0.0, scatter))
             entries[name] = {"value": value, "error": 0.0005 * nominal, "scale": nominal, "unit": "SI"}
-        found.append({"name": "stage A", "time": 1.7e9 + day * DAY, "drift": entries})
-    return found
+        report.append({"name": "stage A", "time": 1.7e9 + day * DAY, "drift": entries})
+    return report
 
 
 def test_the_viscous_friction_that_falls_is_named_with_its_rate() -> None:
-    found = drift(lines({"viscous": -0.01}))
-    assert found.named == ("viscous",)
-    trends = {one.name: one for one in found.trends}
+    report = drift(lines({"viscous": -0.01}))
+    assert report.named == ("viscous",)
+    trends = {trend.name: trend for trend in report.trends}
     slope = trends["viscous"]
     assert slope.slope == pytest.approx(-0.01 * 0.14, rel=0.1)
     assert abs(slope.slope + 0.0014) < slope.half < 0.1 * 0.0014
     assert slope.days == pytest.approx(9.75)
     assert slope.start == pytest.approx(0.14, rel=0.01)
-    assert "viscous -1" in found.sentence
+    assert "viscous -1" in report.sentence
     assert not trends["inertia"].drifts
 
 
@@ -48,23 +48,23 @@ def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
     """The lines scatter four times more than they say: the interval must know."""
     missed = 0
     for seed in range(200):
-        one = next(t for t in drift(lines({"viscous": 0.01}, seed=seed, count=12)).trends if t.name == "viscous")
-        missed += abs(one.slope - 0.0014) > one.half
+        trend = next(t for t in drift(lines({"viscous": 0.01}, seed=seed, count=12)).trends if t.name == "viscous")
+        missed += abs(trend.slope - 0.0014) > trend.half
     assert 2 <= missed <= 20  # of 200 at 95 %
 
 
 def test_nothing_drifts_is_an_answer() -> None:
-    found = drift(lines({}))
-    assert found.named == ()
-    assert found.sentence == "nothing drifts beyond 3 % over 9.75 days"
+    report = drift(lines({}))
+    assert report.named == ()
+    assert report.sentence == "nothing drifts beyond 3 % over 9.75 days"
     assert drift(lines({"viscous": 0.001})).named == ()  # 1 % in all: sure, and nobody cares
 
 
 def test_all_by_one_factor_is_the_force_constant_or_the_gain() -> None:
-    found = drift(lines({"inertia": 0.01, "viscous": 0.01, "coulomb": 0.01}))
-    assert found.named == ("force_constant",)
-    assert found.alternatives == ("current_gain",)
-    assert "-1" in found.sentence.split(" %")[0]  # less effort of one ampere: everything seems heavier
+    report = drift(lines({"inertia": 0.01, "viscous": 0.01, "coulomb": 0.01}))
+    assert report.named == ("force_constant",)
+    assert report.alternatives == ("current_gain",)
+    assert "-1" in report.sentence.split(" %")[0]  # less effort of one ampere: everything seems heavier
     apart = drift(lines({"inertia": 0.01, "viscous": 0.02, "coulomb": 0.015}))
     assert apart.named == ("viscous", "coulomb", "inertia")
 
@@ -77,9 +77,9 @@ def test_a_changed_stage_file_leaves_no_step(ball_screw: Setup, tmp_path: Path) 
         assert line is not None
         assert line["named"] == (["viscous"] if setup is ball_screw else [])
         add(tmp_path / "slow.jsonl", line)
-    found = drift(read(tmp_path / "slow.jsonl"))
-    assert found.named == ()
-    viscous = next(one for one in found.trends if one.name == "viscous")
+    report = drift(read(tmp_path / "slow.jsonl"))
+    assert report.named == ()
+    viscous = next(trend for trend in report.trends if trend.name == "viscous")
     assert viscous.start == pytest.approx(0.168, rel=0.005)
 
 
@@ -91,18 +91,18 @@ def test_a_line_that_was_cut_off_is_left_out_and_garbage_is_refused(tmp_path: Pa
     path.write_text(whole + '{"format": "stagectl-tw')
     assert len(read(path)) == 3
     path.write_text("no record\n" + whole)
-    with pytest.raises(GapError, match=r"slow\.jsonl:1 is no line of a twin's record"):
+    with pytest.raises(GapError, match=r"slow\.jsonl:1 "):
         read(path)
-    with pytest.raises(GapError, match="cannot be read"):
+    with pytest.raises(GapError, match=r"none\.jsonl"):
         read(tmp_path / "none.jsonl")
 
 
 def test_too_few_lines_and_several_axes_are_refused() -> None:
-    with pytest.raises(GapError, match="has 2 lines; at least 3"):
+    with pytest.raises(GapError, match="2 lines"):
         drift(lines({}, count=2))
     two = [*lines({}, count=3), *({**line, "name": "other"} for line in lines({}, count=3))]
-    with pytest.raises(GapError, match="several axes: other, stage A; choose one with --axis"):
+    with pytest.raises(GapError, match="--axis"):
         drift(two)
     assert drift(two, "other").named == ()
-    with pytest.raises(GapError, match="--axis third: the record holds other, stage A"):
+    with pytest.raises(GapError, match="--axis third"):
         drift(two, "third")

@@ -77,8 +77,8 @@ def test_the_twin_names_what_is_off_and_its_death_changes_nothing(command: Comma
             assert run.poll() is None
             time.sleep(0.02)
         assert not compiler_in(loop)
-        out, said = run.communicate(timeout=120)
-        assert run.returncode == 0, said
+        out, output = run.communicate(timeout=120)
+        assert run.returncode == 0, output
         killed = started(tmp_path, channel, "killed.h5")
         child(killed.pid, "stagectl.realtime.loop")
         time.sleep(1.0)
@@ -86,13 +86,13 @@ def test_the_twin_names_what_is_off_and_its_death_changes_nothing(command: Comma
         _, said_killed = killed.communicate(timeout=120)
         assert killed.returncode == 0, said_killed
     found = json.loads(out)["twin"]
-    assert [one["name"] for one in found["named"]] == ["viscous"]
+    assert [entry["name"] for entry in found["named"]] == ["viscous"]
     assert found["named"][0]["share"] == pytest.approx(0.2, abs=0.005)
     assert found["residual"]["controller"] == 0.0
     assert found["residual"]["drive"] < 0.004  # A, a count of the drive's report
     whole, cut = open_recording(tmp_path / "whole.h5").samples, open_recording(tmp_path / "killed.h5").samples
     assert (found["rows"], found["skipped_rows"], found["ended"]) == (len(whole), 0, "complete")
-    assert "twin: the machine differs from the model: viscous +20 %" in said
+    assert "twin: the machine differs from the model: viscous +20 %" in output
     assert "ended early (exit -9): the motion did not need it" in said_killed
     for column in ("measured", "command", "current"):
         assert np.array_equal(whole[column], cut[column]), column
@@ -100,15 +100,15 @@ def test_the_twin_names_what_is_off_and_its_death_changes_nothing(command: Comma
 
 
 def _verbs_show_it(command: Command, folder: Path) -> None:
-    code, _, said = command("gap", "watch", folder / "whole.twin.json", "--once")
-    assert code == 0, said
-    assert "C mechanics" in said
-    assert "viscous +20 %" in said
+    code, _, output = command("gap", "watch", folder / "whole.twin.json", "--once")
+    assert code == 0, output
+    assert "C mechanics" in output
+    assert "viscous +20 %" in output
     _, lines, _ = command("gap", "watch", folder / "whole.twin.json", "--json", "-")
     assert json.loads(lines.splitlines()[0])["verdict"] == "effects"
-    code, _, said = command("gap", "watch", folder / "none.twin.json")
+    code, _, output = command("gap", "watch", folder / "none.twin.json")
     assert code == 2
-    assert "a run with --twin writes one" in said
-    code, _, said = command("gap", "drift", folder / "slow.jsonl")
+    assert "a run with --twin writes one" in output
+    code, _, output = command("gap", "drift", folder / "slow.jsonl")
     assert code == 2
-    assert "has 1 lines; at least 3" in said
+    assert "has 1 lines; at least 3" in output

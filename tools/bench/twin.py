@@ -22,9 +22,9 @@ from stagectl.kernels import rollout
 from stagectl.recording.ring import Ring
 from stagectl.service.child_process import Child, start
 from stagectl.simulation import simulate
-from stagectl.twin.live_model import step, twin
-from stagectl.twin.process import BLOCK
+from stagectl.twin.live_model import step, twin_of
 from stagectl.twin.start import companion, live_file
+from stagectl.twin.thresholds import BLOCK
 
 _MOTION = "sine-0.8hz"
 _SHARE = 10.0  # % of a core
@@ -65,7 +65,7 @@ def _own(one: Scene, rounds: int) -> list[Row]:
     """CPU of the twin's arithmetic over a simulated run, blocks as they come live."""
     samples = simulate(one.setup, one.plan, one.controller.law)
     table = samples.view(np.float64).reshape(len(samples), -1)
-    p, size, found = twin(one.controller.law, one.setup.stage, one.setup.dt), round(BLOCK / one.setup.dt), []
+    p, size, found = twin_of(one.controller.law, one.setup.stage, one.setup.dt), round(BLOCK / one.setup.dt), []
     for _ in range(rounds + 1):
         begin, x = time.thread_time(), None
         for start_row in range(0, len(table), size):

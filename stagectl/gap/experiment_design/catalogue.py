@@ -1,27 +1,14 @@
-"""The library that the next experiment is chosen from: each tells effects apart that others leave ambiguous."""
+"""The catalogue that the next experiment is chosen from: each separates effects that others leave ambiguous."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 from stagectl.config.stage_file import Setup
-from stagectl.gap.effects.library import excited_by
 from stagectl.gap.experiment_design import experiment_motions as more
 from stagectl.gap.experiment_design import motions
-from stagectl.gap.experiment_design.experiment import Experiment
-from stagectl.gap.experiment_design.motions import Place, carried, micro, preconditioned, steps
-from stagectl.gap.experiment_design.scale import Scale, scale_of
-from stagectl.trajectories import Dwell, Excited, Trajectory
-
-
-class Recipe(NamedTuple):
-    """An experiment before it is made for a stage."""
-
-    name: str
-    separates: str
-    made: Callable[[Scale], tuple[Trajectory, ...] | Excited]
-    family: str = ""  # by which the effects that it excites are known; empty: its name
+from stagectl.gap.experiment_design.experiment import Experiment, Recipe, made
+from stagectl.gap.experiment_design.motions import CarriedMultisine, carried, micro, steps
+from stagectl.gap.experiment_design.stage_scale import scale_of
+from stagectl.trajectories import Dwell
 
 
 def library(setup: Setup) -> tuple[Experiment, ...]:
@@ -29,18 +16,7 @@ def library(setup: Setup) -> tuple[Experiment, ...]:
 
     Raises GapError where the stage has no room or no current to move.
     """
-    return made(scale_of(setup))
-
-
-def made(p: Scale) -> tuple[Experiment, ...]:
-    """All of them, made for a stage of this scale."""
-    return tuple(_experiment(p, recipe) for recipe in RECIPES)
-
-
-def _experiment(p: Scale, recipe: Recipe) -> Experiment:
-    made = recipe.made(p)
-    motion = made if isinstance(made, Excited) else preconditioned(p, *made)
-    return Experiment(recipe.name, recipe.separates, excited_by(recipe.family or recipe.name), motion, p.unit)
+    return made(scale_of(setup), RECIPES)
 
 
 _SPREAD = "Speeds both ways, log-spaced over {}: "
@@ -50,147 +26,187 @@ RECIPES = (
     Recipe(
         "sines-of-one-speed",
         "A slow and a fast sine of one peak speed: inertia acts in the fast one alone, friction in both.",
+        "sines-of-one-speed",
         more.equal_speed_sines,
     ),
     Recipe(
         "stairs-wide",
-        _SPREAD.format("two decades") + "viscous friction, its curvature and the Stribeck rise are bent apart.",
+        _SPREAD.format("two decades") + "viscous friction, its curvature and the Stribeck rise.",
+        "stairs-wide",
         lambda p: more.speeds(p, 0.01, 1.0, 9, 0.8),
     ),
     Recipe(
         "stairs-creep",
         _SPREAD.format("the slowest decade and a half") + "a Stribeck rise ends there, curvature has not begun.",
+        "stairs-creep",
         lambda p: more.speeds(p, 0.002, 0.06, 6, 1.5),
     ),
     Recipe(
         "stairs-fast",
         _SPREAD.format("the fastest quarter") + "curvature of viscous friction, and its two sides.",
+        "stairs-fast",
         lambda p: more.speeds(p, 0.25, 1.0, 6, 0.8),
     ),
     Recipe(
         "creep",
-        "A slow creep: the encoder's periods and the steps of the command, one by one.",
+        "A slow creep: the encoder's periods and the steps of the command, one at a time.",
+        "creep",
         more.creep,
     ),
     Recipe(
         "constant-speed-long",
-        "Most of the stroke at constant speed: what does not repeat with the turn of the screw drifts against it.",
+        "Most of the stroke at constant speed: what does not repeat with the turn of the screw drifts relative to it.",
+        "constant-speed-long",
         lambda p: more.constant(p, 0.2),
     ),
     Recipe(
         "constant-speed-fast",
         "Most of the stroke at two speeds: errors of the encoder grow with speed squared, forces do not.",
+        "constant-speed-fast",
         lambda p: more.constant(p, 0.35, 0.9),
     ),
     Recipe(
         "scan-slow",
         "The stroke both ways, slowly: a spring pushes one way, friction opposes both.",
+        "scan-slow",
         lambda p: motions.scan(p, 15.0),
     ),
     Recipe(
         "scans-at-two-speeds",
         "The stroke at two speeds both ways: what stays in place, and what moves with speed.",
+        "scans-at-two-speeds",
         more.two_scans,
     ),
     Recipe(
         "scan-at-two-loads",
         "A few pitches at little and at much current: ripple grows with current, cogging does not.",
+        "scan-at-two-loads",
         more.two_loads,
     ),
     Recipe(
         "speeds-by-acceleration",
         "One speed reached at accelerations over a decade: friction that follows the load is not inertia.",
+        "speeds-by-acceleration",
         more.accelerations,
     ),
     Recipe(
         "strokes",
         "Three strokes of the millimetre range: a cable's hysteresis is longer than rolling friction's.",
+        "strokes",
         more.strokes,
     ),
     Recipe(
         "micro-sweep",
-        "Micro-sines, smaller and smaller: play is dead first and stiff then, rolling friction the opposite.",
+        "Micro-sines, smaller and smaller: play is first slack and then stiff, rolling friction the opposite.",
+        "micro-sweep",
         lambda p: more.sizes(p, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.12),
     ),
     Recipe(
         "micro-slow",
         "A slow sine within presliding: steps of command and encoder stand out.",
+        "micro-slow",
         lambda p: (Dwell(0.1), micro(p, 0.5, 20.0, 0.3, 2.0)),
     ),
     Recipe(
         "micro-fast",
-        "A fast sine just beyond presliding: what lags behind velocity shows against what follows displacement.",
+        "A fast sine just beyond presliding: separates what lags behind velocity from what follows displacement.",
+        "micro-fast",
         lambda p: (Dwell(0.1), micro(p, 3.0, 20.0, 8.0, 12.0)),
     ),
     Recipe(
         "reversals",
         "Turning round at rates over two decades: rolling friction follows displacement, a lag follows time.",
+        "reversals",
         more.reversals,
     ),
     Recipe(
         "dwells",
-        "Steps after 0.1, 1, 5 and 30 s of rest: only friction that grows with time at rest tells them apart.",
+        "Steps after 0.1, 1, 5 and 30 s of rest: only friction that grows with time at rest makes them differ.",
+        "dwells",
         lambda p: steps(p, p.short, (0.1, 1.0, 5.0, 30.0)),
     ),
     Recipe(
         "dwells-short",
         "Small steps after 0.1, 0.3 and 1 s of rest: dwell within presliding.",
+        "dwells-short",
         lambda p: steps(p, 2.0 * p.presliding, (0.1, 0.3, 1.0)),
     ),
     Recipe(
         "swing-one-way",
         "One way at a swinging speed: at one speed it passes accelerating and braking, so a lag opens a loop.",
+        "swing-one-way",
         lambda p: more.swings(p, 0.06, 2.0),
     ),
     Recipe(
         "swing-three-rates",
         "One way at a speed that swings at three rates: the loop of a lag grows with the rate.",
+        "swing-three-rates",
         lambda p: more.swings(p, 0.1, 1.0, 3.0, 9.0),
     ),
-    Recipe("resonance-low", _LINES.format("low end"), lambda p: carried(p, Place(0.05, 21, periods=3.0)), "resonance"),
     Recipe(
-        "resonance-middle", _LINES.format("middle"), lambda p: carried(p, Place(0.375, 22, periods=3.0)), "resonance"
+        "resonance-low",
+        _LINES.format("low end"),
+        "resonance",
+        lambda p: carried(p, CarriedMultisine(0.05, 21, periods=3.0)),
     ),
-    Recipe("resonance-high", _LINES.format("high end"), lambda p: carried(p, Place(0.7, 23, periods=3.0)), "resonance"),
+    Recipe(
+        "resonance-middle",
+        _LINES.format("middle"),
+        "resonance",
+        lambda p: carried(p, CarriedMultisine(0.375, 22, periods=3.0)),
+    ),
+    Recipe(
+        "resonance-high",
+        _LINES.format("high end"),
+        "resonance",
+        lambda p: carried(p, CarriedMultisine(0.7, 23, periods=3.0)),
+    ),
     Recipe(
         "resonance-of-the-base",
-        "An odd multisine of 5 to 60 Hz on a moving axis: a base that moves, apart from what lies within the axis.",
-        lambda p: carried(p, Place(0.375, 24, 0.15, 5.0, 60.0, 3.0)),
+        "An odd multisine of 5 to 60 Hz on a moving axis: a base that moves, against a compliance within the axis.",
+        "resonance-of-the-base",
+        lambda p: carried(p, CarriedMultisine(0.375, 24, 0.15, 5.0, 60.0, 3.0)),
     ),
     Recipe(
         "step-and-settle",
-        "Stops from speed and time to ring out: the base goes on when the axis stands.",
+        "Stops from speed and time to ring out: the base goes on moving when the axis stands still.",
+        "step-and-settle",
         lambda p: more.settling(p, 0.75),
     ),
     Recipe(
         "strong-sine",
         "A long sine at nine tenths of the current, or of the limit that it meets first: what a drive cannot give.",
+        "strong-sine",
         lambda p: (motions.strong(p, 0.9, 5.0, 10.0),),
     ),
     Recipe(
         "fast-cruise",
-        "As fast as travel and current allow: a lack of voltage shows with speed, one of current does not.",
+        "As fast as travel and current allow: a voltage limit shows with speed, a current limit does not.",
+        "fast-cruise",
         more.fast_cruise,
     ),
     Recipe(
         "rest",
         "Standing still for 10 s: noise, steps of the command, limit cycles.",
+        "rest",
         more.rest(10.0),
     ),
     Recipe(
         "rest-at-places",
         "Rest at seven places, reached from below and above: a constant force, a spring, and friction's two sides.",
+        "rest-at-places",
         more.places,
     ),
     Recipe(
         "one-stroke-again",
         "One stroke again and again for 40 s: a change from one moment to the next, within a run.",
-        lambda p: more.warm_up(p, 40.0),
         "warm-up",
+        lambda p: more.warm_up(p, 40.0),
     ),
     Recipe(
         "warm-up",
         "The same for 5 minutes; run it cold, and again after a break: what changes with time, and what does not.",
+        "warm-up",
         lambda p: more.warm_up(p, 300.0),
     ),
 )

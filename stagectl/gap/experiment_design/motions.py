@@ -1,4 +1,4 @@
-"""The motions that experiments are made of, scaled to a stage: each starts and ends where the axis stands."""
+"""The motions that experiments are made of, scaled to a stage: each starts and ends at the initial position."""
 
 from __future__ import annotations
 
@@ -6,59 +6,67 @@ import math
 from collections.abc import Sequence as Many
 from typing import NamedTuple
 
-from stagectl.gap.experiment_design.scale import Scale, largest_acceleration, largest_amplitude, largest_speed, rounded
+from stagectl.gap.experiment_design import thresholds
+from stagectl.gap.experiment_design.stage_scale import (
+    StageScale,
+    largest_acceleration,
+    largest_amplitude,
+    largest_speed,
+    rounded,
+)
 from stagectl.trajectories import CurrentMultisine, Dwell, Excited, Sequence, Sine, Sum, Trajectory, Trapezoid
 
-REST = 0.1  # s between parts
-TURN = 0.15  # s of one way of the preconditioning reversal
-GENTLE, FIRM = 0.3, 0.7  # shares of limits and current
-WAY = 0.8  # of the stroke, the longest move of the stairs
-SHARPEST = 40  # control periods a step takes at least: what the sampled loop can follow
 
-
-def preconditioned(p: Scale, *parts: Trajectory) -> Sequence:
+def preconditioned(p: StageScale, *parts: Trajectory) -> Sequence:
     """One reversal beyond presliding before `parts`: friction then begins in a state that is known."""
-    acceleration = min(4.0 * p.short / (TURN * TURN), largest_acceleration(p, FIRM))
-    return Sequence((move(p.short, largest_speed(p, GENTLE), acceleration), *parts))
+    acceleration = min(
+        4.0 * p.short / (thresholds.PRECONDITIONING_TIME * thresholds.PRECONDITIONING_TIME),
+        largest_acceleration(p, thresholds.FIRM),
+    )
+    return Sequence((move(p.short, largest_speed(p, thresholds.GENTLE), acceleration), *parts))
 
 
 def move(
-    distance: float, velocity: float, acceleration: float, dwell: float = REST, one_way: bool = False
+    distance: float, velocity: float, acceleration: float, dwell: float = thresholds.REST, one_way: bool = False
 ) -> Trapezoid:
     """There and back, or one way, in figures that a person reads."""
     return Trapezoid(rounded(distance), rounded(velocity), rounded(acceleration), dwell, 1, one_way)
 
 
-def sine(p: Scale, amplitude: float, frequency: float, periods: float = 3.0, ramp: float = 1.0) -> Sine:
-    """A sine of `amplitude` (m), or of what firm use of the machine leaves of it."""
-    largest = largest_amplitude(p, FIRM, frequency)
+def sine(p: StageScale, amplitude: float, frequency: float, periods: float = 3.0, ramp: float = 1.0) -> Sine:
+    """A sine of `amplitude` (m), or of what firm use of the machine allows."""
+    largest = largest_amplitude(p, thresholds.FIRM, frequency)
     return Sine(rounded(min(amplitude, largest)), rounded(frequency), periods, ramp)
 
 
-def at_speed(p: Scale, speed: float, frequency: float, periods: float = 3.0) -> Sine:
+def at_speed(p: StageScale, speed: float, frequency: float, periods: float = 3.0) -> Sine:
     """A sine of this peak speed (m/s), where reach and current allow it."""
-    return sine(p, min(speed / (2.0 * math.pi * frequency), GENTLE * p.reach), frequency, periods)
+    return sine(p, min(speed / (2.0 * math.pi * frequency), thresholds.GENTLE * p.reach), frequency, periods)
 
 
-def strong(p: Scale, share: float, frequency: float, periods: float = 4.0) -> Sine:
+def strong(p: StageScale, share: float, frequency: float, periods: float = 4.0) -> Sine:
     """A sine that needs this share of the largest current, or of the first limit that it meets."""
     return Sine(rounded(largest_amplitude(p, share, frequency)), rounded(frequency), periods, 2.0)
 
 
-def ramp(p: Scale, speed: float) -> float:
-    """How fast to get to `speed` (m/s): in a tenth of a second, or as the current beside friction allows (m/s^2)."""
-    return min(speed / 0.1, GENTLE * p.acceleration, largest_acceleration(worse(p), 0.95, speed))
+def ramp(p: StageScale, speed: float) -> float:
+    """Acceleration (m/s^2) to `speed` (m/s): in a tenth of a second, or as the current beyond friction allows."""
+    return min(speed / 0.1, thresholds.GENTLE * p.acceleration, largest_acceleration(heavier(p), 0.95, speed))
 
 
-def worse(p: Scale) -> Scale:
+def heavier(p: StageScale) -> StageScale:
     """The same stage with a quarter more of all that resists: a battery must not fault on the gap that it looks for."""
-    return p._replace(inertia=1.25 * p.inertia, viscous=1.25 * p.viscous, resisting=1.25 * p.resisting)
+    return p._replace(
+        inertia=thresholds.RESERVE * p.inertia,
+        viscous=thresholds.RESERVE * p.viscous,
+        resisting=thresholds.RESERVE * p.resisting,
+    )
 
 
-def top_speed(p: Scale) -> float:
-    """Of the stairs (m/s): 4/15 of the limit, 65 % of the current, and a quarter of a second at it."""
+def top_speed(p: StageScale) -> float:
+    """Largest of the stairs (m/s): 4/15 of the limit, 65 % of the current, and a quarter of a second at it."""
     fastest = min(4.0 / 15.0 * p.speed, largest_speed(p, 0.65))
-    a, way = ramp(p, fastest), WAY * p.span
+    a, way = ramp(p, fastest), thresholds.LONGEST_MOVE * p.span
     by_way = 0.5 * a * (math.sqrt(0.0625 + 4.0 * way / a) - 0.25)
     return rounded(min(fastest, by_way))
 
@@ -68,20 +76,20 @@ def logarithmic(low: float, high: float, count: int) -> list[float]:
     return [rounded(low * (high / low) ** (k / (count - 1))) for k in range(count)]
 
 
-def transit(p: Scale) -> tuple[float, float]:
+def transit(p: StageScale) -> tuple[float, float]:
     """Speed (m/s) and acceleration (m/s^2) of getting somewhere."""
     fast = largest_speed(p, 0.5)
     return fast, largest_acceleration(p, 0.62, fast)
 
 
-def stairs(p: Scale, speeds: Many[float], hold: float) -> tuple[Trapezoid, ...]:
+def stairs(p: StageScale, speeds: Many[float], hold: float) -> tuple[Trapezoid, ...]:
     """There and back at each of `speeds` (m/s), held for `hold` (s) where the travel is long enough."""
     start = move(0.9 * p.low, *transit(p), one_way=True)
-    steps = tuple(there_and_back(p, speed, hold, WAY * p.span) for speed in speeds)
+    steps = tuple(there_and_back(p, speed, hold, thresholds.LONGEST_MOVE * p.span) for speed in speeds)
     return start, *steps, start._replace(distance=-start.distance)
 
 
-def there_and_back(p: Scale, speed: float, hold: float, longest: float) -> Trapezoid:
+def there_and_back(p: StageScale, speed: float, hold: float, longest: float) -> Trapezoid:
     """At `speed` (m/s) for `hold` (s), within `longest` (m): over whole pitches where it comes to at least one."""
     acceleration = ramp(p, speed)
     way = min(speed * hold + speed * speed / acceleration, longest)
@@ -89,10 +97,10 @@ def there_and_back(p: Scale, speed: float, hold: float, longest: float) -> Trape
     return move(pitches * p.pitch if pitches else way, speed, acceleration)
 
 
-def scan(p: Scale, time: float, ends: float = 0.05) -> tuple[Trapezoid, ...]:
+def scan(p: StageScale, time: float, ends: float = 0.05) -> tuple[Trapezoid, ...]:
     """The stroke up and down in `time` (s) each way, but for a share of it at both `ends`."""
     low, high = rounded(p.low * (1.0 - ends)), rounded(p.high * (1.0 - ends))
-    slow = min((high - low) / time, largest_speed(p, FIRM))
+    slow = min((high - low) / time, largest_speed(p, thresholds.FIRM))
     fast, a = transit(p)
     way = rounded(high - low)
     return (
@@ -102,56 +110,52 @@ def scan(p: Scale, time: float, ends: float = 0.05) -> tuple[Trapezoid, ...]:
     )
 
 
-def micro(p: Scale, ratio: float, steps: float, frequency: float = 2.0, periods: float = 3.0) -> Sine:
+def micro(p: StageScale, ratio: float, steps: float, frequency: float = 2.0, periods: float = 3.0) -> Sine:
     """A sine of `ratio` times the presliding length, and of at least `steps` encoder counts."""
     return sine(p, max(ratio * p.presliding, steps * p.encoder_step), frequency, periods)
 
 
-def steps(p: Scale, distance: float, dwells: Many[float], share: float = 0.4) -> tuple[Trapezoid, ...]:
+def steps(p: StageScale, distance: float, dwells: Many[float], share: float = 0.4) -> tuple[Trapezoid, ...]:
     """There and back by `distance` (m), as sharply as this share of the current allows, after each of `dwells` (s)."""
-    shortest = max(0.02, SHARPEST * p.dt)
+    shortest = max(thresholds.SHORTEST_STEP, thresholds.FEWEST_PERIODS * p.dt)
     a = min(largest_acceleration(p, share), 4.0 * distance / (shortest * shortest))
-    return tuple(move(distance, largest_speed(p, GENTLE), a, dwell) for dwell in dwells)
+    return tuple(move(distance, largest_speed(p, thresholds.GENTLE), a, dwell) for dwell in dwells)
 
 
-class Place(NamedTuple):
-    """Where in the stroke, and by what draw of phases, a multisine is injected."""
+class CarriedMultisine(NamedTuple):
+    """Where in the stroke, and with which lines and phases, a multisine of current is injected."""
 
-    share: float  # of the stroke, 0 at its low end and 1 at its high one: where the carrier starts
-    seed: int
+    place: float  # of the stroke, 0 at its low end and 1 at its high one: where the carrier starts
+    seed: int  # of the phases
     current: float = 0.1  # of the largest
     low: float = 3.0  # Hz
     high: float = 500.0  # Hz, or a quarter of the sampling frequency
     periods: float = 2.0
 
 
-CARRIER = 0.25  # of the stroke, that a multisine is carried over
-
-
-def carried(p: Scale, place: Place) -> Excited:
+def carried(p: StageScale, injection: CarriedMultisine) -> Excited:
     """An odd random-phase multisine of current, on a carrier of constant speed that keeps friction slipping."""
     current = CurrentMultisine(
-        rounded(place.current * p.current_limit),
-        place.low,
-        rounded(min(place.high, 0.25 / p.dt)),
+        rounded(injection.current * p.current_limit),
+        injection.low,
+        rounded(min(injection.high, 0.25 / p.dt)),
         1.0,
-        place.periods,
+        injection.periods,
         0.25,
-        place.seed,
+        injection.seed,
     )
-    way = rounded(CARRIER * p.span)
-    start = rounded(p.low + place.share * p.span)
+    way = rounded(thresholds.CARRIER_WAY * p.span)
+    start = rounded(p.low + injection.place * p.span)
     fast, a = transit(p)
-    settle = 0.2  # s at constant speed before and after
-    speed = way / (current.duration + 2.0 * settle)
-    before = preconditioned(p, *([move(start, fast, a, one_way=True)] if start else [Dwell(REST)]))
+    speed = way / (current.duration + 2.0 * thresholds.CARRIER_SETTLE)
+    before = preconditioned(p, *([move(start, fast, a, one_way=True)] if start else [Dwell(thresholds.REST)]))
     carrier = move(way, speed, a, one_way=True)
     back = carrier._replace(distance=-rounded(start + way, 6), velocity=rounded(fast), acceleration=rounded(a))
-    begin = before.duration + carrier.velocity / carrier.acceleration + settle
+    begin = before.duration + carrier.velocity / carrier.acceleration + thresholds.CARRIER_SETTLE
     return Excited(Sequence((*before.parts, carrier, back)), current, rounded(begin, 4))
 
 
-def wavering(p: Scale, speed: float, share: float, frequency: float, periods: float) -> tuple[Trajectory, ...]:
+def wavering(p: StageScale, speed: float, share: float, frequency: float, periods: float) -> tuple[Trajectory, ...]:
     """One way at ``speed + share speed cos(2 pi f t)``, never turning round, and back."""
     swing = Sine(rounded(share * speed / (2.0 * math.pi * frequency)), rounded(frequency), periods, 1.0)
     a = ramp(p, speed)

@@ -19,21 +19,21 @@ _LONGEST = 118  # characters of a line
 
 def text_of(experiment: Experiment, comments: tuple[str, ...], unit: str) -> str:
     """YAML of `experiment` below its `comments`; its lengths are in `unit` (m | rad) of travel."""
-    told = [f"# {line}" for comment in comments for line in textwrap.wrap(comment, _LONGEST - 2)]
-    return "\n".join([*told, *_lines(_entries(experiment, unit))]) + "\n"
+    header = [f"# {line}" for comment in comments for line in textwrap.wrap(comment, _LONGEST - 2)]
+    return "\n".join([*header, *_lines(_entries(experiment, unit))]) + "\n"
 
 
 def _lines(block: dict[str, Any]) -> list[str]:
-    """A block field by field; what has parts of its own is indented below its name, all else stands in one line."""
-    found = []
+    """A block field by field; a block with parts is indented below its name, every other field takes one line."""
+    lines = []
     for name, value in block.items():
         if isinstance(value, list) and isinstance(value[0], dict):
-            found += [f"{name}:", *(f"  {line}" for part in value for line in _part(part))]
+            lines += [f"{name}:", *(f"  {line}" for part in value for line in _part(part))]
         elif isinstance(value, dict) and "parts" in value:
-            found += [f"{name}:", *(f"  {line}" for line in _lines(value))]
+            lines += [f"{name}:", *(f"  {line}" for line in _lines(value))]
         else:
-            found.append(f"{name}: {_flow(value)}")
-    return found
+            lines.append(f"{name}: {_flow(value)}")
+    return lines
 
 
 def _part(part: dict[str, Any]) -> list[str]:
@@ -45,14 +45,14 @@ def _part(part: dict[str, Any]) -> list[str]:
 
 def _flow(value: Any) -> str:
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{name}: {_flow(one)}" for name, one in value.items()) + "}"
+        return "{" + ", ".join(f"{name}: {_flow(part)}" for name, part in value.items()) + "}"
     if isinstance(value, list):
         return f"[{', '.join(map(_flow, value))}]"
     return str(value)
 
 
 def _entries(block: Any, unit: str) -> dict[str, Any]:
-    """Type and fields of a block as text; what stands at its default is left out.
+    """Type and fields of a block as text; fields at their default are left out.
 
     Raises KeyError where the block is of a kind that files are not written from.
     """
@@ -71,7 +71,7 @@ def _value(value: Any, quantity: Quantity | None, unit: str) -> Any:
     if hasattr(value, "_fields"):
         return _entries(value, unit)
     if isinstance(value, tuple):
-        return [_value(one, quantity, unit) for one in value]
+        return [_value(item, quantity, unit) for item in value]
     if isinstance(value, bool):
         return "true" if value else "false"
     if quantity is None or not quantity.unit:
@@ -85,8 +85,7 @@ def _of_travel(unit: str, travel: str) -> str:
 
 
 def number(value: float, unit: str) -> str:
-    """With its unit, and the prefix that a person would take for a length: ``12.3 mm/s``."""
-    prefixed = unit.split("/")[0] == "m"
-    chosen = next((one for one in _PREFIXES if abs(value) >= 0.9995 * one[0]), _PREFIXES[0])
-    scale, prefix = chosen if prefixed else _PREFIXES[0]
+    """`value` with its `unit`, and the prefix that a person would take for a length: ``12.3 mm/s``."""
+    prefixes = _PREFIXES if unit.split("/")[0] == "m" else _PREFIXES[:1]
+    scale, prefix = next(((scale, prefix) for scale, prefix in prefixes if abs(value) >= 0.9995 * scale), _PREFIXES[0])
     return f"{value / scale:.12g} {prefix}{unit}"

@@ -1,7 +1,7 @@
-"""Smooth functions of one coordinate, brought to the ground of the residuals: what an unknown gap is tried with.
+"""Smooth functions of one coordinate, filtered like the residuals: an unknown gap is tried with them.
 
-A function is a sum of hats over the coordinate, of sines over the pitch.  Each may work even or odd in the direction of
-motion, or with the acceleration: a friction over the position is the position's odd part.
+A function is a sum of hats over the coordinate, or of sines over the pitch.  Each may work even or odd in the direction
+of motion, or with the acceleration: friction that depends on the position is the odd part of the position.
 """
 
 from __future__ import annotations
@@ -13,30 +13,27 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from stagectl.gap.effects.effect import Scales
-from stagectl.gap.inference import time_localisation
+from stagectl.gap.inference import thresholds, tracker_response
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, whitening
-from stagectl.gap.residuals.gram_matrices import Products
+from stagectl.gap.residuals.gram_matrices import Columns, Products
 from stagectl.gap.residuals.half_strokes import Run, without_drift_at_rest
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.residuals.thresholds import KEPT
 from stagectl.parallel import in_parallel
 
-WINDOW = 0.012  # s, over which velocity and acceleration are taken
-STILL = 1e-3  # of the largest speed: below, there is no direction
-BACK = 0.1  # of the rolling zone: a shorter way back is no reversal, as in the table of the stage model
-ORDERS = 12  # of the pitch, beside those that stand out
 EVEN, ODD, INERTIAL, LOOP = "even", "odd", "inertial", "loop"
 ALL = (EVEN, ODD, INERTIAL, LOOP)  # EVEN + ODD: any function of coordinate and direction
 TIME = "time"
-KNOTS = 6  # over the session's clock: a step is between two of them
-SIDE, VELOCITY = (tuple(f"{TIME}.{name}.{k}" for k in range(KNOTS)) for name in ("side", "velocity"))
+SIDE, VELOCITY = (tuple(f"{TIME}.{name}.{k}" for k in range(thresholds.CLOCK_KNOTS)) for name in ("side", "velocity"))
 CLOCK = (*SIDE, *VELOCITY)  # columns over the session's clock
 OF_A_DRIVE = ("current", "speed", "acceleration")  # coordinates that a current may depend on
 
+Basis = Callable[[Array], Array]  # (n,) of a coordinate to (k, n)
 
-class Motion(NamedTuple):
-    """The course of one run at its kept rows, (m,) each."""
+
+class RunMotion(NamedTuple):
+    """The motion of one run at its kept rows, (m,) each."""
 
     position: Array  # rad | m
     velocity: Array  # rad/s | m/s
@@ -45,31 +42,60 @@ class Motion(NamedTuple):
     current: Array  # A, of the command
 
 
-class Smoother(NamedTuple):
+class CoordinateBasis(NamedTuple):
     """Functions of one coordinate."""
 
     coordinate: str
-    place: Callable[[Motion], Array]  # the coordinate of a run
-    basis: Callable[[Array], Array]  # (n,) to (k, n)
+    place: Callable[[RunMotion], Array]  # the coordinate of a run
+    basis: Basis
     low: float  # of the coordinate
     high: float
 
 
-def motion(run: Run, size: Scales) -> Motion:
-    """The course of `run` along the mean of its repeats."""
+class BasisColumns(NamedTuple):
+    """All functions of single coordinates on one session's data."""
+
+    filter: ResidualFilter
+    runs: Sequence[Run]
+    size: Scales
+    motions: Sequence[RunMotion]  # of each run
+    bases: Sequence[CoordinateBasis]
+    known: Products  # what moves along with any function, and the null ensemble
+    products: Mapping[str, Products]  # by coordinate: that, and the columns even and odd
+    clock: Products | None  # the same over the session's clock; None where nothing was repeated
+
+
+def functions(filtering: ResidualFilter, runs: Sequence[Run], size: Scales, known: Products) -> BasisColumns:
+    """All bases along the motions of `runs`, with their columns multiplied with those that are `known`."""
+    motions = [motion_of(run, size) for run in runs]
+    bases = bases_of(size, motions)
+    empty = BasisColumns(filtering, runs, size, motions, bases, known, {}, None)
+    columns = columns_of(empty, dict.fromkeys((EVEN, ODD), bases))
+    products = {}
+    for basis in bases:
+        own = [*names(basis, EVEN), *names(basis, ODD)]
+        of_basis = [{name: of_run[name] for name in own} for of_run in columns]
+        products[basis.coordinate] = gram_matrices.with_columns(known, of_basis)
+    repeated = any(len(run.logs) > 1 for run in runs)
+    clock = gram_matrices.with_columns(known, _over_the_clock(filtering, runs, motions)) if repeated else None
+    return empty._replace(products=products, clock=clock)
+
+
+def motion_of(run: Run, size: Scales) -> RunMotion:
+    """The motion of `run` along the mean of its repeats."""
     position, dt = run.mean.rows[:, 1], run.mean.dt
-    window = min(2 * max(round(0.5 * WINDOW / dt), 2) + 1, len(position) - 1 + len(position) % 2)
+    window = min(2 * max(round(0.5 * thresholds.DERIVATIVE_WINDOW / dt), 2) + 1, len(position) - 1 + len(position) % 2)
     velocity, acceleration = (savgol_filter(position, window, 3, deriv=k, delta=dt) for k in (1, 2))
-    since = since_reversal(position, BACK * size.length)
-    course = (position, velocity, acceleration, since, run.mean.rows[:, 0])
-    return Motion(*(one[::KEPT] for one in course))
+    since = since_reversal(position, thresholds.REVERSAL_SHARE * size.length)
+    columns = (position, velocity, acceleration, since, run.mean.rows[:, 0])
+    return RunMotion(*(column[::KEPT] for column in columns))
 
 
 def since_reversal(position: Array, back: float) -> Array:
     """Distance (n,) from the last reversal; a turn counts once the way back exceeds `back` (rad | m)."""
     turned = furthest = float(position[0])
     side = 0.0
-    found = np.empty(len(position))
+    distance = np.empty(len(position))
     for k, x in enumerate(position.tolist()):
         ahead = x - furthest
         if ahead * side > 0.0:
@@ -77,17 +103,17 @@ def since_reversal(position: Array, back: float) -> Array:
         elif abs(ahead) > back:
             turned = furthest if side else turned
             furthest, side = x, 1.0 if ahead > 0.0 else -1.0
-        found[k] = abs(x - turned)
-    return found
+        distance[k] = abs(x - turned)
+    return distance
 
 
-def hats(nodes: Array) -> Callable[[Array], Array]:
-    """Triangles over `nodes` (k,), flat beyond the ends; together they are one."""
-    each = np.eye(len(nodes))
-    return lambda x: np.stack([np.interp(x, nodes, one) for one in each])
+def hats(nodes: Array) -> Basis:
+    """Triangles over `nodes` (k,), flat beyond the ends; they sum to one."""
+    identity = np.eye(len(nodes))
+    return lambda x: np.stack([np.interp(x, nodes, hat) for hat in identity])
 
 
-def waves(pitch: float, orders: Sequence[float]) -> Callable[[Array], Array]:
+def waves(pitch: float, orders: Sequence[float]) -> Basis:
     """Sine and cosine of each order of the pitch."""
 
     def basis(x: Array) -> Array:
@@ -97,59 +123,71 @@ def waves(pitch: float, orders: Sequence[float]) -> Callable[[Array], Array]:
     return basis
 
 
-def smoothers(size: Scales, motions: Sequence[Motion]) -> list[Smoother]:
-    """One for each coordinate of a motion, on grids that suit this machine's sizes; time has its own."""
-    # Friction changes over decades of speed, and of the way since a reversal.
-    speeds = np.concatenate([[0.0], np.geomspace(0.002, 1.0, 11)]) * size.speed
-    ways = np.concatenate([[0.0], size.length * np.geomspace(0.03, 3.0, 10)])
-    ways = np.concatenate([ways, np.geomspace(6.0 * size.length, max(size.stroke, 12.0 * size.length), 4)])
-    largest = float(np.percentile(np.concatenate([np.abs(one.acceleration) for one in motions]), 99.9))
-    places = np.linspace(size.centre - size.stroke, size.centre + size.stroke, 25)
-    accelerations, currents = np.linspace(-largest, largest, 11), np.linspace(-size.current, size.current, 15)
-    orders = sorted({*range(1, ORDERS + 1), *(n for n in size.orders.get("cogging", ()) if n > ORDERS)})
+def bases_of(size: Scales, motions: Sequence[RunMotion]) -> list[CoordinateBasis]:
+    """One basis for each coordinate of a motion, on grids that suit this machine's sizes; time has its own."""
+    speeds = np.concatenate([[0.0], np.geomspace(thresholds.SLOWEST_NODE, 1.0, thresholds.SPEED_NODES)]) * size.speed
+    zone = np.concatenate(
+        [[0.0], size.length * np.geomspace(thresholds.ZONE_FROM, thresholds.ZONE_TO, thresholds.ZONE_NODES)]
+    )
+    beyond = np.geomspace(
+        thresholds.WAY_FROM * size.length, max(size.stroke, thresholds.WAY_TO * size.length), thresholds.WAY_NODES
+    )
+    measured = np.concatenate([np.abs(motion.acceleration) for motion in motions])
+    largest = float(np.percentile(measured, thresholds.ACCELERATION_PERCENTILE))
+    places = np.linspace(size.centre - size.stroke, size.centre + size.stroke, thresholds.PLACE_NODES)
+    orders = sorted(
+        {
+            *range(1, thresholds.PITCH_ORDERS + 1),
+            *(order for order in size.orders.get("cogging", ()) if order > thresholds.PITCH_ORDERS),
+        }
+    )
     return [
         _over("speed", lambda m: np.abs(m.velocity), speeds),
-        _over("acceleration", lambda m: m.acceleration, accelerations),
-        Smoother("direction", lambda m: m.velocity, lambda x: np.ones((1, len(x))), -size.speed, size.speed),
-        _over("displacement_since_reversal", lambda m: m.since, ways),
+        _over("acceleration", lambda m: m.acceleration, np.linspace(-largest, largest, thresholds.ACCELERATION_NODES)),
+        CoordinateBasis("direction", lambda m: m.velocity, lambda x: np.ones((1, len(x))), -size.speed, size.speed),
+        _over("displacement_since_reversal", lambda m: m.since, np.concatenate([zone, beyond])),
         _over("position", lambda m: m.position, places),
-        Smoother("position_mod_pitch", lambda m: m.position, waves(size.pitch, orders), 0.0, size.pitch),
-        _over("current", lambda m: m.current, currents),
+        CoordinateBasis("position_mod_pitch", lambda m: m.position, waves(size.pitch, orders), 0.0, size.pitch),
+        _over("current", lambda m: m.current, np.linspace(-size.current, size.current, thresholds.CURRENT_NODES)),
     ]
 
 
-def _over(name: str, place: Callable[[Motion], Array], nodes: Array) -> Smoother:
-    return Smoother(name, place, hats(nodes), float(nodes[0]), float(nodes[-1]))
+def _over(name: str, place: Callable[[RunMotion], Array], nodes: Array) -> CoordinateBasis:
+    return CoordinateBasis(name, place, hats(nodes), float(nodes[0]), float(nodes[-1]))
 
 
-def factor(part: str, m: Motion, size: Scales) -> Array:
-    """(n,) what a function is multiplied by; LOOP: which way the speed changes, with the sign of the velocity."""
-    side = np.where(np.abs(m.velocity) > STILL * size.speed, np.sign(m.velocity), 0.0)
+def factor(part: str, motion: RunMotion, size: Scales) -> Array:
+    """Factor (n,) of a function; LOOP: which way the speed changes, with the sign of the velocity."""
+    side = np.where(np.abs(motion.velocity) > thresholds.STANDSTILL_SPEED * size.speed, np.sign(motion.velocity), 0.0)
     if part == EVEN:
         return np.ones(len(side))
     if part == ODD:
         return side
-    scale = float(np.abs(m.acceleration).max(initial=0.0)) or 1.0
-    return m.acceleration / scale if part == INERTIAL else np.tanh(5.0 * m.acceleration / scale)
+    scale = float(np.abs(motion.acceleration).max(initial=0.0)) or 1.0
+    return (
+        motion.acceleration / scale
+        if part == INERTIAL
+        else np.tanh(thresholds.LOOP_SLOPE * motion.acceleration / scale)
+    )
 
 
-class Ground(NamedTuple):
-    """What brings an effort along a path to the ground of the residuals."""
+class ResidualFilter(NamedTuple):
+    """Filters an effort along a path as the residuals are filtered."""
 
     model: TrackedModel
     noise: whitening.Whitener
 
-    def bring(self, run: Run) -> Callable[[Array, bool], list[Array]]:
+    def columns(self, run: Run) -> Callable[[Array, bool], list[Array]]:
         """Whitened (m, 2) of signals (k, m) at the kept rows of `run`: as an effort (N m | N), and as a current (A)."""
         dt, count = run.mean.dt, len(run.weight)
-        lines = time_localisation.lines_of(count, dt * KEPT)
+        lines = tracker_response.lines_of(count, dt * KEPT)
         effort, current = whitening.gains(self.noise, lines, dt)
-        answer = time_localisation.tracking(self.model, lines, dt) * effort
+        response = tracker_response.tracking(self.model, lines, dt) * effort
 
         def columns(signals: Array, drive: bool) -> list[Array]:
-            efforts = time_localisation.passed(signals, answer)
-            currents = time_localisation.passed(signals, current) if drive else np.zeros_like(signals)
-            # Many, and smooth: half the digits do.
+            efforts = tracker_response.filtered(signals, response)
+            currents = tracker_response.filtered(signals, current) if drive else np.zeros_like(signals)
+            # There are many, and they are smooth: single precision is enough.
             return [
                 without_drift_at_rest(both, run.rests).astype(np.float32)
                 for both in np.stack([efforts, currents], axis=-1)
@@ -158,78 +196,50 @@ class Ground(NamedTuple):
         return columns
 
 
-def names(one: Smoother, part: str) -> list[str]:
+def names(basis: CoordinateBasis, part: str) -> list[str]:
     """Names of the columns of one part."""
-    count = len(one.basis(np.zeros(1)))
-    return [f"{one.coordinate}.{part}.{k}" for k in range(count)]
+    count = len(basis.basis(np.zeros(1)))
+    return [f"{basis.coordinate}.{part}.{k}" for k in range(count)]
 
 
-def columns_of(
-    ground: Ground, runs: Sequence[Run], of: tuple[Sequence[Motion], Scales], parts: Mapping[str, Sequence[Smoother]]
-) -> list[dict[str, list[Array]]]:
-    """Columns of each run for the smoothers of each part, over all cores."""
-    motions, size = of
+def columns_of(p: BasisColumns, parts: Mapping[str, Sequence[CoordinateBasis]]) -> Columns:
+    """Columns of each run of `p` for the bases of each part, over all cores."""
 
-    def found(pair: tuple[Run, Motion]) -> dict[str, list[Array]]:
-        run, m = pair
+    def of(pair: tuple[Run, RunMotion]) -> dict[str, list[Array]]:
+        run, motion = pair
         columns: dict[str, list[Array]] = {}
-        bring = ground.bring(run)
-        for part, chosen in parts.items():
-            side = factor(part, m, size)
-            for one in chosen:
-                signals, drive = one.basis(one.place(m)) * side, one.coordinate in OF_A_DRIVE
-                columns |= {name: [x] for name, x in zip(names(one, part), bring(signals, drive), strict=True)}
+        filtered = p.filter.columns(run)
+        for part, bases in parts.items():
+            side = factor(part, motion, p.size)
+            for basis in bases:
+                signals = basis.basis(basis.place(motion)) * side
+                whitened = filtered(signals, basis.coordinate in OF_A_DRIVE)
+                columns |= {name: [column] for name, column in zip(names(basis, part), whitened, strict=True)}
         return columns
 
-    return in_parallel(found, list(zip(runs, motions, strict=True)))
+    return in_parallel(of, list(zip(p.runs, p.motions, strict=True)))
 
 
-class Functions(NamedTuple):
-    """All functions of single coordinates on one session's data."""
-
-    size: Scales
-    motions: list[Motion]
-    tried: list[Smoother]
-    known: Products  # what moves beside any function, and the null ensemble
-    products: Mapping[str, Products]  # by coordinate: that, and the columns even and odd
-    clock: Products | None  # the same over the session's clock; None where nothing was repeated
-
-
-def functions(ground: Ground, runs: Sequence[Run], size: Scales, known: Products) -> Functions:
-    """All smoothers along the runs' motions, with their columns multiplied with those that are `known`."""
-    motions = [motion(run, size) for run in runs]
-    tried = smoothers(size, motions)
-    columns = columns_of(ground, runs, (motions, size), {EVEN: tried, ODD: tried})
-    products = {}
-    for one in tried:
-        own = [*names(one, EVEN), *names(one, ODD)]
-        products[one.coordinate] = gram_matrices.with_columns(
-            known, [{name: found[name] for name in own} for found in columns]
-        )
-    repeated = any(len(run.logs) > 1 for run in runs)
-    clock = gram_matrices.with_columns(known, _clocked(ground, runs, motions)) if repeated else None
-    return Functions(size, motions, tried, known, products, clock)
-
-
-def _clocked(ground: Ground, runs: Sequence[Run], motions: Sequence[Motion]) -> list[dict[str, list[Array]]]:
+def _over_the_clock(filtering: ResidualFilter, runs: Sequence[Run], motions: Sequence[RunMotion]) -> Columns:
     """Time as a coordinate: what friction and damping change by from repeat to repeat of one experiment.
 
-    Only differences between repeats count: over an experiment's own duration time is what the experiment is.
+    Only differences between repeats count: within one repeat, time is confounded with the motion.
     """
-    course, found = hats(knots(runs)), []
-    for run, m in zip(runs, motions, strict=True):
-        each = course(np.array([log.start for log in run.logs]))
-        columns: dict[str, list[Array]] = {}
-        bring = ground.bring(run)
-        for names_, signal in ((SIDE, np.sign(m.velocity)), (VELOCITY, m.velocity)):
-            column = bring(signal[None], False)[0]
-            for name, one in zip(names_, each, strict=True):
-                columns[name] = [column * x for x in (one - one.mean()).tolist()]
-        found.append(columns)
-    return found
+    course = hats(knots(runs))
+    columns = []
+    for run, motion in zip(runs, motions, strict=True):
+        weights = course(np.array([log.start for log in run.logs]))
+        filtered = filtering.columns(run)
+        of_run: dict[str, list[Array]] = {}
+        for knot_names, signal in ((SIDE, np.sign(motion.velocity)), (VELOCITY, motion.velocity)):
+            column = filtered(signal[None], False)[0]
+            for name, hat in zip(knot_names, weights, strict=True):
+                of_run[name] = [column * weight for weight in (hat - hat.mean()).tolist()]
+        columns.append(of_run)
+    return columns
 
 
 def knots(runs: Sequence[Run]) -> Array:
-    """(k,) s of the session's clock between which friction may change in its own way."""
+    """Instants (k,) s of the session's clock between which friction may change in its own way."""
     starts = [log.start for run in runs for log in run.logs]
-    return np.linspace(min(starts), max(max(starts), min(starts) + 1.0), KNOTS)
+    return np.linspace(min(starts), max(max(starts), min(starts) + 1.0), thresholds.CLOCK_KNOTS)

@@ -1,6 +1,6 @@
-"""In which coordinate the gap lies: what a smooth function of one coordinate alone foretells of it.
+"""In which coordinate the gap lies: what a smooth function of one coordinate alone predicts of it.
 
-Functions are fitted on one half of the half strokes, beside all parameters of the base, and judged on the other.
+Functions are fitted on one half of the half strokes, together with all parameters of the base, and judged on the other.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from stagectl.gap.inference import basis_functions
-from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, Functions, Smoother
+from stagectl.gap.inference import basis_functions, thresholds
+from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, BasisColumns, CoordinateBasis
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import Grams
@@ -21,103 +21,109 @@ from stagectl.gap.selection import candidate_scores
 from stagectl.gap.selection.cross_validation import folds, partialled_out
 from stagectl.gap.selection.refine import Evidence
 
-STIFF = 1e-3  # of the best seen function: what draws one that is hardly seen towards zero
-WIDTH = 1.5  # octaves of the band in which a gap lies "in frequency"
-LOWEST = 5.0  # Hz: below lie the motions themselves
 
+def coordinates(e: Evidence, functions: BasisColumns) -> tuple[Coordinate, ...]:
+    """Share of the base's excess over the repeats' floor that each coordinate predicts, largest first.
 
-def coordinates(e: Evidence, smooth: Functions) -> tuple[Coordinate, ...]:
-    """Share of the base's excess over the repeats' floor that each coordinate foretells, largest first.
-
-    Of a coordinate count functions even and odd in the direction of motion, and both, whichever foretells most.
+    For a coordinate, functions even and odd in the direction of motion count, and both, whichever predict most.
     Frequency counts by the share of the excess in its best band.
     """
-    found = {"frequency": _banded(e)}
+    shares = {"frequency": _share_in_a_band(e)}
     floor = floor_of_means(e)
-    for one in smooth.tried:
-        g = gram_matrices.fold_sums(smooth.products[one.coordinate], means(e.base.after))
-        found[one.coordinate] = max(_share(g, e, chosen, floor) for chosen in _variants(one))
-    if smooth.clock is not None:
-        g = gram_matrices.fold_sums(smooth.clock, e.base.after)
-        found[TIME] = _share(g, e, basis_functions.CLOCK, g.floor.sum(axis=0), aging=True)
-    return tuple(Coordinate(name, share) for name, share in sorted(found.items(), key=lambda pair: -pair[1]))
+    for basis in functions.bases:
+        g = gram_matrices.fold_sums(functions.products[basis.coordinate], means(e.base.after))
+        shares[basis.coordinate] = max(_share(g, e, names, floor) for names in _variants(basis))
+    if functions.clock is not None:
+        g = gram_matrices.fold_sums(functions.clock, e.base.after)
+        shares[TIME] = _share(g, e, basis_functions.CLOCK, g.floor.sum(axis=0), aging=True)
+    return tuple(Coordinate(name, share) for name, share in sorted(shares.items(), key=lambda pair: -pair[1]))
 
 
-def _variants(one: Smoother) -> list[list[str]]:
-    even, odd = (basis_functions.names(one, part) for part in (EVEN, ODD))
+def _variants(basis: CoordinateBasis) -> list[list[str]]:
+    even, odd = (basis_functions.names(basis, part) for part in (EVEN, ODD))
     return [even, odd, [*even, *odd]]
 
 
 def means(residuals: Sequence[list[Array]]) -> list[list[Array]]:
-    """Of the repeats of each run: what does not run on the clock is the same in all."""
+    """Means over the repeats of each run: what does not run on the clock is the same in all."""
     return [[np.mean(repeats, axis=0)] for repeats in residuals]
 
 
 def scatter(e: Evidence) -> list[Array]:
-    """(r, m, 2) of each run: how far its repeats are off their mean, as that stands in the mean; 0 without repeats."""
-    each = [(run.weight[:, None] * np.stack(repeats)) for run, repeats in zip(e.runs, e.deviations, strict=True)]
-    return [one / np.sqrt(max(len(one) * (len(one) - 1), 1)) for one in each]
+    """(r, m, 2) of each run: deviations of its repeats, scaled to the error of their mean; 0 without repeats."""
+    weighted = [(run.weight[:, None] * np.stack(repeats)) for run, repeats in zip(e.runs, e.deviations, strict=True)]
+    return [deviations / np.sqrt(max(len(deviations) * (len(deviations) - 1), 1)) for deviations in weighted]
 
 
 def floor_of_means(e: Evidence) -> Array:
-    """(2,) sum of squares that the repeats' noise leaves in their means, of effort and current."""
-    found: Array = np.sum([np.sum(one * one, axis=(0, 1)) for one in scatter(e)], axis=0)
-    return found
+    """Sums of squares (2,) that the repeats' noise leaves in their means, of effort and current."""
+    floor: Array = np.sum([np.sum(deviations * deviations, axis=(0, 1)) for deviations in scatter(e)], axis=0)
+    return floor
 
 
 def _share(g: Grams, e: Evidence, names: Sequence[str], floor: Array, aging: bool = False) -> float:
     """Both cuts by themselves: one function of effort and one of current."""
     gain = closable = 0.0
     for cut, part in enumerate((g.effort, g.current)):
-        before, after = foretold(
+        before, after = predicted_squares(
             partialled_out(folds(g, part), g.places(candidate_scores.nuisances(e))), g.places(names)
         )
         gain += max(before - after, 0.0)
         closable += max(before - float(floor[cut]), 0.0)
-    # What repeats differ by counts as floor, but where a drift foretells it.
+    # Differences between repeats count as floor, unless a drift predicts them.
     closable += gain if aging else 0.0
     return min(gain / closable, 1.0) if closable > 0.0 else 0.0
 
 
-def foretold(free: Array, own: Sequence[int]) -> tuple[float, float]:
-    """Sums of squares left on the hand that was not fitted, both ways: without the columns `own`, and with them.
+def predicted_squares(free: Array, columns: Sequence[int]) -> tuple[float, float]:
+    """Sums of squares on the fold that was not fitted, both ways: without the `columns`, and with them.
 
-    The hands `free` (2, p + 1, p + 1) are free of what the nuisances can take.
+    The folds `free` (2, p + 1, p + 1) are free of what the nuisances can take.
     """
     before = after = 0.0
     for fitted, judged in ((0, 1), (1, 0)):
         before += float(free[judged, -1, -1])
-        after += least_squares.residual_sum_of_squares(free[judged], own, drawn(free[fitted], own))
+        after += least_squares.residual_sum_of_squares(free[judged], columns, ridge_fit(free[fitted], columns))
     return before, after
 
 
-def drawn(g: Array, chosen: Sequence[int], beside: Sequence[int] = ()) -> Array:
-    """Amplitudes (k,) of the columns `beside` and `chosen`, the latter drawn to zero where they are hardly seen."""
-    places, free = [*beside, *chosen], len(beside)
+def ridge_fit(g: Array, columns: Sequence[int], nuisances: Sequence[int] = ()) -> Array:
+    """Amplitudes (k,) of the `nuisances` and then of the `columns` of the Gram matrix `g` (p + 1, p + 1).
+
+    A ridge draws those of the `columns` to zero that the data hardly excite.
+    """
+    places, free = [*nuisances, *columns], len(nuisances)
     size = np.diag(g)[places].copy()
     own = size[free:]
-    prior = np.concatenate([np.zeros(free), np.full(len(own), STIFF * float(own.max(initial=0.0)))])
+    prior = np.concatenate([np.zeros(free), np.full(len(own), thresholds.RIDGE_SHARE * float(own.max(initial=0.0)))])
     scale = 1.0 / np.sqrt(size + prior + 1e-300)
     a = g[np.ix_(places, places)] + np.diag(prior)
-    inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=1e-10, hermitian=True)
-    amplitude: Array = scale * (inverse @ (scale * g[places, -1]))
-    return amplitude
+    inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=thresholds.PSEUDO_INVERSE_RANK, hermitian=True)
+    amplitudes: Array = scale * (inverse @ (scale * g[places, -1]))
+    return amplitudes
 
 
-def _banded(e: Evidence) -> float:
-    """Largest share of the excess within `WIDTH` octaves above `LOWEST`."""
-    total: Array | None = None
-    frequency = np.zeros(1)
-    for run, repeats, deviations in zip(e.runs, e.base.after, e.deviations, strict=True):
-        mean = run.weight[:, None] * np.mean(repeats, axis=0)
-        noise = [run.weight[:, None] * one for one in deviations]
-        segment = min(1024, *(len(each.mean.rows) // KEPT for each in e.runs))
-        frequency, power = welch(mean, 1.0 / (run.mean.dt * KEPT), nperseg=segment, axis=0)
-        spread = sum(welch(one, nperseg=segment, fs=1.0 / (run.mean.dt * KEPT), axis=0)[1] for one in noise)
-        clean = (power - spread / max(len(noise) * (len(noise) - 1), 1)).sum(axis=1) * len(mean)
-        total = clean if total is None else total + clean
-    assert total is not None  # a session has runs
-    whole = float(total.sum())
-    starts = frequency[(frequency >= LOWEST) & (frequency * 2.0**WIDTH <= frequency[-1])]
-    bands = [float(total[(frequency >= f) & (frequency < f * 2.0**WIDTH)].sum()) for f in starts]
+def _share_in_a_band(e: Evidence) -> float:
+    """Largest share of the excess within `thresholds.EXCESS_BAND` octaves above `thresholds.LOWEST_FREQUENCY`."""
+    dt = e.runs[-1].mean.dt * KEPT
+    segment = min(thresholds.SPECTRUM_ROWS, *(len(run.mean.rows) // KEPT for run in e.runs))
+    frequency = np.fft.rfftfreq(segment, dt)
+    power = np.sum([_excess_power(e, number, segment) for number in range(len(e.runs))], axis=0)
+    whole = float(power.sum())
+    starts = frequency[
+        (frequency >= thresholds.LOWEST_FREQUENCY) & (frequency * 2.0**thresholds.EXCESS_BAND <= frequency[-1])
+    ]
+    bands = [float(power[(frequency >= f) & (frequency < f * 2.0**thresholds.EXCESS_BAND)].sum()) for f in starts]
     return min(max(max(bands, default=0.0) / whole, 0.0), 1.0) if whole > 0.0 else 0.0
+
+
+def _excess_power(e: Evidence, number: int, segment: int) -> Array:
+    """Power (f,) of the mean residual of one run, less what the noise of its repeats leaves in it."""
+    run, repeats, deviations = e.runs[number], e.base.after[number], e.deviations[number]
+    rate = 1.0 / (run.mean.dt * KEPT)
+    mean = run.weight[:, None] * np.mean(repeats, axis=0)
+    power = welch(mean, rate, nperseg=segment, axis=0)[1]
+    noise = [run.weight[:, None] * deviation for deviation in deviations]
+    spread = sum(welch(deviation, nperseg=segment, fs=rate, axis=0)[1] for deviation in noise)
+    clean: Array = (power - spread / max(len(noise) * (len(noise) - 1), 1)).sum(axis=1) * len(mean)
+    return clean

@@ -1,7 +1,7 @@
-"""Parameters of the model that are off: how far, how surely, and how much of the gap each of them takes.
+"""Parameters of the model that are off: how far, how surely, and how much of the gap each of them causes.
 
-A shift counts where it is beyond what the half strokes say of its own uncertainty, large enough to matter for a
-model, and material: without it the rest of the model, refitted, must lack noticeably more.
+A shift counts where it is beyond the uncertainty that the half strokes give it, large enough to matter for a model, and
+material: without it, the rest of the model, refitted, must fit noticeably worse.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.effects.library import FORCE_SCALED
+from stagectl.gap.inference import thresholds
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares, linear_fit
 from stagectl.gap.residuals.sensitivities import TrackedModel
@@ -20,11 +21,14 @@ from stagectl.gap.selection import baseline_fit, refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels import stage
 
-SURE = 4.0  # standard deviations
-RUBS = 0.01  # of the larger Coulomb friction, nominal or fitted: below it the length of the smaller means nothing
-MATERIAL = 0.005  # of the closable misfit before the refit
-LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02, "time_shift": 0.1}
-COMMON = 0.006  # spread of the logarithms of J, D and T_c within which their shift is one common scale
+UNITS = {
+    "inertia": "kg m^2 | kg",
+    "viscous": "N m s/rad | N s/m",
+    "bias": "N m | N",
+    "time_shift": "s",
+    "coulomb": "N m | N",
+    "presliding": "rad | m",
+}  # rotary | linear
 
 
 class Shift(NamedTuple):
@@ -38,24 +42,52 @@ class Shift(NamedTuple):
     sure: bool
 
 
+class Estimate(NamedTuple):
+    """A parameter as fitted, SI."""
+
+    value: float
+    nominal: float
+    deviation: float  # standard
+    scale: float  # to which its change is relative
+
+
 def shifts(
     session: Session, e: Evidence, now: Fitted, g: gram_matrices.Grams, deviation: Mapping[str, float], before: float
 ) -> list[Shift]:
     """All shifts of the refitted model; `before` is the closable misfit of the nominal model.
 
-    `g` holds the columns of all parameters where they stand, `deviation` the standard deviations of these.
+    `g` holds the columns of all parameters at their fitted values, `deviation` their standard deviations.
     """
-    names = list(deviation)
     returned = _returned(g, refine.nuisances(e), _moves(session, now))
-    found = [
-        _plain(session, now, name, deviation[name], returned.get(name, 0.0) / before)
-        for name in ("inertia", "viscous", "bias", "time_shift")
+    estimates = _estimates(session, now, deviation)
+    estimates["coulomb"] = _coulomb(session, now, g, list(deviation))
+    shares = {name: returned.get(name, 0.0) / before for name in estimates}
+    found = [_shift(name, estimate, shares[name], session.kind) for name, estimate in estimates.items()]
+    return [*found, *_presliding(session, now)]
+
+
+def _estimates(session: Session, now: Fitted, deviation: Mapping[str, float]) -> dict[str, Estimate]:
+    """Values of the parameters that have a column of their own."""
+    p, q = session.stage.mechanics, now.model.stage.mechanics
+    estimates = {
+        "inertia": (q.inertia, p.inertia, p.inertia),
+        "viscous": (q.viscous, p.viscous, p.viscous or 1e-9),
+        "bias": (q.bias, p.bias, friction_family.size(session.stage)),
+        "time_shift": (now.model.shift, 0.0, session.dt),
+    }
+    return {
+        name: Estimate(value, nominal, deviation[name], scale)
+        for name, (value, nominal, scale) in estimates.items()
         if name in deviation
-    ]
-    weights = [name for name in names if name.startswith("weight_")]
-    places = [names.index(name) for name in weights]
-    coulomb_sd = float(np.sqrt(max(linear_fit.clustered_covariance(g, names)[np.ix_(places, places)].sum(), 0.0)))
-    return [*found, *_friction(session, now, coulomb_sd, returned.get("coulomb", 0.0) / before)]
+    }
+
+
+def _coulomb(session: Session, now: Fitted, g: gram_matrices.Grams, names: list[str]) -> Estimate:
+    """Coulomb friction, with the deviation of the sum of all weights of its law."""
+    places = [names.index(name) for name in names if name.startswith("weight_")]
+    variance = linear_fit.clustered_covariance(g, names)[np.ix_(places, places)].sum()
+    nominal, value = (stage.sliding(p.friction) for p in (session.stage, now.model.stage))
+    return Estimate(value, nominal, float(np.sqrt(max(variance, 0.0))), friction_family.size(session.stage))
 
 
 def _moves(session: Session, now: Fitted) -> dict[str, dict[str, float]]:
@@ -89,55 +121,46 @@ def _returned(
 ) -> dict[str, float]:
     """Misfit that comes back when one parameter goes back and all others of the model may follow."""
     summed = g.both.sum(axis=0)
-    found = {}
+    returned = {}
     for name, move in moves.items():
         if not all(part in names for part in move):
             continue
         moved = np.zeros(len(g.names) + 1)
         moved[g.places(list(move))] = list(move.values())
-        others = g.places([one for one in names if one not in move])
+        others = g.places([other for other in names if other not in move])
         column = summed @ moved
         whole = float(moved @ column)
-        rest = float(column[others] @ least_squares.inverse(summed[np.ix_(others, others)]) @ column[others])
-        found[name] = max(whole - rest, 0.0)
-    return found
+        followed = float(column[others] @ least_squares.inverse(summed[np.ix_(others, others)]) @ column[others])
+        returned[name] = max(whole - followed, 0.0)
+    return returned
 
 
-def _plain(session: Session, now: Fitted, name: str, deviation: float, share: float) -> Shift:
-    p, q = session.stage, now.model.stage
-    coulomb = friction_family.size(p)
-    value, nominal, scale, unit = {
-        "inertia": (q.mechanics.inertia, p.mechanics.inertia, p.mechanics.inertia, "kg m^2 | kg"),
-        "viscous": (q.mechanics.viscous, p.mechanics.viscous, p.mechanics.viscous or 1e-9, "N m s/rad | N s/m"),
-        "bias": (q.mechanics.bias, p.mechanics.bias, coulomb, "N m | N"),
-        "time_shift": (now.model.shift, 0.0, session.dt, "s"),
-    }[name]
-    return _shift(name, (value, nominal), (deviation, scale), share, _unit(unit, session.kind))
+def _unit(name: str, kind: str) -> str:
+    rotary, *linear = UNITS[name].split(" | ")
+    return linear[0] if linear and kind == "linear" else rotary
 
 
-def _unit(both: str, kind: str) -> str:
-    parts = [part.strip() for part in both.split("|")]
-    return parts[-1] if kind == "linear" else parts[0]
+def _shift(name: str, p: Estimate, share: float, kind: str) -> Shift:
+    change, spread = (p.value - p.nominal) / p.scale, p.deviation / p.scale
+    large = abs(change) > thresholds.SHIFT_LEAST[name] and abs(change) > thresholds.SHIFT_SIGMA * spread
+    half = 1.96 * p.deviation
+    value = Value(p.value, p.value - half, p.value + half, _unit(name, kind))
+    return Shift(name, change, spread, share, value, large and share > thresholds.SHIFT_SHARE)
 
 
-def _shift(name: str, values: tuple[float, float], sizes: tuple[float, float], share: float, unit: str) -> Shift:
-    (value, nominal), (deviation, scale) = values, sizes
-    change, spread = (value - nominal) / scale, deviation / scale
-    large = abs(change) > LEAST[name] and abs(change) > SURE * spread
-    shown = Value(value, value - 1.96 * deviation, value + 1.96 * deviation, unit)
-    return Shift(name, change, spread, share, shown, large and share > MATERIAL)
+def _presliding(session: Session, now: Fitted) -> list[Shift]:
+    """The shift of the rolling zone's length; none without friction, which has no rolling zone.
 
-
-def _friction(session: Session, now: Fitted, deviation: float, share: float) -> list[Shift]:
+    It has no column of its own, so it counts as material and its deviation is a share of itself.
+    """
     p, q = session.stage.friction, now.model.stage.friction
-    unit, scale = _unit("N m | N", session.kind), friction_family.size(session.stage)
-    found = [_shift("coulomb", (stage.sliding(q), stage.sliding(p)), (deviation, scale), share, unit)]
-    if min(stage.sliding(p), stage.sliding(q)) < RUBS * max(stage.sliding(p), stage.sliding(q), 1e-300):
-        return found  # what does not rub has no rolling zone
+    if min(stage.sliding(p), stage.sliding(q)) < thresholds.FRICTIONLESS * max(
+        stage.sliding(p), stage.sliding(q), 1e-300
+    ):
+        return []
     before, after = half_way(p), half_way(q)
-    length = _unit("rad | m", session.kind)
-    stretch = _shift("presliding", (after, before), (0.03 * before, before), 1.01 * MATERIAL, length)
-    return [*found, stretch]
+    estimate = Estimate(after, before, thresholds.PRESLIDING_ERROR * before, before)
+    return [_shift("presliding", estimate, 1.01 * thresholds.SHIFT_SHARE, session.kind)]
 
 
 def half_way(p: stage.Friction) -> float:
@@ -150,25 +173,33 @@ def half_way(p: stage.Friction) -> float:
 def shared(found: Sequence[Shift]) -> frozenset[str]:
     """Those of inertia, viscous and Coulomb friction that have shifted as another of them has.
 
-    One force constant that is off shifts all three alike; two that agree while the third has changed by itself are as
-    well explained by it and that one.
+    A force constant that is off shifts all three alike.  Where two agree and the third has changed by itself, the force
+    constant and that third one explain the data as well.
     """
-    scaled = [one for one in found if one.sure and one.name in FORCE_SCALED and one.change > -0.9]
-    pairs = [(one, other) for one in scaled for other in scaled if one is not other]
-    alike = [one for one, other in pairs if abs(np.log1p(one.change) - np.log1p(other.change)) < COMMON]
-    return frozenset(one.name for one in alike)
+    scaled = [shift for shift in found if shift.sure and shift.name in FORCE_SCALED and shift.change > thresholds.LOST]
+    logs = {shift.name: np.log1p(shift.change) for shift in scaled}
+    return frozenset(
+        name
+        for name, log in logs.items()
+        if any(abs(log - other) < thresholds.COMMON_SPREAD for rival, other in logs.items() if rival != name)
+    )
 
 
 def common(found: Sequence[Shift]) -> Shift | None:
-    """A common shift of inertia, viscous and Coulomb friction: exactly that of the force constant, the other way."""
-    by_name = {one.name: one for one in found}
+    """A common shift of inertia, viscous and Coulomb friction: exactly that of the force constant, the other way.
+
+    None where the three do not agree.
+    """
+    by_name = {shift.name: shift for shift in found}
     three = [by_name[name] for name in FORCE_SCALED if name in by_name]
-    if len(three) < 3 or not all(abs(one.change) > 0.01 and one.change > -0.9 for one in three):
+    if len(three) < 3 or not all(
+        abs(shift.change) > thresholds.COMMON_LEAST and shift.change > thresholds.LOST for shift in three
+    ):
         return None
-    logs = np.log1p([one.change for one in three])
-    if np.ptp(logs) > COMMON or not any(one.sure for one in three):
+    logs = np.log1p([shift.change for shift in three])
+    if np.ptp(logs) > thresholds.COMMON_SPREAD or not any(shift.sure for shift in three):
         return None
     scale = float(np.exp(-logs[0]))  # the inertia is known best
-    width = 1.96 * max(three[0].deviation, 0.002)
+    width = 1.96 * max(three[0].deviation, thresholds.COMMON_ERROR)
     value = Value(scale - 1.0, scale - 1.0 - width, scale - 1.0 + width, "")
-    return Shift("force_constant", scale - 1.0, three[0].deviation, sum(one.share for one in three), value, True)
+    return Shift("force_constant", scale - 1.0, three[0].deviation, sum(shift.share for shift in three), value, True)

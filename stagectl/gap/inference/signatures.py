@@ -1,7 +1,7 @@
 """What a drive does to single commands: seen in the signature of the missing current, not in any mean force.
 
-A command in steps leaves a saw tooth over the command itself, whatever the axis does; a delay that jitters leaves
-noise that grows with the slope of the current.  Neither moves the axis by much, and neither is foretold by a column.
+A command in steps leaves a saw tooth over the command itself, whatever the axis does.  A delay that jitters leaves
+noise that grows with the slope of the current.  Neither moves the axis by much, and no column predicts either.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from stagectl.gap.effects.stage_changes import put
+from stagectl.gap.inference import thresholds
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.half_strokes import Run
@@ -24,138 +25,149 @@ from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.kernels.stage import Stage
 from stagectl.parallel import in_parallel
 
-STEPS = (5e-4, 0.2)  # A, between which a step of the command is looked for
-BINS = 8  # of the smallest step
-FINEST = 2**17  # steps in the range of the commands: a drive's object has 16 bits
-CLEAR = 40.0  # times the mean power of noise: e^-40 times the number of frequencies is what noise alone would reach
-WHOLE = (0.4, 1.4)  # of a saw tooth's first harmonic, step over pi: less or more is something else
-SPOILT = 0.02  # share of the current's noise variance that a jitter must make
-SURE = 8.0  # standard deviations
-STEP = 5e-5  # s, of the dead time, by which the current's answer is differenced
-CERTAIN = 0.98
 
-
-class Signature(NamedTuple):
-    """An effect found, and what it changes in the model."""
+class DriveSignature(NamedTuple):
+    """An effect of the drive, and what it changes in the model."""
 
     effect: FoundEffect
     place: str  # field of the stage
     value: float
 
     def put_in(self, p: Stage) -> Stage:
-        """`p` with it."""
+        """`p` with this effect."""
         return put(p, self.place, self.value)
 
 
-class Missing(NamedTuple):
-    """One log's missing current beside its command, (n,) each."""
+class MissingCurrent(NamedTuple):
+    """One log's missing current along its command, (n,) each."""
 
     command: Array  # A
     current: Array  # A, measured less that of the drive's model
     answer: Array  # A/s, of the model's current to a longer dead time
 
 
-def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> list[Signature]:
-    """The drive's effects on single commands; none where no current is measured beside the command."""
+class SpectralLine(NamedTuple):
+    """A line in the spectrum of the missing current over the command."""
+
+    step: float  # A, its period
+    power: float  # in units of the mean power of noise
+    width: float  # A, half the width of the line
+
+
+def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> list[DriveSignature]:
+    """The drive's effects on single commands; none where no current is measured along with the command."""
     if not np.isfinite(e.runs[0].mean.rows[:, 2]).all() or not all(log.exact for run in e.runs for log in run.logs):
         return []
-    logs = missing(now.equipped, e)
-    single = [one for run in logs for one in run]
-    found = [("current_quantisation", quantised(session, single)), ("jitter", jittered(logs))]
-    return [one for name, one in found if one is not None and name not in excluded]
+    runs = missing_currents(now.equipped, e)
+    logs = [log for run in runs for log in run]
+    candidates = (quantised(session.stage.drive.delay_samples, logs), jittered(runs))
+    return [signature for signature in candidates if signature and signature.effect.name not in excluded]
 
 
-def missing(p: TrackedModel, e: Evidence) -> list[list[Missing]]:
+def missing_currents(p: TrackedModel, e: Evidence) -> list[list[MissingCurrent]]:
     """The missing current of every run and repeat, where its rows count."""
-    later = p._replace(stage=put(p.stage, "drive.dead_time", p.stage.drive.dead_time + STEP))
+    later = p._replace(stage=put(p.stage, "drive.dead_time", p.stage.drive.dead_time + thresholds.ANSWER_STEP))
 
-    def of(run: Run) -> list[Missing]:
+    def of(run: Run) -> list[MissingCurrent]:
         keep = np.logical_and.reduce([log.valid[: run.rows] for log in run.logs])
-        keep[:8] = False  # the drive model's line is empty
+        keep[: thresholds.SETTLING_ROWS] = False
         return [_along(p, later, path, keep) for path in run.paths]
 
     return in_parallel(of, e.runs)
 
 
-def _along(p: TrackedModel, later: TrackedModel, path: MeasuredPath, keep: NDArray[np.bool_]) -> Missing:
+def _along(p: TrackedModel, later: TrackedModel, path: MeasuredPath, keep: NDArray[np.bool_]) -> MissingCurrent:
     plain, moved = sensitivities.model_residual(p, path).current, sensitivities.model_residual(later, path).current
-    return Missing(*(one[keep] for one in (path.rows[:, 0], plain, (plain - moved) / STEP)))
+    return MissingCurrent(
+        *(column[keep] for column in (path.rows[:, 0], plain, (plain - moved) / thresholds.ANSWER_STEP))
+    )
 
 
-def quantised(session: Session, logs: list[Missing]) -> Signature | None:
+def quantised(delay: int, logs: list[MissingCurrent]) -> DriveSignature | None:
     """Steps of the command, by the spectrum of the missing current over the command.
 
-    Its first harmonic is ``step / pi``.  One histogram of the missing current over the command, and its Fourier
-    transform, try all steps at once.
+    `delay` is that of the modelled drive in samples; up to two more are tried.  The first harmonic of a saw tooth is
+    ``step / pi``.  One histogram of the missing current over the command, and its Fourier transform, try all steps at
+    once.
     """
-    late = session.stage.drive.delay_samples
-    found = [one for shift in range(late, late + 3) if (one := _step(logs, shift)) is not None]
-    if not found:
+    lines = [line for shift in range(delay, delay + 3) if (line := _line(logs, shift)) is not None]
+    if not lines:
         return None
-    step, _, width = max(found, key=lambda one: one[1])
-    value = Value(step, step - width, step + width, "A")
+    step, _, width = max(lines, key=lambda line: line.power)
+    return _signature("current_quantisation", "step", Value(step, step - width, step + width, "A"))
+
+
+def _signature(name: str, parameter: str, value: Value) -> DriveSignature:
+    place, coordinate = {
+        "current_quantisation": ("drive.current_quantum", "current"),
+        "jitter": ("drive.jitter", "frequency"),
+    }[name]
     effect = FoundEffect(
-        "current_quantisation", (), CERTAIN, 0.0, {"step": value}, "drive", (("drive.current_quantum", step),),
-        coordinate="current",
+        name, (), thresholds.SIGNATURE_PROBABILITY, 0.0, {parameter: value}, "drive", ((place, value.value),),
+        coordinate=coordinate,
     )  # fmt: skip
-    return Signature(effect, "drive.current_quantum", step)
+    return DriveSignature(effect, place, value.value)
 
 
-def _step(logs: list[Missing], shift: int) -> tuple[float, float, float] | None:
-    """Step (A), its power in units of noise, and half the width of the line; None where none stands out.
-
-    `shift` rows lie between a command and the current that it gives.
-    """
-    command = np.concatenate([one.command[: len(one.command) - shift] for one in logs])
-    current = np.concatenate([one.current[shift:] for one in logs])
+def _line(logs: list[MissingCurrent], shift: int) -> SpectralLine | None:
+    """The strongest line; None where none stands out.  `shift` rows lie between a command and its current."""
+    command = np.concatenate([log.command[: len(log.command) - shift] for log in logs])
+    current = np.concatenate([log.current[shift:] for log in logs])
     current = current - np.polynomial.Polynomial.fit(command, current, 3)(command)
     low, high = float(command.min()), float(command.max())
-    smallest = max(STEPS[0], (high - low) / FINEST)
-    width = smallest / BINS
+    smallest = max(thresholds.STEP_RANGE[0], (high - low) / thresholds.FINEST_STEP)
+    width = smallest / thresholds.BINS_PER_STEP
     place = np.round((command - low) / width).astype(np.int64)
     count = fft.next_fast_len(4 * (int(place.max()) + 1), real=True)
-    power = np.abs(fft.rfft(np.bincount(place, current, count))) ** 2 / max(float(np.sum(current**2)), 1e-300)
+    squares = float(np.sum(current**2))
+    power = np.abs(fft.rfft(np.bincount(place, current, count))) ** 2 / max(squares, 1e-300)
     per_ampere = np.arange(len(power)) / (count * width)
-    within = (per_ampere >= 1.0 / STEPS[1]) & (per_ampere <= 1.0 / smallest)
+    within = (per_ampere >= 1.0 / thresholds.STEP_RANGE[1]) & (per_ampere <= 1.0 / smallest)
     best = int(np.argmax(np.where(within, power, 0.0)))
     step = 1.0 / float(per_ampere[best])
-    first = 2.0 * math.sqrt(float(power[best]) * float(np.sum(current**2))) / len(current)
-    about = np.median(power[int(0.8 * best) : int(1.25 * best) + 1])  # a gain's error falls off with the frequency
-    if power[best] < CLEAR * max(1.0, about) or not WHOLE[0] < first * math.pi / step < WHOLE[1]:
+    amplitude = 2.0 * math.sqrt(float(power[best]) * squares) / len(current)
+    if (
+        not _stands_out(power, best)
+        or not thresholds.SAW_TOOTH[0] < amplitude * math.pi / step < thresholds.SAW_TOOTH[1]
+    ):
         return None
-    return step, float(power[best]), step * step * 0.5 / (count * width)
+    return SpectralLine(step, float(power[best]), step * step * 0.5 / (count * width))
 
 
-def jittered(runs: list[list[Missing]]) -> Signature | None:
-    """A random part of the delay, by how what repeats differ by grows with the current's answer to a delay.
+def _stands_out(power: Array, best: int) -> bool:
+    """Whether the line `best` stands out of noise, and of its neighbours: a gain's error falls off with frequency."""
+    neighbours = np.median(power[int(0.8 * best) : int(1.25 * best) + 1])
+    return not power[best] < thresholds.LINE_POWER * max(1.0, neighbours)
+
+
+def jittered(runs: list[list[MissingCurrent]]) -> DriveSignature | None:
+    """A random part of the delay: differences between repeats grow with the current's answer to a delay.
 
     ``var = noise^2 + jitter^2 answer^2``, the answer in A/s, least squares over all rows.  None without repeats: an
-    error of the mean delay would pass for it.
+    error of the mean delay would pass for a jitter.
     """
     repeated = [run for run in runs if len(run) > 1]
     if not repeated:
         return None
-    answer = np.concatenate([one.answer for run in repeated for one in run])
-    current = np.concatenate([one for run in repeated for one in _apart(run)])
+    answer = np.concatenate([log.answer for run in repeated for log in run])
+    current = np.concatenate([deviation for run in repeated for deviation in _deviations(run)])
     x, y = answer * answer, current * current
     spread = x - x.mean()
     total = float(spread @ spread)
     if total == 0.0:
         return None
     slope = float(spread @ y) / total
-    left = y - y.mean() - slope * spread
-    deviation = math.sqrt(float((spread * left) @ (spread * left))) / total
-    if slope < SURE * deviation or slope * float(x.mean()) < SPOILT * float(y.mean()):
+    rest = y - y.mean() - slope * spread
+    deviation = math.sqrt(float((spread * rest) @ (spread * rest))) / total
+    if slope < thresholds.JITTER_SIGMA * deviation or slope * float(x.mean()) < thresholds.JITTER_SHARE * float(
+        y.mean()
+    ):
         return None
     size, width = math.sqrt(slope), 0.5 * deviation / math.sqrt(slope)
-    value = Value(size, size - 1.96 * width, size + 1.96 * width, "s")
-    effect = FoundEffect(
-        "jitter", (), CERTAIN, 0.0, {"rms": value}, "drive", (("drive.jitter", size),), coordinate="frequency"
-    )
-    return Signature(effect, "drive.jitter", size)
+    return _signature("jitter", "rms", Value(size, size - 1.96 * width, size + 1.96 * width, "s"))
 
 
-def _apart(run: list[Missing]) -> list[Array]:
-    """What each repeat's missing current has beside the mean of all, with the variance of a single one."""
-    mean = np.mean([one.current for one in run], axis=0)
-    return [math.sqrt(len(run) / (len(run) - 1)) * (one.current - mean) for one in run]
+def _deviations(run: list[MissingCurrent]) -> list[Array]:
+    """Of each repeat's missing current from the mean of all, with the variance of a single one."""
+    mean = np.mean([log.current for log in run], axis=0)
+    return [math.sqrt(len(run) / (len(run) - 1)) * (log.current - mean) for log in run]

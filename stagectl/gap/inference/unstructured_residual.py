@@ -1,6 +1,6 @@
 """What no effect explains and no coordinate of the motion orders: in a band of frequency, over the clock, in the drive.
 
-Each is told where it repeats and is more than what an error of form leaves: of a law of friction, of an effect that was
+Each is reported where it repeats and exceeds what an error of form leaves: of a friction law, of an effect that was
 named, or of the time shift.
 """
 
@@ -11,155 +11,153 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stagectl.gap.inference import basis_functions
-from stagectl.gap.inference.basis_functions import TIME, Functions
-from stagectl.gap.inference.coordinates import LOWEST, drawn, floor_of_means, foretold, means, scatter
+from stagectl.gap.inference import basis_functions, thresholds
+from stagectl.gap.inference.basis_functions import TIME, BasisColumns
+from stagectl.gap.inference.coordinates import floor_of_means, means, predicted_squares, ridge_fit, scatter
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares, whitening
 from stagectl.gap.residuals.gram_matrices import Grams, Products
 from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.gap.result.diagnosis import UnknownTerm
-from stagectl.gap.selection import cross_validation, null_ensemble, refine
-from stagectl.gap.selection.cross_validation import folds
+from stagectl.gap.selection import null_ensemble, refine
+from stagectl.gap.selection.cross_validation import folds, partialled_out
 from stagectl.gap.selection.refine import Evidence, Fitted
 
-STEP = 0.5  # octaves of a band
-WIDTH = 3  # bands in which what rings is looked for
-MOST = 0.5  # share of what is left that one coordinate, or band, must hold
-ABOVE_FORM = 2.0  # times what the laws of friction and the noise leave in a band
-OF_NOISE = {"drive": 0.2, TIME: 0.03}  # of the noise: less is its own scatter
-OF_FORM = {"drive": 0.025, TIME: 0.05}  # of what there was: no friction blurs the drive, none changes with the clock
 BANDS = "frequency"
+MECHANICS, DRIVE = 0, 1  # numbers of the cuts
 
 
-class Left(NamedTuple):
-    """What is left under a model: the mean of the repeats, with what moves beside every effect."""
+class MeanResidual(NamedTuple):
+    """The residual of a model: the mean of the repeats, with the columns of all nuisances."""
 
     fitted: Fitted
-    known: Products  # of what moves beside, and of the machines without an effect
-    grams: Grams  # of these and what is left
+    known: Products  # of the nuisances, and of the machines without an effect
+    grams: Grams  # of these and the residual
 
 
-class Freed(NamedTuple):
-    """Rows of one cut, free of what moves beside every effect."""
+class FreeRows(NamedTuple):
+    """Rows of one cut, free of what the nuisances can take."""
 
-    left: list[Array]  # (m,) of each run
+    residual: list[Array]  # (m,) of each run
     members: list[Array]  # (k, m) of each run, of the machines without an effect
 
 
-def left_of(now: Fitted, known: Products) -> Left:
-    """What `now` leaves, beside the columns `known`."""
-    return Left(now, known, gram_matrices.fold_sums(known, means(now.residuals)))
+def mean_residual(now: Fitted, known: Products) -> MeanResidual:
+    """The residual of `now`, with the columns `known`."""
+    return MeanResidual(now, known, gram_matrices.fold_sums(known, means(now.residuals)))
 
 
-def in_a_band(e: Evidence, rows: Freed, least: float) -> UnknownTerm | None:
-    """What rings: a band that holds most of what is left, and more than `least` and than any law of friction.
+def in_a_band(e: Evidence, rows: FreeRows, least: float) -> UnknownTerm | None:
+    """A resonance: a band that holds most of the residual, and more than `least` and than any friction law.
 
     `rows` are those of the mechanics' cut.
     """
-    edges, noise = edges_of(e), powers(e, _noise(e, 0))
-    found = powers(e, rows.left) - noise
-    form = np.max([powers(e, [one[k] for one in rows.members]) for k in range(len(rows.members[0]))], axis=0)
-    at = max(range(len(found) - WIDTH + 1), key=lambda k: float(found[k : k + WIDTH].sum()))
-    band = slice(at, at + WIDTH)
-    held = float(found[band].sum())
-    clear = held > ABOVE_FORM * float((form + noise)[band].sum()) and held > least
-    if not clear or held < MOST * float(found.sum()):
+    noise = powers(e, _noise(e, MECHANICS))
+    power = powers(e, rows.residual) - noise
+    members = range(len(rows.members[0]))
+    form = np.max([powers(e, [of_run[k] for of_run in rows.members]) for k in members], axis=0)
+    first = max(
+        range(len(power) - thresholds.BAND_COUNT + 1), key=lambda k: float(power[k : k + thresholds.BAND_COUNT].sum())
+    )
+    band = slice(first, first + thresholds.BAND_COUNT)
+    held, whole = float(power[band].sum()), float(power.sum())
+    clear = held > thresholds.BAND_ABOVE_FORM * float((form + noise)[band].sum()) and held > least
+    if not clear or held < thresholds.BAND_SHARE * whole:
         return None
-    return UnknownTerm(BANDS, *_spectrum(e, edges, found, 0), min(held / float(found.sum()), 1.0))
+    return UnknownTerm(BANDS, *_spectrum(e, power, MECHANICS), min(held / whole, 1.0))
 
 
-def in_the_drive(e: Evidence, all_: Left) -> UnknownTerm | None:
+def in_the_drive(e: Evidence, residual: MeanResidual) -> UnknownTerm | None:
     """A current that repeats and that neither the model of the drive nor a delay of the record explains."""
-    whole = all_.grams.current.sum(axis=0)
-    if not whole[-1, -1] > 0.0:
+    gram = residual.grams.current.sum(axis=0)
+    if not gram[-1, -1] > 0.0:
         return None
-    floor, names = float(floor_of_means(e)[1]), all_.known.names
-    own = [f"{one.effect.name}." for one in all_.fitted.effects if one.effect.block == "drive"]
-    beside = [k for k, name in enumerate(names) if name == "time_shift" or name.startswith(tuple(own))]
-    shift = [k for k in beside if names[k] == "time_shift"]
-    first = gram_matrices.fold_sums(all_.known, means(e.base.after)).current.sum(axis=0)
-    left, before = (
-        least_squares.fit(whole, beside).residual_sum_of_squares - floor,
-        least_squares.fit(first, shift).residual_sum_of_squares - floor,
-    )
-    if left < max(OF_NOISE["drive"] * floor, OF_FORM["drive"] * before):
+    floor, names = float(floor_of_means(e)[1]), residual.known.names
+    own = [f"{named.effect.name}." for named in residual.fitted.effects if named.effect.block == "drive"]
+    nuisances = [k for k, name in enumerate(names) if name == "time_shift" or name.startswith(tuple(own))]
+    shift = [k for k in nuisances if names[k] == "time_shift"]
+    gram_before = gram_matrices.fold_sums(residual.known, means(e.base.after)).current.sum(axis=0)
+    after = least_squares.fit(gram, nuisances).residual_sum_of_squares - floor
+    before = least_squares.fit(gram_before, shift).residual_sum_of_squares - floor
+    if after < max(thresholds.DRIVE_OF_NOISE * floor, thresholds.DRIVE_OF_FORM * before):
         return None
-    found = powers(e, freed(e, all_, 1).left) - powers(e, _noise(e, 1))
-    return UnknownTerm(BANDS, *_spectrum(e, edges_of(e), found, 1), min(left / (left + floor), 1.0), block="drive")
+    power = powers(e, free_rows(e, residual, DRIVE).residual) - powers(e, _noise(e, DRIVE))
+    return UnknownTerm(BANDS, *_spectrum(e, power, DRIVE), min(after / (after + floor), 1.0), block="drive")
 
 
-def over_the_clock(e: Evidence, now: Fitted, smooth: Functions, least: float) -> UnknownTerm | None:
+def over_the_clock(e: Evidence, now: Fitted, functions: BasisColumns, least: float) -> UnknownTerm | None:
     """Friction or damping that has changed from run to run in another way than any effect named."""
-    if smooth.clock is None:
+    if functions.clock is None:
         return None
-    after, before = (gram_matrices.fold_sums(smooth.clock, left) for left in (now.residuals, e.base.after))
-    (held, noise), (first, _) = _foretold(e, after), _foretold(e, before)
-    if held < max(OF_NOISE[TIME] * noise, OF_FORM[TIME] * first, least):
+    after, before = (gram_matrices.fold_sums(functions.clock, residuals) for residuals in (now.residuals, e.base.after))
+    (gain, noise), (first, _) = _clock_gain(e, after), _clock_gain(e, before)
+    if gain < max(thresholds.CLOCK_OF_NOISE * noise, thresholds.CLOCK_OF_FORM * first, least):
         return None
-    return UnknownTerm(TIME, *_course(e, after, smooth), min(held / max(first, held), 1.0))
+    return UnknownTerm(TIME, *_course(e, after, functions), min(gain / max(first, gain), 1.0))
 
 
-def _foretold(e: Evidence, g: Grams) -> tuple[float, float]:
-    """Sums of squares that a course over the clock foretells, and that it leaves."""
-    before, after = foretold(
-        cross_validation.partialled_out(folds(g, g.effort), g.places(refine.nuisances(e))),
-        g.places(basis_functions.CLOCK),
-    )
+def _clock_gain(e: Evidence, g: Grams) -> tuple[float, float]:
+    """Sums of squares that a course over the clock predicts, and that it leaves."""
+    free = partialled_out(folds(g, g.effort), g.places(refine.nuisances(e)))
+    before, after = predicted_squares(free, g.places(basis_functions.CLOCK))
     return before - after, after
 
 
-def freed(e: Evidence, all_: Left, cut: int) -> Freed:
-    """What is left in the mechanics' cut (0) or the drive's (1)."""
-    g, names = all_.grams, all_.known.names
-    whole = (g.current if cut else g.effort).sum(axis=0)
-    moving = {*refine.nuisances(e), *(one.name for one in refine.parameters(all_.fitted))}
-    beside, members = g.places([name for name in names if name in moving]), g.places(null_ensemble.member_names(names))
-    inverse = least_squares.inverse(whole[np.ix_(beside, beside)])
-    left, others = [], []
-    for part, mean in zip(all_.known.parts, means(all_.fitted.residuals), strict=True):
+def free_rows(e: Evidence, residual: MeanResidual, cut: int) -> FreeRows:
+    """The residual in the `cut` of the mechanics or of the drive, without what the nuisances can take."""
+    g, names = residual.grams, residual.known.names
+    gram = (g.current if cut else g.effort).sum(axis=0)
+    free = {*refine.nuisances(e), *(direction.name for direction in refine.parameters(residual.fitted))}
+    nuisances, members = g.places([name for name in names if name in free]), g.places(null_ensemble.member_names(names))
+    inverse = least_squares.inverse(gram[np.ix_(nuisances, nuisances)])
+    rows = FreeRows([], [])
+    for part, mean in zip(residual.known.parts, means(residual.fitted.residuals), strict=True):
         columns = part.mean[cut].astype(np.float64)
-        residual = part.weighted(mean[0])[cut]
-        left.append(residual - (inverse @ whole[beside, -1]) @ columns[beside])
-        others.append(columns[members] - (inverse @ whole[np.ix_(beside, members)]).T @ columns[beside])
-    return Freed(left, others)
+        signal = part.weighted(mean[0])[cut]
+        rows.residual.append(signal - (inverse @ gram[nuisances, -1]) @ columns[nuisances])
+        taken = (inverse @ gram[np.ix_(nuisances, members)]).T @ columns[nuisances]
+        rows.members.append(columns[members] - taken)
+    return rows
 
 
 def _noise(e: Evidence, cut: int) -> list[Array]:
     """(r, m) of each run: what the repeats' noise leaves in the mean of one cut."""
-    return [one[..., cut] for one in scatter(e)]
+    return [deviations[..., cut] for deviations in scatter(e)]
 
 
 def edges_of(e: Evidence) -> Array:
-    """(b + 1,) Hz, of the bands."""
+    """Edges (b + 1,) Hz of the bands."""
     highest = BAND / e.runs[0].mean.dt
-    return LOWEST * 2.0 ** np.arange(0.0, np.log2(highest / LOWEST), STEP)
+    return thresholds.LOWEST_FREQUENCY * 2.0 ** np.arange(
+        0.0, np.log2(highest / thresholds.LOWEST_FREQUENCY), thresholds.BAND_STEP
+    )
 
 
 def powers(e: Evidence, rows: Sequence[Array]) -> Array:
-    """(b,) sum of squares of signals (..., m) of each run within each band."""
+    """Sum of squares (b,) of signals (..., m) of each run within each band."""
     edges = edges_of(e)
-    found = np.zeros(len(edges) - 1)
+    total = np.zeros(len(edges) - 1)
     for run, signal in zip(e.runs, rows, strict=True):
         count = signal.shape[-1]
         power = 2.0 / count * np.sum(np.abs(np.fft.rfft(np.atleast_2d(signal))) ** 2, axis=0)
-        place = np.searchsorted(edges, np.fft.rfftfreq(count, run.mean.dt * KEPT), side="right")
-        found = found + np.bincount(place, power, len(edges) + 1)[1:-1]
-    return found
+        band = np.searchsorted(edges, np.fft.rfftfreq(count, run.mean.dt * KEPT), side="right")
+        total = total + np.bincount(band, power, len(edges) + 1)[1:-1]
+    return total
 
 
-def _spectrum(e: Evidence, edges: Array, found: Array, cut: int) -> tuple[Array, Array]:
-    """Middle of each band (Hz), and root mean square of what lacks in it (N m | N, or A)."""
+def _spectrum(e: Evidence, power: Array, cut: int) -> tuple[Array, Array]:
+    """Middle of each band (Hz), and root mean square of what is missing in it (N m | N, or A)."""
+    edges = edges_of(e)
     middle = np.sqrt(edges[1:] * edges[:-1])
     gain = whitening.gains(e.base.noise, middle, e.runs[0].mean.dt)[cut]
     count = sum(float(run.weight.sum()) for run in e.runs)
-    return middle, np.sqrt(np.maximum(found, 0.0) / count) / np.maximum(gain, 1e-300)
+    return middle, np.sqrt(np.maximum(power, 0.0) / count) / np.maximum(gain, 1e-300)
 
 
-def _course(e: Evidence, g: Grams, smooth: Functions) -> tuple[Array, Array]:
+def _course(e: Evidence, g: Grams, functions: BasisColumns) -> tuple[Array, Array]:
     """Session clock (s), and how far the friction at half the largest speed is off its mean (N m | N)."""
-    beside = g.places(refine.nuisances(e))
-    amplitude = drawn(g.effort.sum(axis=0), g.places(basis_functions.CLOCK), beside)[len(beside) :]
-    side, damping = np.split(amplitude, 2)
-    force = side + 0.5 * smooth.size.speed * damping
+    nuisances = g.places(refine.nuisances(e))
+    amplitudes = ridge_fit(g.effort.sum(axis=0), g.places(basis_functions.CLOCK), nuisances)[len(nuisances) :]
+    side, damping = np.split(amplitudes, 2)
+    force = side + 0.5 * functions.size.speed * damping
     return basis_functions.knots(e.runs), force - force.mean()

@@ -1,8 +1,11 @@
-"""How far the gap closes, and which share of it each part of the answer takes."""
+"""How far the gap closes, and which share of it each part of the diagnosis takes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+import itertools
+import math
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from stagectl.gap.logs.session import Log, Session
@@ -13,102 +16,133 @@ from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Gap, Trace
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.swap_tests import Selection
-from stagectl.gap.validation import held_out_gap
+from stagectl.gap.validation import effort_gap, held_out_gap, rollouts
+from stagectl.gap.validation.thresholds import OPEN_ABOVE_FLOOR, OPEN_CLOSURE
 from stagectl.kernels.stage import Stage
 
-OPEN = 5.0  # times the floor; of 72 machines without an effect, 24 with another law of friction, none was beyond 2.3
-HALF = 0.5  # of the closable gap: less is closed for sure
+PARAMETERS = "parameters"  # all shifted parameters together, as one player
 
 
-class Told(NamedTuple):
-    """The gap before and after, and who takes which share of it."""
+class Closure(NamedTuple):
+    """The gap before and after, and the share of it that each part takes."""
 
     gap: Gap
-    gaps: dict[str, Gap]
+    gaps: dict[str, Gap]  # of further channels
     shares: dict[str, float]  # of the squared gap before; with the floor they sum to one
     traces: list[Trace]
-    open: bool = False  # whether the loop says that something is missing
+    open: bool = False  # whether the closed loop shows that something is missing
 
 
-def told(session: Session, e: Evidence, selected: Selection, improved: Stage) -> Told:
+def closure(session: Session, e: Evidence, selected: Selection, improved: Stage) -> Closure:
     """Of the held-out runs, or of all where none is: in closed loop where it is known, else along the path."""
-    judged = [log for log in session.logs if log.held_out] or [log for log in session.logs if not log.held_out]
+    judged = [log for log in session.logs if log.held_out] or list(session.logs)
     if session.law is None or any(log.setpoints is None for log in judged):
-        return along_the_path(session, e, selected, improved, judged)
-    found = closed(session, e, selected, improved, judged)
-    return found._replace(open=stays_open(found.gap, judged))
+        return along_the_path(session, e, selected, improved)
+    return in_closed_loop(session, selected, improved, judged)
 
 
-def closed(session: Session, e: Evidence, selected: Selection, improved: Stage, judged: Sequence[Log]) -> Told:
-    """The gap of the held-out runs in closed loop."""
-    now, nominal = selected.fitted, sensitivities.model_of(session, session.stage)
-    before, after = (held_out_gap.predicted(session, p, judged) for p in (session.stage, improved))
-    training = [log for log in session.logs if not log.held_out]
-    inside = [held_out_gap.predicted(session, p, training) for p in (session.stage, improved)]
-    counted, known = held_out_gap.counted(session, judged), held_out_gap.counted(session, training)
-    found = {}
+def in_closed_loop(session: Session, selected: Selection, improved: Stage, logs: Sequence[Log]) -> Closure:
+    """The gap of the position of `logs` in closed loop; further channels where they were measured."""
+    judged = held_out_gap.judged_logs(session, logs)
+    before, after = (rollouts.simulated_logs(session, p, logs) for p in (session.stage, improved))
+    expected = _expected(session, improved)
+    gaps = {}
     for channel in held_out_gap.CHANNELS:
         unit = "A" if channel == "current" else ("m" if session.kind == "linear" else "rad")
-        first, last = (held_out_gap.squares(known, rows, channel) for rows in inside)
-        expected = held_out_gap.gap(first, last, held_out_gap.floor(known, inside[1], channel), unit).closure
-        first, last = (held_out_gap.squares(counted, rows, channel) for rows in (before, after))
-        found[channel] = held_out_gap.gap(first, last, held_out_gap.floor(counted, after, channel), unit, expected)
-    position = found.pop("position")
+        first, last = (held_out_gap.squares(judged, rows, channel) for rows in (before, after))
+        least = held_out_gap.floor(judged, after, channel)
+        gaps[channel] = held_out_gap.gap(first, last, least, unit, expected[channel])
+    position = gaps.pop("position")
 
-    def remaining(members: frozenset[str]) -> float:
-        model = now.model if "parameters" in members else nominal
-        stage = equipped(model, [one for one in now.effects if one.effect.name in members]).stage
-        return held_out_gap.remaining(counted, held_out_gap.predicted(session, stage, judged))
+    def remaining(model: TrackedModel) -> float:
+        return held_out_gap.remaining(judged, rollouts.simulated_logs(session, model.stage, logs))
 
-    players = ["parameters", *(one.effect.name for one in now.effects)]
-    shares = _shares(held_out_gap.shapley(players, remaining), position)
-    if session.logs[0].current is None:
-        found.pop("current")
-    traces = held_out_gap.traces([one.log for one in counted], before, after, position.floor, session.dt)
-    return Told(position, found, shares, traces)
+    shares = _shares(session, selected, remaining, position)
+    traces = held_out_gap.traces([item.log for item in judged], before, after, position.floor, session.dt)
+    measured = gaps if session.logs[0].current is not None else {}
+    return Closure(position, measured, shares, traces, stays_open(position, logs))
+
+
+def _expected(session: Session, improved: Stage) -> dict[str, float]:
+    """Closure of each channel on the runs that chose the effects."""
+    logs = [log for log in session.logs if not log.held_out]
+    judged = held_out_gap.judged_logs(session, logs)
+    before, after = (rollouts.simulated_logs(session, p, logs) for p in (session.stage, improved))
+    expected = {}
+    for channel in held_out_gap.CHANNELS:
+        first, last = (held_out_gap.squares(judged, rows, channel) for rows in (before, after))
+        expected[channel] = held_out_gap.gap(first, last, held_out_gap.floor(judged, after, channel), "").closure
+    return expected
 
 
 def stays_open(gap: Gap, judged: Sequence[Log]) -> bool:
-    """Whether the loop says that something is missing: a gap far above the floor of which surely less than half closes.
+    """Whether the loop shows that something is missing: a gap far above the floor, and surely less than half closes.
 
-    What is left along the measured path may lie within the form of friction, and no coordinate order it.  Never where
-    one of the `judged` runs was not repeated, or copied: the floor is not known then, and noise is no gap.
+    The residual along the measured path may lie within the form of friction, and no coordinate may order it.  False
+    where one of the `judged` runs was not repeated, or copied: the floor is not known then, and noise is no gap.
     """
-    repeated = gap.floor > 0.0 and all(len(one) > 1 for one in by_experiment(judged).values())
-    return repeated and gap.after > OPEN * gap.floor and gap.high < HALF
+    repeated = gap.floor > 0.0 and all(len(repeats) > 1 for repeats in by_experiment(judged).values())
+    return repeated and gap.after > OPEN_ABOVE_FLOOR * gap.floor and gap.high < OPEN_CLOSURE
 
 
-def _shares(taken: dict[str, float], gap: Gap) -> dict[str, float]:
-    """Shares of the squared gap before: parameters, effects, what is left, what repeats differ by."""
-    count = sum(taken.values())
-    whole = gap.before**2
-    scale = (gap.before**2 - gap.after**2) / count if abs(count) > 0.0 else 0.0
-    noise = min(gap.floor**2 / whole, 1.0) if whole > 0.0 else 1.0
-    shares = (
-        {name: value * scale / whole for name, value in taken.items()} if whole > 0.0 else dict.fromkeys(taken, 0.0)
-    )
-    return {**shares, UNEXPLAINED: 1.0 - noise - sum(shares.values()), NOISE: noise}
-
-
-def along_the_path(session: Session, e: Evidence, selected: Selection, improved: Stage, judged: Sequence[Log]) -> Told:
+def along_the_path(session: Session, e: Evidence, selected: Selection, improved: Stage) -> Closure:
     """The gap of the effort along the measured path, where no loop can be simulated."""
-    now, dt = selected.fitted, session.dt
-    held = bool(judged and judged[0].held_out)
-    paths = runs(session, held)
-    unit = "N" if session.kind == "linear" else "N m"
+    now, dt, noise = selected.fitted.model, session.dt, e.base.noise
+    paths = runs(session, any(log.held_out for log in session.logs))
+    nominal, better = sensitivities.model_of(session, session.stage), now._replace(stage=improved)
+    before, after = (effort_gap.effort(model, paths, noise, dt) for model in (nominal, better))
+    least = effort_gap.effort_floor(now, paths, noise, dt)
+    gap = held_out_gap.gap(before, after, least, "N" if session.kind == "linear" else "N m")
 
-    def left(model: TrackedModel) -> held_out_gap.Squares:
-        return held_out_gap.effort(model, paths, e.base.noise, dt)
+    def remaining(model: TrackedModel) -> float:
+        return float(effort_gap.effort(model, paths, noise, dt).squares.sum())
 
-    nominal = sensitivities.model_of(session, session.stage)
-    after = left(now.model._replace(stage=improved))
-    least = held_out_gap.effort_floor(now.model, paths, e.base.noise, dt)
-    gap = held_out_gap.gap(left(nominal), after, least, unit)
+    return Closure(gap, {}, _shares(session, selected, remaining, gap), [])
 
-    def remaining(members: frozenset[str]) -> float:
-        model = now.model if "parameters" in members else nominal
-        return float(left(equipped(model, [one for one in now.effects if one.effect.name in members])).gap.sum())
 
-    players = ["parameters", *(one.effect.name for one in now.effects)]
-    shares = _shares(held_out_gap.shapley(players, remaining), gap)
-    return Told(gap, {}, shares, [])
+def _shares(
+    session: Session, selected: Selection, remaining: Callable[[TrackedModel], float], gap: Gap
+) -> dict[str, float]:
+    """Shares of the squared gap before: parameters, effects, the unexplained, what repeats differ by.
+
+    `remaining` gives the sum of squares that a model leaves.
+    """
+    now, nominal = selected.fitted, sensitivities.model_of(session, session.stage)
+
+    def of(members: frozenset[str]) -> float:
+        model = now.model if PARAMETERS in members else nominal
+        return remaining(equipped(model, [fitted for fitted in now.effects if fitted.effect.name in members]))
+
+    return scaled(shapley([PARAMETERS, *(fitted.effect.name for fitted in now.effects)], of), gap)
+
+
+def shapley(players: Sequence[str], remaining: Callable[[frozenset[str]], float]) -> dict[str, float]:
+    """What each player takes from `remaining`, averaged over the orders in which the players may be added.
+
+    The shares sum to what all players together take.  `remaining` is called once for each subset.
+
+    Source: L. S. Shapley, A value for n-person games, Contributions to the Theory of Games II, 1953.
+    """
+    worth = functools.cache(remaining)
+    count = len(players)
+    shares = {}
+    for player in players:
+        others = [other for other in players if other != player]
+        total = 0.0
+        for size in range(count):
+            weight = math.factorial(size) * math.factorial(count - size - 1) / math.factorial(count)
+            for members in map(frozenset, itertools.combinations(others, size)):
+                total += weight * (worth(members) - worth(members | {player}))
+        shares[player] = total
+    return shares
+
+
+def scaled(taken: dict[str, float], gap: Gap) -> dict[str, float]:
+    """Shares of the squared gap before, in proportion to what each part has `taken`; with the rest they sum to one."""
+    count, whole = sum(taken.values()), gap.before**2
+    if not whole > 0.0:
+        return {**dict.fromkeys(taken, 0.0), UNEXPLAINED: 0.0, NOISE: 1.0}
+    scale = (whole - gap.after**2) / count if abs(count) > 0.0 else 0.0
+    shares = {name: value * scale / whole for name, value in taken.items()}
+    noise = min(gap.floor**2 / whole, 1.0)
+    return {**shares, UNEXPLAINED: 1.0 - noise - sum(shares.values()), NOISE: noise}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.validation import held_out_gap
+from stagectl.gap.validation import rollouts
 from stagectl.gap.validation.rollouts import column
 from stagectl.kernels.stage import Stage
 from stagectl.recording.exports import write_columns
@@ -21,7 +21,7 @@ def write(session: Session, improved: Stage, folder: Path) -> list[Path]:
     held = [log for log in session.logs if log.held_out]
     if not held:
         raise GapError("no log is held out: there is nothing to predict; mark some `use: held-out` in captures.yaml")
-    rows = held_out_gap.predicted(session, improved, held)
+    rows = rollouts.simulated_logs(session, improved, held)
     folder.mkdir(parents=True, exist_ok=True)
     name = "position_m" if session.kind == "linear" else "position_rad"
     paths = []

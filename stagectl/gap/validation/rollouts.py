@@ -1,40 +1,75 @@
-"""The closed loop of a log simulated again: the deployed law, the log's setpoints, a model of the machine."""
+"""A closed loop simulated with a model of the machine: quiet, at rest where the encoder reads its first position."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from stagectl.gap.logs.session import Array, GapError, Log, Session
+from stagectl.gap.validation.thresholds import SUBSTEPS
 from stagectl.kernels import rollout, stage
+from stagectl.kernels.law import Law
 from stagectl.parallel import in_parallel
 
-SUBSTEPS = 10  # a period, as the virtual drive takes
+
+class Rollout(NamedTuple):
+    """One motion under one controller, for whatever machine."""
+
+    setpoints: Array  # (n, 8), the fields of `kernels.law.Setpoint`
+    law: Law
+    start: float  # rad | m, initial position of the axis
+    clock: float  # s, session clock of the first row
+    dt: float  # s
 
 
-def closed(session: Session, model: stage.Stage, log: Log, substeps: int = SUBSTEPS) -> Array:
-    """Rows (n, rollout.WIDTH) of `log` with `model` as the machine: quiet, at rest at the log's first position.
-
-    The friction begins relaxed, the session's clock where the log begins.  Raises GapError where the controller or the
-    reference of the log is not known.
-    """
-    if session.law is None or log.setpoints is None:
-        lacking = "the deployed controller" if session.law is None else "its reference"
-        raise GapError(f"{log.name} cannot be simulated in closed loop: {lacking} is not known; see `cannot_tell`")
-    rows = np.zeros((log.rows, rollout.WIDTH))
-    plant = stage.at_reading(model, float(log.position[0]), log.start)
-    inputs = (np.ascontiguousarray(log.setpoints), np.zeros((log.rows, 2)), rows)
-    rollout.closed_loop(rollout.Loop(session.law, model), plant, inputs, session.dt, substeps)
+def closed_loop(p: Rollout, model: stage.Stage, substeps: int) -> Array:
+    """Rows (n, rollout.WIDTH) of `p` with `model` as the machine; its friction begins relaxed."""
+    rows = np.zeros((len(p.setpoints), rollout.WIDTH))
+    plant = stage.at_reading(model, p.start, p.clock)
+    inputs = (np.ascontiguousarray(p.setpoints), np.zeros((len(rows), 2)), rows)
+    rollout.closed_loop(rollout.Loop(p.law, model), plant, inputs, p.dt, substeps)
     return rows
 
 
-def closed_all(session: Session, model: stage.Stage, logs: Sequence[Log], substeps: int = SUBSTEPS) -> list[Array]:
-    """`closed` of each log, on all cores."""
-    return in_parallel(lambda log: closed(session, model, log, substeps), logs)
+def of_log(session: Session, log: Log) -> Rollout:
+    """The motion of `log` under the deployed controller.
+
+    Raises GapError where the controller or the reference of the log is not known.
+    """
+    if session.law is None or log.setpoints is None:
+        missing = "the deployed controller" if session.law is None else "its reference"
+        raise GapError(f"{log.name} cannot be simulated in closed loop: {missing} is not known; see `cannot_tell`")
+    return Rollout(log.setpoints[: log.rows], session.law, float(log.position[0]), log.start, session.dt)
+
+
+def simulated_log(session: Session, model: stage.Stage, log: Log, substeps: int = SUBSTEPS) -> Array:
+    """Rows (n, rollout.WIDTH) of `log` with `model` as the machine, on the session's clock."""
+    return closed_loop(of_log(session, log), model, substeps)
+
+
+def simulated_logs(session: Session, model: stage.Stage, logs: Sequence[Log]) -> list[Array]:
+    """`simulated_log` of each of `logs`, on all cores; repeats that begin at one place on one clock share one.
+
+    The clock matters only where something in `model` runs on it.
+    """
+    aging = _aging(model)
+    keys = [(log.experiment, log.start if aging else 0.0, round(float(log.position[0]), 12)) for log in logs]
+    first = {key: log for key, log in reversed(list(zip(keys, logs, strict=True)))}
+    rows = in_parallel(lambda log: simulated_log(session, model, log), list(first.values()))
+    by_key = dict(zip(first, rows, strict=True))
+    return [by_key[key] for key in keys]
+
+
+def _aging(p: stage.Stage) -> bool:
+    """Whether something in the model runs on the session clock."""
+    mechanics, friction = p.mechanics, p.friction
+    rises = (mechanics.viscous_warming.rise, friction.warming.rise, mechanics.viscous_step.share, friction.step.share)
+    return any(rises)
 
 
 def column(rows: Array, name: str) -> Array:
     """A column (n,) of simulated rows by its name in `rollout.COLUMNS`."""
-    found: Array = rows[:, rollout.COLUMNS.index(name)]
-    return found
+    values: Array = rows[:, rollout.COLUMNS.index(name)]
+    return values

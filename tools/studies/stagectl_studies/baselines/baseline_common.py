@@ -36,8 +36,9 @@ class Answer(NamedTuple):
 
 def ground(session: Session, excluded: Sequence[str]) -> Ground:
     """The same steps as those of the diagnosis, up to its search."""
-    e, _, library = diagnose.prepared(session, diagnose.Options(tuple(excluded)), lambda _: None)
-    return Ground(session, e, library)
+    options = diagnose.Options(tuple(excluded))
+    e = diagnose.baseline(session, options.excluded)
+    return Ground(session, e, diagnose.candidates_of(e, diagnose.scales_of(session, e), options))
 
 
 def shifts(g: Ground) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from stagectl.gap.logs.session import Array, GapError, Log, Session
-from stagectl.gap.validation import held_out_gap
+from stagectl.gap.validation import rollouts
 from stagectl.gap.validation.rollouts import column
 from stagectl_studies.baselines.baseline_common import Answer, Ground
 
@@ -31,7 +31,7 @@ def blackbox(g: Ground) -> Answer:
     session = g.session
     training = [log for log in session.logs if not log.held_out]
     held = [log for log in session.logs if log.held_out]
-    simulated = held_out_gap.predicted(session, session.stage, [*training, *held])
+    simulated = rollouts.simulated_logs(session, session.stage, [*training, *held])
     known = simulated[: len(training)]
     pairs = zip(training, known, strict=True)
     x = np.concatenate([features(session, log, rows)[::EVERY] for log, rows in pairs])

@@ -14,7 +14,7 @@ from scipy.signal import butter, savgol_filter, sosfiltfilt, welch
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap.experiment_design import battery, catalogue
 from stagectl.gap.experiment_design.experiment import Experiment
-from stagectl.gap.inference import basis_functions, time_localisation
+from stagectl.gap.inference import basis_functions, tracker_response
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals.model_tracking import MeasuredPath
 from stagectl.gap.residuals.sensitivities import model_of, model_residual
@@ -120,7 +120,7 @@ def _residual(setup: Setup, base: stage.Stage, scene: Scene, path: MeasuredPath,
     unexplained = model_residual(model, path)
     if scene.channel == CURRENT:
         return unexplained.current
-    effort = time_localisation.untracked(unexplained.effort, model, setup.dt)
+    effort = tracker_response.untracked(unexplained.effort, model, setup.dt)
     filters: tuple[tuple[float, Literal["lowpass", "highpass"]], ...]
     filters = ((scene.band, "lowpass"), (scene.above, "highpass"))
     for edge, kind in filters:

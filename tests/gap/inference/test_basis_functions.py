@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stagectl.gap.inference import basis_functions, coordinates, unknown
+from stagectl.gap.inference import basis_functions, coordinates, residual_table
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection.cross_validation import partialled_out
 from stagectl.kernels import effects
@@ -32,7 +32,7 @@ def test_hats_are_one_together_and_straight_between() -> None:
     np.testing.assert_allclose((nodes @ basis)[inside], x[inside])
 
 
-def _hands(signal: float, clusters: int = 2) -> np.ndarray:
+def _folds(signal: float, clusters: int = 2) -> np.ndarray:
     """Two hands of [column, nuisance, residual], the residual `signal` times the column and noise of one."""
     random = np.random.default_rng(11)
     found = []
@@ -43,14 +43,14 @@ def _hands(signal: float, clusters: int = 2) -> np.ndarray:
     return np.array(found)
 
 
-def test_a_function_foretells_what_it_holds() -> None:
-    before, after = coordinates.foretold(partialled_out(_hands(3.0), [1]), [0])
+def test_a_function_predicts_what_it_holds() -> None:
+    before, after = coordinates.predicted_squares(partialled_out(_folds(3.0), [1]), [0])
     assert before == pytest.approx(10_000 * 10.0, rel=0.05)
     assert after == pytest.approx(10_000, rel=0.05)
 
 
-def test_a_function_that_is_not_there_foretells_nothing() -> None:
-    before, after = coordinates.foretold(partialled_out(_hands(0.0), [1]), [0])
+def test_a_function_that_is_not_there_predicts_nothing() -> None:
+    before, after = coordinates.predicted_squares(partialled_out(_folds(0.0), [1]), [0])
     assert abs(before - after) < 10.0
 
 
@@ -60,7 +60,7 @@ def test_a_function_that_is_not_there_foretells_nothing() -> None:
 def test_the_table_opposes_what_the_force_drives(coordinate: str, code: int) -> None:
     grid = np.linspace(-2.0, 2.0, 9)
     shape = UnknownTerm(coordinate, grid, 0.3 * grid**2 + grid, 0.8, (("residual.coordinate", "any"),))
-    p = unknown.as_table(shape)
+    p = residual_table.as_table(shape)
     assert p.coordinate == code
     for x, force in zip(grid.tolist(), shape.force.tolist(), strict=True):
         assert effects.looked_up(p, x) == pytest.approx(-force)
@@ -69,8 +69,8 @@ def test_the_table_opposes_what_the_force_drives(coordinate: str, code: int) -> 
 def test_a_speed_without_sign_goes_into_the_table_of_speeds() -> None:
     grid = np.linspace(0.0, 2.0, 9)
     shape = UnknownTerm("speed", grid, grid, 0.8, (("residual.coordinate", "speed"),))
-    assert unknown.as_table(shape).coordinate == effects.SPEED
+    assert residual_table.as_table(shape).coordinate == effects.SPEED
 
 
 def test_what_no_table_holds_stays_neutral() -> None:
-    assert unknown.as_table(UnknownTerm("acceleration", np.arange(3.0), np.ones(3), 0.8)) == effects.NO_TABLE
+    assert residual_table.as_table(UnknownTerm("acceleration", np.arange(3.0), np.ones(3), 0.8)) == effects.NO_TABLE

@@ -21,9 +21,11 @@ from stagectl.gap.experiment_design import (
     operating_range,
     prediction_distance,
 )
+from stagectl.gap.experiment_design.experiment import made
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import GapError, Session
 from stagectl.gap.result.diagnosis import NextExperiment
+from stagectl.gap.validation.rollouts import Rollout
 from stagectl.kernels.stage import Stage
 from stagectl.plan import plan
 from stagectl.simulation import simulate
@@ -74,27 +76,23 @@ def rivals(p: Stage) -> dict[str, Stage]:
 
 def distance(session: Session, models: dict[str, Stage]) -> float:
     """What the session's own logs separate two models by (sigma), the nuisances taken as linear."""
-    p, noise = operating_range.room(session), prediction_distance.noise_of(session, NAN)
-    first, second = (nuisance_refit.spread(one) for one in models.values())
-    benches = [
-        prediction_distance.Bench(
-            log.setpoints,
-            p.law,
+    p, noise = operating_range.operating_range(session), prediction_distance.noise_of(session, NAN)
+    first, second = (nuisance_refit.spread(model) for model in models.values())
+    runs = [
+        prediction_distance.PlannedRun(
+            Rollout(log.setpoints, p.law, 0.0, 0.0, session.dt),
             noise,
-            0.0,
-            0.0,
-            session.dt,
             True,
             prediction_distance.rests_of(log.setpoints, session.dt),
         )
         for log in session.logs[::2]  # one repeat of each
         if log.setpoints is not None
     ]
-    tangents = [nuisance_refit.tangent(one, second, nuisance_refit.nuisances(second, True)) for one in benches]
-    truth = np.concatenate([prediction_distance.told(one, first).values for one in benches])
-    value = np.concatenate([one.value for one in tangents])
-    slopes = np.concatenate([one.slopes for one in tangents], axis=1)
-    return nuisance_refit.linear(nuisance_refit.Tangent(second, value, slopes, 0.0), truth)
+    tangents = [nuisance_refit.linearised(planned, second, nuisance_refit.nuisances(second, True)) for planned in runs]
+    truth = np.concatenate([prediction_distance.predict(planned, first).values for planned in runs])
+    value = np.concatenate([tangent.value for tangent in tangents])
+    slopes = np.concatenate([tangent.slopes for tangent in tangents], axis=1)
+    return nuisance_refit.linear_distance(value, slopes, truth)
 
 
 def run(setup: Setup, proposed: NextExperiment, model: Stage, place: Path, seed: int | None = None) -> Columns:
@@ -135,7 +133,8 @@ def test_what_three_sines_leave_open_is_told(
     repeats = [run(setup, proposed, models[hidden], tmp_path, seed) for seed in (101, 102)]
     sigma = np.std(repeats[0] - repeats[1], axis=0) / math.sqrt(2.0)
     left = {
-        name: np.sum(((repeats[0] - run(setup, proposed, one, tmp_path)) / sigma) ** 2) for name, one in models.items()
+        name: np.sum(((repeats[0] - run(setup, proposed, model, tmp_path)) / sigma) ** 2)
+        for name, model in models.items()
     }
     assert 0.9 < left[hidden] / repeats[0].size < 1.2  # a quiet gap closes a little earlier than a noisy one
     (other,) = set(models) - {hidden}
@@ -160,12 +159,12 @@ def test_within_what_the_logs_have_shown(
     session: Session, proposed: NextExperiment, folder: Path, tmp_path: Path
 ) -> None:
     """Travel, speed and current stay within those of the sines, or the words say by how much they do not."""
-    found = operating_range.room(session)
+    found = operating_range.operating_range(session)
     per_unit = session.travel_per_unit
     assert found.known and found.start == 0.0
     assert found.seen.speed * per_unit == pytest.approx(2 * math.pi * 0.8 * 0.01, rel=0.01)
     assert (found.scale.low, found.scale.high) == pytest.approx((-0.01, 0.01), rel=0.01)
-    assert found.heeds() == []
+    assert found.cautions() == []
     setup = load_stage(folder / "stage.yaml")
     path = tmp_path / "next.yaml"
     path.write_text(proposed.text)
@@ -179,13 +178,14 @@ def test_within_what_the_logs_have_shown(
 
 def test_what_goes_beyond_is_said_and_comes_last(session: Session) -> None:
     """A faster experiment is no finalist beside one that is clear; alone it is, and its words say how fast."""
-    p = operating_range.room(session)
-    made = {one.name: one for one in catalogue.made(p.scale)}
-    bench = prediction_distance.Bench(
-        np.zeros((2, 8)), p.law, prediction_distance.noise_of(session, NAN), 0.0, 0.0, session.dt, True
+    p = operating_range.operating_range(session)
+    by_name = {experiment.name: experiment for experiment in made(p.scale, catalogue.RECIPES)}
+    still = Rollout(np.zeros((2, 8)), p.law, 0.0, 0.0, session.dt)
+    planned = prediction_distance.PlannedRun(still, prediction_distance.noise_of(session, NAN), True)
+    fast = experiment_proposal.SimulatedExperiment(
+        by_name["fast-cruise"], planned, 500.0, 1.3 * p.seen.current, 1.5 * p.seen.speed
     )
-    fast = experiment_proposal.Trial(made["fast-cruise"], bench, 500.0, 1.3 * p.seen.current, 1.5 * p.seen.speed)
-    slow = experiment_proposal.Trial(made["strokes"], bench, 20.0, p.seen.current, p.seen.speed)
+    slow = experiment_proposal.SimulatedExperiment(by_name["strokes"], planned, 20.0, p.seen.current, p.seen.speed)
     assert experiment_proposal.finalists([fast, slow], p) == [slow]
     assert experiment_proposal.finalists([fast, slow._replace(separation=9.0)], p)[0] == fast
     speed, current = experiment_proposal.exceeding(fast, p)
@@ -195,18 +195,23 @@ def test_what_goes_beyond_is_said_and_comes_last(session: Session) -> None:
 
 def test_the_promising_bear_on_what_is_to_be_told(session: Session) -> None:
     """Those that bear on both come first, none is longer than a minute, all together are affordable."""
-    known = catalogue.made(operating_range.room(session).scale)
+    known = made(operating_range.operating_range(session).scale, catalogue.RECIPES)
     found = experiment_proposal.promising(known, ("viscous_nonlinear", "stribeck"))
-    shared = [len({"viscous_nonlinear", "stribeck"} & set(one.effects)) for one in found]
+    shared = [len({"viscous_nonlinear", "stribeck"} & set(experiment.effects)) for experiment in found]
     assert shared[0] == 2 and shared == sorted(shared, reverse=True) and shared[-1] >= 1
-    assert max(one.duration for one in found) <= 60.0 and sum(one.duration for one in found) <= 90.0
+    assert (
+        max(experiment.duration for experiment in found) <= 60.0
+        and sum(experiment.duration for experiment in found) <= 90.0
+    )
 
 
 def test_setpoints_are_those_of_the_daemon(session: Session, ball_screw: Setup) -> None:
     """From the description of the controller as from the stage file, to a part in a thousand of the current."""
-    p = operating_range.room(session)
-    one = next(one for one in catalogue.made(p.scale) if one.name == "swing-one-way")
-    ours, theirs = operating_range.laid_out(session, p, one), one.setpoints(ball_screw)
+    p = operating_range.operating_range(session)
+    experiment = next(
+        experiment for experiment in made(p.scale, catalogue.RECIPES) if experiment.name == "swing-one-way"
+    )
+    ours, theirs = operating_range.setpoints_for(session, p, experiment), experiment.setpoints(ball_screw)
     assert len(ours) == len(theirs)
     np.testing.assert_allclose(ours[:, 0], theirs[:, 0], atol=1e-9)
     assert np.percentile(np.abs(ours[:, 2] - theirs[:, 2]), 99) < 1e-3 * np.abs(theirs[:, 2]).max()
@@ -216,15 +221,15 @@ def test_a_folder_from_elsewhere_and_one_without_a_controller(folder: Path, tmp_
     """The same room from captures; a loop of our own design stands in for one that is not known, and it is said."""
     place = exported([folder / "sine-1.6-1.h5", folder / "sine-1.6-2.h5"], tmp_path / "captures", False)
     other = load([place])
-    assert operating_range.room(other).known
+    assert operating_range.operating_range(other).known
     blind = other._replace(law=None, nominal={k: v for k, v in other.nominal.items() if k != "controller"})
-    found = operating_range.room(blind)
+    found = operating_range.operating_range(blind)
     assert not found.known
-    assert "The deployed controller is not known" in found.heeds()[-1]
-    bench = experiment_proposal._bench(
-        blind, found, prediction_distance.noise_of(blind, NAN), catalogue.made(found.scale)[0]
+    assert "The deployed controller is not known" in found.cautions()[-1]
+    planned = experiment_proposal.planned_run(
+        blind, found, prediction_distance.noise_of(blind, NAN), made(found.scale, catalogue.RECIPES)[0]
     )
-    values = prediction_distance.told(bench, blind.stage)
+    values = prediction_distance.predict(planned, blind.stage)
     assert np.isfinite(values.values).all() and values.current < 1.1 * found.scale.current_limit
 
 
@@ -240,12 +245,11 @@ def test_noise_of_the_repeats_and_without_them(session: Session) -> None:
 
 def test_whitened_white_noise_has_a_variance_of_one(session: Session) -> None:
     random = np.random.default_rng(3)
-    flat = prediction_distance.Noise(np.array([0.0, 1000.0]), np.full(2, 2.0 * session.dt * 4.0), np.ones(2))
-    bench = prediction_distance.Bench(
-        np.zeros((20000, 8)), operating_range.room(session).law, flat, 0.0, 0.0, session.dt, True
-    )
+    flat = prediction_distance.RepeatNoise(np.array([0.0, 1000.0]), np.full(2, 2.0 * session.dt * 4.0), np.ones(2))
+    law = operating_range.operating_range(session).law
+    planned = prediction_distance.PlannedRun(Rollout(np.zeros((20000, 8)), law, 0.0, 0.0, session.dt), flat, True)
     signal = 2.0 * random.standard_normal(20000)
-    density = prediction_distance._whitened(bench, signal, flat.position, 0.0)
+    density = prediction_distance._whitened(planned, signal, flat.position, 0.0)
     frequency = np.fft.rfftfreq(20000, session.dt)
     share = np.sum((frequency <= 400.0) / (1.0 + (frequency / 40.0) ** 2)) / len(frequency)
     assert np.sum(density * density) == pytest.approx(20000 * share, rel=0.05)
@@ -269,10 +273,12 @@ def test_what_is_covered_is_not_asked_for(session: Session, ball_screw: Setup) -
     from stagectl.gap.experiment_design.battery import battery
 
     logs = []
-    for one in battery(ball_screw):
-        rows = one.setpoints(ball_screw)
+    for experiment in battery(ball_screw):
+        rows = experiment.setpoints(ball_screw)
         logs.append(
-            session.logs[0]._replace(name=one.name, position=rows[:, 0], reference=rows[:, 0], injection=rows[:, 6])
+            session.logs[0]._replace(
+                name=experiment.name, position=rows[:, 0], reference=rows[:, 0], injection=rows[:, 6]
+            )
         )
     assert coverage.uncovered(session._replace(logs=tuple(logs))) == ()
     assert experiment_proposal.propose(session._replace(logs=tuple(logs)), {"viscous": session.stage}, NAN) is None
@@ -282,7 +288,7 @@ def test_what_is_covered_is_not_asked_for(session: Session, ball_screw: Setup) -
 
 def test_logs_that_never_move_are_refused(session: Session) -> None:
     still = [log._replace(position=0.0 * log.position, reference=0.0 * log.position) for log in session.logs]
-    with pytest.raises(GapError, match=r"no log of .* moves: .* record one sine"):
+    with pytest.raises(GapError, match="moves"):
         experiment_proposal.propose(session._replace(logs=tuple(still)), {}, NAN)
 
 
@@ -290,9 +296,9 @@ def test_a_one_sided_record_starts_in_the_middle(session: Session) -> None:
     """Logs that go up from where they begin leave no room downwards; the middle does, and the words say so."""
     up = [log._replace(position=log.position + 5.236, reference=log.position + 5.236) for log in session.logs]
     begins = [log._replace(reference=np.concatenate([[0.0], log.position[1:]])) for log in up]
-    found = operating_range.room(session._replace(logs=tuple(begins)))
+    found = operating_range.operating_range(session._replace(logs=tuple(begins)))
     assert found.start == pytest.approx(5.236, rel=1e-3)
-    assert found.heeds()[0].startswith("Start in the middle of the travel, at 10")
+    assert found.cautions()[0].startswith("Start in the middle of the travel, at 10")
 
 
 def test_a_gentle_record_asks_to_see_that_the_machine_may(session: Session) -> None:

@@ -16,7 +16,7 @@ from stagectl.gap.experiment_design.catalogue import library
 from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, yaml_of
 from stagectl.gap.experiment_design.manual_experiments import MANUAL
 from stagectl.gap.experiment_design.motions import wavering
-from stagectl.gap.experiment_design.scale import presliding, scale_of
+from stagectl.gap.experiment_design.stage_scale import presliding, scale_of
 from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels import friction, friction_bristle, stage
@@ -58,7 +58,7 @@ def both(setup: Setup) -> tuple[Experiment, ...]:
 
 
 def named(setup: Setup, name: str) -> Experiment:
-    return next(one for one in (*both(setup), *library(setup)) if one.name == name)
+    return next(experiment for experiment in (*both(setup), *library(setup)) if experiment.name == name)
 
 
 def parts(experiment: Experiment) -> list[object]:
@@ -80,42 +80,42 @@ def changed(tmp_path: Path, *changes: tuple[str, str]) -> Setup:
 
 def test_all_of_the_batteries_run_on_every_stage(setup: Setup) -> None:
     """Within its limits (`plan` refuses what is not), and back where they began, so that the next one may follow."""
-    for one in both(setup):
-        rows = one.setpoints(setup)
-        assert len(rows) == pytest.approx(one.duration / setup.dt, abs=6), one.name
+    for experiment in both(setup):
+        rows = experiment.setpoints(setup)
+        assert len(rows) == pytest.approx(experiment.duration / setup.dt, abs=6), experiment.name
         span = np.ptp(rows[:, COLUMN["reference"]])
-        assert abs(rows[-1, COLUMN["reference"]]) < 1e-12 * span, one.name
-        assert np.all(rows[:, COLUMN["closed"]] == 1.0), one.name
+        assert abs(rows[-1, COLUMN["reference"]]) < 1e-12 * span, experiment.name
+        assert np.all(rows[:, COLUMN["closed"]] == 1.0), experiment.name
 
 
 def test_the_library_runs_on_every_stage(setup: Setup) -> None:
-    for one in library(setup):
-        if one.duration < ROWS * setup.dt:
-            rows = one.setpoints(setup)[:, COLUMN["reference"]]
-            assert abs(rows[-1]) < 1e-12 * max(np.ptp(rows), 1e-9), one.name
+    for experiment in library(setup):
+        if experiment.duration < ROWS * setup.dt:
+            rows = experiment.setpoints(setup)[:, COLUMN["reference"]]
+            assert abs(rows[-1]) < 1e-12 * max(np.ptp(rows), 1e-9), experiment.name
 
 
 def test_times_are_those_of_the_design(setup: Setup) -> None:
-    assert 75.0 <= sum(one.duration for one in battery(setup)) <= 90.0
-    assert 35.0 <= sum(one.duration for one in held_out(setup)) <= 50.0
-    assert all(1.0 < one.duration < 310.0 for one in library(setup))
+    assert 75.0 <= sum(experiment.duration for experiment in battery(setup)) <= 90.0
+    assert 35.0 <= sum(experiment.duration for experiment in held_out(setup)) <= 50.0
+    assert all(1.0 < experiment.duration < 310.0 for experiment in library(setup))
 
 
 def test_names_and_uses(setup: Setup) -> None:
-    names = [one.name for one in (*both(setup), *library(setup))]
+    names = [experiment.name for experiment in (*both(setup), *library(setup))]
     assert len(set(names)) == len(names)
     assert len(library(setup)) >= 28
-    assert {one.use for one in battery(setup)} == {"diagnose"}
-    assert {one.use for one in held_out(setup)} == {HELD_OUT}
-    used = {one.trajectory for one in battery(setup)}
-    assert not used & {one.trajectory for one in held_out(setup)}
+    assert {experiment.use for experiment in battery(setup)} == {"diagnose"}
+    assert {experiment.use for experiment in held_out(setup)} == {HELD_OUT}
+    used = {experiment.trajectory for experiment in battery(setup)}
+    assert not used & {experiment.trajectory for experiment in held_out(setup)}
 
 
 def test_every_effect_has_an_experiment(ball_screw: Setup) -> None:
     """Each effect of the design's section 4 is what some experiment, or something done by hand, is for."""
     known = set(EFFECTS.split())
-    for_them = {effect for one in (*both(ball_screw), *library(ball_screw)) for effect in one.effects}
-    for_them |= {effect for one in MANUAL for effect in one.effects}
+    for_them = {effect for experiment in (*both(ball_screw), *library(ball_screw)) for effect in experiment.effects}
+    for_them |= {effect for manual in MANUAL for effect in manual.effects}
     assert for_them - known == set()
     assert known - for_them == set()
 
@@ -123,19 +123,19 @@ def test_every_effect_has_an_experiment(ball_screw: Setup) -> None:
 def test_the_text_is_the_experiment(setup: Setup, tmp_path: Path) -> None:
     """Read again as `run` reads it, each is the same to the last bit."""
     path = tmp_path / "motion.yaml"
-    for one in (*both(setup), *library(setup)):
-        path.write_text(yaml_of(one))
-        assert load_trajectory(path, axis_of(setup)) == one.trajectory, one.name
+    for experiment in (*both(setup), *library(setup)):
+        path.write_text(yaml_of(experiment))
+        assert load_trajectory(path, axis_of(setup)) == experiment.trajectory, experiment.name
         assert all(len(line) <= 118 for line in path.read_text().splitlines() if line.startswith("#"))
-    assert "kept back for checking" in yaml_of(held_out(setup)[0])
+    assert "held out" in yaml_of(held_out(setup)[0])
 
 
 def test_an_angle_stays_an_angle(tmp_path: Path) -> None:
     setup = changed(tmp_path, *ANGLES)
     path = tmp_path / "motion.yaml"
-    for one in both(setup):
-        path.write_text(yaml_of(one))
-        assert load_trajectory(path, axis_of(setup)) == one.trajectory
+    for experiment in both(setup):
+        path.write_text(yaml_of(experiment))
+        assert load_trajectory(path, axis_of(setup)) == experiment.trajectory
     named(setup, "stairs").setpoints(setup)
     named(setup, "check-multisine").setpoints(setup)
     assert "velocity: 40 rad/s, acceleration: " in yaml_of(named(setup, "stairs"))
@@ -175,8 +175,8 @@ def test_the_stairs_reach_their_speeds(ball_screw: Setup) -> None:
 
 def test_each_begins_with_a_reversal_beyond_presliding(setup: Setup) -> None:
     p = scale_of(setup)
-    for one in (*both(setup), *library(setup)):
-        first = parts(one)[0]
+    for experiment in (*both(setup), *library(setup)):
+        first = parts(experiment)[0]
         assert isinstance(first, Trapezoid) and not first.one_way
         assert 4.0 * p.presliding <= first.distance * 1.01
         assert first.distance <= 0.2 * p.reach * 1.01
@@ -191,9 +191,9 @@ def test_the_strong_sine_is_near_the_limit_and_not_on_it(ball_screw: Setup) -> N
     assert "at 53 % of the current limit" in yaml_of(named(emps, "sine-strong"))
 
 
-def driven(setup: Setup, one: Experiment) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+def driven(setup: Setup, experiment: Experiment) -> np.ndarray[tuple[int], np.dtype[np.void]]:
     controller = design.design(setup.stage, setup.file.control)
-    return simulate(setup, plan(setup, one.trajectory, controller.feedforward), controller.law)
+    return simulate(setup, plan(setup, experiment.trajectory, controller.feedforward), controller.law)
 
 
 def test_no_fault_on_the_gap_that_is_looked_for(ball_screw: Setup, tmp_path: Path) -> None:
@@ -216,18 +216,18 @@ def test_multisines_act_while_the_axis_moves_at_constant_speed(setup: Setup) -> 
     """At three places, of odd lines in the band, and the axis never turns round under them."""
     places = []
     for where in ("low", "middle", "high"):
-        one = named(setup, f"multisine-{where}")
-        assert isinstance(one.trajectory, Excited)
-        current = one.trajectory.current
+        experiment = named(setup, f"multisine-{where}")
+        assert isinstance(experiment.trajectory, Excited)
+        current = experiment.trajectory.current
         assert isinstance(current, CurrentMultisine)
         assert (current.low, current.high) == (3.0, min(500.0, 0.25 / setup.dt))
-        rows = one.setpoints(setup)
+        rows = experiment.setpoints(setup)
         injected = np.flatnonzero(rows[:, COLUMN["injection"]])
         reference = rows[:, COLUMN["reference"]]
         steps = np.diff(reference[injected[0] - 10 : injected[-1] + 10])
         np.testing.assert_allclose(steps, steps[0], rtol=1e-6)
         places.append(reference[injected[0]])
-        measured = driven(setup, one)["measured"][injected[0] : injected[-1]]
+        measured = driven(setup, experiment)["measured"][injected[0] : injected[-1]]
         assert np.mean(np.diff(measured) * np.sign(steps[0]) > 0.0) > 0.95
     low, high = setup.file.limits.travel
     assert min(np.diff(places)) > 0.2 * (high - low)
@@ -248,18 +248,18 @@ def test_a_swing_never_turns_round(ball_screw: Setup) -> None:
 
 def test_the_fastest_cruise_is_fast(ball_screw: Setup) -> None:
     """It holds 80 % of the current against friction alone: by the model (0.8 Kt i - T_c) / D."""
-    one = named(ball_screw, "fast-cruise")
-    assert isinstance(one.trajectory, Sequence)
+    experiment = named(ball_screw, "fast-cruise")
+    assert isinstance(experiment.trajectory, Sequence)
     per_unit = ball_screw.file.axis.travel_per_unit
     expected = (0.8 * 0.72 * 15.0 - 1.0) / 0.14 * per_unit
-    assert peaks(one.trajectory, ball_screw.dt).speed == pytest.approx(expected, rel=0.01)
+    assert peaks(experiment.trajectory, ball_screw.dt).speed == pytest.approx(expected, rel=0.01)
 
 
 def test_presliding_length_in_closed_form() -> None:
     """One operator: 1.95 slips.  Dahl of exponent 1: ln 40 T_c / sigma_0.  Several: as the kernel turns."""
     nothing = friction.Stribeck()
-    one = stage.Friction(friction.bundle([2.0], [3e-6]), nothing)
-    assert presliding(one) == pytest.approx(1.95 * 3e-6, rel=1e-3)
+    single = stage.Friction(friction.bundle([2.0], [3e-6]), nothing)
+    assert presliding(single) == pytest.approx(1.95 * 3e-6, rel=1e-3)
     dahl = friction_bristle.Bristle(5.0, 1e6)
     none = friction.bundle([0.0], [1.0])
     assert presliding(stage.Friction(none, nothing, dahl)) == pytest.approx(math.log(40.0) * 5e-6, rel=1e-12)
@@ -275,12 +275,10 @@ def test_presliding_length_in_closed_form() -> None:
 
 def test_a_stage_without_room_or_current_is_told_so(tmp_path: Path) -> None:
     one_sided = changed(tmp_path, ("travel: [-50 mm, 50 mm]", "travel: [0 mm, 100 mm]"))
-    with pytest.raises(
-        GapError, match=r"limits.travel = \[0, 0.1\] m .* at least 0.002 m away from 0: count the travel"
-    ):
+    with pytest.raises(GapError, match=r"limits\.travel = \[0, 0\.1\] m"):
         battery(one_sided)
     weak = changed(tmp_path, ("current_limit: 15 A", "current_limit: 2 A"))
-    with pytest.raises(GapError, match=r"drive.current_limit = 2 A .* friction and bias alone take 1, and at least 2 "):
+    with pytest.raises(GapError, match=r"drive\.current_limit = 2 A"):
         library(weak)
 
 

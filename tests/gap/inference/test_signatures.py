@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from stagectl.gap.inference import signatures
-from stagectl.gap.inference.signatures import Missing
-from stagectl.gap.logs.session import Session
-from stagectl.kernels.plant import Drive
+from stagectl.gap.inference.signatures import MissingCurrent
 
-NOISE = 0.04  # A
+NOISE, DELAY = 0.04, 1  # A; rows of the modelled drive
 
 
-def _session() -> Session:
-    drive = Drive(0.0, 1, 20.0, 0.0)
-    stage = type("Stage", (), {"drive": drive})()
-    return Session(Path(), "rotary", 1.0, "m", 5e-4, stage, None, ())
-
-
-def _logs(step: float, gain: float = 0.0) -> list[Missing]:
+def _logs(step: float, gain: float = 0.0) -> list[MissingCurrent]:
     """Three repeats of a sine with a rough command, rounded to `step` (0: not), their current late by two rows."""
     source = np.random.default_rng(11)
     logs = []
@@ -31,27 +21,29 @@ def _logs(step: float, gain: float = 0.0) -> list[Missing]:
         late = np.concatenate([np.zeros(2), (rounded - command)[:-2]]) + gain * np.concatenate(
             [np.zeros(2), command[:-2]]
         )
-        logs.append(Missing(command, late + NOISE * source.standard_normal(12000), np.zeros(12000)))
+        logs.append(MissingCurrent(command, late + NOISE * source.standard_normal(12000), np.zeros(12000)))
     return logs
 
 
 @pytest.mark.parametrize("step", [0.012, 0.02, 0.05])
 def test_the_step_of_a_command_is_read_off(step: float) -> None:
-    found = signatures.quantised(_session(), _logs(step))
+    found = signatures.quantised(DELAY, _logs(step))
     assert found is not None and found.value == pytest.approx(step, rel=2e-3)
     assert found.effect.parameters["step"].low < step * 1.002 and found.effect.parameters["step"].high > step * 0.998
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.03])
 def test_noise_and_a_wrong_gain_are_no_steps(gain: float) -> None:
-    assert signatures.quantised(_session(), _logs(0.0, gain)) is None
+    assert signatures.quantised(DELAY, _logs(0.0, gain)) is None
 
 
-def _jittering(size: float) -> list[list[Missing]]:
+def _jittering(size: float) -> list[list[MissingCurrent]]:
     source = np.random.default_rng(3)
     answer = -800.0 * np.cos(np.arange(8000) * 0.05)  # A/s
     repeats = [
-        Missing(answer, size * source.standard_normal(8000) * answer + NOISE * source.standard_normal(8000), answer)
+        MissingCurrent(
+            answer, size * source.standard_normal(8000) * answer + NOISE * source.standard_normal(8000), answer
+        )
         for _ in range(3)
     ]
     return [repeats]
@@ -64,7 +56,7 @@ def test_jitter_is_what_grows_with_the_slope_of_the_current() -> None:
 
 
 def test_an_error_of_the_mean_delay_is_no_jitter() -> None:
-    late = [[one._replace(current=one.current + 2e-4 * one.answer) for one in run] for run in _jittering(0.0)]
+    late = [[log._replace(current=log.current + 2e-4 * log.answer) for log in run] for run in _jittering(0.0)]
     assert signatures.jittered(late) is None
 
 

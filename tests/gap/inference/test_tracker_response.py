@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from stagectl.config.stage_file import load_stage
-from stagectl.gap.inference import time_localisation
+from stagectl.gap.inference import tracker_response
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import model_tracking
 from stagectl.gap.residuals.sensitivities import TrackedModel
 
-BALL_SCREW = Path(__file__).parents[2] / "config" / "ball-screw.yaml"
+BALL_SCREW = Path(__file__).parents[3] / "config" / "ball-screw.yaml"
 DT, ROWS = 5e-4, 4000
 TIME = np.arange(ROWS) * DT
 
@@ -46,7 +46,7 @@ def test_the_tracker_answers_as_its_poles_say(model: TrackedModel, frequency: fl
 def test_what_the_tracker_answered_is_brought_back(model: TrackedModel) -> None:
     effort = np.exp(-(((TIME - 1.0) / 0.01) ** 2))
     answered = _answered(model, effort)
-    back = time_localisation.untracked(answered, model, DT)
+    back = tracker_response.untracked(answered, model, DT)
     assert np.abs(answered - effort).max() > 0.25
     assert np.abs(back - effort).max() < 0.01
 
@@ -56,20 +56,4 @@ def test_a_constant_effort_is_followed_to_the_end(model: TrackedModel) -> None:
 
 
 def _answered(model: TrackedModel, effort: Array) -> Array:
-    return time_localisation.passed(effort, time_localisation.tracking(model, time_localisation.lines_of(ROWS, DT), DT))
-
-
-def _flags(*spans: tuple[int, int]) -> time_localisation.Flags:
-    flags = np.zeros(100, dtype=bool)
-    for begin, end in spans:
-        flags[begin:end] = True
-    return flags
-
-
-def test_spans_bridge_what_is_too_short_to_be_closed() -> None:
-    assert time_localisation.stretches(_flags((10, 20), (22, 30), (50, 60)), DT) == ((0.005, 0.015), (0.025, 0.03))
-
-
-def test_a_single_row_is_no_span() -> None:
-    assert time_localisation.stretches(_flags((10, 11)), DT) == ()
-    assert time_localisation.stretches(_flags((0, 100)), DT) == ((0.0, 0.05),)
+    return tracker_response.filtered(effort, tracker_response.tracking(model, tracker_response.lines_of(ROWS, DT), DT))

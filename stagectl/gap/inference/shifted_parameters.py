@@ -1,0 +1,85 @@
+"""Parameters that are off, as entries of the verdict: each by its name, with its alternatives and its patch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stagectl.gap.effects import library
+from stagectl.gap.effects.effect import Data
+from stagectl.gap.inference.parameter_errors import Shift, common, shared
+from stagectl.gap.inference.thresholds import FORCE_CONSTANT_PROBABILITY, SHIFT_HALF_CERTAIN
+from stagectl.gap.inference.verdict import changed
+from stagectl.gap.logs.session import Session
+from stagectl.gap.result.diagnosis import Fields, FoundEffect, Value
+from stagectl.gap.selection.refine import Fitted
+
+COORDINATES = {"inertia": "acceleration", "viscous": "speed", "coulomb": "direction"}
+
+
+def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[FoundEffect]:
+    """The parameters that are off, the largest shares first.
+
+    A common scale of inertia, viscous and Coulomb friction is that of the force constant, and replaces them.
+    """
+    scale = common(found)
+    if scale is not None:
+        rest = [shift for shift in found if shift.sure and shift.name not in library.FORCE_SCALED]
+        return [_force_constant(session, scale), *(_shifted(session, shift, now) for shift in rest)]
+    sure = sorted((shift for shift in found if shift.sure), key=lambda shift: -shift.share)
+    effects = [_shifted(session, shift, now) for shift in sure]
+    # The part that they share may as well be the force constant's.
+    alike = shared(found) | ({sure[0].name} if _same_sign(sure) else frozenset())
+    return [
+        effect._replace(alternatives=(*effect.alternatives, "force_constant")) if effect.name in alike else effect
+        for effect in effects
+    ]
+
+
+def _same_sign(sure: Sequence[Shift]) -> bool:
+    """Whether inertia, viscous and Coulomb friction have all shifted the same way."""
+    changes = [shift.change for shift in sure if shift.name in library.FORCE_SCALED]
+    return len(changes) == 3 and len({change > 0.0 for change in changes}) == 1
+
+
+def _force_constant(session: Session, shift: Shift) -> FoundEffect:
+    value = session.stage.motor.force_constant * (1.0 + shift.change)
+    return FoundEffect(
+        "force_constant",
+        (*library.look_alikes("force_constant", Data.ALL), *library.FORCE_SCALED),
+        FORCE_CONSTANT_PROBABILITY,
+        shift.share,
+        {"change": shift.value},
+        fields=(("motor.force_constant", value),),
+        parameter=True,
+    )
+
+
+def _shifted(session: Session, shift: Shift, now: Fitted) -> FoundEffect:
+    half = 1.96 * shift.deviation
+    change = Value(shift.change, shift.change - half, shift.change + half, "")
+    return FoundEffect(
+        shift.name,
+        _alternatives(session, shift.name),
+        1.0 / (1.0 + (SHIFT_HALF_CERTAIN * max(shift.deviation, 1e-6) / abs(shift.change)) ** 2),
+        shift.share,
+        {shift.name: shift.value, "change": change},
+        block=library.EFFECTS[shift.name].block,
+        fields=_fields(session, shift, now),
+        parameter=True,
+        coordinate=COORDINATES.get(shift.name, "none"),
+    )
+
+
+def _alternatives(session: Session, name: str) -> tuple[str, ...]:
+    """What causes the same shift."""
+    unmeasured = any(log.current is None or log.command is None for log in session.logs)
+    data = Data.ONE_SPEED | Data.WITHOUT_CURRENT if unmeasured else Data.ONE_SPEED
+    return tuple(sorted(library.look_alikes(name, data)))
+
+
+def _fields(session: Session, shift: Shift, now: Fitted) -> Fields:
+    if shift.name in ("inertia", "viscous", "bias"):
+        return ((f"mechanics.{shift.name}", shift.value.value),)
+    if shift.name in ("coulomb", "presliding"):
+        return changed(session.stage, session.stage._replace(friction=now.model.stage.friction))
+    return ()

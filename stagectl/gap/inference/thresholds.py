@@ -1,0 +1,98 @@
+"""Every number that decides something in the inference, with its unit, its origin and what it decides.
+
+Origin is "chosen" unless the comment says otherwise: such a value was set by hand on machines of the exam and is not
+derived.
+"""
+
+from __future__ import annotations
+
+# -- verdict: names, alternatives, probabilities ---------------------------------------------------------------------
+
+ALTERNATIVE_GAIN = 0.9  # of an effect's own gain; chosen. From here on another effect is listed as an alternative.
+RIVAL_SHARPNESS = 8.0  # exponent; chosen. How fast a rival's weight falls with its relative gain.
+DOUBT_STEEPNESS = 1.5  # exponent; chosen. How fast doubt falls as the gain rises beyond its detection limit.
+LEAST_AGAINST_RIVALS = 0.55  # probability; chosen. An effect that the search took is never less likely than this.
+STABLE_INCLUSION = 0.8  # share of resamples; chosen. Below, the probability falls in proportion.
+FAINT_SHARE = 0.25  # of the unexplained; chosen. An effect with a smaller gain may be a part of the unexplained.
+FAINT_SHARE_OF_DELAY = 0.01  # of the unexplained; chosen. The same for a delay of the drive that lies at its bound.
+# Standard deviations; chosen. A nonlinearity of the time shift imitates a delay, and a shift by a fraction of a sample
+# imitates a slower current loop: both must be surer than other effects.
+DELAY_SIGMA = {"dead_time": 10.0, "current_loop": 40.0}
+DEAD_TIME_PER_JITTER = 4.0  # ratio; chosen. A shorter mean delay is part of the jitter and no dead time.
+FORCE_CONSTANT_PROBABILITY = 0.9  # chosen. Of the force constant, where a common scale of J, D and T_c is found.
+SHIFT_HALF_CERTAIN = 4.0  # standard deviations; chosen. A shift as large as this has the probability 1/2.
+
+# -- parameter errors ------------------------------------------------------------------------------------------------
+
+SHIFT_SIGMA = 4.0  # standard deviations; chosen. A smaller shift is not reported as sure.
+SHIFT_SHARE = 0.005  # of the closable misfit before the refit; chosen. A shift that returns less is immaterial.
+# Relative; of the bias to the friction, of the time shift to the period; chosen. A smaller shift does not matter.
+SHIFT_LEAST = {"inertia": 0.01, "viscous": 0.02, "coulomb": 0.02, "presliding": 0.25, "bias": 0.02, "time_shift": 0.1}
+FRICTIONLESS = 0.01  # of the larger Coulomb friction, nominal or fitted; chosen. Below, its length has no meaning.
+PRESLIDING_ERROR = 0.03  # of the length; chosen. Its standard deviation, which the half strokes do not give.
+COMMON_SPREAD = 0.006  # of log J, log D, log T_c; chosen. Within it their shifts are one common scale.
+COMMON_LEAST = 0.01  # relative shift; chosen. Each of the three must exceed it.
+COMMON_ERROR = 0.002  # of the scale; chosen. Smallest standard deviation that its interval is given.
+LOST = -0.9  # relative shift; chosen. A parameter that is all but gone has no common scale with others.
+
+# -- the unknown -----------------------------------------------------------------------------------------------------
+
+UNKNOWN_SHARE = 0.1  # of the base refit's closable misfit; chosen. Less is not reported as unknown.
+UNKNOWN_PREDICTED = 0.5  # of the residual, on data that were not fitted; chosen. A shape must predict this much.
+BEYOND_FRICTION_LAWS = 10.0  # times the worst law of the null ensemble; chosen. More is the form of no friction law.
+ENSEMBLE_QUANTILE = 0.95  # of the null ensemble's gains; chosen. A shape must gain more than that.
+NEARLY_BEST_SHAPE = 0.9  # of the largest gain; chosen. Among such shapes one that the stage model can hold is taken.
+TABLE_ROWS = 241  # of the data-based term; chosen. Resolution of its table.
+
+BAND_STEP = 0.5  # octaves; chosen. Width of one band of the residual's spectrum.
+BAND_COUNT = 3  # bands; chosen. A resonance is looked for in this many neighbouring ones.
+BAND_SHARE = 0.5  # of the residual; chosen. They must hold this much of it.
+BAND_ABOVE_FORM = 2.0  # times friction laws and noise in these bands; chosen. They must hold more than that.
+DRIVE_OF_NOISE, CLOCK_OF_NOISE = 0.2, 0.03  # of the noise's sum of squares; chosen. Less is the noise's own scatter.
+# Of the sum of squares before the fit; chosen. No friction law disturbs the drive's cut, and none changes with time.
+DRIVE_OF_FORM, CLOCK_OF_FORM = 0.025, 0.05
+
+# -- coordinates and their basis functions ---------------------------------------------------------------------------
+
+RIDGE_SHARE = 1e-3  # of the best excited function's power; chosen. Ridge that draws hardly excited ones to zero.
+PSEUDO_INVERSE_RANK = 1e-10  # relative singular value; far above rounding. Smaller ones count as zero.
+EXCESS_BAND = 1.5  # octaves; chosen. Width of the band by which a gap counts as lying in frequency.
+LOWEST_FREQUENCY = 5.0  # Hz; chosen. Below lie the motions themselves.
+SPECTRUM_ROWS = 1024  # samples; chosen. Longest segment of Welch's method.
+DERIVATIVE_WINDOW = 0.012  # s; chosen. Span of the filter that gives velocity and acceleration.
+STANDSTILL_SPEED = 1e-3  # of the largest speed; chosen. Slower motion has no direction.
+REVERSAL_SHARE = 0.1  # of the rolling zone; as in the stage model's table. A shorter way back is no reversal.
+PITCH_ORDERS = 12  # chosen. Orders of the pitch that are always tried.
+CLOCK_KNOTS = 6  # chosen. Knots over the session's clock; a step of the friction lies between two of them.
+LOOP_SLOPE = 5.0  # per largest acceleration; chosen. How sharply the sign of the acceleration is smoothed.
+SPEED_NODES, SLOWEST_NODE = 11, 0.002  # chosen; of the largest speed. Geometric grid: friction changes over decades.
+ZONE_NODES, ZONE_FROM, ZONE_TO = 10, 0.03, 3.0  # chosen; in rolling zones. Grid within the rolling zone.
+WAY_NODES, WAY_FROM, WAY_TO = 4, 6.0, 12.0  # chosen; in rolling zones. Grid beyond it, to the stroke at least.
+PLACE_NODES, ACCELERATION_NODES, CURRENT_NODES = 25, 11, 15  # chosen. Even grids of these coordinates.
+ACCELERATION_PERCENTILE = 99.9  # %; chosen. Accelerations above are outliers of the differentiation.
+
+# -- localisation in time --------------------------------------------------------------------------------------------
+
+OPEN_SHARE = 0.2  # of the quantile below; chosen. The gap is open where an effect contributes more.
+CONTRIBUTION_QUANTILE = 0.95  # of an effect's own contribution over all logs; chosen. Its size.
+ACTIVE_SHARE = 1e-3  # of the largest contribution; chosen. The quantile of a rarer effect is over such rows alone.
+OPEN_SIGMA = 3.0  # standard deviations of the repeats; chosen. The gap is open there, where no effect is known.
+RESIDUAL_WINDOW = 0.01  # s; chosen. Moving average over the residual before it is compared.
+BRIDGED = 0.0015  # s; chosen. Shorter closures are bridged; where an effect changes its sign they are longer.
+SHORTEST_SPAN = 0.001  # s; chosen. Shorter spans are dropped.
+LEAST_TRACKED = 0.1  # of the tracker's response; chosen. Frequencies that it follows less are not divided out.
+
+# -- signatures of the drive -----------------------------------------------------------------------------------------
+
+STEP_RANGE = (5e-4, 0.2)  # A; chosen. Steps of the command that are looked for.
+BINS_PER_STEP = 8  # chosen. Bins of the histogram within the smallest step.
+FINEST_STEP = 2**17  # steps in the range of the commands; twice what the 16 bits of a drive's object can hold.
+# Times the mean power of noise; derived: noise alone exceeds it with e^-40 times the number of frequencies.
+LINE_POWER = 40.0
+# Step over pi, of the line's amplitude; a saw tooth's first harmonic has 1. Outside the line is something else.
+SAW_TOOTH = (0.4, 1.4)
+ANSWER_STEP = 5e-5  # s; chosen. Dead time by which the model's current is differenced.
+SETTLING_ROWS = 8  # chosen. Rows until the drive model's delay line is filled.
+JITTER_SIGMA = 8.0  # standard deviations; chosen. A jitter must be as sure as that.
+JITTER_SHARE = 0.02  # of the current's noise variance; chosen. A jitter must make as much of it.
+SIGNATURE_PROBABILITY = 0.98  # chosen. Of a signature that has passed these tests.

@@ -1,0 +1,79 @@
+"""The conclusions judged in closed loop: which model follows the logs best, and how far the gap closes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stagectl.gap.inference.conclusions import Conclusions
+from stagectl.gap.logs.session import Log, Session
+from stagectl.gap.selection.refine import Evidence
+from stagectl.gap.selection.swap_tests import Selection
+from stagectl.gap.validation import held_out_gap, rollouts
+from stagectl.gap.validation.closure import Closure, closure
+from stagectl.gap.validation.thresholds import NEARLY_CLOSEST
+from stagectl.kernels.stage import Stage
+
+NOTHING_HELD_OUT = (
+    "no log is held out: the gap is judged on the runs that chose the effects, so the closure is too optimistic"
+)
+NOTHING_CLOSER = (
+    "no fitted model brings the simulated loop closer to the runs that it was fitted on: the gap after is that of the "
+    "nominal model, and only the forces support the effects named here"
+)
+
+
+class Validation(NamedTuple):
+    """What the held-out runs say."""
+
+    improved: Stage  # nominal with all that was found
+    closure: Closure
+    warnings: tuple[str, ...]
+
+
+def validate(session: Session, e: Evidence, selected: Selection, found: Conclusions) -> Validation:
+    """The best of the models that were found, with the drive's signatures, on runs that chose nothing."""
+    best = _best_model(session, [*found.models, session.stage])
+    improved = best
+    for signature in found.signatures:
+        improved = signature.put_in(improved)
+    lines = warnings(session, e, best)
+    return Validation(improved, closure(session, e, selected, improved), tuple(lines))
+
+
+def _best_model(session: Session, stages: Sequence[Stage]) -> Stage:
+    """The first of `stages` that closes the loop's gap on the training logs; the first where no loop is known."""
+    training = [log for log in session.logs if not log.held_out]
+    if session.law is None or any(log.setpoints is None for log in training):
+        return stages[0]
+    return closest(session, stages, training)
+
+
+def closest(session: Session, stages: Sequence[Stage], logs: Sequence[Log]) -> Stage:
+    """The first of `stages` whose loop follows `logs` nearly as closely as that of the best of them.
+
+    A model that explains more of the effort need not bring its position closer: a table or a fit that leads away from
+    the logs that it was made on is dropped.
+    """
+    judged = held_out_gap.judged_logs(session, logs)
+    sums = [held_out_gap.remaining(judged, rollouts.simulated_logs(session, stage, logs)) for stage in stages]
+    limit = NEARLY_CLOSEST * np.nanmin(sums)
+    return next(stage for stage, remaining in zip(stages, sums, strict=True) if remaining <= limit)
+
+
+def warnings(session: Session, e: Evidence, improved: Stage) -> list[str]:
+    """Warnings of repeats that are copies, of runs that were used twice, and of a fit that the loop does not confirm.
+
+    `improved` is the model that the loop was found to follow best.
+    """
+    lines = []
+    copies = sum(not log.held_out for log in session.logs) - sum(len(run.logs) for run in e.runs)
+    if copies:
+        lines.append(f"{copies} repeats are copies, to the last bit, and are ignored: they show nothing of the noise")
+    if not any(log.held_out for log in session.logs):
+        lines.append(NOTHING_HELD_OUT)
+    if improved is session.stage:
+        lines.append(NOTHING_CLOSER)
+    return lines

@@ -1,0 +1,49 @@
+"""Noise densities and shifts, in closed form."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stagectl.gap.experiment_design import prediction_distance
+
+DT = 1e-3
+
+
+def test_no_density_is_below_its_floor() -> None:
+    """White noise of a standard deviation s has 2 dt s^2; gaps deeper than a millionth of the largest are filled."""
+    density = np.array([0.0, 1.0, 5e-7])
+    assert prediction_distance._at_least(density, 0.0, DT) == pytest.approx([1e-6, 1.0, 1e-6])
+    assert prediction_distance._at_least(density, 100.0, DT) == pytest.approx([20.0, 20.0, 20.0])
+
+
+def test_deviations_have_the_variance_of_a_single_repeat() -> None:
+    logs: Any = [SimpleNamespace(position=np.full(5, x)) for x in (-1.0, 0.0, 1.0)]
+    deviations = prediction_distance._deviations(logs, "position")
+    assert np.mean(np.square(deviations)) == pytest.approx(1.0)
+    logs[0].position = None
+    assert prediction_distance._deviations(logs, "position") == []
+
+
+def test_without_signals_there_is_no_density() -> None:
+    assert not prediction_distance._density([], DT, 64).any()
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_current_that_is_logged_late_lacks_its_slope(measured: bool) -> None:
+    """Half a kept sample of a ramp of 2 a sample; the command has no clock of its own."""
+    run: Any = SimpleNamespace(measured=measured)
+    ramp = np.concatenate([np.zeros(10), 2.0 * np.arange(10.0)])
+    change = prediction_distance.shift_slope(run, ramp)
+    assert change[:10].tolist() == [0.0] * 10
+    assert change[10:] == pytest.approx([-1.0 if measured else 0.0] * 10)
+
+
+def test_rests_are_counted_in_kept_samples() -> None:
+    setpoints = np.zeros((1000, 8))
+    setpoints[:, 0] = np.concatenate([np.linspace(0.0, 1.0, 400), np.ones(600)])
+    ((begin, end),) = prediction_distance.rests_of(setpoints, DT)
+    assert begin == pytest.approx(200, abs=2) and 490 <= end <= 500

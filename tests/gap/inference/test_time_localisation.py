@@ -1,0 +1,91 @@
+"""When the gap is open, and in which block it lies."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stagectl.gap.inference import time_localisation
+from stagectl.gap.inference.signatures import DriveSignature
+from stagectl.gap.result.diagnosis import FoundEffect, Value
+
+DT = 5e-4
+
+
+def evidence(mechanics: float, drive: float, measured: bool = True, repeats: int = 2) -> Any:
+    """Residuals of these sizes in one run of 100 rows, without noise."""
+    rows = np.ones((1, 3)) if measured else np.array([[1.0, 1.0, np.nan]])
+    run = SimpleNamespace(weight=np.ones(100), mean=SimpleNamespace(rows=rows))
+    residual = np.tile([mechanics, drive], (100, 1))
+    base = SimpleNamespace(before=[[residual] * repeats])
+    return SimpleNamespace(runs=[run], base=base, deviations=[[np.zeros((100, 2))] * repeats])
+
+
+FITTED: Any = SimpleNamespace(effects=())
+
+
+def parity(checked: bool, agrees: bool) -> Any:
+    return SimpleNamespace(checked=checked, agrees=agrees)
+
+
+def test_the_excess_is_what_repeats_do_not_differ_by() -> None:
+    """Two repeats that are 1 and -1 are their own noise; 1 + 2 and -1 + 2 have 4 a row beyond it."""
+    e = evidence(0.0, 0.0)
+    noise = np.ones((100, 2))
+    e.deviations = [[noise, -noise]]
+    assert time_localisation.excess(e, [[noise, -noise]]) == pytest.approx([-200.0, -200.0])
+    assert time_localisation.excess(e, [[noise + 2.0, -noise + 2.0]]) == pytest.approx([600.0, 600.0])
+
+
+def test_blocks_share_the_excess_of_their_cuts() -> None:
+    shares = time_localisation.blocks(evidence(3.0, 1.0), FITTED, parity(True, True))
+    assert shares == pytest.approx({"controller": 0.0, "drive": 0.1, "mechanics": 0.9, "sensor": 0.0})
+
+
+def test_a_cut_that_was_impossible_has_no_share() -> None:
+    shares = time_localisation.blocks(evidence(3.0, 1.0, measured=False), FITTED, parity(False, True))
+    assert shares == {"controller": None, "drive": None, "mechanics": 1.0, "sensor": 0.0}
+
+
+def test_a_wrong_controller_holds_everything() -> None:
+    shares = time_localisation.blocks(evidence(3.0, 1.0), FITTED, parity(True, False))
+    assert shares == {"controller": 1.0, "drive": 0.0, "mechanics": 0.0, "sensor": 0.0}
+
+
+def test_a_rare_effect_is_measured_where_it_acts() -> None:
+    """In 1 % of the rows, between 1 and 2: the 95 % quantile of these."""
+    sizes = np.concatenate([np.zeros(9900), np.linspace(1.0, 2.0, 100)])
+    assert time_localisation._quantile(sizes) == pytest.approx(1.95, abs=0.01)
+    assert time_localisation._quantile(np.linspace(0.0, 1.0, 101)) == pytest.approx(0.95)
+
+
+def test_a_jitter_acts_where_a_dead_time_of_its_size_would(ball_screw: Any) -> None:
+    from stagectl.gap.residuals.sensitivities import TrackedModel
+
+    model = TrackedModel(ball_screw.stage, None)  # type: ignore[arg-type]
+    now: Any = SimpleNamespace(equipped=model, effects=())
+    effect = FoundEffect("jitter", (), 0.98, 0.0, {"rms": Value(1e-4, 0.0, 0.0, "s")}, "drive")
+    (part,) = time_localisation._of_drive(now, [DriveSignature(effect, "drive.jitter", 1e-4)])
+    drive = ball_screw.stage.drive
+    assert part.whole.stage.drive == drive._replace(dead_time=drive.dead_time + drive.jitter + 1e-4)
+    assert part.less is model and part.block == "drive"
+    assert time_localisation._of_drive(now, []) == []
+
+
+def _flags(*spans: tuple[int, int]) -> time_localisation.Flags:
+    flags = np.zeros(100, dtype=bool)
+    for begin, end in spans:
+        flags[begin:end] = True
+    return flags
+
+
+def test_spans_bridge_what_is_too_short_to_be_closed() -> None:
+    assert time_localisation.stretches(_flags((10, 20), (22, 30), (50, 60)), DT) == ((0.005, 0.015), (0.025, 0.03))
+
+
+def test_a_single_row_is_no_span() -> None:
+    assert time_localisation.stretches(_flags((10, 11)), DT) == ()
+    assert time_localisation.stretches(_flags((0, 100)), DT) == ((0.0, 0.05),)

@@ -1,0 +1,92 @@
+"""When a shape counts as unknown, which of several is taken, and what an error of form may leave."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stagectl.gap.inference import residual_table, shape_fits, unknown
+from stagectl.gap.inference.basis_functions import EVEN, INERTIAL, ODD, CoordinateBasis, hats
+from stagectl.gap.inference.shape_fits import ShapeFit
+from stagectl.gap.inference.unknown import Explained
+
+SPEED = CoordinateBasis("speed", lambda m: m.velocity, hats(np.array([0.0, 1.0, 2.0])), 0.0, 2.0)
+PLACE = SPEED._replace(coordinate="position")
+FIT = ShapeFit(SPEED, (EVEN, ODD), 100.0, 0.8, 10.0)
+NOTHING: Any = None
+
+
+@pytest.mark.parametrize(
+    ("changes", "least", "clear"),
+    [
+        ({}, 50.0, True),
+        ({"share": 0.4}, 50.0, False),  # predicts too little
+        ({}, 100.0, False),  # too small
+        ({"limit": 150.0}, 50.0, False),  # another friction law gives as much
+    ],
+)
+def test_a_shape_is_clear(changes: dict[str, Any], least: float, clear: bool) -> None:
+    assert FIT._replace(**changes).clear(least) is clear
+
+
+def test_an_error_in_the_form_of_an_effect_is_no_unknown_over_its_coordinate() -> None:
+    """A quarter of what an effect over the position took may be left, over the position and over the pitch."""
+    cogging = [Explained("mechanics", "position_mod_pitch", 500.0)]
+    assert unknown._form_error("position", cogging) == unknown._form_error("position_mod_pitch", cogging) == 125.0
+    assert unknown._form_error("speed", cogging) == 0.0
+    over_place, over_speed = FIT._replace(basis=PLACE), FIT
+    assert unknown._clear([over_place, over_speed], cogging, 50.0) == [over_speed]
+
+
+def test_a_shape_that_the_model_can_hold_is_taken_before_a_richer_one() -> None:
+    richer = FIT._replace(parts=(EVEN, ODD, INERTIAL), gain=105.0)
+    assert residual_table.best_of([richer, FIT]) is FIT
+    assert residual_table.best_of([richer._replace(gain=120.0), FIT]).gain == 120.0
+
+
+def test_the_force_of_a_shape_is_even_plus_odd_in_the_direction() -> None:
+    """Even: 1 at standstill, 3 at top speed; odd: 2 at top speed."""
+    amplitudes = {EVEN: np.array([1.0, 2.0, 3.0]), ODD: np.array([0.0, 1.0, 2.0])}
+    grid, force = residual_table._force(SPEED, amplitudes)
+    assert grid[[0, -1]].tolist() == [-2.0, 2.0] and len(grid) % 2 == 1
+    assert force[[0, len(grid) // 2, -1]] == pytest.approx([1.0, 1.0, 5.0])
+    grid, force = residual_table._force(PLACE, {EVEN: np.array([1.0, 2.0, 3.0])})
+    assert grid[0] == 0.0 and force == pytest.approx(1.0 + grid)
+
+
+def test_largest_counts_clear_shapes_over_all_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shape_fits, "own_columns", lambda *_: None)
+    monkeypatch.setattr(unknown, "least_gain", lambda _: 50.0)
+    monkeypatch.setattr(unknown, "repeats_of", lambda _: 3.0)
+    monkeypatch.setattr(shape_fits, "single_coordinate", lambda *_: [FIT, FIT._replace(gain=400.0, share=0.1)])
+    assert unknown.largest(NOTHING, NOTHING, NOTHING) == 300.0
+    monkeypatch.setattr(shape_fits, "single_coordinate", lambda *_: [])
+    assert unknown.largest(NOTHING, NOTHING, NOTHING) == 0.0
+
+
+def test_a_shape_predicts_what_the_folds_share() -> None:
+    """Two folds with the same column in the residual; the limit is what a machine without an effect gains by it."""
+    column = np.random.default_rng(1).standard_normal(2000)
+    folds = []
+    for _ in range(2):
+        rows = np.stack([column, 3.0 * column])
+        folds.append(rows @ rows.T)
+    free = np.array(folds)
+    power = float(9.0 * column @ column)
+    gain, share = shape_fits._predicted(free, [0], 0.5 * power)
+    assert gain == pytest.approx(2.0 * power, rel=1e-2) and share == pytest.approx(2.0 / 1.5, rel=1e-2)
+    assert shape_fits._limit([free], [0]) == pytest.approx(gain) and shape_fits._limit([], [0]) == 0.0
+
+
+def test_the_least_gain_is_a_share_of_what_could_be_closed() -> None:
+    run = SimpleNamespace(weight=np.ones(10), paths=(1, 2))
+    repeats = [np.full((10, 2), 2.0)] * 2
+    e: Any = SimpleNamespace(
+        runs=[run], base=SimpleNamespace(after=[repeats]), deviations=[[np.ones((10, 2)), -np.ones((10, 2))]]
+    )
+    assert shape_fits.floor_of(e) == pytest.approx(10.0)  # variance 2, of the mean 1 a row
+    assert shape_fits.least_gain(e) == pytest.approx(0.1 * (40.0 - 10.0))
+    assert shape_fits.repeats_of(e) == 2.0

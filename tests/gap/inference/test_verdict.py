@@ -1,0 +1,89 @@
+"""Probabilities, alternatives and values of effects, from fits with known figures."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from stagectl.gap.inference import verdict
+from stagectl.gap.inference.signatures import DriveSignature
+from stagectl.gap.inference.thresholds import LEAST_AGAINST_RIVALS
+from stagectl.gap.result.diagnosis import FoundEffect, Value
+
+
+def test_without_doubt_and_rivals_an_effect_is_certain() -> None:
+    assert verdict.probability(0.0, {}, "cogging") == 1.0
+
+
+def test_a_gain_at_its_limit_is_an_even_chance() -> None:
+    assert verdict.probability(1.0, {}, "cogging") == 0.5
+    assert verdict.probability(7.0, {}, "cogging") == 0.5
+    assert verdict.probability(0.25, {}, "cogging") == pytest.approx(1.0 - 0.5 * 0.125)
+
+
+def test_a_rival_takes_by_its_gain_and_never_more_than_the_search_gave() -> None:
+    assert verdict.probability(0.0, {"dwell": 0.9}, "cogging") == pytest.approx(1.0 / (1.0 + 0.9**8))
+    assert verdict.probability(0.0, {"dwell": 1.0, "bias": 1.0}, "cogging") == LEAST_AGAINST_RIVALS
+    assert verdict.probability(0.0, {"dwell": 0.5}, "cogging") > 0.99
+
+
+def test_what_holds_an_effect_as_a_special_case_is_no_rival() -> None:
+    assert verdict.probability(0.0, {"friction_lag": 1.0}, "stribeck") == 1.0
+    assert verdict._alternatives("stribeck", {"friction_lag": 1.0, "dwell": 0.95, "cogging": 0.8}) == ("dwell",)
+
+
+def test_alternatives_begin_with_what_no_data_separate() -> None:
+    assert verdict._alternatives("dead_time", {"current_loop": 1.0}) == ("jitter", "current_loop")
+    assert verdict._alternatives("coulomb_asymmetry", {}) == ("bias",)
+
+
+def test_a_friction_that_lags_is_a_stribeck_friction_too() -> None:
+    values = {"rise": Value(0.1, 0.0, 0.2, ""), "lag": Value(1e-3, 0.0, 2e-3, "s")}
+    lagging = FoundEffect("friction_lag", ("stribeck", "dwell"), 0.9, 0.0, values)
+    curve, same = verdict._split(lagging)
+    assert same is lagging
+    assert (curve.name, set(curve.parameters), curve.alternatives) == ("stribeck", {"rise"}, ("dwell",))
+
+
+@pytest.mark.parametrize(("dead_time", "kept"), [(3e-4, False), (5e-4, True)])
+def test_a_short_mean_delay_belongs_to_the_jitter(dead_time: float, kept: bool) -> None:
+    delay = FoundEffect("dead_time", (), 0.9, 0.0, {"time": Value(dead_time, 0.0, 1.0, "s")})
+    jitter = FoundEffect("jitter", (), 0.98, 0.0, {})
+    effects = verdict.with_signatures([delay], [DriveSignature(jitter, "drive.jitter", 1e-4)])
+    assert effects == ([delay, jitter] if kept else [jitter])
+    assert verdict.with_signatures([delay], []) == [delay]
+
+
+def test_sine_and_cosine_become_amplitude_and_phase() -> None:
+    values = {name: Value(x, x - 0.5, x + 0.5, "N m") for name, x in (("sine", 3.0), ("cosine", 4.0))}
+    order = Value(2.0, 2.0, 2.0, "")
+    harmonic = verdict._harmonic({**values, "order": order}, {"sine": 0.5, "cosine": 0.5})
+    assert list(harmonic) == ["amplitude", "phase", "order"]
+    amplitude, phase = harmonic["amplitude"], harmonic["phase"]
+    half = math.sqrt(0.5)
+    assert amplitude[:3] == pytest.approx((5.0, 5.0 - half, 5.0 + half)) and amplitude.unit == "N m"
+    assert phase.value == pytest.approx(math.atan2(4.0, 3.0))
+    assert phase.high - phase.value == pytest.approx(half / 5.0)
+
+
+def test_an_amplitude_that_is_not_sure_has_any_phase() -> None:
+    values = {name: Value(0.1, 0.0, 0.0, "N m") for name in ("sine", "cosine")}
+    harmonic = verdict._harmonic(values, {"sine": 9.0, "cosine": 9.0})
+    assert harmonic["amplitude"].low == 0.0 and harmonic["phase"].high - harmonic["phase"].value == math.pi
+
+
+def test_models_with_an_alternative_in_the_place_of_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    named = {name: SimpleNamespace(effect=SimpleNamespace(name=name)) for name in ("cogging", "dwell", "bias")}
+    fitted = SimpleNamespace(model=None, effects=(named["cogging"], named["dwell"]))
+    selected: Any = SimpleNamespace(fitted=fitted, rivals={"cogging": {"bias": named["bias"]}})
+
+    def refine(e: object, model: object, effects: list[Any], steps: int) -> Any:
+        return SimpleNamespace(equipped=SimpleNamespace(stage=[part.effect.name for part in effects]))
+
+    monkeypatch.setattr("stagectl.gap.selection.refine.refine", refine)
+    effect = FoundEffect("cogging", ("current_gain", "bias"), 0.9, 0.0, {})
+    nothing: Any = None
+    assert verdict.rivals(nothing, selected, effect) == {"bias": ["dwell", "bias"]}

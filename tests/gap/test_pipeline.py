@@ -1,0 +1,85 @@
+"""The pipeline's own decisions: its steps, its verdict, its shares, and what it refuses to begin."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from stagectl.gap import diagnose
+from stagectl.gap.inference.conclusions import Conclusions
+from stagectl.gap.inference.signatures import DriveSignature
+from stagectl.gap.result.diagnosis import NOISE, UNORDERED, FoundEffect
+from stagectl.gap.steps import Step, StepTimer
+
+DWELL = FoundEffect("dwell", (), 0.9, 0.0, {})
+INERTIA, BIAS = (
+    FoundEffect(name, (), 0.9, share, {}, parameter=True) for name, share in (("inertia", 3.0), ("bias", 1.0))
+)
+
+
+def test_the_timer_reports_each_step_and_measures_it() -> None:
+    reported = list[str]()
+    clock = iter([0.0, 2.0, 5.0])
+    timer = StepTimer(reported.append, lambda: next(clock))
+    timer.begin(Step.CONTROLLER)
+    timer.begin(Step.BASELINE)
+    assert timer.seconds == ((Step.CONTROLLER.value, 2.0), (Step.BASELINE.value, 3.0))
+    assert reported == [Step.CONTROLLER, Step.BASELINE] and all(isinstance(message, Step) for message in reported)
+
+
+@pytest.mark.parametrize(
+    ("named", "shape", "verdict"),
+    [
+        ([], None, "none"),
+        ([INERTIA], None, "parameters"),
+        ([INERTIA], UNORDERED, "unknown"),
+        ([INERTIA, DWELL], None, "effects"),
+        ([DWELL], UNORDERED, "effects+unknown"),
+    ],
+)
+def test_the_verdict(named: list[FoundEffect], shape: Any, verdict: str) -> None:
+    assert diagnose.verdict_of(named, shape) == verdict
+
+
+def test_shares_are_of_the_closable_gap_and_parameters_divide_theirs() -> None:
+    shares = {"parameters": 0.2, "dwell": 0.4, NOISE: 0.2}
+    dwell, inertia, bias = diagnose.with_shares([DWELL, INERTIA, BIAS], shares)
+    assert (dwell.share, inertia.share, bias.share) == pytest.approx((0.5, 0.1875, 0.0625))
+    assert diagnose.with_shares([DWELL], {})[0].share == 0.0
+
+
+def session(*logs: dict[str, Any]) -> Any:
+    plain = {"held_out": False, "command": 1, "current": 1}
+    return SimpleNamespace(logs=[SimpleNamespace(**{**plain, **log}) for log in logs])
+
+
+@pytest.mark.parametrize(
+    ("logs", "token"),
+    [
+        ([{"held_out": True}], "use: diagnose"),
+        ([{"command": None, "current": None}], "current"),
+        ([{"command": None}], ""),
+        ([{}, {"command": None, "current": None}], ""),
+    ],
+)
+def test_what_nothing_can_be_identified_from(logs: list[dict[str, Any]], token: str) -> None:
+    reason = diagnose.unidentifiable(session(*logs))
+    assert bool(reason) is bool(token) and token in reason
+
+
+def test_something_unknown_makes_the_names_less_sure_and_leaves_the_rest() -> None:
+    unsure, jitter = DWELL._replace(probability=0.3), FoundEffect("jitter", (), 0.98, 0.0, {})
+    signature = DriveSignature(jitter, "drive.jitter", 1e-4)
+    conclusions = Conclusions((DWELL,), (unsure,), (INERTIA,), (signature,), None, ())
+    assert conclusions.effects(False) == [DWELL, jitter, INERTIA]
+    assert conclusions.effects(True) == [unsure, jitter, INERTIA]
+
+
+def test_a_wrong_controller_holds_the_whole_gap() -> None:
+    empty: Any = SimpleNamespace(kind="linear", notes=(), cannot_tell=(), travel_per_unit=1.0, travel_unit="m", logs=())
+    agreement: Any = SimpleNamespace(words="the integral gain")
+    found = diagnose._wrong_controller(empty, agreement)
+    assert (found.verdict, found.reason, found.blocks["controller"]) == ("controller", "the integral gain", 1.0)
+    assert found.gap.unit == "m" and found.effects == ()

@@ -1,0 +1,47 @@
+"""When a gap stays open, and how its shares are scaled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Gap
+from stagectl.gap.validation import closure
+
+
+@pytest.mark.parametrize(
+    ("after", "high", "stays"),
+    [(60e-6, 0.45, True), (40e-6, 0.45, False), (60e-6, 0.55, False), (float("nan"), 0.45, False)],
+)
+def test_a_gap_that_stays_open(after: float, high: float, stays: bool) -> None:
+    twice: Any = [SimpleNamespace(experiment="sine"), SimpleNamespace(experiment="sine")]
+    assert closure.stays_open(Gap(80e-6, after, 10e-6, "m", high - 0.1, high - 0.2, high), twice) is stays
+
+
+@pytest.mark.parametrize(("floor", "names"), [(0.0, ("sine", "sine")), (10e-6, ("sine",)), (10e-6, ("a", "a", "b"))])
+def test_a_floor_that_is_not_known_lets_nothing_stay_open(floor: float, names: Sequence[str]) -> None:
+    """Copies, a single run, and an experiment among others that ran once."""
+    judged: Any = [SimpleNamespace(experiment=name) for name in names]
+    assert not closure.stays_open(Gap(80e-6, 70e-6, floor, "m", 0.2, 0.1, 0.3), judged)
+
+
+def gap(before: float, after: float, floor: float) -> Gap:
+    return Gap(before, after, floor, "m", 0.0, 0.0, 0.0)
+
+
+def test_shares_are_of_the_squared_gap_and_sum_to_one() -> None:
+    """Of 100 units 64 go, in proportion 3 : 1; 4 are noise, and 32 stay."""
+    shares = closure.scaled({"parameters": 6.0, "dwell": 2.0}, gap(10.0, 6.0, 2.0))
+    assert shares == pytest.approx({"parameters": 0.48, "dwell": 0.16, UNEXPLAINED: 0.32, NOISE: 0.04})
+    assert sum(shares.values()) == pytest.approx(1.0)
+
+
+def test_where_there_is_no_gap_all_is_noise() -> None:
+    assert closure.scaled({"parameters": 1.0}, gap(0.0, 0.0, 0.0)) == {"parameters": 0.0, UNEXPLAINED: 0.0, NOISE: 1.0}
+
+
+def test_a_model_that_takes_nothing_leaves_all_unexplained() -> None:
+    assert closure.scaled({"parameters": 0.0}, gap(10.0, 10.0, 1.0))[UNEXPLAINED] == pytest.approx(0.99)

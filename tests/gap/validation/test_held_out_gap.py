@@ -1,0 +1,96 @@
+"""Sums over half strokes and the closure that follows from them, on signals whose sums are known."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stagectl.gap.logs.session import Log
+from stagectl.gap.validation import held_out_gap
+from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
+from stagectl.kernels import rollout
+
+STROKES = [slice(0, 4), slice(4, 8)]
+ZERO = np.zeros((8, rollout.WIDTH))
+
+
+def log(position: NDArray[np.float64], name: str = "a", experiment: str = "sine") -> Log:
+    valid = np.ones(len(position), dtype=bool)
+    return Log(name, experiment, 1, True, 0.0, position, None, None, None, None, valid)
+
+
+def judged(*positions: NDArray[np.float64]) -> list[JudgedLog]:
+    return [JudgedLog(log(position, name), STROKES) for name, position in zip("abc", positions, strict=False)]
+
+
+def test_squares_are_summed_over_half_strokes_and_rows_that_do_not_count_are_left_out() -> None:
+    (item,) = judged(np.arange(8.0))
+    item.log.valid[7] = False
+    sums = held_out_gap.squares([item], [ZERO], "position")
+    assert sums.squares.tolist() == [0.0 + 1.0 + 4.0 + 9.0, 16.0 + 25.0 + 36.0]
+    assert sums.samples.tolist() == [4.0, 3.0]
+    assert held_out_gap.remaining([item], [ZERO]) == 91.0
+
+
+def test_a_current_that_was_not_measured_has_no_gap() -> None:
+    assert held_out_gap.squares(judged(np.ones(8)), [ZERO], "current").squares.tolist() == [0.0, 0.0]
+
+
+def test_the_floor_of_repeats_is_half_their_mean_squared_difference() -> None:
+    """Two that differ by 2 everywhere: 4 / 2 a sample in each of them, the variance of a single one."""
+    sums = held_out_gap.floor(judged(np.ones(8), -np.ones(8)), [ZERO, ZERO], "position")
+    assert sums.squares.tolist() == [8.0] * 4 and sums.samples.tolist() == [4.0] * 4
+
+
+def test_a_difference_that_the_model_predicts_is_no_noise() -> None:
+    drifted = ZERO.copy()
+    drifted[:, rollout.COLUMNS.index("measured")] = -2.0
+    assert not held_out_gap.floor(judged(np.ones(8), -np.ones(8)), [ZERO, drifted], "position").squares.any()
+
+
+def test_without_repeats_the_floor_is_zero() -> None:
+    assert not held_out_gap.floor(judged(np.ones(8)), [ZERO], "position").squares.any()
+
+
+def sums_of(value: float, strokes: int = 20) -> StrokeSums:
+    return StrokeSums(np.full(strokes, value), np.full(strokes, 10.0))
+
+
+def test_the_closure_counts_above_the_floor() -> None:
+    gap = held_out_gap.gap(sums_of(101.0), sums_of(2.0), sums_of(1.0), "rad", 0.5)
+    assert (gap.closure, gap.low, gap.high) == pytest.approx((0.99, 0.99, 0.99))
+    assert (gap.before, gap.after, gap.floor) == pytest.approx((math.sqrt(10.1), math.sqrt(0.2), math.sqrt(0.1)))
+    assert (gap.unit, gap.predicted) == ("rad", 0.5)
+
+
+def test_the_interval_of_the_closure_widens_with_the_scatter_of_the_half_strokes() -> None:
+    """One half stroke in two closes wholly, the other not at all: 1/2, and by sampling 20 of them +- 2 sqrt(1/80)."""
+    after = StrokeSums(np.tile([0.0, 100.0], 10), np.full(20, 10.0))
+    gap = held_out_gap.gap(sums_of(100.0), after, sums_of(0.0), "m")
+    assert gap.closure == pytest.approx(0.5)
+    assert gap.high - gap.low == pytest.approx(4.0 * math.sqrt(1.0 / 80.0), rel=0.2)
+
+
+def test_a_trace_is_of_the_first_repeat_of_each_run() -> None:
+    logs = [log(np.ones(8), "a"), log(np.zeros(8), "b"), log(np.ones(8), "c", "stairs")]
+    traces = held_out_gap.traces(logs, [ZERO] * 3, [ZERO] * 3, 0.1, 1e-3)
+    assert [trace.file for trace in traces] == ["a", "c"]
+    assert traces[0].before.tolist() == [-1.0] * 8 and traces[0].time[-1] == pytest.approx(7e-3)
+
+
+def test_the_friction_of_an_earlier_motion_does_not_count() -> None:
+    from stagectl.config.stage_file import load_stage
+    from stagectl.gap.logs.session import Session
+    from stagectl.gap.residuals import friction_family
+    from tests.conftest import CONFIG
+
+    stage = load_stage(CONFIG / "ball-screw.yaml").stage
+    zone = friction_family.length(stage.friction)
+    session = Session(Path(), "rotary", 1.0, "m", 1e-3, stage, None, ())
+    (item,) = held_out_gap.judged_logs(session, [log(np.linspace(0.0, 30.0 * zone, 301))])
+    assert not item.log.valid[:30].any() and item.log.valid[32:].all()
+    assert item.strokes[0].start == 0 and item.strokes[-1].stop == 301

@@ -1,0 +1,39 @@
+"""Which model is taken: the richest one whose loop is nearly as close to the logs as the closest."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from stagectl.gap.validation import held_out_gap, rollouts, validate
+
+RICH, PLAIN, NOMINAL = (SimpleNamespace(name=name) for name in ("rich", "plain", "nominal"))
+STAGES: Any = [RICH, PLAIN, NOMINAL]
+
+
+@pytest.mark.parametrize(
+    ("squares", "taken"),
+    [
+        ((1.0, 1.0, 9.0), RICH),
+        ((1.04, 1.0, 9.0), RICH),
+        ((1.06, 1.0, 9.0), PLAIN),
+        ((3.0, 2.0, 1.0), NOMINAL),
+        ((float("nan"), 1.0, 1.0), PLAIN),  # it diverged
+    ],
+)
+def test_a_richer_model_must_not_lead_away(
+    monkeypatch: pytest.MonkeyPatch, squares: tuple[float, ...], taken: SimpleNamespace
+) -> None:
+    remaining = dict(zip((stage.name for stage in STAGES), squares, strict=True))
+    nothing: Any = None
+    monkeypatch.setattr(held_out_gap, "judged_logs", lambda *_: [])
+    monkeypatch.setattr(rollouts, "simulated_logs", lambda session, stage, logs: stage)
+    monkeypatch.setattr(held_out_gap, "remaining", lambda judged, stage: remaining[stage.name])
+    assert validate.closest(nothing, STAGES, []) is taken
+
+
+def test_without_a_known_loop_the_richest_is_taken() -> None:
+    session: Any = SimpleNamespace(law=None, logs=())
+    assert validate._best_model(session, STAGES) is RICH
