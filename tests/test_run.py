@@ -169,7 +169,7 @@ def rows(path: Path) -> int:
         raise
 
 
-@pytest.mark.parametrize("victim", ["stagectl.realtime.loop", "everything"])
+@pytest.mark.parametrize("victim", ["stagectl.realtime.axes", "everything"])
 def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
     """The drive stops by itself within its time-out; the recording lacks at most its last block."""
     with drive(STAGE, tmp_path / "bus") as virtual:
@@ -205,7 +205,7 @@ def test_kill_the_controller_in_mid_motion(tmp_path: Path, victim: str) -> None:
 def test_the_loop_has_no_other_thread_and_no_heavy_module(tmp_path: Path) -> None:
     with drive(STAGE, tmp_path / "bus"):
         run = start_moving(tmp_path, "watched.h5")
-        loop = members(run.pid)["stagectl.realtime.loop"]
+        loop = members(run.pid)["stagectl.realtime.axes"]
         threads = len(list(Path(f"/proc/{loop}/task").iterdir()))
         mapped = Path(f"/proc/{loop}/maps").read_text()
         os.killpg(run.pid, signal.SIGKILL)

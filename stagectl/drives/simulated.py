@@ -102,18 +102,21 @@ class Simulated:
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
+        self._begins = False  # power has come, and nobody has read yet where the axis stands
 
     def enable(self) -> Feedback:
         """Power the stage; nothing can refuse."""
-        self.plant.powered = True
-        now = self.sample()
-        self.plant.hear()
-        return now
+        self.ask(Power.ON)
+        return self.sample()
 
     def sample(self) -> Feedback:
-        """Measured position and motor current now."""
+        """Measured position and motor current now; after power on the first one is silent, as in `simulate`."""
         statusword, fault = (OPERATION_ENABLED, Fault.NONE) if self.plant.powered else (SWITCHED_ON, Fault.DRIVE_FAULT)
-        return Feedback(self.plant.position, self.plant.current, statusword, fault)
+        now = Feedback(self.plant.position, self.plant.current, statusword, fault)
+        if self._begins:
+            self._begins = False
+            self.plant.hear()
+        return now
 
     def apply(self, current: float) -> None:
         """Hold `current` for one period; the model's own delay line adds nd periods."""
@@ -121,10 +124,7 @@ class Simulated:
 
     def ask(self, power: Power) -> None:
         """Power the stage, or cut it: it has no ramp of its own, friction stops it."""
-        if power is Power.ON:
-            self.enable()
-        else:
-            self.plant.powered = False
+        self.plant.powered = self._begins = power is Power.ON
 
     def quick_stop(self) -> Feedback:
         """Cut the current and let friction stop the axis: at most ten simulated seconds."""

@@ -17,7 +17,6 @@ caller: no kernel makes one, nor assigns a slice.
 from __future__ import annotations
 
 import functools
-import hashlib
 import os
 import sys
 import threading
@@ -33,6 +32,8 @@ INTERPRETED = os.environ.get("STAGECTL_KERNELS", "compiled") == "interpreted"
 
 def source_hash() -> str:
     """Hash of all kernel sources: numba's own cache key does not see an edit in another file."""
+    import hashlib  # the real-time process does without
+
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())

@@ -1,30 +1,31 @@
-"""The real-time process of the service: all axes of one bus, period by period, for months.
+"""The real-time process: all axes of one bus, period by period, for months; or one axis for one motion.
 
 Run as ``python -m stagectl.realtime.axes``; one pickled `Post` comes on standard input, one line goes out when it is
 ready.  From then on orders come and status goes by each axis' board, rows by its ring; it ends on SIGTERM, which the
-kernel also sends when the service dies: then the axes are stopped first.
+kernel also sends when its parent dies: then the axes are stopped first.
+
+Interpreted kernels, and no other Python thread.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pickle
 import signal
 import sys
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from stagectl.drives.bus.frames import Bus, open_bus
-from stagectl.drives.bus.shared_bus import Ports
-from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, Drive, Fault, Odrive
-from stagectl.drives.odrive import open_odrive
-from stagectl.drives.simulated import Plant, Simulated
-from stagectl.realtime import scheduling
-from stagectl.realtime.axis import Axis, Orders
+from stagectl.drives.drive import Drive, DriveError, Fault
+from stagectl.realtime import safety, scheduling
+from stagectl.realtime.axis import Axis
+from stagectl.realtime.axis_data import Orders
+from stagectl.realtime.drive_opening import Opening
 from stagectl.realtime.shared_memory import Board, Order
-from stagectl.realtime.states import Event
+from stagectl.realtime.single_axis import SingleAxis
+from stagectl.realtime.states import Event, State
 from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 
@@ -42,6 +43,7 @@ class Post(NamedTuple):
     capacity: int
     coupled: bool  # a fault of one axis stops all
     spin: float = 0.0  # s, see `realtime.Metronome`
+    single: bool = False  # one axis and one motion: the process ends with it
 
 
 class Loop:
@@ -49,57 +51,87 @@ class Loop:
 
     def __init__(self, post: Post, clock: Clock = WALL) -> None:
         self._post, self._clock = post, clock
-        self._ports: dict[tuple[str, str], Ports] = {}
+        self._opening = Opening(len(post.axes) > 1)
         self.axes = [self._axis(p) for p in post.axes]
+        self._connected: list[Axis] = []
         self._metronome = scheduling.Metronome(post.dt, clock, post.spin)
         self._by_clock = all(p.by_clock for p in post.axes)
-        self._missed = 0
+        self._coupled = post.coupled and len(post.axes) > 1
+        self._missed, self._held_up = 0, False  # periods since the last setpoint; whether some were lost after the row
         self._faults = [0] * len(self.axes)
 
+    def connect(self) -> None:
+        """Find and configure all drives."""
+        for axis in self.axes:
+            axis.happen(Event.CONNECT)
+            axis.show()
+
+    def begin(self) -> None:
+        """Begin with the orders that are on the boards; the grid of the periods begins now."""
+        self._obey()
+        self._look_round()
+        self._metronome.restart()
+
     def period(self) -> None:
-        """Wait, sense all, act all; then what one axis means to the others, and what the service wants."""
-        connected = [axis for axis in self.axes if axis.drive is not None]
-        if not connected:
+        """One period of all drives that are there; where there is none, a look at what was ordered."""
+        connected = self._connected or self._look_round()
+        if connected:
+            self._cycle(connected)
+        else:
             self._idle()
-            return
-        lateness = self._metronome.wait()
-        missed = self._missed + (self._metronome.missed() if lateness >= self._post.dt else 0)
+
+    def _cycle(self, connected: list[Axis]) -> None:
+        """Wait, sense all, act all, write all down; then what one axis means to the others, and what was ordered."""
+        metronome = self._metronome
+        lateness = metronome.wait()
+        overslept = metronome.missed() if lateness >= metronome.period else 0
         for axis in connected:
             axis.sense()
-        passed = 1 + missed if self._by_clock else 1
+        passed = 1 + self._missed + overslept if self._by_clock else 1
         for axis in connected:
-            axis.act(lateness, missed > 0, passed)
-        self._couple()
-        self._obey()
-        self._missed = self._metronome.missed()
+            axis.act(passed)
+        self._missed = missed = metronome.missed()
+        late = overslept + missed > 0 or self._held_up
+        for axis in connected:
+            axis.record(lateness, late)
+            if axis.drive is None:
+                self._look_round()
+        self._held_up = False
+        if self._coupled:
+            self._couple()
+        for axis in self.axes:
+            if axis.board.waiting:
+                self._interrupt()
+                break
 
     def abandon(self) -> bool:
         """Nobody gives orders any more: stop what moves; whether all of it stands without power."""
         for axis in self.axes:
             if axis.powered:
-                axis.happen(Event.RAMP, Fault.UNATTENDED)
+                axis.happen(Event.RAMP, Fault.OPERATOR if self._post.single else Fault.UNATTENDED)
         return not any(axis.powered for axis in self.axes)
 
     def leave(self) -> None:
-        """Leave all drives."""
+        """Leave all drives; no more rows will come."""
         for axis in self.axes:
             axis.leave()
+            axis.ring.close()
 
     def _axis(self, p: Orders) -> Axis:
         ring = Ring(p.ring, self._post.width, self._post.capacity)
-        return Axis(p, Board(p.board), ring, self._connect, self._clock)
+        kind = SingleAxis if self._post.single else Axis
+        return kind(p, Board(p.board), ring, self._connect, self._clock)
 
     def _idle(self) -> None:
         self._clock.sleep(_IDLE)
         for axis in self.axes:
             axis.show()
         self._obey()
+        self._look_round()
         self._metronome.restart()
-        self._missed = 0
+        self._missed, self._held_up = 0, False
 
     def _couple(self) -> None:
-        if not self._post.coupled:
-            return
         faults = [axis.faults for axis in self.axes]
         if faults != self._faults:
             for axis in self.axes:
@@ -107,25 +139,38 @@ class Loop:
                     axis.happen(Event.RAMP, Fault.PARTNER)
             self._faults = [axis.faults for axis in self.axes]
 
+    def _interrupt(self) -> None:
+        """See what was ordered; what is done then may take periods."""
+        self._obey()
+        self._look_round()
+        lost = self._metronome.missed()
+        self._missed += lost
+        self._held_up = lost > 0
+
+    def _look_round(self) -> list[Axis]:
+        """The axes whose drive is there: each period is theirs."""
+        self._connected = [axis for axis in self.axes if axis.drive is not None]
+        return self._connected
+
     def _obey(self) -> None:
         """One order an axis; moves that begin together wait for each other, and begin all or not at all.
 
-        Nothing else waits for them: an order behind one that waits is its end.
+        A move waits, too, for the power that its axis is getting.  Nothing else waits for them: an order behind one
+        that waits is its end.
         """
         pending = [(axis, order) for axis in self.axes if (order := axis.board.next_order()) is not None]
-        if not pending:
-            return
-        together = [(axis, order) for axis, order in pending if order.kind == Event.MOVE and order.numbers[-1] > 1.0]
+        together = [(axis, order) for axis, order in pending if _joint(order)]
         complete = bool(together) and len(together) >= together[0][1].numbers[-1]
         possible = complete and all([axis.may_begin(order) for axis, order in together])
         for axis, order in pending:
-            joint = (axis, order) in together
-            if complete or not joint:
-                taken = (possible if joint else self._may(axis, order)) and axis.take(order)
-                axis.show()  # before the answer: whoever gets it sees the state that follows
-                axis.board.answer(taken)
-            elif axis.board.waiting > 1:  # the others have not come, and behind it may be a stop
-                axis.board.answer(False)
+            joint = _joint(order)
+            if not complete if joint else _too_soon(axis, order):
+                if axis.board.waiting > 1:  # the others have not come, and behind it may be a stop
+                    axis.board.answer(False)
+                continue
+            taken = (possible if joint else self._may(axis, order)) and axis.take(order)
+            axis.show()  # before the answer: whoever gets it sees the state that follows
+            axis.board.answer(taken)
 
     def _may(self, axis: Axis, order: Order) -> bool:
         connects = order.kind in (Event.CONNECT, Event.RESET)
@@ -135,52 +180,85 @@ class Loop:
         return True
 
     def _connect(self, p: Orders) -> Drive:
-        if p.wire is None:
-            return Simulated(Plant(p.stage, p.simulation, p.ramp.dt))
-        if isinstance(p.wire, Odrive):
-            return open_odrive(p.wire, p.ramp.dt)
-        bus = self._bus(p.wire)
-        try:
-            return CanopenDrive(p.wire, bus, p.stage.encoder.step, p.ramp.dt)
-        except StageError:
-            bus.close()
-            raise
+        return self._opening.drive(p)
 
-    def _bus(self, wire: Canopen) -> Bus:
-        """The bus of the wire; a port of it where several axes share it."""
-        if len(self._post.axes) == 1:
-            return open_bus(wire.interface, wire.channel, wire.bitrate)
-        where = (wire.interface, wire.channel)
-        if where not in self._ports:
-            self._ports[where] = Ports(lambda: open_bus(wire.interface, wire.channel, wire.bitrate))
-        return self._ports[where].port(wire.node)
+
+def _joint(order: Order) -> bool:
+    """Whether it is a move that begins with those of other axes."""
+    return order.kind == Event.MOVE and order.numbers[-1] > 1.0
+
+
+def _too_soon(axis: Axis, order: Order) -> bool:
+    return order.kind == Event.MOVE and axis.state is State.ENABLING
 
 
 def serve(post: Post, clock: Clock = WALL) -> None:
-    """Connect, then serve until told to leave, in the periods of `clock`."""
-    stopped: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: stopped.append(number))
-    scheduling.follow_parent()
-    loop = Loop(post, clock)
-    for axis in loop.axes:
-        axis.happen(Event.CONNECT)
-        axis.show()
-    refused = scheduling.prepare(post.priority, post.cpu)
-    print(json.dumps({"event": "ready", "refused": refused}), flush=True)
+    """Connect, then serve until asked to leave, in the periods of `clock`."""
+    stopped, loop = _stops(), Loop(post, clock)
+    loop.connect()
+    _say("ready", refused=scheduling.prepare(post.priority, post.cpu))
     try:
         while not (stopped and loop.abandon()):
             loop.period()
     finally:
         loop.leave()
-        for axis in loop.axes:
-            axis.ring.close()
+
+
+def perform(post: Post) -> None:
+    """Connect, then make the motion whose orders are on the board at the word ``go``; each step is an event.
+
+    Raises DriveError where the drive is not there or gets no power, or the motion does not fit the travel.
+    """
+    stopped, loop = _stops(), Loop(post)
+    (axis,) = loop.axes
+    assert isinstance(axis, SingleAxis)
+    try:
+        loop.connect()
+        if axis.drive is None:
+            raise DriveError(axis.board.words)
+        _say("ready", refused=scheduling.prepare(post.priority, post.cpu), drive=axis.drive.describe())
+        if sys.stdin.readline().strip() != "go":  # the recorder must be ready, with the drive's identity in its file
+            return
+        loop.begin()
+        while not (axis.over or (stopped and loop.abandon())):
+            loop.period()
+    finally:
+        loop.leave()
+    _report(axis, bool(stopped))
+
+
+def _report(axis: SingleAxis, stopped: bool) -> None:
+    """How the motion went.  Raises DriveError where it has not begun."""
+    fault = axis.fault or (Fault.OPERATOR if stopped and not axis.motions else Fault.NONE)
+    reason = axis.reason if Fault.NONE < fault < Fault.FOLLOWING_ERROR else ""  # the drive's own words
+    if not axis.motions and fault is not Fault.OPERATOR:
+        raise DriveError(reason or axis.board.words)
+    counts = {"cycles": axis.ring.written, "late": axis.late_rows, "fault": fault}
+    _say("ended", **counts, words=safety.words(fault), reason=reason)
+
+
+def _stops() -> list[int]:
+    """Where the numbers of the signals come that end this process; one comes, too, when the parent dies."""
+    stopped: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: stopped.append(number))
+    scheduling.follow_parent()
+    return stopped
+
+
+def _say(event: str, **facts: Any) -> None:
+    with contextlib.suppress(BrokenPipeError):  # nobody listens any more: the axis is stopped all the same
+        print(json.dumps({"event": event, **facts}), flush=True)
 
 
 def main() -> None:
-    """Entry of the process."""
+    """Entry of the process; exit 2 with the reason as an event where the motion could not begin."""
     post: Post = pickle.load(sys.stdin.buffer)
-    serve(post)
+    try:
+        (perform if post.single else serve)(post)
+    except StageError as error:
+        _say("failed", reason=str(error))
+        os._exit(2)
     os._exit(0)
 
 

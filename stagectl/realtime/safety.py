@@ -21,6 +21,7 @@ from stagectl.drives.drive import Fault, Feedback
 from stagectl.realtime.stops import STOPS
 
 INF = math.inf
+_NONE = Fault.NONE
 
 
 class Envelope(NamedTuple):
@@ -79,76 +80,69 @@ def words(fault: Fault) -> str:
 
 def judge(p: Envelope, x: Watch, now: Seen) -> tuple[Fault, Watch]:
     """The drive's own fault first, then encoder, tracking, place and load."""
-    limit = error_limit(p, x, now)
+    feedback, reference, _, _, dt = now
+    speed = abs(reference - x.reference) / dt  # NaN where it is not known yet: then the limit at standstill counts
+    limit = p.following_error + p.error_ramp * speed if speed == speed else p.following_error
     new = watched(p, x, now, limit)
-    if now.feedback.fault is not Fault.NONE:
-        return now.feedback.fault, new
-    if jumped(p, x, now):
-        return Fault.JUMP, new
-    return _encoder(p, new, now) or _tracking(p, new, now, limit) or _place(p, new) or _load(p, new), new
+    fault = feedback.fault
+    if fault is _NONE:
+        fault = _sensed(p, x, new, now, limit) or _placed(p, new)
+    return fault, new
 
 
 def watched(p: Envelope, x: Watch, now: Seen, limit: float) -> Watch:
     """The memory after this period, whose following error may be `limit` (rad | m)."""
-    position, dt = now.feedback.position, now.time
-    same = position == x.position
-    current = now.feedback.current
-    if current != current:  # the drive reports none: what it was told stands in
-        current = now.command
+    feedback, reference, error, command, dt = now
+    position, current, _, _, _ = feedback
+    before, _, from_, beyond, idle, stuck, excess, heat = x
+    if current != current:  # the drive reports none: the command takes its place
+        current = command
+    same, share = position == before, dt / p.thermal_time
     return Watch(
         position,
-        0.0 if x.position != x.position else (position - x.position) / dt,
-        now.reference,
-        0.0 if abs(now.error) <= limit else x.beyond + dt,  # NaN is beyond
-        x.idle + abs(now.reference - x.reference) if same else 0.0,
-        x.stuck + dt if same and abs(now.command) > p.breakaway else 0.0,
-        x.excess + dt if abs(current) > p.current else 0.0,
-        x.heat + (current * current - x.heat) * min(dt / p.thermal_time, 1.0),
+        0.0 if before != before else (position - before) / dt,
+        reference,
+        0.0 if abs(error) <= limit else beyond + dt,  # NaN is beyond
+        idle + abs(reference - from_) if same else 0.0,
+        stuck + dt if same and abs(command) > p.breakaway else 0.0,
+        excess + dt if abs(current) > p.current else 0.0,
+        heat + (current * current - heat) * (share if share < 1.0 else 1.0),
     )
 
 
-def error_limit(p: Envelope, x: Watch, now: Seen) -> float:
-    """Largest following error (rad | m) at the reference's speed; the one at standstill where that is not known yet."""
-    speed = abs(now.reference - x.reference) / now.time
-    return p.following_error + p.error_ramp * speed if speed == speed else p.following_error
-
-
-def jumped(p: Envelope, x: Watch, now: Seen) -> bool:
+def jumped(p: Envelope, x: Watch, position: float, dt: float) -> bool:
     """Whether the position is farther away than speed, force and a cycle's uncertainty of time explain."""
-    if x.position != x.position:
-        return False
-    dt = now.time
-    explained = p.jump + abs(x.speed) * dt + p.acceleration * dt * dt
-    return not abs(now.feedback.position - x.position - x.speed * dt) <= explained
+    before, speed = x.position, x.speed
+    explained = p.jump + abs(speed) * dt + p.acceleration * dt * dt
+    return before == before and not abs(position - before - speed * dt) <= explained
 
 
-def _encoder(p: Envelope, x: Watch, now: Seen) -> Fault:
+def _sensed(p: Envelope, before: Watch, x: Watch, now: Seen, limit: float) -> Fault:
+    """Encoder, and tracking with a following error of `limit` (rad | m)."""
+    if jumped(p, before, x.position, now.time):
+        return Fault.JUMP
     if now.feedback.age > p.age:
         return Fault.STALE
-    return Fault.FREEZE if x.idle > p.freeze or x.stuck > p.freeze_time else Fault.NONE
+    if x.idle > p.freeze or x.stuck > p.freeze_time:
+        return Fault.FREEZE
+    if x.beyond != 0.0 and (x.beyond > p.error_time or not abs(now.error) <= 2.0 * limit):
+        return Fault.FOLLOWING_ERROR
+    return _NONE
 
 
-def _tracking(p: Envelope, x: Watch, now: Seen, limit: float) -> Fault:
-    if x.beyond == 0.0:
-        return Fault.NONE
-    waited = x.beyond > p.error_time
-    return Fault.FOLLOWING_ERROR if waited or not abs(now.error) <= 2.0 * limit else Fault.NONE
-
-
-def _place(p: Envelope, x: Watch) -> Fault:
+def _placed(p: Envelope, x: Watch) -> Fault:
+    """Place, speed, room to brake; then load."""
     position, speed = x.position, x.speed
     if not p.low <= position <= p.high:
         return Fault.TRAVEL
     if not -p.speed <= speed <= p.speed:
         return Fault.SPEED
     room = (p.high - position if speed > 0.0 else position - p.low) + p.following_error
-    return Fault.BRAKING if speed * speed > 2.0 * p.deceleration * room else Fault.NONE
-
-
-def _load(p: Envelope, x: Watch) -> Fault:
+    if speed * speed > 2.0 * p.deceleration * room:
+        return Fault.BRAKING
     if x.excess > p.current_time:
         return Fault.CURRENT
-    return Fault.OVERLOAD if x.heat > p.continuous_current * p.continuous_current else Fault.NONE
+    return Fault.OVERLOAD if x.heat > p.continuous_current * p.continuous_current else _NONE
 
 
 def searching(p: Envelope) -> Envelope:

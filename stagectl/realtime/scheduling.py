@@ -108,6 +108,9 @@ class Metronome:
 
     def missed(self) -> int:
         """Periods that have ended since the deadline: 0 in time; otherwise the next deadline lies behind them."""
-        missed = int((self._now() - self.deadline) / self.period)
+        late = self._now() - self.deadline
+        if late < self.period:
+            return 0
+        missed = int(late / self.period)
         self.deadline += self.period * missed
         return missed

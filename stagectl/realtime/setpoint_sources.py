@@ -17,6 +17,9 @@ class Source(Protocol):
     def next(self, passed: int) -> Setpoint | None:
         """The setpoint `passed` periods after the last one; None where it is not there yet."""
 
+    def prepare(self) -> None:
+        """Have the next one ready, as far as that can be: it is then no part of the reaction to the position."""
+
 
 class Hold:
     """One position, for ever."""
@@ -30,6 +33,9 @@ class Hold:
         """The same each time."""
         return self._held
 
+    def prepare(self) -> None:
+        """It is there."""
+
 
 def held(position: float, friction: float) -> Setpoint:
     """Stand at `position` (rad | m) with the current (A) that the loaded friction needs."""
@@ -37,21 +43,36 @@ def held(position: float, friction: float) -> Setpoint:
 
 
 class Rows:
-    """Rows that the service has planned, relative to where the motion begins."""
+    """Rows of a motion that are on the board, relative to where it begins."""
 
     def __init__(self, board: Board, first: int, count: int, origin: float) -> None:
         self._board, self._first, self.count, self._origin = board, first, count, origin
-        self.row, self._last, self.over = -1, -1, False
+        self.row, self.over, self._last = -1, False, count - 1
+        self._prepared, self._ready = -1, held(origin, 0.0)  # number and content of a row that was fetched
+        self.prepare()
 
     def next(self, passed: int) -> Setpoint | None:
         """The row that is due; after a stall the rows between are left out, as the axis did not wait either."""
-        row = min(self.row + passed, self.count - 1)
-        found = self._board.setpoint(self._first + row)
-        if found is None:
-            return None
-        self.row, self.over = row, row == self.count - 1
-        reference, target, *known = found
-        return Setpoint(reference + self._origin, target + self._origin, *known)
+        row = self.row + passed
+        if row != self._prepared:
+            row = min(row, self._last) if self.row >= 0 else 0  # a motion begins with its first row, however late
+            if row != self._prepared and not self._fetch(row):
+                return None
+        self.row, self.over = row, row == self._last
+        return self._ready
+
+    def prepare(self) -> None:
+        """Fetch the row that is due in the next period."""
+        if self.row < self._last:
+            self._fetch(self.row + 1)
+
+    def _fetch(self, row: int) -> bool:
+        """Whether this row is on the board; then it is ready."""
+        fetched = self._board.setpoint(self._first + row, self._origin)
+        if fetched is None:
+            return False
+        self._prepared, self._ready = row, fetched
+        return True
 
 
 class Model(NamedTuple):
@@ -87,6 +108,9 @@ class Ramp:
         current = p.inertia * change / time + p.viscous * self._speed
         late = self._position - p.late * self._speed
         return Setpoint(self._position, late, current, self._friction, self._speed)
+
+    def prepare(self) -> None:
+        """The next reference takes little time."""
 
     def brake(self) -> None:
         """Come to rest from here."""

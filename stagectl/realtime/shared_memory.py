@@ -4,7 +4,7 @@
 
     service  -- order ---->  16 slots, each with its number; the loop looks at one count a period
              <-- verdict --  beside each order: taken, or why not
-             <-- status ---  one block, written every period under a sequence count
+             <-- status ---  one block, under a sequence count: at each change of state, and every 4 ms
              <-- words ----  why it stopped, as text, under a count of its own
              -- setpoints ->  a ring of rows; a motion may be longer than it, then it is filled up as it goes
 
@@ -31,7 +31,6 @@ _ROW = struct.Struct(f"<{len(law.Setpoint._fields)}d")
 _STATUS, _TEXT, _ORDERS, _ROWS = 64, 1024, 8192, 32768  # bytes from the start
 _WRITTEN, _FILLED, _SEQUENCE, _LENGTH = 0, 1, 2, _TEXT // 8  # places among the counts
 _LONGEST = _ORDERS - _TEXT - 16  # bytes of text
-SIZE = _ROWS + AHEAD * _ROW.size
 PENDING, TAKEN, REFUSED = 0, 1, 2
 _LOOKS = 1000  # at a status that is being written: longer than that only a process that died over it writes
 
@@ -70,6 +69,16 @@ class Order(NamedTuple):
     numbers: tuple[float, ...] = ()
 
 
+class Move(NamedTuple):
+    """The numbers of an order to move: rows that are on the board, relative to where the motion begins."""
+
+    first: float  # number of the first row
+    rows: float
+    low: float  # rad | m, lowest and highest position
+    high: float
+    together: float  # axes that begin in the same period
+
+
 class BoardFullError(StageError):
     """An order that there is no room for: the loop takes none at present."""
 
@@ -87,16 +96,18 @@ class Board:
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
-        self.memory = mmap.mmap(descriptor, SIZE)
+        size = os.fstat(descriptor).st_size
+        self.memory, self.ahead = mmap.mmap(descriptor, size), (size - _ROWS) // _ROW.size
+        self._pack, self._unpack = _PACKED.pack_into, _ROW.unpack_from  # looked up once, not in every period
         self._counts = counts(self.memory, _ROWS)
         self._looked = self.ordered  # the next order to be taken
         self._whole = Status()  # the last one that was read whole
 
     @classmethod
-    def create(cls) -> Board:
-        """New shared memory; its descriptor is inherited by the processes it is handed to."""
+    def create(cls, ahead: int = AHEAD) -> Board:
+        """New shared memory for `ahead` rows; its descriptor is inherited by the processes it is handed to."""
         descriptor = os.memfd_create("stagectl-board")
-        os.ftruncate(descriptor, SIZE)
+        os.ftruncate(descriptor, _ROWS + ahead * _ROW.size)
         return cls(descriptor)
 
     # the service's side
@@ -150,11 +161,11 @@ class Board:
         return self._counts[_FILLED]
 
     def fill(self, rows: bytes) -> None:
-        """Put rows behind the last one; there must be room: see `AHEAD`."""
+        """Put rows behind the last one; there must be room: see `ahead`."""
         number, count, done = self.filled, len(rows) // _ROW.size, 0
         while done < count:
-            slot = (number + done) % AHEAD
-            run = min(count - done, AHEAD - slot)
+            slot = (number + done) % self.ahead
+            run = min(count - done, self.ahead - slot)
             begin = _ROWS + slot * _ROW.size
             self.memory[begin : begin + run * _ROW.size] = rows[done * _ROW.size : (done + run) * _ROW.size]
             done += run
@@ -173,7 +184,7 @@ class Board:
     @property
     def waiting(self) -> int:
         """Orders that are not answered yet."""
-        return self.ordered - self._looked
+        return self._counts[_WRITTEN] - self._looked
 
     def answer(self, taken: bool) -> None:
         """What becomes of the order that was due."""
@@ -181,11 +192,12 @@ class Board:
         self._looked += 1
 
     def show(self, status: Sequence[float]) -> None:
-        """Put the status where the service sees it."""
-        sequence = self._counts[_SEQUENCE]
-        self._counts[_SEQUENCE] = sequence + 1
-        _PACKED.pack_into(self.memory, _STATUS, *status)
-        self._counts[_SEQUENCE] = sequence + 2
+        """Put the status, the fields of `Status`, where the service sees it."""
+        places = self._counts
+        sequence = places[_SEQUENCE]
+        places[_SEQUENCE] = sequence + 1
+        self._pack(self.memory, _STATUS, *status)
+        places[_SEQUENCE] = sequence + 2
 
     def say(self, words: str) -> None:
         """Tell something in words."""
@@ -193,8 +205,9 @@ class Board:
         self.memory[_TEXT + 8 : _TEXT + 8 + len(text)] = text
         self._counts[_LENGTH] = len(text)
 
-    def setpoint(self, number: int) -> tuple[float, ...] | None:
-        """The row of this number, or None where it has not been put in yet."""
-        if number >= self.filled:
+    def setpoint(self, number: int, origin: float = 0.0) -> law.Setpoint | None:
+        """The row of this number, moved to `origin` (rad | m); None where it has not been put in yet."""
+        if number >= self._counts[_FILLED]:
             return None
-        return _ROW.unpack_from(self.memory, _ROWS + number % AHEAD * _ROW.size)
+        row = self._unpack(self.memory, _ROWS + number % self.ahead * _ROW.size)
+        return law.Setpoint._make((row[0] + origin, row[1] + origin, *row[2:]))

@@ -1,35 +1,35 @@
-"""What is done when a state of the axis begins: one function a state that has something to do."""
+"""What is done when a state of the axis begins: one function a state that has something to do.
+
+Each returns the event that follows at once, if there is one.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.drive import Fault, Power
 from stagectl.kernels import law
 from stagectl.realtime import safety
+from stagectl.realtime.axis_data import AxisData
 from stagectl.realtime.homing import Search
 from stagectl.realtime.setpoint_sources import Hold, Ramp, held
-from stagectl.realtime.states import Event, State
+from stagectl.realtime.states import POWERED, Event, State
 from stagectl.units import StageError
-
-if TYPE_CHECKING:
-    from stagectl.realtime.axis import Axis
 
 _CONNECT_TIME = 15.0  # s that a connection may take before the process counts as hung
 _SEARCH_TIME = 0.1  # s in which a search reaches its speed
 
 
-def enter(axis: Axis, old: State) -> None:
-    """Begin the axis' state, which was `old` before."""
+def enter(axis: AxisData, old: State) -> Event | None:
+    """Begin the axis' state, which was `old` before; the event that follows at once."""
+    axis.governed = axis.state in POWERED
     entry = _ENTRIES.get(axis.state)
-    if entry is not None:
-        entry(axis, old)
+    return None if entry is None else entry(axis, old)
 
 
-def _connecting(axis: Axis, _: State) -> None:
+def _connecting(axis: AxisData, _: State) -> Event:
     """The drive is found and configured; this takes its time, and no period passes meanwhile."""
     axis.show(_CONNECT_TIME)
     axis.hang_up()
@@ -38,23 +38,22 @@ def _connecting(axis: Axis, _: State) -> None:
         axis.drive = axis.connect(axis.p)
     except (StageError, OSError) as error:
         axis.board.say(str(error))
-        axis.happen(Event.FAILED)
-        return
-    axis.happen(Event.DONE)
+        return Event.FAILED
+    return Event.DONE
 
 
-def _without_power(axis: Axis, _: State) -> None:
+def _without_power(axis: AxisData, _: State) -> None:
     axis.search, axis.since = None, axis.cycles
     _ask(axis, Power.OFF)
 
 
-def _enabling(axis: Axis, _: State) -> None:
+def _enabling(axis: AxisData, _: State) -> None:
     axis.since, axis.fault = axis.cycles, Fault.NONE
     axis.asked = held(axis.seen.position, 0.0)  # from where a jump is told: not from before a new connection
     _ask(axis, Power.ON)
 
 
-def _standing(axis: Axis, old: State) -> None:
+def _standing(axis: AxisData, old: State) -> None:
     """Hold what was asked last, with the friction that is loaded; after enabling, where the axis stands."""
     axis.settled, axis.search = 0.0, None
     if old is State.ENABLING:
@@ -64,45 +63,45 @@ def _standing(axis: Axis, old: State) -> None:
     axis.source = Hold(axis.asked.reference, axis.asked.friction)
 
 
-def _homing(axis: Axis, _: State) -> None:
+def _homing(axis: AxisData, _: State) -> Event | None:
     p = axis.p.homing
     if p.method in ("none", "here"):
         if p.method == "here":
             axis.count_from(axis.asked.reference - p.position)
-        axis.happen(Event.DONE)
-        return
+        return Event.DONE
     axis.homed = False
     axis.search = Search(p, axis.asked.reference, axis.dt)
     gentle = min(axis.p.ramp.acceleration, abs(p.speed) / _SEARCH_TIME)  # its current must not look like an end stop
     axis.source = Ramp(axis.p.ramp._replace(acceleration=gentle), axis.asked, 0.0, p.speed)
+    return None
 
 
-def _braking(axis: Axis, _: State) -> None:
+def _braking(axis: AxisData, _: State) -> None:
     axis.search = None
     axis.source = Ramp(axis.p.ramp, axis.asked, axis.speed, 0.0)
 
 
-def _quick_stopping(axis: Axis, _: State) -> None:
+def _quick_stopping(axis: AxisData, _: State) -> None:
     _begin_stop(axis, Power.QUICK_STOP)
 
 
-def _coasting(axis: Axis, _: State) -> None:
+def _coasting(axis: AxisData, _: State) -> None:
     _begin_stop(axis, Power.OFF)
 
 
-def _begin_stop(axis: Axis, power: Power) -> None:
+def _begin_stop(axis: AxisData, power: Power) -> None:
     axis.search = None
     axis.since, axis.start, axis.lost = axis.cycles, axis.seen.position, math.nan
     axis.still = Standstill.of_ramp(*axis.p.standing, axis.dt)
     _ask(axis, power)
 
 
-def _ask(axis: Axis, power: Power) -> None:
+def _ask(axis: AxisData, power: Power) -> None:
     if axis.drive is not None:
         axis.drive.ask(power)
 
 
-_ENTRIES: dict[State, Callable[[Axis, State], None]] = {
+_ENTRIES: dict[State, Callable[[AxisData, State], Event | None]] = {
     State.CONNECTING: _connecting,
     State.DISABLED: _without_power,
     State.ENABLING: _enabling,

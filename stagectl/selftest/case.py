@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 from stagectl.drives import faults
-from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import DriveError, Fault
 from stagectl.drives.faults import Row
-from stagectl.realtime import loop
+from stagectl.realtime.axis import Axis
 from stagectl.realtime.scheduling import Metronome
+from stagectl.realtime.shared_memory import Order
+from stagectl.realtime.states import STOPS_GOING_ON, Event, State
 from stagectl.selftest.limits import Limit, limit, ramp
-from stagectl.selftest.rig import Known, Sleepy
+from stagectl.selftest.rig import Known, Sleepy, TriedLoop
 
 STATES = ("connecting", "enabling", "holding", "moving", "stopping", "faulted")
 BEFORE = 0.15  # s of holding or moving before the fault
@@ -32,6 +33,8 @@ class Case:
         self.dead = False
         self.until = math.inf  # s, when what is judged of the motion ends
         self.wrong = ""  # what else is not as it must be, in words
+        self._loop: TriedLoop
+        self._axis: Axis
 
     def run(self, state: str) -> None:
         """Go to the state, let the fault begin, and hear out what follows.  Raises nothing."""
@@ -39,6 +42,7 @@ class Case:
             {"connecting": self._connecting, "enabling": self._enabling}.get(state, lambda: self._enabled(state))()
         except DriveError as error:
             self.reason = str(error)
+            self._loop.leave()
         alone = "supervision" in self.row.must.noticed  # then the drive stops by its own time-outs
         self.rig.time.sleep(REST + alone * self.limit(self.rig.laid_out.speed).time)
         self.rig.settle()
@@ -65,53 +69,72 @@ class Case:
 
     def _connecting(self) -> None:
         self.begin()
-        drive = self._connect()
-        drive.enable()
-        drive.close()
+        self._connect()
+        self._power()
+        self._loop.leave()
 
     def _enabling(self) -> None:
-        drive = self._connect()
+        self._connect()
         self.begin()
         if not self.dead:
-            drive.enable()
-            drive.close()
-
-    def _connect(self) -> CanopenDrive:
-        return self.rig.connect()
+            self._power()
+            self._loop.leave()
 
     def _enabled(self, state: str) -> None:
-        drive = self._connect()
-        origin = drive.enable().position
-        rows = self.rig.laid_out.holding if state in ("holding", "faulted") else self.rig.laid_out.moving
-        cycle = self.rig.cycle(drive, rows, origin)
-        self._go(cycle, BEFORE)
+        self._connect()
+        laid_out = self.rig.laid_out
+        self._power(laid_out.holding if state in ("holding", "faulted") else laid_out.moving)
+        self._go(BEFORE)
         if state == "faulted":
             self.rig.trip(TRIP)
-            loop.stop(drive, self._go(cycle, AFTER))
+            self._go(AFTER)
             self.begin()
-        elif state == "stopping":
-            self.begin(cycle.metronome)
-            if not self.dead:
-                drive.quick_stop()
         else:
-            self.begin(cycle.metronome)
-            self.fault = Fault.NONE if self.dead else self._go(cycle, self._patience())
-            if self.fault is not Fault.NONE:
-                self.reason = self.fault.name
-                loop.stop(drive, self.fault)
+            self.begin(self._loop.metronome)
+            self._follow(state)
         if self.dead:
             self.rig.time.sleep(self._patience())
         elif self.row.must.category is not None or state not in ("holding", "moving") or self.fault:
-            drive.close()
+            self._loop.leave()
         else:
-            self.rig.let_go(drive)
+            self.rig.let_go(self._loop)
 
-    def _go(self, cycle: loop.Cycle, seconds: float) -> Fault:
-        """Run the cycle so long, or to its first reason to stop."""
-        end, fault = self.rig.time.now() + seconds, Fault.NONE
-        while fault is Fault.NONE and self.rig.time.now() < end and cycle.row < cycle.rows:
-            fault = cycle()
-        return fault
+    def _follow(self, state: str) -> None:
+        """What follows from the fault; a stop is ordered before it is looked for."""
+        if self.dead:
+            return
+        if state == "stopping":
+            self._loop.abandon()
+        self._go(self._patience())
+        if state != "stopping" and self._axis.faults:
+            self.fault = self._axis.fault
+            self.reason = self.fault.name
+
+    def _connect(self) -> None:
+        """Raises DriveError."""
+        self._loop = self.rig.loop()
+        (self._axis,) = self._loop.axes
+        self._loop.connect()
+        if self._axis.drive is None:
+            raise DriveError(self._axis.board.words)
+
+    def _power(self, motion: Order | None = None) -> None:
+        """Switch power on, for this motion.  Raises DriveError where it does not come."""
+        board = self.rig.laid_out.board
+        for order in (Order(Event.ENABLE), motion):
+            if order is not None:
+                board.order(order)
+        self._loop.begin()
+        while self._axis.state is State.ENABLING:
+            self._loop.period()
+        if self._axis.state is not (State.MOVING if motion else State.STANDING):
+            raise DriveError(self._axis.reason or self._axis.board.words)
+
+    def _go(self, seconds: float) -> None:
+        """Let the motion go on so long, or to its end; a stop that has begun comes to its end."""
+        end = self.rig.time.now() + seconds
+        while self._axis.state in STOPS_GOING_ON or (self.rig.time.now() < end and self._axis.state is State.MOVING):
+            self._loop.period()
 
     def _patience(self) -> float:
         if self.row.must.category is None:

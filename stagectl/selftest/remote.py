@@ -32,7 +32,7 @@ from stagectl.drives.drive import Canopen
 from stagectl.kernels import stage
 from stagectl.selftest.limits import LONGEST
 from stagectl.selftest.matrix import UNSEEN, Bench
-from stagectl.selftest.rig import Known, Motions, Pace, Seen, motions
+from stagectl.selftest.rig import Known, Motions, Pace, Seen, TriedLoop, motions
 from stagectl.units import StageError
 
 STATES = ("connecting", "enabling", "holding", "moving", "stopping")  # a real drive is not made to trip
@@ -196,10 +196,11 @@ class Remote(Known):
         """The controller is dead; only we still look."""
         self._listening.asking = True
 
-    def let_go(self, drive: CanopenDrive) -> None:
+    def let_go(self, loop: TriedLoop) -> None:
         """The end of a motion that went on: a real axis is stopped."""
-        drive.quick_stop()
-        drive.close()
+        while not loop.abandon():
+            loop.period()
+        loop.leave()
 
     def settle(self) -> None:
         """Clear the fault, and look where the axis is now: it has no power any more."""

@@ -1,29 +1,32 @@
-"""A stage in virtual time: the daemon's own cycle and drive on one end of a bus, the virtual drive on the other."""
+"""A stage in virtual time: the real-time process' own loop on one end of a bus, the virtual drive on the other."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import Clock
 from stagectl.drives.drive import Canopen
-from stagectl.kernels import law
+from stagectl.kernels import rollout
 from stagectl.plan import plan
-from stagectl.realtime import loop
+from stagectl.realtime import axes
+from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.envelope import envelope
 from stagectl.realtime.scheduling import Metronome
-from stagectl.recording.metadata import portable
+from stagectl.realtime.shared_memory import Board, Order
+from stagectl.recording.ring import Ring
 from stagectl.selftest.limits import LONGEST
+from stagectl.service import job_from_stage
+from stagectl.service.single_motion import laid_on
 from stagectl.service.virtual_drive import virtual_node
 from stagectl.trajectories import Dwell, Trapezoid
 
 _LOOK = 0.001  # s between two looks of the drive at its clocks, and of the test at the axis
+_ROWS = 1 << 10  # of a ring that nobody reads
 _SHARE = 0.1  # of limits.speed, and of the travel to one side
 
 
@@ -39,9 +42,11 @@ class Seen(NamedTuple):
 class Motions(NamedTuple):
     """What is laid out once for all cases."""
 
-    law: law.Law
-    holding: bytes  # setpoints
-    moving: bytes
+    job: Orders
+    holding: Order  # setpoints are on the job's board
+    moving: Order
+    board: Board
+    ring: Ring
     speed: float  # rad/s | m/s
 
 
@@ -55,13 +60,6 @@ class Sleepy(Metronome):
         late = super().wait()
         self._sleep(self.extra)
         return late + self.extra
-
-
-class Nowhere:
-    """A recording that nobody reads."""
-
-    def write(self, row: Any) -> None:
-        """Forget it."""
 
 
 class Pace(NamedTuple):
@@ -80,14 +78,34 @@ def usual(setup: Setup) -> Pace:
 
 
 def motions(setup: Setup, pace: Pace | None = None) -> Motions:
-    """Standing still, and moving there and back."""
+    """Standing still, and moving there and back; a job for it in which nothing is held up: as the stage file says."""
     pace, per_unit = pace or usual(setup), setup.file.axis.travel_per_unit
     controller = setup.controller
     way = Trapezoid(pace.distance * per_unit, pace.speed * per_unit, pace.acceleration * per_unit)
-    rows = [
-        np.ascontiguousarray(plan(setup, motion, controller.feedforward).setpoints) for motion in (Dwell(LONGEST), way)
-    ]
-    return Motions(portable(controller.law), rows[0].tobytes(), rows[1].tobytes(), pace.speed)
+    still, there = (plan(setup, motion, controller.feedforward).setpoints for motion in (Dwell(LONGEST), way))
+    board, ring = Board.create(len(still) + len(there)), Ring.create(rollout.WIDTH, _ROWS)
+    holding, moving = laid_on(board, still), laid_on(board, there)
+    job = job_from_stage.orders(setup.file.name, setup, controller.law, False, ring, board)
+    return Motions(in_virtual_time(job, setup), holding, moving, board, ring, pace.speed)
+
+
+def in_virtual_time(job: Orders, setup: Setup) -> Orders:
+    """The job where nothing but the fault holds anything up: time-outs and limits as the stage file says; no homing."""
+    wire = setup.file.drive.wire
+    assert isinstance(wire, Canopen)
+    return job._replace(by_clock=True, homing=Homing(), wire=wire, envelope=envelope(setup))
+
+
+class TriedLoop(axes.Loop):
+    """The loop of the real-time process, on the bus of a rig and in its time."""
+
+    def __init__(self, rig: Known, job: Orders, ring: Ring, single: bool) -> None:
+        self._rig = rig
+        super().__init__(job_from_stage.post(rig.setup, [job], ring, single=single), rig.time)
+        self._metronome = self.metronome = Sleepy(rig.setup.dt, rig.time)
+
+    def _connect(self, p: Orders) -> CanopenDrive:
+        return self._rig.connect()
 
 
 class Known:
@@ -99,28 +117,9 @@ class Known:
         self.setup, self.laid_out, self.settings, self.time = setup, laid_out, wire, time
         self.trace: list[Seen] = []
 
-    def cycle(self, drive: CanopenDrive, setpoints: bytes, origin: float) -> loop.Cycle:
-        """The daemon's cycle, to be called period by period."""
-        limits = self.setup.file.limits
-        job = loop.Job(
-            law=self.laid_out.law,
-            setpoints=setpoints,
-            span=(-math.inf, math.inf),
-            dt=self.setup.dt,
-            by_clock=True,
-            wire=None,
-            stage=self.setup.stage,
-            simulation=self.setup.file.simulation,
-            envelope=envelope(self.setup)._replace(low=limits.travel[0], high=limits.travel[1]),
-            priority=0,
-            cpu=None,
-            ring=-1,
-            width=0,
-            capacity=0,
-        )
-        cycle = loop.Cycle(job, drive, Nowhere(), origin)  # type: ignore[arg-type]
-        cycle.metronome = Sleepy(self.setup.dt, self.time)
-        return cycle
+    def loop(self) -> TriedLoop:
+        """The loop of a single motion, not connected yet."""
+        return TriedLoop(self, self.laid_out.job, self.laid_out.ring, True)
 
     def connect(self) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
@@ -141,7 +140,7 @@ class Known:
     def left_alone(self) -> None:
         """The controller is dead."""
 
-    def let_go(self, drive: CanopenDrive) -> None:
+    def let_go(self, loop: TriedLoop) -> None:
         """The end of a motion that went on."""
 
     def settle(self) -> None:

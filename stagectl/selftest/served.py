@@ -11,18 +11,15 @@ from typing import NamedTuple
 
 from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
-from stagectl.drives.canopen.drive import CanopenDrive
-from stagectl.drives.drive import Canopen, DriveError, Fault
+from stagectl.drives.drive import DriveError, Fault
 from stagectl.drives.faults import Row
-from stagectl.realtime import axes
-from stagectl.realtime.axis import Orders
-from stagectl.realtime.envelope import envelope
+from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order
 from stagectl.realtime.states import STOPS_GOING_ON, Event, State
 from stagectl.selftest.case import AFTER, BEFORE, PATIENCE, TRIP, Case
 from stagectl.selftest.limits import Limit, coast, larger, limit, ramp, turned
-from stagectl.selftest.rig import Rig, Sleepy, usual
-from stagectl.service.axis_controller import COLUMNS, Manned, Motion
+from stagectl.selftest.rig import Rig, TriedLoop, in_virtual_time, usual
+from stagectl.service.axis_controller import Manned, Motion
 
 _MIDST = 0.005  # s after which a connection is in the middle of its requests
 _MARGIN, _CONTROLLED = 1.5, 0.15  # on braking under control, and s of it beyond its ramp
@@ -67,27 +64,8 @@ def laid_out(setup: Setup) -> Service:
     """The service's side of the stage, with the self-test's motion."""
     manned, pace, scale = Manned("axis", setup), usual(setup), setup.file.axis.travel_per_unit
     motion = manned.move(pace.distance * scale, pace.speed * scale, pace.acceleration * scale)
-    wire = setup.file.drive.wire
-    assert isinstance(wire, Canopen)
-    orders = manned.orders()._replace(by_clock=True, homing=Homing())
-    orders = orders._replace(
-        wire=wire, envelope=envelope(setup)
-    )  # in virtual time nothing is held up: as the file says
-    return Service(manned, motion, orders, orders._replace(homing=Homing("limit", pace.speed, math.inf)))
-
-
-class Virtual(axes.Loop):
-    """The loop of the service's process, on the bus of a rig and in its time."""
-
-    def __init__(self, service: Service, orders: Orders, rig: Rig) -> None:
-        self._rig, manned = rig, service.manned
-        super().__init__(
-            axes.Post((orders,), rig.setup.dt, 0, None, len(COLUMNS), manned.ring.capacity, True), rig.time
-        )
-        self._metronome = self.metronome = Sleepy(rig.setup.dt, rig.time)
-
-    def _connect(self, p: Orders) -> CanopenDrive:
-        return self._rig.connect()
+    job = in_virtual_time(manned.orders(), setup)
+    return Service(manned, motion, job, job._replace(homing=Homing("limit", pace.speed, math.inf)))
 
 
 class ServedCase(Case):
@@ -101,7 +79,7 @@ class ServedCase(Case):
         """Bring the axis there by orders, let the fault begin, and see what becomes of it."""
         wanted = STATES[state]
         orders = self._service.searching if wanted is State.HOMING else self._service.orders
-        self._loop = Virtual(self._service, orders, self._virtual)
+        self._loop = TriedLoop(self._virtual, orders, self._service.manned.ring, False)
         self._axis = self._loop.axes[0]
         self._axis.show()
         self._to(wanted)

@@ -11,27 +11,22 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 
 from stagectl import design
-from stagectl.config.stage_blocks import InProcess
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.drives.drive import Canopen, Fault
-from stagectl.evaluation import WINDOW_COUNTS
+from stagectl.drives.drive import Fault
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.friction import relaxed
 from stagectl.plan import plan
-from stagectl.realtime.axis import LAW, Orders
+from stagectl.realtime.axis_data import LAW, Orders
 from stagectl.realtime.bumpless_transfer import flattened
-from stagectl.realtime.envelope import braking, envelope
-from stagectl.realtime.setpoint_sources import Model
-from stagectl.realtime.shared_memory import AHEAD, Board, Order, Status
+from stagectl.realtime.shared_memory import AHEAD, Board, Move, Order, Status
 from stagectl.realtime.states import Event, State
 from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
-from stagectl.service.virtual_timeouts import patient, waits_for_sync
+from stagectl.service.job_from_stage import CALM, calm, orders
 from stagectl.trajectories import Experiment, SCurve
 from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
 
-_CALM = 0.7  # of what the axis can be braked with: the controller needs the rest
 _JERK_TIME = 0.02  # s in which a move's acceleration rises, unless a jerk is asked for
 STARTING = "starting: its real-time process is coming up; nothing moves, no order is taken"
 RESTARTING = "restarting: its real-time process died, a new one is coming up; nothing moves, no order is taken"
@@ -92,37 +87,13 @@ class Manned:
 
     def orders(self) -> Orders:
         """What the real-time process must know."""
-        setup, p = patient(self.setup), self.setup.stage
-        wire = setup.file.drive.wire
-        ramp = wire.quick_stop_deceleration if isinstance(wire, Canopen) else setup.file.limits.acceleration
-        return Orders(
-            name=self.name,
-            law=portable(self.controller.law),
-            ramp=self._ramp(),
-            envelope=envelope(setup),
-            homing=setup.file.homing,
-            window=WINDOW_COUNTS * (p.encoder.step or 1e-9),
-            standing=(ramp, p.encoder.step),
-            by_clock=not waits_for_sync(setup),
-            wire=None if isinstance(wire, InProcess) else wire,
-            stage=portable(p),
-            simulation=setup.file.simulation,
-            ring=self.ring.descriptor,
-            board=self.board.descriptor,
-        )
-
-    def _ramp(self) -> Model:
-        p, gain = self.setup.stage, 1.0 / self.setup.stage.motor.force_constant
-        friction = stage.sliding(p.friction) * gain if self.controller.feedforward.with_friction else 0.0
-        late = p.encoder.delay_samples * self.setup.dt
-        return Model(
-            self.setup.dt, self.calm, p.mechanics.inertia * gain, p.mechanics.viscous * gain, float(friction), late
-        )
+        friction = self.controller.feedforward.with_friction
+        return orders(self.name, self.setup, self.controller.law, friction, self.ring, self.board)
 
     @property
     def calm(self) -> float:
         """Deceleration (rad/s^2 | m/s^2) of stops under control; friction helps them."""
-        return min(self.setup.file.limits.acceleration, _CALM * braking(self.setup))
+        return calm(self.setup)
 
     @property
     def effort(self) -> float:
@@ -145,7 +116,7 @@ class Manned:
                 f"{self.name}: drive.current_limit carries the axis at no more than "
                 f"{self.effort / p.viscous * scale:.3g} {unit}/s: take a lower speed"
             )
-        slope = min(limits.acceleration, _CALM * left / p.inertia) if acceleration is None else acceleration
+        slope = min(limits.acceleration, CALM * left / p.inertia) if acceleration is None else acceleration
         if not speed > 0.0 or not slope > 0.0:
             raise ServiceError(f"{self.name}: speed and acceleration of a move must be above 0")
         return speed, slope
@@ -240,7 +211,7 @@ class Manned:
         self._stops = None  # until the motion has come to its end
         first = self.board.filled
         self.fill()
-        return Order(Event.MOVE, (float(first), float(motion.length), *motion.span, float(together)))
+        return Order(Event.MOVE, Move(float(first), float(motion.length), *motion.span, float(together)))
 
     def fill(self) -> None:
         """Put further rows of the motion on the board, as far as there is room."""

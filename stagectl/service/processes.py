@@ -6,6 +6,7 @@ from pathlib import Path
 
 from stagectl.drives.drive import Canopen
 from stagectl.realtime.axes import Post
+from stagectl.service import job_from_stage
 from stagectl.service.axis_controller import COLUMNS, Manned
 from stagectl.service.black_box import Box
 from stagectl.service.child_process import Child, start
@@ -19,12 +20,7 @@ _RAMP = 0.5  # s that a drive's own ramp may take
 def post(axes: list[Manned], coupled: bool) -> Post:
     """The order of the real-time process."""
     first = axes[0]
-    realtime = first.setup.file.realtime
-    orders = tuple(axis.orders() for axis in axes)
-    # A plant in this process takes longer than its period: at real-time priority it would starve the machine.
-    priority = realtime.priority if all(order.wire for order in orders) else 0
-    capacity = first.ring.capacity
-    return Post(orders, first.setup.dt, priority, realtime.cpu, len(COLUMNS), capacity, coupled, realtime.spin)
+    return job_from_stage.post(first.setup, [axis.orders() for axis in axes], first.ring, coupled)
 
 
 def box(axis: Manned, state: Path, alive: int) -> Child:

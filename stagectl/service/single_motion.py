@@ -2,7 +2,7 @@
 
 ::
 
-    this process -- job ------> loop process ====== CAN ====== drive (virtual: a process of its own)
+    this process -- job, board -> real-time process (axes.py) == CAN == drive (virtual: a process of its own)
          |                        | ring in shared memory
          +------ order -------> recorder process ---> recording.h5
          +------ order -------> companion, e.g. the live twin (twin/process.py): reads the ring, nothing else
@@ -18,18 +18,22 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.config.stage_blocks import InProcess
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError
 from stagectl.kernels import law, rollout
 from stagectl.plan import Plan
-from stagectl.realtime.envelope import envelope
-from stagectl.realtime.loop import Job
-from stagectl.recording.metadata import portable
+from stagectl.realtime import shared_memory as boards
+from stagectl.realtime.axes import Post
+from stagectl.realtime.shared_memory import Board, Move
+from stagectl.realtime.states import Event
 from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
 from stagectl.service.child_process import Child, Companion, beside, start
-from stagectl.service.virtual_timeouts import patient, waits_for_sync
+from stagectl.service.job_from_stage import orders, post
 
 Progress = Callable[[int, int], None]  # (cycles done, cycles in all)
 
@@ -43,6 +47,21 @@ class Motion(NamedTuple):
     meta: dict[str, Any]
     recording: Path
     companion: Companion | None = None
+
+
+class Shared(NamedTuple):
+    """What this process and the loop's have in common."""
+
+    ring: Ring
+    board: Board
+
+
+class _Processes(NamedTuple):
+    """Loop and recorder, and the pipe that ends when the loop does."""
+
+    loop: Child
+    recorder: Child
+    alive: int  # descriptor of its reading end
 
 
 class Ended(NamedTuple):
@@ -64,36 +83,45 @@ def move(motion: Motion, progress: Progress) -> Ended:
     Raises DriveError where the drive cannot be reached or enabled, or the loop's process dies.
     """
     motion.recording.parent.mkdir(parents=True, exist_ok=True)
-    ring = Ring.create(rollout.WIDTH)
+    shared = Shared(Ring.create(rollout.WIDTH), Board.create(len(motion.plan.setpoints)))
     alive, held = os.pipe()
-    with beside(motion.companion, ring, alive) as codes:
-        ended = _move(motion, ring, (alive, held), progress)
+    with (
+        _closed_after(shared.ring.descriptor, shared.board.descriptor, alive),
+        beside(motion.companion, shared.ring, alive) as codes,
+        _started("recorder", (shared.ring.descriptor, alive)) as recorder,
+        _started("loop", (shared.ring.descriptor, shared.board.descriptor, held)) as loop,
+    ):
+        os.close(held)
+        ended = _watch(motion, _Processes(loop, recorder, alive), shared, progress)
     return ended._replace(companion=codes[0] if codes else None)
 
 
-def _move(motion: Motion, ring: Ring, pipe: tuple[int, int], progress: Progress) -> Ended:
-    alive, held = pipe
-    with _started("recorder", (ring.descriptor, alive)) as recorder, _started("loop", (ring.descriptor, held)) as loop:
-        os.close(held)
-        return _watch(motion, loop, recorder, (ring, alive), progress)
-
-
-def _watch(motion: Motion, loop: Child, recorder: Child, shared: tuple[Ring, int], progress: Progress) -> Ended:
-    ring, alive = shared
-    loop.send(_job(motion, ring))
-    connected = _event(loop, "connected")
-    meta = {**motion.meta, "drive": connected["drive"]}
+def _watch(motion: Motion, processes: _Processes, shared: Shared, progress: Progress) -> Ended:
+    loop, recorder, alive = processes
+    ring = shared.ring
+    loop.send(posted(motion, shared))
+    ready = _event(loop, "ready")
+    meta = {**motion.meta, "drive": ready["drive"]}
     recorder.send(
         Order(ring.descriptor, ring.width, ring.capacity, alive, str(motion.recording), meta, rollout.COLUMNS)
     )
     if recorder.line() != "ready":
         raise DriveError(f"the recorder cannot write {motion.recording}: nothing has moved; see the message above")
+    shared.board.order(boards.Order(Event.ENABLE))
+    shared.board.order(laid_on(shared.board, motion.plan.setpoints))
     loop.say("go")
-    moving = _event(loop, "moving")
     ended = _follow(loop, ring, len(motion.plan.setpoints), progress)
     recorded = recorder.wait() == 0
     facts = {name: ended[name] for name in ("cycles", "late", "fault", "words", "reason")}
-    return Ended(**facts, refused=moving["refused"], recorded=recorded)
+    return Ended(**facts, refused=ready["refused"], recorded=recorded)
+
+
+def laid_on(board: Board, rows: NDArray[np.float64]) -> boards.Order:
+    """Put the setpoints (n, 8) of a motion on the board; the order that begins it."""
+    first = board.filled
+    board.fill(np.ascontiguousarray(rows).tobytes())
+    span = float(rows[:, 0].min()), float(rows[:, 0].max())
+    return boards.Order(Event.MOVE, Move(float(first), float(len(rows)), *span, 1.0))
 
 
 def _follow(loop: Child, ring: Ring, total: int, progress: Progress) -> dict[str, Any]:
@@ -109,26 +137,12 @@ def _follow(loop: Child, ring: Ring, total: int, progress: Progress) -> dict[str
             loop.signal(signal.SIGINT)
 
 
-def _job(motion: Motion, ring: Ring) -> Job:
-    setup = patient(motion.setup)
-    wire = setup.file.drive.wire
-    return Job(
-        law=motion.law,
-        setpoints=motion.plan.setpoints.tobytes(),
-        span=(float(motion.plan.setpoints[:, 0].min()), float(motion.plan.setpoints[:, 0].max())),
-        dt=setup.dt,
-        by_clock=not waits_for_sync(setup),
-        wire=None if isinstance(wire, InProcess) else wire,
-        stage=portable(setup.stage),
-        simulation=setup.file.simulation,
-        envelope=envelope(setup),
-        priority=setup.file.realtime.priority,
-        cpu=setup.file.realtime.cpu,
-        ring=ring.descriptor,
-        width=ring.width,
-        capacity=ring.capacity,
-        spin=setup.file.realtime.spin,
-    )
+def posted(motion: Motion, shared: Shared) -> Post:
+    """The order of the real-time process for this motion."""
+    setup = motion.setup
+    friction = "friction" in setup.file.control.layers
+    axis = orders(setup.file.name, setup, motion.law, friction, *shared)
+    return post(setup, [axis._replace(homing=Homing())], shared.ring, single=True)  # relative: it needs no home
 
 
 def _event(process: Child, expected: str) -> dict[str, Any]:
@@ -146,8 +160,18 @@ def _event(process: Child, expected: str) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
+def _closed_after(*descriptors: int) -> Iterator[None]:
+    """Close them when the processes have ended: a campaign is many motions."""
+    try:
+        yield
+    finally:
+        for descriptor in descriptors:
+            os.close(descriptor)
+
+
+@contextlib.contextmanager
 def _started(part: str, descriptors: tuple[int, ...]) -> Iterator[Child]:
-    module = {"loop": "stagectl.realtime.loop", "recorder": "stagectl.recording.recorder"}[part]
+    module = {"loop": "stagectl.realtime.axes", "recorder": "stagectl.recording.recorder"}[part]
     child = start(module, descriptors, "interpreted")  # no numba in their memory
     try:
         yield child

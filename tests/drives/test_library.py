@@ -11,7 +11,7 @@ from tests.conftest import ROOT
 
 NEITHER = """
 import sys
-import stagectl.realtime.axes, stagectl.realtime.loop
+import stagectl.realtime.axes
 print(sorted({"can", "asyncio", "numpy", "numba", "scipy", "yaml"} & set(sys.modules)))
 """
 BOTH = """

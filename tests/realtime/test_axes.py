@@ -141,6 +141,30 @@ def test_nobody_gives_orders_any_more(ball_screw: Setup, monkeypatch: pytest.Mon
     assert group.loop.axes[0].fault is Fault.UNATTENDED
 
 
+def test_periods_lost_over_an_order_are_late_and_the_grid_goes_on(
+    ball_screw: Setup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What an order takes is no part of the period that it came in: the next one is late, and begins on the grid."""
+    group, dt = Group(ball_screw, monkeypatch), ball_screw.dt
+    group.enable()
+    x, y = group.loop.axes
+
+    def take(order: Order) -> bool:
+        group._spend(3.3 * dt)
+        return True
+
+    monkeypatch.setattr(x, "take", take)
+    began, late = group.now, x.late
+    group.order("x", Order(Event.STOP))
+    group.run(1)
+    assert (x.late, y.late) == (late, late)
+    group.run(1)
+    assert (x.late, y.late) == (late + 1, late + 1)
+    assert group.now - began == pytest.approx((2 + 3) * dt, rel=1e-9)
+    group.run(5)
+    assert (x.late, y.late) == (late + 1, late + 1)
+
+
 class Wire:
     """A bus that remembers what was sent and gives what it is told."""
 

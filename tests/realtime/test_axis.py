@@ -67,7 +67,8 @@ class Bench:
             if self.axis.drive is None:
                 return
             self.axis.sense()
-            self.axis.act(0.0, late, 1)
+            self.axis.act(1)
+            self.axis.record(0.0, late)
 
     def until(self, state: State, most: int = 20000) -> int:
         for k in range(most):
@@ -276,6 +277,22 @@ def test_other_gains_while_it_moves_leave_the_current_alone(ball_screw: Setup) -
     current = bench.rows()["current"][-40:]
     assert np.max(np.abs(np.diff(current))) < 0.1
     assert bench.axis.law.feedback.proportional < bench.manned.orders().law.feedback.proportional * 1.0001
+
+
+def test_the_status_comes_with_each_change_of_state_and_every_4_ms(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.STANDING)
+    ages = []
+    for _ in range(40):
+        bench.run(1)
+        ages.append(bench.axis.cycles - int(bench.manned.status.cycles))
+    assert (min(ages), max(ages)) == (0, 7)  # periods of 0.5 ms
+    while bench.axis.cycles % 8 != 1:
+        bench.run(1)
+    bench.drive.fault = Fault.EMERGENCY
+    bench.run(1)
+    assert bench.manned.status.state == State.QUICK_STOPPING
+    assert bench.manned.status.cycles == bench.axis.cycles
 
 
 def test_no_drive_is_offline_and_told(ball_screw: Setup) -> None:

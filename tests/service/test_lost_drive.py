@@ -9,6 +9,8 @@ import pytest
 from stagectl.config.stage_file import Setup
 from stagectl.drives import faults
 from stagectl.drives.drive import Canopen, Fault
+from stagectl.realtime.shared_memory import Order
+from stagectl.realtime.states import Event, State
 from stagectl.selftest.rig import Rig, motions
 
 
@@ -27,18 +29,23 @@ def test_it_is_reported_within_its_time(ball_screw: Setup, name: str, silence: s
     setup = ball_screw._replace(file=file)
     laid_out = motions(setup)
     rig = Rig(setup, laid_out)
-    drive = rig.connect()
-    cycle = rig.cycle(drive, laid_out.moving, drive.enable().position)
+    loop = rig.loop()
+    (axis,) = loop.axes
+    loop.connect()
+    laid_out.board.order(Order(Event.ENABLE))
+    laid_out.board.order(laid_out.moving)
+    loop.begin()
     while rig.seen.velocity < 0.5 * laid_out.speed:
-        assert cycle() is Fault.NONE
+        loop.period()
+        assert axis.state in (State.ENABLING, State.MOVING)
     began = rig.time.now()
     rig.begin(faults.default(name)._replace(duration=0.0))
-    while (fault := cycle()) is Fault.NONE:
+    while axis.state is State.MOVING:
+        loop.period()
         assert rig.time.now() < began + 1.0
-    assert fault is Fault.FEEDBACK_LOST
+    assert axis.fault is Fault.FEEDBACK_LOST
     assert rig.time.now() - began <= timeout + 3.0 * setup.dt
     assert rig.time.now() - began >= timeout - wire.heartbeat - 3.0 * setup.dt  # and not before: it may be held up
-    assert cycle.current == 0.0  # nothing is asked of a drive that is not there
-    words = drive.explain()
-    unanswered, mute = "no answer to SYNC" in words, "its heartbeat was not heard for " in words
+    assert axis.current == 0.0  # nothing is asked of a drive that is not there
+    unanswered, mute = "no answer to SYNC" in axis.reason, "its heartbeat was not heard for " in axis.reason
     assert (unanswered, mute) == (silence == "feedback_timeout", silence == "heartbeat_timeout")

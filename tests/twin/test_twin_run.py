@@ -71,7 +71,7 @@ def compiler_in(process: int) -> bool:
 def test_the_twin_names_what_is_off_and_its_death_changes_nothing(command: Command, tmp_path: Path) -> None:
     with stiffer_machine(tmp_path) as channel:
         run = started(tmp_path, channel, "whole.h5")
-        loop = child(run.pid, "stagectl.realtime.loop")
+        loop = child(run.pid, "stagectl.realtime.axes")
         twin = child(run.pid, "stagectl.twin.process")
         while not compiler_in(twin):
             assert run.poll() is None
@@ -80,7 +80,7 @@ def test_the_twin_names_what_is_off_and_its_death_changes_nothing(command: Comma
         out, output = run.communicate(timeout=120)
         assert run.returncode == 0, output
         killed = started(tmp_path, channel, "killed.h5")
-        child(killed.pid, "stagectl.realtime.loop")
+        child(killed.pid, "stagectl.realtime.axes")
         time.sleep(1.0)
         os.kill(child(killed.pid, "stagectl.twin.process"), signal.SIGKILL)
         _, said_killed = killed.communicate(timeout=120)

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 from cycle_child import PARTS, Order
 from measure import Row, Wanted, spread
-from scene import Scene, job, scene
+from scene import Scene, posted, scene, shared
 from simulator import run
 
 from stagectl.drives.drive import Canopen
-from stagectl.kernels import rollout
-from stagectl.realtime.loop import Job
-from stagectl.recording.ring import Ring
+from stagectl.realtime.axes import Post
+from stagectl.service.single_motion import Shared, laid_on
 
 _TPDO = struct.Struct("<IB3xHihx")  # the head, then statusword, position, current of the virtual drive's EDS
 _STATUSWORD = 0x0627
@@ -29,20 +28,20 @@ _STATUSWORD = 0x0627
 def rows(channel: str, rounds: int) -> list[Row]:
     """Both measurements, in turn; the drive must be on the bus `channel`."""
     one = scene("sine-1.6hz")
-    ring = Ring.create(rollout.WIDTH)
-    order = job(one, channel, ring)
-    frames, currents = _frames(one, order)
+    memory = shared(one)
+    post, move = posted(one, channel, memory), laid_on(memory.board, one.plan.setpoints)
+    frames, currents = _frames(one, post)
     computed, cycled = [], []
     for _ in range(rounds):
-        computed.append(_child(Order(order, frames), ring))
-        cycled.append(_child(Order(order, []), ring))
+        computed.append(_child(Order(post, move, frames), memory))
+        cycled.append(_child(Order(post, move, []), memory))
     _check(computed, currents, cycled)
     return [*_compute_rows(computed), *_bus_rows(cycled)]
 
 
-def _frames(one: Scene, order: Job) -> tuple[list[bytes], list[float]]:
+def _frames(one: Scene, post: Post) -> tuple[list[bytes], list[float]]:
     """The drive's answers in a simulated run, and the currents that the law must find from them."""
-    wire, samples = order.wire, run(one)
+    wire, samples = post.axes[0].wire, run(one)
     assert isinstance(wire, Canopen)
     counts = np.rint(samples["measured"] / one.setup.stage.encoder.step).astype(int).tolist()
     currents = np.rint(samples["measured_current"] / wire.current_scale).astype(int).tolist()
@@ -51,7 +50,7 @@ def _frames(one: Scene, order: Job) -> tuple[list[bytes], list[float]]:
     return frames, samples["current"].tolist()
 
 
-def _child(order: Order, ring: Ring) -> dict[str, Any]:
+def _child(order: Order, memory: Shared) -> dict[str, Any]:
     command = [sys.executable, str(Path(__file__).with_name("cycle_child.py"))]
     environment = {**os.environ, "STAGECTL_KERNELS": "interpreted"}
     done = subprocess.run(
@@ -59,7 +58,7 @@ def _child(order: Order, ring: Ring) -> dict[str, Any]:
         input=pickle.dumps(order),
         stdout=subprocess.PIPE,
         env=environment,
-        pass_fds=(ring.descriptor,),
+        pass_fds=(memory.ring.descriptor, memory.board.descriptor),
         check=True,
     )
     found: dict[str, Any] = json.loads(done.stdout)
@@ -109,7 +108,8 @@ def _compute_rows(runs: list[dict[str, Any]]) -> list[Row]:
 
 def _bus_rows(runs: list[dict[str, Any]]) -> list[Row]:
     method = (
-        "the loop's own Cycle (wait, sample, law, apply, ring) against the virtual drive in its own process, embedded "
+        "a period of the real-time process (wait, sample, law, judge, apply, ring, board) against the virtual drive in "
+        "its own process, embedded "
         f"bus, 2 kHz; thread CPU time; {_permitted(runs)}; late cycles {[found['late'] for found in runs]}"
     )
     return [

@@ -15,12 +15,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from measure import Row, Wanted, scaled
-from scene import STAGE, job, scene, trajectory
+from scene import STAGE, posted, scene, shared, trajectory
 
 from stagectl.kernels import rollout
+from stagectl.realtime import shared_memory as orders
+from stagectl.realtime.states import Event
 from stagectl.recording.metadata import describe
 from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
+from stagectl.service.single_motion import laid_on
 
 _MOTION = "sine-1.6hz"
 _SIMULATE = ("-m", "stagectl", "simulate", str(STAGE), str(STAGE.parent / "trajectories" / f"{_MOTION}.yaml"))
@@ -47,7 +50,7 @@ class Facts(NamedTuple):
 def rows(channel: str, folder: Path, rounds: int) -> list[Row]:
     """All of it, in so many runs; the drive must be on the bus `channel`."""
     runs = [_run(channel, folder / f"bench-{number}.h5") for number in range(rounds)]
-    live = "daemon.loop and recording.recorder as `stagectl run` starts them, on the embedded bus at 2 kHz"
+    live = "daemon.axes and recording.recorder as `stagectl run` starts them, on the embedded bus at 2 kHz"
     hour = 2000.0 * 3600.0 / 2**20
     lines = (
         ("loop process: spawn to connected", [r.start for r in runs], "s", "SDO set-up of the drive included"),
@@ -82,13 +85,14 @@ def _start(start: tuple[str, tuple[str, ...], float, bool], folder: Path) -> flo
 
 
 def _run(channel: str, path: Path) -> Facts:
-    ring = Ring.create(rollout.WIDTH)
     alive, held = os.pipe()
-    begin = time.perf_counter()
-    loop = _spawn("stagectl.realtime.loop", (ring.descriptor, held))
-    os.close(held)
     one = scene(_MOTION)
-    _send(loop, job(one, channel, ring))
+    memory = shared(one)
+    ring, board = memory
+    begin = time.perf_counter()
+    loop = _spawn("stagectl.realtime.axes", (ring.descriptor, board.descriptor, held))
+    os.close(held)
+    _send(loop, posted(one, channel, memory))
     connected = _event(loop)
     start = time.perf_counter() - begin
     recorder = _spawn("stagectl.recording.recorder", (ring.descriptor, alive))
@@ -99,9 +103,10 @@ def _run(channel: str, path: Path) -> Facts:
     assert recorder.stdout is not None
     assert loop.stdin is not None
     recorder.stdout.readline()
+    board.order(orders.Order(Event.ENABLE))
+    board.order(laid_on(board, one.plan.setpoints))
     loop.stdin.write(b"go\n")
     loop.stdin.flush()
-    _event(loop)
     cpu, memory, recorder_memory = _watch(loop, recorder, ring)
     loop.communicate()
     recorder.communicate()

@@ -10,11 +10,12 @@ from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels import rollout
 from stagectl.plan import Plan, plan
-from stagectl.realtime.loop import Job
-from stagectl.realtime.safety import Envelope
-from stagectl.recording.metadata import portable
+from stagectl.realtime.axes import Post
+from stagectl.realtime.shared_memory import Board
 from stagectl.recording.ring import Ring
-from stagectl.workflows.motion import canopen
+from stagectl.service import single_motion
+from stagectl.service.single_motion import Shared
+from stagectl.workflows.motion import on_channel
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 STAGE = CONFIG / "ball-screw.yaml"
@@ -54,23 +55,12 @@ def with_substeps(one: Scene, substeps: int) -> Scene:
     return one._replace(setup=one.setup._replace(file=file))
 
 
-def job(one: Scene, channel: str, ring: Ring) -> Job:
-    """The order of the loop's process, on the embedded bus `channel`; no late cycle ends it."""
-    setup, limits, realtime = one.setup, one.setup.file.limits, one.setup.file.realtime
-    never = len(one.plan.setpoints) + 1
-    return Job(
-        law=one.controller.law,
-        setpoints=one.plan.setpoints.tobytes(),
-        span=(0.0, 0.0),
-        dt=setup.dt,
-        by_clock=False,
-        wire=canopen(setup)._replace(channel=channel),
-        stage=portable(setup.stage),
-        simulation=setup.file.simulation,
-        envelope=Envelope(*limits.travel, limits.speed * 1.1, limits.following_error, never),
-        priority=realtime.priority,
-        cpu=realtime.cpu,
-        ring=ring.descriptor,
-        width=rollout.WIDTH,
-        capacity=ring.capacity,
-    )
+def posted(one: Scene, channel: str, shared: Shared) -> Post:
+    """The order of the real-time process, on the embedded bus `channel`; no late cycle ends it."""
+    setup = on_channel(one.setup, channel)
+    return single_motion.posted(single_motion.Motion(setup, one.plan, one.controller.law, {}, Path()), shared)
+
+
+def shared(one: Scene) -> Shared:
+    """Memory that the process of this motion shares with whoever ordered it."""
+    return Shared(Ring.create(rollout.WIDTH), Board.create(len(one.plan.setpoints)))

@@ -16,11 +16,11 @@ import cycle
 import numpy as np
 from cycle_child import Order
 from measure import Row, Wanted, scaled, spread, times_faster
-from scene import Scene, job, scene
+from scene import Scene, posted, scene, shared
 
-from stagectl.kernels import rollout
 from stagectl.recording.ring import Ring
 from stagectl.service.child_process import Child, start
+from stagectl.service.single_motion import laid_on
 from stagectl.simulation import simulate
 from stagectl.twin.live_model import step, twin_of
 from stagectl.twin.start import companion, live_file
@@ -112,10 +112,12 @@ def _quantiles(runs: list[Beside], share: float) -> list[float]:
 
 
 def _run(one: Scene, channel: str, recording: Path | None) -> Beside:
-    ring = Ring.create(rollout.WIDTH)
+    memory = shared(one)
+    ring, board = memory
     alive, held = os.pipe()
     child = None if recording is None else _started(one, ring, alive, recording)
-    spent = cycle._child(Order(job(one, channel, ring), []), ring)
+    move = laid_on(board, one.plan.setpoints)
+    spent = cycle._child(Order(posted(one, channel, memory), move, []), memory)
     if spent["fault"]:
         raise SystemExit(f"bench: the loop stopped with fault {spent['fault']} on the bus")
     ring.close()

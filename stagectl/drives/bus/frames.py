@@ -83,12 +83,15 @@ class _SocketBus:
 
     def __init__(self, reader: socket.socket) -> None:
         self._reader = reader
-        self._readable = [reader.fileno()]
+        self._readable, self._poll = [reader.fileno()], select.poll()
+        self._poll.register(reader, select.POLLIN)
         self.malformed = 0  # datagrams that were no frame
 
     def receive(self, timeout: float) -> bytes | None:
         """Next frame, or None after `timeout` seconds."""
         # select rather than a socket time-out: microseconds instead of milliseconds, and no exception if idle
+        if timeout <= 0.0 and not self._poll.poll(0):
+            return None
         deadline = 0.0
         while select.select(self._readable, (), (), max(timeout, 0.0))[0]:
             raw = self._reader.recv(FRAME.size + 1)
@@ -110,6 +113,7 @@ class Embedded(_SocketBus):
     def __init__(self, channel: str) -> None:
         """Join `channel`, a name or an absolute folder.  Raises BusError."""
         self.folder = _private(folder_of(channel))
+        self._looked_at = os.fspath(self.folder)  # as text: each frame looks at it
         self._path = self.folder / f"{os.getpid()}-{next(_serial)}-{os.urandom(3).hex()}{_SUFFIX}"
         if len(os.fsencode(self._path)) > _PATH_LIMIT:
             raise BusError(
@@ -129,7 +133,7 @@ class Embedded(_SocketBus):
 
     def send(self, frame: bytes) -> None:
         """One frame to every other participant; a full reader loses it, a dead one is removed."""
-        if os.stat(self.folder).st_mtime_ns != self._listed:
+        if os.stat(self._looked_at).st_mtime_ns != self._listed:
             self._list_peers()
         for name, peer in list(self._peers.items()):
             try:

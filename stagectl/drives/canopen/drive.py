@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import math
 import struct
+import time
 
 from stagectl.drives.bus.frames import Bus, frame
 from stagectl.drives.canopen import cia402
@@ -33,6 +34,8 @@ _EMERGENCY = struct.Struct("<8xHB5s")
 _WRITE_WORD = struct.Struct("<BHBI")  # SDO: expedited download
 _MUTE = "its heartbeat was not heard"
 _UNHEARD = 8  # cycles in which a drive leaves operation that has heard so
+# A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
+_NONE, _ON, _QUICK_STOP, _OPERATION_ENABLED = Fault.NONE, Power.ON, Power.QUICK_STOP, State.OPERATION_ENABLED
 _ENABLED_MASK, _ENABLED = State.OPERATION_ENABLED.value
 _ENABLE_TIME = 5.0  # s in which Operation enabled must be reached
 _STOP_TIME = 10.0  # s after which a quick stop is given up
@@ -50,7 +53,8 @@ class CanopenDrive:
         Raises DriveError with what the drive refused and the next step.
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
-        self._clock, self._now, self._pace = clock, clock.now, Pace(dt)
+        self._clock, self._pace = clock, Pace(dt)
+        self._now = time.monotonic if clock is WALL else clock.now  # without a call of ours in between
         od = load_eds(settings.eds, settings.node)
         self._command, self._answer = CommandPdo(settings, od), FeedbackPdo(settings, od)
         self._network = Network(bus, clock)
@@ -105,6 +109,7 @@ class CanopenDrive:
         self._serving, self._walking = False, power is Power.ON
         if power is Power.ON:
             self._problem, self._emergency, self._reason = "", None, None
+            self._unheard = Repeated(_UNHEARD)
 
     def sample(self) -> Feedback:
         """SYNC, and the drive's answer to it; never raises."""
@@ -115,28 +120,32 @@ class CanopenDrive:
         except OSError as error:
             return self._failed(Fault.BUS, f"the bus failed: {error}")
         self._silent = raw is None
-        self._supervise()
+        power = self._walk.power
+        if power is _QUICK_STOP:
+            self._supervise()
         if raw is None:
             return self._failed(Fault.REBOOTED if self._rebooted else Fault.FEEDBACK_LOST, "")
         statusword, counts, current = self._answer.decode(raw)
         self._pace.add(counts * self._step)
-        self._insist(cia402.state(statusword))
-        fault, silence = Fault.NONE, self._now() - self._heard  # NaN: never heard
-        if self._rebooted:
-            fault = Fault.REBOOTED
-        elif self._emergency is not None:
-            fault = Fault.EMERGENCY
-        elif self._serving and silence > self._settings.heartbeat_timeout:
-            fault, self._problem = Fault.FEEDBACK_LOST, f"{_MUTE} for {silence:.2f} s while its answers went on"
-        elif statusword & _ENABLED_MASK != _ENABLED or self._problem:
-            fault = Fault.DRIVE_FAULT
-        now = Feedback(counts * self._step, current, statusword, fault)
+        if power is not _ON:
+            self._insist(cia402.state(statusword))
+        now = Feedback(counts * self._step, current, statusword, self._fault(statusword))
         return self._noted(self._walked(now) if self._walking else now)
+
+    def _fault(self, statusword: int) -> Fault:
+        """What the drive, its heartbeat and this answer say."""
+        if self._rebooted:
+            return Fault.REBOOTED
+        if self._emergency is not None:
+            return Fault.EMERGENCY
+        silence = self._now() - self._heard  # NaN: never heard
+        if self._serving and silence > self._settings.heartbeat_timeout:
+            self._problem = f"{_MUTE} for {silence:.2f} s while its answers went on"
+            return Fault.FEEDBACK_LOST
+        return Fault.DRIVE_FAULT if statusword & _ENABLED_MASK != _ENABLED or self._problem else _NONE
 
     def _supervise(self) -> None:
         """A stop that does not stop: an axis that gets faster loses its power, a silent drive is left to itself."""
-        if self._walk.power is not Power.QUICK_STOP:
-            return
         failure = self._braking.step(self._silent)
         if failure is Failure.DEAF and self._stops_alone:
             self._manage(cia402.NMT_PRE_OPERATIONAL)
@@ -146,7 +155,7 @@ class CanopenDrive:
 
     def _insist(self, state: State) -> None:
         """A drive that must stop and stays in operation has not heard it: the same word again, by SDO."""
-        if self._unheard.certain(self._walk.power is not Power.ON and state is State.OPERATION_ENABLED):
+        if self._unheard.certain(state is _OPERATION_ENABLED):
             self._unheard = Repeated(_UNHEARD)
             word = _WRITE_WORD.pack(0x2B, cia402.CONTROLWORD, 0, self._walk.controlword)
             with contextlib.suppress(OSError):
@@ -191,7 +200,9 @@ class CanopenDrive:
         return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._told}
 
     def explain(self) -> str:
-        """The last fault in words, with the probable causes and the next command."""
+        """The last fault in words, probable causes, next command; on the way to power, where the drive hangs."""
+        if self._walking and self._last.fault is not Fault.BUS:
+            return self._hangs()
         last = self._reason or self._last._replace(fault=Fault.NONE)
         mute = self._problem.startswith(_MUTE)
         said = [f"node {self._settings.node}: {self._problem if mute else WHAT[last.fault]}"]

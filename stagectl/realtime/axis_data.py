@@ -1,0 +1,124 @@
+"""What one axis of the real-time process consists of: its job, drive, law, memory and counts; `axis` lets it act."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from stagectl.config.homing import Homing
+from stagectl.drives.canopen.power_states import Standstill
+from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive, Simulation
+from stagectl.kernels import law, stage
+from stagectl.realtime import bumpless_transfer, safety
+from stagectl.realtime.homing import Search
+from stagectl.realtime.setpoint_sources import Hold, Model, Rows, Source, held
+from stagectl.realtime.shared_memory import Board
+from stagectl.realtime.states import POWERED, STOPS_GOING_ON, State
+from stagectl.recording.ring import Ring
+
+LAW = 40  # an order beside the events: other gains
+NO_OUTPUT = law.Output(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_UNKNOWN = Feedback(math.nan, math.nan, 0, Fault.NONE)
+_SHOWN = 0.004  # s between two signs of life of a state that goes on: the service looks every 5 ms at most
+_PATIENCE = 1.0  # s that a sign of life may take, beyond two time-outs of the drive
+
+
+class Standing(NamedTuple):
+    """When an axis counts as standing still; see `Standstill.of_ramp`."""
+
+    deceleration: float  # rad/s^2 | m/s^2, of the ramp that stops it
+    step: float  # rad | m, of the encoder
+
+
+class StopLength(NamedTuple):
+    """How long a stop took."""
+
+    time: float  # s
+    distance: float  # rad | m
+
+
+class Orders(NamedTuple):
+    """The job of one axis: all that the real-time process must know of it."""
+
+    name: str
+    law: law.Law
+    ramp: Model
+    envelope: safety.Envelope
+    homing: Homing
+    window: float  # rad | m, of in position
+    standing: Standing
+    by_clock: bool  # a missed period is a missed row; False where the plant waits for our SYNC
+    wire: Canopen | Odrive | None  # None: the stage model in this process
+    stage: stage.Stage
+    simulation: Simulation
+    ring: int  # descriptors
+    board: int
+
+
+Connect = Callable[[Orders], Drive]
+
+
+class AxisData:
+    """The memory of one axis."""
+
+    def __init__(self, p: Orders, board: Board, ring: Ring, connect: Connect, clock: Clock = WALL) -> None:
+        self.p, self.board, self.ring, self.connect, self.now = p, board, ring, connect, clock.now
+        self.dt = p.ramp.dt
+        self.state, self.fault, self.faults = State.OFFLINE, Fault.NONE, 0
+        self.reason = ""  # of the last fault: what the drive says of it, or the probable causes
+        self.governed = False  # our law acts
+        self.limits, self.search_limits = p.envelope, safety.searching(p.envelope)
+        self.drive: Drive | None = None
+        self.law, self.x, self.watch = p.law, law.AT_REST, safety.FRESH
+        self.source: Source = Hold(0.0)
+        self.asked = held(0.0, 0.0)
+        self.speed = 0.0  # rad/s | m/s, of the reference
+        self.seen, self.output, self.current = _UNKNOWN, NO_OUTPUT, 0.0
+        self.verdict = Fault.NONE  # on this period
+        self.offset, self.homed = 0.0, p.homing.method == "none"
+        self.search: Search | None = None
+        self.cycles, self.late, self.late_in_a_row, self.motions = 0, 0, 0, 0
+        self.settled, self.stopped = 0.0, StopLength(0.0, 0.0)
+        self.ordered = False  # the stop that goes on is an order, no fault
+        self.since, self.entered, self.start, self.lost = 0, 0.0, 0.0, math.nan
+        self.still = Standstill(0.0)
+        self.shown = max(1, round(_SHOWN / self.dt))  # periods between two signs of life
+        self._patience = _PATIENCE + (2.0 * p.wire.feedback_timeout if p.wire else 0.0)
+
+    @property
+    def powered(self) -> bool:
+        """Whether the axis is held, moves, or is being stopped."""
+        return self.state in POWERED or self.state in STOPS_GOING_ON or self.state is State.ENABLING
+
+    def show(self, patience: float = 0.0) -> None:
+        """The status, for whoever gives the orders; the next one may take `patience` (s)."""
+        seen, asked, output, source, watch = self.seen, self.asked, self.output, self.source, self.watch
+        row, rows = (source.row + 1, source.count) if isinstance(source, Rows) else (0, 0)
+        self.board.show((
+            self.state, self.fault, self.faults, self.cycles, self.late,
+            time.monotonic(), max(patience, self._patience),
+            seen.position, watch.speed, asked.reference, output.error, output.current, seen.statusword,
+            self.homed, row, rows, self.motions, self.settled, watch.heat, *self.stopped, self.governed,
+        ))  # fmt: skip
+
+    def count_from(self, by: float) -> None:
+        """Positions are smaller by `by` (rad | m) from now on; the law does not notice."""
+        self.offset += by
+        self.homed = True
+        self.x = bumpless_transfer.shifted(self.x, by)
+        self.watch = safety.FRESH._replace(heat=self.watch.heat)
+        self.asked = held(self.asked.reference - by, self.asked.friction)
+
+    def hang_up(self) -> None:
+        """Leave the drive, which stops by its own time-outs if it moves at all."""
+        self.leave()
+        self.drive, self.seen = None, _UNKNOWN
+        self.homed = self.p.homing.method == "none"
+
+    def leave(self) -> None:
+        """Close the drive; the process ends."""
+        if self.drive is not None:
+            self.drive.close()
