@@ -16,7 +16,7 @@ from stagectl import units
 from stagectl.units import UnitError, factor
 from tests.conftest import ROOT
 
-DEFINITIONS = """
+FAULT_TYPES = """
 micro- = 1e-6 = u- = µ- = μ-
 nano- = 1e-9 = n-
 milli- = 1e-3 = m-
@@ -64,7 +64,7 @@ def _by_pint(unit: str, to: str) -> float | None:
 @functools.cache
 def _registry() -> Any:
     registry: Any = pint.UnitRegistry(None)
-    registry.load_definitions(DEFINITIONS.strip().splitlines())
+    registry.load_definitions(FAULT_TYPES.strip().splitlines())
     return registry
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import yaml
 
 from stagectl.config.loader import ConfigError, Lengths, Reader, Tagged
-from stagectl.drives.faults import BLOCKS, ROWS
+from stagectl.drives.faults import BLOCKS, FAULT_TYPES
 from stagectl.units import StageError
 
 
@@ -17,7 +17,7 @@ def read_fault(name: str, words: list[str]) -> Any:
 
     Raises StageError with the known names, parameters and ranges.
     """
-    if name in ROWS and name not in BLOCKS:
+    if name in FAULT_TYPES and name not in BLOCKS:
         raise StageError(f"{name} happens in the controller, not in a drive: `stagectl selftest` provokes it")
     node: Any = yaml.compose(yaml.safe_dump({"fault": name, **dict(map(_pair, words))}), Loader=yaml.SafeLoader)
     reader = Reader(Path("command line"), Lengths())

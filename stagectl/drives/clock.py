@@ -16,7 +16,7 @@ class Clock(Protocol):
         """Let so much of its time go by."""
 
 
-class Wall:
+class WallClock:
     """The machine's own monotonic clock."""
 
     def now(self) -> float:
@@ -28,10 +28,10 @@ class Wall:
         time.sleep(seconds)
 
 
-WALL = Wall()
+WALL = WallClock()
 
 
-class Skewed:
+class SkewedClock:
     """A clock that runs `rate` seconds in one second of its base; the rate may change at any time."""
 
     def __init__(self, base: Clock) -> None:

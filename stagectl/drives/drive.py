@@ -18,7 +18,23 @@ from stagectl.units import Quantity, StageError
 
 
 class DriveError(StageError):
-    """A drive that cannot be reached, configured or enabled; the message names the next step."""
+    """A drive that cannot be reached, configured or enabled; the message names the next step.
+
+    `place` is the parameter, file or port at fault, `node` the CANopen node id, `object` the object (index << 8 |
+    subindex) and `value` what was found there, in its own unit; None or empty where the error has none.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        place: str = "",
+        node: int | None = None,
+        object: int | None = None,  # noqa: A002 - the standard's word
+        value: float | str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.place, self.node, self.object, self.value = place, node, object, value
 
 
 class Fault(enum.IntEnum):

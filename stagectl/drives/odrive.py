@@ -6,7 +6,7 @@
               <-------  "turns turns/s"      now and then also "r axis0.current_state"
     apply()   "c 0 torque" ------->          acts as it arrives, and feeds the drive's watchdog
 
-The answer has no room for a state, so that is asked for each `_STATE_EVERY` cycles.  In torque mode the drive has no
+The answer has no room for a state, so that is asked for each `STATE_CYCLES` cycles.  In torque mode the drive has no
 ramp of its own: a stop is category 0, power off, and friction stops the axis.  Its watchdog does the same where we fall
 silent.
 
@@ -21,17 +21,15 @@ import os
 import select
 from typing import Any
 
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError, Fault, Feedback, Odrive, Power
+from stagectl.drives.limits import ENABLE_TIME, LARGEST_TORQUE, LONGEST_NOISE, STATE_CYCLES
 
 IDLE, CLOSED_LOOP, TORQUE_CONTROL, PASSTHROUGH = 1, 8, 1, 1  # of the ODrive's own enumerations
 # Characters at most: "c 0 ...", "turns turns/s", "f 0", and the state both ways.
 COMMAND, ANSWER, REQUEST, STATE = 17, 32, 4, 26
 _BITS = 10  # of a character
-_STATE_EVERY = 8  # cycles
-_ENABLE_TIME = 5.0  # s
-_MOST = 9999.0  # N m that fit the command
 _TURN = 2.0 * math.pi
 
 
@@ -92,7 +90,7 @@ class Line:
             if not select.select([self._descriptor], [], [], max(left, 0.0))[0]:
                 return None
             self._text += os.read(self._descriptor, 4096)
-            if len(self._text) > 65536:  # noise without any end of line
+            if len(self._text) > LONGEST_NOISE:  # noise without any end of line
                 self._text = b""
         line, self._text = self._text.split(b"\n", 1)
         return line.decode("ascii", "replace").strip()
@@ -119,7 +117,7 @@ class OdriveDrive:
     def enable(self) -> Feedback:
         """Closed loop in torque mode at zero torque.  Raises DriveError."""
         self.ask(Power.ON)
-        deadline = self._clock.now() + _ENABLE_TIME
+        deadline = self._clock.now() + ENABLE_TIME
         while self._clock.now() < deadline:
             self._cycles = 0  # the state, each time
             now = self.sample()
@@ -127,7 +125,7 @@ class OdriveDrive:
                 return now
             self.apply(0.0)
             self._clock.sleep(self._dt)
-        raise DriveError(f"the ODrive does not reach closed loop control within {_ENABLE_TIME:g} s. {self.explain()}")
+        raise DriveError(f"the ODrive does not reach closed loop control within {ENABLE_TIME:g} s. {self.explain()}")
 
     def ask(self, power: Power) -> None:
         """Ask for closed loop control, or for no power: it has no ramp of its own in torque mode."""
@@ -144,7 +142,7 @@ class OdriveDrive:
             while self._line.hear(0.0) is not None:
                 pass  # late answers must not be taken for this one
             if self._cycles <= 0:
-                self._cycles = _STATE_EVERY
+                self._cycles = STATE_CYCLES
                 self._line.say(f"r {self._axis}.current_state")
                 self._state = int(self._number("state"))
             self._cycles -= 1
@@ -155,13 +153,13 @@ class OdriveDrive:
         if math.isnan(turns):
             return self._noted(self._last._replace(fault=Fault.FEEDBACK_LOST))
         enabled = self._state == CLOSED_LOOP
-        word = (State.OPERATION_ENABLED if enabled else State.SWITCH_ON_DISABLED).value[1]
+        word = (DriveState.OPERATION_ENABLED if enabled else DriveState.SWITCH_ON_DISABLED).value[1]
         return self._noted(Feedback(turns * _TURN, math.nan, word, Fault.NONE if enabled else Fault.DRIVE_FAULT))
 
     def apply(self, current: float) -> None:
         """Send the torque of `current` (A); never raises."""
         torque = current * self._settings.torque_constant
-        if not -_MOST < torque < _MOST:  # NaN, too
+        if not -LARGEST_TORQUE < torque < LARGEST_TORQUE:  # NaN, too
             torque = 0.0
         with contextlib.suppress(OSError):
             self._line.say(f"c {self._settings.axis} {torque:.6f}")

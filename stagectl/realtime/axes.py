@@ -14,7 +14,8 @@ import signal
 import sys
 from typing import NamedTuple
 
-from stagectl.drives.bus.frames import Bus, open_bus
+from stagectl.drives.bus.frames import Bus
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.bus.shared_bus import Ports
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import WALL, Clock

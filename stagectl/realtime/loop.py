@@ -15,7 +15,7 @@ import struct
 import sys
 from typing import Any, NamedTuple
 
-from stagectl.drives.bus.frames import open_bus
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Odrive, Power
 from stagectl.drives.odrive import open_odrive

@@ -7,7 +7,7 @@ import math
 from stagectl.drives import faults
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import DriveError, Fault
-from stagectl.drives.faults import Row
+from stagectl.drives.faults import FaultType
 from stagectl.realtime import loop
 from stagectl.realtime.scheduling import Metronome
 from stagectl.selftest.limits import Limit, limit, ramp
@@ -24,7 +24,7 @@ TRIP = 0x2310
 class Case:
     """One fault in one state."""
 
-    def __init__(self, rig: Known, row: Row) -> None:
+    def __init__(self, rig: Known, row: FaultType) -> None:
         self.setup, self.row, self.rig = rig.setup, row, rig
         self.block = faults.default(row.name)
         self.reason, self.begun, self.fault = "", math.nan, Fault.NONE
@@ -39,7 +39,7 @@ class Case:
             {"connecting": self._connecting, "enabling": self._enabling}.get(state, lambda: self._enabled(state))()
         except DriveError as error:
             self.reason = str(error)
-        alone = "supervision" in self.row.must.noticed  # then the drive stops by its own time-outs
+        alone = "supervision" in self.row.required.noticed  # then the drive stops by its own time-outs
         self.rig.time.sleep(REST + alone * self.limit(self.rig.laid_out.speed).time)
         self.rig.settle()
 
@@ -101,7 +101,7 @@ class Case:
                 loop.stop(drive, self.fault)
         if self.dead:
             self.rig.time.sleep(self._patience())
-        elif self.row.must.category is not None or state not in ("holding", "moving") or self.fault:
+        elif self.row.required.category is not None or state not in ("holding", "moving") or self.fault:
             drive.close()
         else:
             self.rig.let_go(drive)
@@ -114,7 +114,7 @@ class Case:
         return fault
 
     def _patience(self) -> float:
-        if self.row.must.category is None:
+        if self.row.required.category is None:
             return AFTER
         return min(self.limit(self.rig.laid_out.speed).time + AFTER, PATIENCE)
 
@@ -129,13 +129,13 @@ class Case:
             return Limit(PATIENCE, self._creep())
         if state == "holding":
             return Limit(PATIENCE, self.limit(0.0).distance + self._creep())
-        if self.row.must.category is None:
+        if self.row.required.category is None:
             return ramp(self.setup, speed) if state == "stopping" else None
         return self.limit(speed)
 
     def may_go_on(self, state: str) -> bool:
         """Whether the axis may go on in this state as if nothing were."""
-        must = self.row.must
+        must = self.row.required
         if state == "holding":
             return must.holding in ("go on", "either")
         return state == "moving" and must.category is None

@@ -13,7 +13,7 @@ from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Canopen, DriveError, Fault
-from stagectl.drives.faults import Row
+from stagectl.drives.faults import FaultType
 from stagectl.realtime import axes
 from stagectl.realtime.axis import Orders
 from stagectl.realtime.envelope import envelope
@@ -93,7 +93,7 @@ class Virtual(axes.Loop):
 class ServedCase(Case):
     """One fault in one state of the service's axis."""
 
-    def __init__(self, rig: Rig, row: Row, service: Service) -> None:
+    def __init__(self, rig: Rig, row: FaultType, service: Service) -> None:
         super().__init__(rig, row)
         self._virtual, self._service, self._faults = rig, service, 0
 
@@ -125,16 +125,16 @@ class ServedCase(Case):
         if kind not in ("coasting", "stopping"):
             return super().admitted(kind)
         own = coast(self.setup.stage, speed) if kind == "coasting" else ramp(self.setup, speed)
-        return own if self.row.must.category is None else larger(own, self.limit(speed))
+        return own if self.row.required.category is None else larger(own, self.limit(speed))
 
     def _braking(self, speed: float) -> Limit:
         """Under control, or as the fault leaves it: from its speed on, or turned round; whichever allows most."""
         calm, error = self._service.manned.calm, self.setup.file.limits.following_error
         own = Limit(_MARGIN * speed / calm + _CONTROLLED, _MARGIN * speed * speed / (2.0 * calm) + error)
-        if self.row.must.category is None:
+        if self.row.required.category is None:
             return own
-        names = tuple(name for name in self.row.must.noticed if name != "motion")  # the motion has come to that
-        row = self.row._replace(must=self.row.must._replace(noticed=names))
+        names = tuple(name for name in self.row.required.noticed if name != "motion")  # the motion has come to that
+        row = self.row._replace(required=self.row.required._replace(noticed=names))
         back = turned(self.setup, row, self.block, calm)
         return larger(own, larger(limit(self.setup, row, self.block, speed), back))
 

@@ -15,7 +15,9 @@ import can
 import pytest
 
 from stagectl.drives.bus.can_plugin import EmbeddedBus
-from stagectl.drives.bus.frames import BusError, Embedded, frame, frame_bits, load, open_bus, parse
+from stagectl.drives.bus.embedded import Embedded
+from stagectl.drives.bus.frames import BusError, frame, frame_bits, load, parse
+from stagectl.drives.bus.interfaces import open_bus
 
 
 @pytest.fixture
@@ -80,7 +82,7 @@ def test_a_full_reader_loses_frames_and_blocks_nobody(join: Callable[[], Embedde
 
 
 def test_a_killed_participant_is_cleared_away(join: Callable[[], Embedded], tmp_path: Path) -> None:
-    program = f"from stagectl.drives.bus.frames import Embedded; import os; Embedded({str(tmp_path)!r}); os._exit(0)"
+    program = f"from stagectl.drives.bus.embedded import Embedded; import os; Embedded({str(tmp_path)!r}); os._exit(0)"
     subprocess.run([sys.executable, "-c", program], check=True, env={**os.environ, "PYTHONPATH": os.getcwd()})
     assert len(list(tmp_path.iterdir())) == 1
     left = join()

@@ -15,7 +15,7 @@ from canopen.profiles.p402 import BaseNode402
 
 from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.bus.virtual_time import End, Timeline
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import DriveError
 from stagectl.drives.simulated import Plant, Simulation
 from stagectl.drives.virtual.node import VirtualNode
@@ -132,16 +132,16 @@ def test_the_state_machine_goes_up_and_down_by_pdos(bench: Workbench, script: Sc
 
 def test_nothing_is_skipped_and_nothing_moves_before(bench: Workbench, script: Script) -> None:
     node = play(bench, script, *remapped(), START, rpdo(15, 500_000), SYNC, rpdo(7, 500_000), *[SYNC] * 20)
-    assert node.axis.state is State.SWITCH_ON_DISABLED
+    assert node.axis.state is DriveState.SWITCH_ON_DISABLED
     assert {position for _, position, _ in tpdos(script)} == {0}
 
 
 def test_pdos_need_operational_and_another_mode_gives_no_current(bench: Workbench, script: Script) -> None:
     node = play(bench, script, *remapped(), SYNC, rpdo(6), SYNC)
-    assert (tpdos(script), node.axis.state) == ([], State.SWITCH_ON_DISABLED)
+    assert (tpdos(script), node.axis.state) == ([], DriveState.SWITCH_ON_DISABLED)
     script.steps += [*enabled(), write(0x6060, 0, 0, 1), rpdo(15, 900_000), *[SYNC] * 20]
     node.run(script.done)
-    assert node.axis.state is State.OPERATION_ENABLED
+    assert node.axis.state is DriveState.OPERATION_ENABLED
     assert tpdos(script)[-1][1] == 0
 
 
@@ -225,7 +225,7 @@ def test_quick_stop_brakes_on_its_ramp(bench: Workbench, script: Script, option:
 def test_quick_stop_options_5_and_6_let_the_axis_be_enabled_again(bench: Workbench, script: Script) -> None:
     stop = [rpdo(2), *[SYNC] * 60, rpdo(15), SYNC, SYNC]
     node = play(bench, script, write(0x605A, 0, 6, 2), *enabled(), *stop)
-    assert node.axis.state is State.OPERATION_ENABLED
+    assert node.axis.state is DriveState.OPERATION_ENABLED
 
 
 def test_taken_out_of_operation_it_stops(bench: Workbench, script: Script) -> None:
@@ -265,7 +265,7 @@ def test_a_reset_boots_again_with_the_defaults(bench: Workbench, script: Script)
     )
     assert answers(script, 0x705) == ["00", "00"]
     assert answers(script)[-1] == "4b 5a 60 00 02 00 00 00"
-    assert (node.axis.state, node.axis.mode, node.axis.plant.position_counts) == (State.SWITCH_ON_DISABLED, 0, 0)
+    assert (node.axis.state, node.axis.mode, node.axis.plant.position_counts) == (DriveState.SWITCH_ON_DISABLED, 0, 0)
 
 
 def cycle(bus: End, time: Timeline, seconds: float, heartbeat: bool, command: bool) -> None:
@@ -287,7 +287,7 @@ def test_without_heartbeat_it_stops_by_itself(bench: Workbench, clock: str, dies
         bus.send(step)
         time.sleep(0.001)
     cycle(bus, time, 0.13, heartbeat=True, command=True)
-    assert node.axis.state is State.OPERATION_ENABLED and bench.said == []
+    assert node.axis.state is DriveState.OPERATION_ENABLED and bench.said == []
     heard = time.now() - 0.01  # with the last but fourth of the cycles
     time.sleep(0.049) if dies else cycle(bus, time, 0.048, heartbeat=False, command=True)
     assert bench.said == []  # not before its time
@@ -298,7 +298,7 @@ def test_without_heartbeat_it_stops_by_itself(bench: Workbench, clock: str, dies
     assert 60 <= silence <= 62
     assert time.now() - heard < 0.064
     time.sleep(0.5)
-    assert node.axis.state is State.SWITCH_ON_DISABLED
+    assert node.axis.state is DriveState.SWITCH_ON_DISABLED
     assert bench.said[1].startswith("stands after ")
     assert abs(int(bench.said[1].split()[5])) * STEP < 0.05
     emergencies = [parse(raw) for raw in iter(lambda: bus.receive(0.0), None) if parse(raw)[0] == 0x085]
@@ -311,13 +311,13 @@ def test_without_commands_it_stops_by_itself(bench: Workbench) -> None:
         bus.send(step)
         time.sleep(0.001)
     cycle(bus, time, 0.1, heartbeat=True, command=True)
-    assert (node.axis.state, bench.said) == (State.OPERATION_ENABLED, [])
+    assert (node.axis.state, bench.said) == (DriveState.OPERATION_ENABLED, [])
     cycle(bus, time, 0.046, heartbeat=True, command=False)
     assert bench.said == []  # not before its time
     cycle(bus, time, 0.006, heartbeat=True, command=False)
     assert bench.said[0].startswith("no cyclic command (RPDO) from the controller for 5")
     assert node.objects.error_code == 0x8250
-    assert node.axis.state in (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED)
+    assert node.axis.state in (DriveState.QUICK_STOP_ACTIVE, DriveState.SWITCH_ON_DISABLED)
 
 
 def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> None:
@@ -363,7 +363,7 @@ def test_commands_wait_for_sync_as_their_transmission_type_says(
 ) -> None:
     """CiA 301: 0 to 240 act with the next SYNC, 254 and 255 when they come."""
     node = play(bench, script, *remapped(), write(0x1400, 2, kind, 1), START, rpdo(6))
-    assert (node.axis.state is State.READY) == at_once
+    assert (node.axis.state is DriveState.READY) == at_once
 
 
 @pytest.mark.parametrize(

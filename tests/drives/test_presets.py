@@ -9,9 +9,9 @@ import pytest
 
 from stagectl.drives.bus.frames import EXTENDED, frame
 from stagectl.drives.canopen import presets
-from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.drives.canopen.configuration import DriveConfiguration
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.canopen.probe import probe
-from stagectl.drives.canopen.setup import Setup
 from stagectl.drives.drive import DriveError
 from tests.drives.workbench import EDS, STEP, Script, Workbench
 
@@ -123,8 +123,8 @@ def test_the_stop_ramp_in_the_drives_own_unit(bench: Workbench, scale: float, co
     """2 m/s^2: in encoder counts of 10 nm, or in the unit that the stage file gives."""
     node = bench.running()
     settings = bench.settings(deceleration_scale=scale)
-    network: Any = Network(bench.bus())
-    partner = Partner(settings.node, load_eds(settings.eds, settings.node))
+    network: Any = PumpedNetwork(bench.bus())
+    partner = PumpedNode(settings.node, load_eds(settings.eds, settings.node))
     network[settings.node] = partner
-    Setup(settings, partner, STEP).run()
+    DriveConfiguration(settings, partner, STEP).run()
     assert node.objects.number(0x6085) == counts

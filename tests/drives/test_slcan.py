@@ -11,8 +11,9 @@ from collections.abc import Iterator
 import pytest
 
 from stagectl.drives.bus import slcan
-from stagectl.drives.bus.frames import frame, open_bus, parse
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.bus.frames import frame, parse
+from stagectl.drives.bus.interfaces import open_bus
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.cia402 import state as state_of
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Fault
@@ -80,7 +81,7 @@ def test_a_drive_moves_and_stops_over_the_line(bench: Workbench, adapter: Adapte
         drive.apply(1.0)
         assert drive.sample().fault is Fault.NONE
     assert node.axis.plant.state.velocity > 0.05
-    assert state_of(drive.quick_stop().statusword) is State.SWITCH_ON_DISABLED
+    assert state_of(drive.quick_stop().statusword) is DriveState.SWITCH_ON_DISABLED
     drive.close()
     assert abs(node.axis.plant.state.velocity) < 1e-3
 

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from stagectl.drives.bus.frames import Embedded, frame
+from stagectl.drives.bus.embedded import Embedded
+from stagectl.drives.bus.frames import frame
 from stagectl.drives.bus.virtual_time import End, Timeline, Wire
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen

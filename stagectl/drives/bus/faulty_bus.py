@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterator
 from typing import Literal, NamedTuple
 
 from stagectl.drives.bus.frames import Bus, frame, parse
+from stagectl.drives.limits import BABBLE_FRAMES
 
 Undo = Callable[[], None]
 Timed = tuple[float, bytes]  # when it goes on (s), the frame
 Act = Callable[[float, bytes], list[Timed]]
 Way = Literal["in", "out", "both"]
 _ABORT = bytes.fromhex("00000008")  # 0x0800_0000, general error
-_BABBLE = 4  # strange frames before each of the drive's
 
 
 def kind(identifier: int) -> str:
@@ -177,7 +177,7 @@ def babble(share: float, chance: random.Random) -> Act:
     """Put frames of a strange node before a `share` of the frames."""
 
     def strange() -> Iterator[bytes]:
-        for _ in range(_BABBLE):
+        for _ in range(BABBLE_FRAMES):
             yield frame(chance.randrange(0x780, 0x7E0), chance.randbytes(chance.randint(0, 8)))
 
     return lambda at, raw: [*((at, one) for one in strange() if chance.random() < share), (at, raw)]

@@ -16,10 +16,10 @@ import time
 from collections.abc import Callable
 
 from stagectl.drives.bus.frames import Bus
+from stagectl.drives.limits import PORT_QUEUE
 
 _SYNC = 0x080
 _HEAD = struct.Struct("<I")
-_LONGEST = 256  # frames that wait for a port nobody reads
 _OWN_ONCE = (_SYNC, 0x700 + 127)  # SYNC and our heartbeat: one for all drives
 
 
@@ -79,7 +79,7 @@ class Port:
 
     def __init__(self, ports: Ports, node: int) -> None:
         self._ports, self.node = ports, node
-        self.waiting: collections.deque[bytes] = collections.deque(maxlen=_LONGEST)
+        self.waiting: collections.deque[bytes] = collections.deque(maxlen=PORT_QUEUE)
 
     def send(self, frame: bytes) -> None:
         """Queue one frame."""
@@ -100,7 +100,9 @@ class Port:
     def renew(self) -> None:
         """A SYNC goes out: an answer that still waits is that to an earlier one."""
         stale = 0x180 + self.node
-        self.waiting = collections.deque((raw for raw in self.waiting if _HEAD.unpack_from(raw)[0] != stale), _LONGEST)
+        self.waiting = collections.deque(
+            (raw for raw in self.waiting if _HEAD.unpack_from(raw)[0] != stale), PORT_QUEUE
+        )
 
     def close(self) -> None:
         """Leave the bus to the others."""

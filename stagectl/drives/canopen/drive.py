@@ -17,28 +17,30 @@ import struct
 
 from stagectl.drives.bus.frames import Bus, frame
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.cia402 import State
-from stagectl.drives.canopen.fault_texts import CAUSES, WHAT, emergency_words, hint, state_words
-from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.drives.canopen.braking_monitor import (
+    FAILURE_TEXTS,
+    BrakingFailure,
+    BrakingMonitor,
+    ConsecutiveCycles,
+    SpeedEstimate,
+)
+from stagectl.drives.canopen.cia402 import DriveState
+from stagectl.drives.canopen.configuration import MASTER, NOT_OFFERED, DriveConfiguration
+from stagectl.drives.canopen.fault_texts import CAUSES, WHAT, Emergency, emergency_words, hint, state_words
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
-from stagectl.drives.canopen.power_states import Standstill, Walk
-from stagectl.drives.canopen.setup import MASTER, NOT_OFFERED, Setup
-from stagectl.drives.canopen.stop_watch import FAILED, Braking, Failure, Pace, Repeated
+from stagectl.drives.canopen.power_states import PowerTransition, Standstill
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
+from stagectl.drives.limits import BACKLOG, ENABLE_TIME, LOST_STOP_TIME, REPEAT_COMMAND_CYCLES, STOP_TIME
 
 _SYNC = frame(0x080)
 _HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
 _EMERGENCY = struct.Struct("<8xHB5s")
 _WRITE_WORD = struct.Struct("<BHBI")  # SDO: expedited download
 _MUTE = "its heartbeat was not heard"
-_UNHEARD = 8  # cycles in which a drive leaves operation that has heard so
-_ENABLED_MASK, _ENABLED = State.OPERATION_ENABLED.value
-_ENABLE_TIME = 5.0  # s in which Operation enabled must be reached
-_STOP_TIME = 10.0  # s after which a quick stop is given up
-_LOST_TIME = 1.0  # s of the same, once the drive answers no more
-_BACKLOG = 64  # frames that are cleared away before a SYNC
-_STOPPED = (State.SWITCH_ON_DISABLED, State.READY, State.SWITCHED_ON, State.FAULT, State.NOT_READY)
+_ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
+_RUNNING = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
 
 
 class CanopenDrive:
@@ -50,32 +52,35 @@ class CanopenDrive:
         Raises DriveError with what the drive refused and the next step.
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
-        self._clock, self._now, self._pace = clock, clock.now, Pace(dt)
+        self._clock, self._now, self._pace = clock, clock.now, SpeedEstimate(dt)
         od = load_eds(settings.eds, settings.node)
         self._command, self._answer = CommandPdo(settings, od), FeedbackPdo(settings, od)
-        self._network = Network(bus, clock)
-        self._node = Partner(settings.node, od)
+        self._network = PumpedNetwork(bus, clock)
+        self._node = PumpedNode(settings.node, od)
         self._network[settings.node] = self._node
-        self._walk = Walk(Power.OFF, self._standstill())
+        self._walk = PowerTransition(Power.OFF, self._standstill())
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
         self._serving = False  # enabled, and not asked to stop
         self._walking = False  # on the way to it
-        self._emergency: tuple[int, int, bytes] | None = None  # code, error register, vendor's bytes
+        self._emergency: Emergency | None = None
         self._heard = math.nan  # s, monotonic, when the drive's heartbeat was last heard
         self._problem = ""  # ours, in words
         self._closed = False
         self._rebooted = False  # since it was configured
         self._silent = False  # no answer to the last SYNC
-        self._braking, self._unheard = Braking(self._pace, settings.quick_stop_deceleration), Repeated(_UNHEARD)
-        setup = Setup(settings, self._node, encoder_step, clock)
+        self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
+        self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
+        setup = DriveConfiguration(settings, self._node, encoder_step, clock)
         try:
             setup.run()
         except OSError as error:
             raise DriveError(
                 f"the bus {settings.interface} {settings.channel} failed while node {settings.node} was being"
-                f" configured: {error}; see 'ip -details link', bring it up, then start again"
+                f" configured: {error}; see 'ip -details link', bring it up, then start again",
+                place=settings.channel,
+                node=settings.node,
             ) from error
         self._told = setup.told
         name = cia402.OPTIONS[cia402.ABORT_CONNECTION][0]
@@ -89,19 +94,19 @@ class CanopenDrive:
         """
         self.ask(Power.ON)
         due = self._now()
-        deadline = due + _ENABLE_TIME
+        deadline = due + ENABLE_TIME
         while self._now() < deadline:
             now = self.sample()
             if now.fault is Fault.NONE:
                 return now
             self.apply(0.0)
             due = self._rest(due)
-        raise DriveError(self._hangs())
+        raise DriveError(self._hangs(), node=self._settings.node)
 
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow."""
-        self._walk = Walk(power, self._standstill())
-        self._braking = Braking(self._pace, self._settings.quick_stop_deceleration)
+        self._walk = PowerTransition(power, self._standstill())
+        self._braking = BrakingMonitor(self._pace, self._settings.quick_stop_deceleration)
         self._serving, self._walking = False, power is Power.ON
         if power is Power.ON:
             self._problem, self._emergency, self._reason = "", None, None
@@ -138,16 +143,16 @@ class CanopenDrive:
         if self._walk.power is not Power.QUICK_STOP:
             return
         failure = self._braking.step(self._silent)
-        if failure is Failure.DEAF and self._stops_alone:
+        if failure is BrakingFailure.SILENT and self._stops_alone:
             self._manage(cia402.NMT_PRE_OPERATIONAL)
-        if failure in FAILED:
-            self._problem = FAILED[failure]
-            self._walk = Walk(Power.OFF, self._standstill())
+        if failure in FAILURE_TEXTS:
+            self._problem = FAILURE_TEXTS[failure]
+            self._walk = PowerTransition(Power.OFF, self._standstill())
 
-    def _insist(self, state: State) -> None:
+    def _insist(self, state: DriveState) -> None:
         """A drive that must stop and stays in operation has not heard it: the same word again, by SDO."""
-        if self._unheard.certain(self._walk.power is not Power.ON and state is State.OPERATION_ENABLED):
-            self._unheard = Repeated(_UNHEARD)
+        if self._unheard.certain(self._walk.power is not Power.ON and state is DriveState.OPERATION_ENABLED):
+            self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
             word = _WRITE_WORD.pack(0x2B, cia402.CONTROLWORD, 0, self._walk.controlword)
             with contextlib.suppress(OSError):
                 self._bus.send(frame(0x600 + self._settings.node, word))
@@ -170,16 +175,16 @@ class CanopenDrive:
         """Quick stop by the drive's own ramp, until it stands, its power is off, or ten seconds are over."""
         self.ask(Power.QUICK_STOP)
         due = self._now()
-        deadline, still, off = due + _STOP_TIME, self._standstill(), Repeated()
+        deadline, still, off = due + STOP_TIME, self._standstill(), ConsecutiveCycles()
         while self._now() < deadline:
             self.apply(0.0)
             now = self.sample()
             state = cia402.state(now.statusword)
             if now.fault is Fault.BUS:
                 break  # nothing can be sent: the drive's own time-outs stop it
-            over = off.certain(state in _STOPPED and not self._silent) or state is State.QUICK_STOP_ACTIVE
+            over = off.certain(state not in _RUNNING and not self._silent) or state is DriveState.QUICK_STOP_ACTIVE
             if self._silent:
-                deadline = min(deadline, self._now() + _LOST_TIME)
+                deadline = min(deadline, self._now() + LOST_STOP_TIME)
             elif still.stands(now.position) and over:  # a statusword alone is not believed: to leave cuts the power
                 break
             due = self._rest(due)
@@ -194,15 +199,13 @@ class CanopenDrive:
         """The last fault in words, with the probable causes and the next command."""
         last = self._reason or self._last._replace(fault=Fault.NONE)
         mute = self._problem.startswith(_MUTE)
-        said = [f"node {self._settings.node}: {self._problem if mute else WHAT[last.fault]}"]
-        if self._problem and not mute:
-            said.append(self._problem)
-        said.append(f"state {state_words(last.statusword)}")
+        parts = [self._problem] if mute else [WHAT[last.fault], self._problem]
+        parts.append(f"state {state_words(last.statusword)}")
         if self._emergency is not None:
-            said.append(emergency_words(self._emergency))
+            parts.append(emergency_words(self._emergency))
         if not math.isnan(self._heard):
-            said.append(f"last heartbeat of the drive {self._now() - self._heard:.2f} s ago")
-        return "; ".join(said) + f". {CAUSES[last.fault]}"
+            parts.append(f"last heartbeat of the drive {self._now() - self._heard:.2f} s ago")
+        return f"node {self._settings.node}: {'; '.join(filter(None, parts))}. {CAUSES[last.fault]}"
 
     def close(self) -> None:
         """Disable the voltage, take the node out of operation, leave the bus; safe twice, never raises."""
@@ -242,8 +245,8 @@ class CanopenDrive:
         """A frame that is not our TPDO."""
         identifier = int.from_bytes(raw[:4], "little")
         if identifier == 0x080 + self._settings.node:
-            code, register, vendor = _EMERGENCY.unpack(raw)
-            self._emergency = (code, register, vendor) if code & 0xFF00 else None
+            emergency = Emergency(*_EMERGENCY.unpack(raw))
+            self._emergency = emergency if emergency.code & 0xFF00 else None
         elif identifier == 0x700 + self._settings.node:
             self._heard = self._now()
             self._rebooted = self._rebooted or raw[8] == cia402.INITIALISING
@@ -255,7 +258,7 @@ class CanopenDrive:
 
     def _drain(self) -> None:
         """A late or doubled answer must not be taken for the next one; a babbling node must not hold us up."""
-        for _ in range(_BACKLOG):
+        for _ in range(BACKLOG):
             raw = self._bus.receive(0.0)
             if raw is None:
                 break
@@ -276,7 +279,7 @@ class CanopenDrive:
         state = self._walk.step(now)
         self._serving = now.fault is Fault.NONE
         self._walking = not self._serving
-        if state is State.OPERATION_ENABLED:
+        if state is DriveState.OPERATION_ENABLED:
             self._emergency = None  # an old one: the drive runs, and would not with an error present
         return now
 
@@ -290,11 +293,9 @@ class CanopenDrive:
         return due
 
     def _hangs(self) -> str:
-        last, seen = self._last, self._emergency
-        told = emergency_words(seen) if seen else "no emergency was sent"
-        problem = f"{self._problem}; " if self._problem else ""
+        emergency = emergency_words(self._emergency) if self._emergency else "no emergency was sent"
+        parts = filter(None, (state_words(self._last.statusword), self._problem, emergency))
         return (
-            f"node {self._settings.node} does not reach Operation enabled within {_ENABLE_TIME:.0f}"
-            " s: it hangs in"
-            f" {state_words(last.statusword)}; {problem}{told}. {hint(last)}"
+            f"node {self._settings.node} does not reach Operation enabled within {ENABLE_TIME:.0f} s:"
+            f" it remains in {'; '.join(parts)}. {hint(self._last)}"
         )

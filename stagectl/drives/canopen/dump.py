@@ -13,16 +13,15 @@ from typing import Any, NamedTuple
 
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, canopen
-from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.limits import PROBE_ANSWER_TIME, SILENT_OBJECTS
 
-_ANSWER_TIME = 0.5  # s for one answer
-_SILENT = 3  # objects in a row without an answer: nobody is there
 Progress = Callable[[int, int], None]
 
 
-class Entry(NamedTuple):
+class ObjectValue(NamedTuple):
     """One object."""
 
     number: int  # the object's index
@@ -39,22 +38,22 @@ class Entry(NamedTuple):
         return self.value is not None and self.default is not None and self.value != self.default
 
 
-def dump(wire: Canopen, bus: Bus, progress: Progress = lambda *_: None, clock: Clock = WALL) -> list[Entry]:
+def dump(wire: Canopen, bus: Bus, progress: Progress = lambda *_: None, clock: Clock = WALL) -> list[ObjectValue]:
     """Read all readable objects of the node of `wire`.
 
     Raises DriveError where it does not answer.
     """
     od = load_eds(wire.eds, wire.node)
-    network = Network(bus, clock)
-    node = Partner(wire.node, od)
+    network = PumpedNetwork(bus, clock)
+    node = PumpedNode(wire.node, od)
     network[wire.node] = node
-    node.sdo.RESPONSE_TIMEOUT = _ANSWER_TIME
+    node.sdo.RESPONSE_TIMEOUT = PROBE_ANSWER_TIME
     variables = list(_variables(od))
-    found: list[Entry] = []
+    found: list[ObjectValue] = []
     for number, variable in enumerate(variables):
         found.append(_entry(node, variable))
         progress(number + 1, len(variables))
-        if len(found) >= _SILENT and all(one.problem == _NO_ANSWER for one in found[-_SILENT:]):
+        if len(found) >= SILENT_OBJECTS and all(one.problem == _NO_ANSWER for one in found[-SILENT_OBJECTS:]):
             raise DriveError(
                 f"node {wire.node} on {wire.interface} {wire.channel} does not answer: check its power, its id and the "
                 "bit rate; `stagectl doctor` looks at the bus"
@@ -73,19 +72,19 @@ def _variables(od: canopen.ObjectDictionary) -> Iterator[Any]:
         yield from (one for one in members if one.access_type != "wo")
 
 
-def _entry(node: Partner, variable: Any) -> Entry:
+def _entry(node: PumpedNode, variable: Any) -> ObjectValue:
     about = variable.index, variable.subindex, _name(variable), variable.access_type
     default = _plain(variable.default)
     try:
         raw = node.sdo.upload(variable.index, variable.subindex)
     except SdoAbortedError as error:
-        return Entry(*about, None, default, str(error))
+        return ObjectValue(*about, None, default, str(error))
     except SdoCommunicationError:
-        return Entry(*about, None, default, _NO_ANSWER)
+        return ObjectValue(*about, None, default, _NO_ANSWER)
     try:
-        return Entry(*about, _plain(variable.decode_raw(bytes(raw))), default, "")
+        return ObjectValue(*about, _plain(variable.decode_raw(bytes(raw))), default, "")
     except (ValueError, UnicodeDecodeError) as error:
-        return Entry(*about, bytes(raw).hex(), default, f"not as its EDS says: {error}")
+        return ObjectValue(*about, bytes(raw).hex(), default, f"not as its EDS says: {error}")
 
 
 def _name(variable: Any) -> str:
@@ -100,7 +99,7 @@ def _plain(value: Any) -> int | float | str | None:
     return value if isinstance(value, int | float | str) or value is None else str(value)
 
 
-def write_dcf(entries: list[Entry], eds: str, node: int, path: Path) -> None:
+def write_dcf(entries: list[ObjectValue], eds: str, node: int, path: Path) -> None:
     """The EDS with the values that were read, as a DCF (CiA 306): what other tools write back into a drive.
 
     Raises DriveError where the EDS cannot be read.

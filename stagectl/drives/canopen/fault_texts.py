@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import Fault, Feedback
+
+
+class Emergency(NamedTuple):
+    """An emergency message (EMCY, CiA 301)."""
+
+    code: int  # emergency error code
+    register: int  # error register 0x1001
+    vendor: bytes  # five bytes of the maker's own
+
 
 WHAT = {
     Fault.NONE: "no fault",
@@ -17,18 +28,15 @@ WHAT = {
 CAUSES = {
     Fault.NONE: "Nothing to be done",
     Fault.FEEDBACK_LOST: (
-        "Probable causes: drive without power, cable or termination, another node with the same"
-        " id, or a bus that is"
+        "Probable causes: drive without power, cable or termination, another node with the same id, or a bus that is"
         " too busy. Check the wiring, then start the run again"
     ),
     Fault.DRIVE_FAULT: (
-        "Probable causes: the drive's own limits, its enable or STO input, or its time-outs"
-        " (heartbeat, RPDO). Look at"
+        "Probable causes: the drive's own limits, its enable or STO input, or its time-outs (heartbeat, RPDO). Look at"
         " its display, remove the cause, then start the run again: it resets the fault"
     ),
     Fault.EMERGENCY: (
-        "Probable causes are in the drive's manual under this code. Remove the cause, then start"
-        " the run again: it"
+        "Probable causes are in the drive's manual under this code. Remove the cause, then start the run again: it"
         " resets the fault"
     ),
     Fault.REBOOTED: (
@@ -41,18 +49,18 @@ CAUSES = {
     ),
 }
 _HINTS = {
-    State.NOT_READY: (
+    DriveState.NOT_READY: (
         "Probable cause: the drive still initialises or lacks its logic supply. Wait, or look at its display"
     ),
-    State.SWITCH_ON_DISABLED: (
+    DriveState.SWITCH_ON_DISABLED: (
         "Probable causes: no DC link voltage, STO open, or the enable input missing. Close STO,"
         " then start the run again"
     ),
-    State.READY: "Probable cause: no DC link voltage. Switch the power supply on, then start the run again",
-    State.SWITCHED_ON: (
+    DriveState.READY: "Probable cause: no DC link voltage. Switch the power supply on, then start the run again",
+    DriveState.SWITCHED_ON: (
         "Probable causes: the enable input is missing or the brake or encoder is not ready. See the drive's display"
     ),
-    State.FAULT: "Probable cause: what caused the fault is still there. Remove it, then start the run again",
+    DriveState.FAULT: "Probable cause: what caused the fault is still there. Remove it, then start the run again",
 }
 
 
@@ -61,11 +69,11 @@ def state_words(statusword: int) -> str:
     return f"{cia402.state(statusword).words} (statusword 0x{statusword:04X})"
 
 
-def emergency_words(seen: tuple[int, int, bytes]) -> str:
-    """Emergency of error code, error register and the vendor's bytes."""
-    code, register, vendor = seen
-    said = f"emergency 0x{code:04X} ({cia402.emergency(code)})"
-    return f"{said}, error register 0x{register:02X}, vendor's bytes {vendor.hex(' ')}"
+def emergency_words(emergency: Emergency) -> str:
+    """The emergency with the meaning of its code."""
+    code, register, vendor = emergency
+    meaning = cia402.emergency(code)
+    return f"emergency 0x{code:04X} ({meaning}), error register 0x{register:02X}, vendor's bytes {vendor.hex(' ')}"
 
 
 def hint(last: Feedback) -> str:

@@ -20,7 +20,7 @@ from stagectl.drives.drive import DriveError
 class Periodic:
     """A frame that `Network.tick` repeats until stopped; what the library calls a periodic task."""
 
-    def __init__(self, network: Network, identifier: int, data: bytes, period: float) -> None:
+    def __init__(self, network: PumpedNetwork, identifier: int, data: bytes, period: float) -> None:
         self._owner, self.identifier, self.data, self.period = network.periodic, identifier, data, period
         self.due = network.clock.now() + period
         self._owner.append(self)
@@ -35,7 +35,7 @@ class Periodic:
             self._owner.remove(self)
 
 
-class Network(canopen.Network):
+class PumpedNetwork(canopen.Network):
     """A network of the library whose frames go by our bus."""
 
     def __init__(self, wire: Bus, clock: Clock = WALL) -> None:
@@ -115,7 +115,7 @@ class PumpedSdo(SdoClient):
         self.send_request(b"\x80\0\0\0" + abort_code.to_bytes(4, "little"))
 
 
-class Partner(canopen.RemoteNode):
+class PumpedNode(canopen.RemoteNode):
     """A remote node with pumped SDO clients."""
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> PumpedSdo:

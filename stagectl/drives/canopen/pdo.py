@@ -83,8 +83,7 @@ def _layout(od: canopen.ObjectDictionary, objects: tuple[int, ...], name: str, s
             raise DriveError(f"{name}: object 0x{key:06X} is not in {settings.eds}; name one that is")
         if variable.data_type not in CODES:
             raise DriveError(
-                f"{name}: object 0x{key:06X} has data type 0x{variable.data_type or 0:X}; must be an"
-                " integer of"
+                f"{name}: object 0x{key:06X} has data type 0x{variable.data_type or 0:X}; must be an integer of"
                 " 8, 16, 32 or 64 bits; map another object"
             )
         if not variable.pdo_mappable and key >> 8 >= _DUMMIES:

@@ -8,26 +8,25 @@ from typing import NamedTuple
 from stagectl.drives.bus.frames import Bus, frame, parse
 from stagectl.drives.canopen import cia402, presets
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
-from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.canopen.presets import Preset
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.limits import PROBE_ANSWER_TIME, SCAN_AT_ONCE, SCAN_TIME, SHOWN_NAME
 
 MODES = {0: "profile position", 2: "profile velocity", 3: "profile torque", 5: "homing", 6: "interpolated position"}
 MODES |= {7: "cyclic synchronous position", 8: "cyclic synchronous velocity", 9: "cyclic synchronous torque"}
 UNIT_OF_ACCELERATION = 0x60AA
 RPM_PER_SECOND = 0x00C0_0300  # of 0x60AA, as CiA 303-2 writes it
 ENCODER = 0x608F
-_ANSWER_TIME = 0.5  # s for one answer
-_NODES, _AT_ONCE, _TURN = 126, 8, 0.02  # ids, requests at once, s for their answers
+_NODES = 126  # highest id that is asked; 127 is our own
 _REQUEST, _ANSWER = 0x600, 0x580  # SDO, less the node id
 _UPLOAD_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
-_NAME = 200  # characters of a name that are shown
 
 Read = Callable[[int, int], bytes | None]
 
 
-class Probed(NamedTuple):
+class ProbeResult(NamedTuple):
     """What the drive said, and what follows from it."""
 
     told: dict[str, str]  # in words, in the order in which it was asked
@@ -41,15 +40,15 @@ class Probed(NamedTuple):
 
 def probe(
     wire: Canopen, bus: Bus, chosen: Preset | None = None, rated: float | None = None, clock: Clock = WALL
-) -> Probed:
+) -> ProbeResult:
     """Ask the node of `wire`; `chosen` and `rated` (A) stand for what it does not tell.
 
     Raises DriveError where nobody answers, or what answers is no CiA 402 drive.
     """
-    network = Network(bus, clock)
-    node = Partner(wire.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+    network = PumpedNetwork(bus, clock)
+    node = PumpedNode(wire.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
     network[wire.node] = node
-    node.sdo.RESPONSE_TIMEOUT = _ANSWER_TIME
+    node.sdo.RESPONSE_TIMEOUT = PROBE_ANSWER_TIME
 
     def read(index: int, subindex: int = 0) -> bytes | None:
         try:
@@ -71,10 +70,10 @@ def probe(
 def answering(bus: Bus, clock: Clock = WALL) -> list[int]:
     """Ids of the nodes that answer an SDO on `bus`, asked eight at a time as queues are short."""
     found = set()
-    for first in range(1, _NODES + 1, _AT_ONCE):
-        for node in range(first, min(first + _AT_ONCE, _NODES + 1)):
+    for first in range(1, _NODES + 1, SCAN_AT_ONCE):
+        for node in range(first, min(first + SCAN_AT_ONCE, _NODES + 1)):
             bus.send(frame(_REQUEST + node, _UPLOAD_DEVICE_TYPE))
-        end = clock.now() + _TURN
+        end = clock.now() + SCAN_TIME
         while (left := end - clock.now()) > 0.0:
             raw = bus.receive(left)
             identifier = parse(raw)[0] if raw is not None else 0
@@ -127,7 +126,7 @@ def _check_profile(wire: Canopen, read: Read) -> None:
         )
 
 
-def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> Probed:
+def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeResult:
     vendor, modes = _number(read(*_IDENTITY)), _number(read(cia402.SUPPORTED_MODES, 0))
     preset = chosen or presets.for_vendor(vendor)
     told_rated = _number(read(preset.rated >> 8, preset.rated & 0xFF))
@@ -139,7 +138,7 @@ def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> Probed
     unit = _number(read(UNIT_OF_ACCELERATION, 0))
     if unit == RPM_PER_SECOND and values:
         values["deceleration_scale"] = presets.RPM_PER_SECOND
-    return Probed(
+    return ProbeResult(
         told, vendor, modes, current, preset, values, (*_doubts(preset, modes, current, values), *_careless(read))
     )
 
@@ -157,7 +156,7 @@ def _identity(read: Read) -> dict[str, str]:
         raw = read(index, 0)
         if raw:
             text = raw.decode("latin-1").strip("\0 ")
-            found[name] = "".join(one if one.isprintable() else "?" for one in text)[:_NAME]
+            found[name] = "".join(one if one.isprintable() else "?" for one in text)[:SHOWN_NAME]
     return found
 
 

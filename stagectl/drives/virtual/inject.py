@@ -19,20 +19,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from stagectl.drives.bus.frames import folder_of
+from stagectl.drives.bus.embedded import folder_of
 from stagectl.drives.drive import DriveError
 from stagectl.drives.faults import BLOCKS
+from stagectl.drives.limits import INJECT_DATAGRAM, INJECT_TIME
 from stagectl.units import quantity_of
-
-_LONGEST = 65536  # bytes of a datagram
-_PATIENCE = 2.0  # s for the drive to answer
 
 
 class InjectError(DriveError):
     """A fault that cannot be injected; the message says what can."""
 
 
-class Doorway:
+class InjectionSocket:
     """The drive's end; `look` answers what has come, and never waits."""
 
     def __init__(self, path: Path) -> None:
@@ -50,7 +48,7 @@ class Doorway:
     def look(self, obey: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         """Hand a request to `obey` and its answer back."""
         try:
-            raw, sender = self._socket.recvfrom(_LONGEST)
+            raw, sender = self._socket.recvfrom(INJECT_DATAGRAM)
         except BlockingIOError:
             return
         try:
@@ -66,7 +64,7 @@ class Doorway:
         self._path.unlink(missing_ok=True)
 
 
-def doorway(interface: str, channel: str, node: int) -> Path:
+def socket_path(interface: str, channel: str, node: int) -> Path:
     """Where the virtual drive of this node listens; on the embedded bus beside the bus itself."""
     if interface in ("embedded", "stagectl"):
         return folder_of(channel) / f"node-{node}.inject"
@@ -93,9 +91,9 @@ def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
                 f"no virtual drive listens at {path} ({error.strerror}); start one with 'stagectl virtual-drive"
                 " STAGE.yaml'; a real drive takes no faults: see `stagectl selftest`"
             ) from error
-        if not select.select([ours], [], [], _PATIENCE)[0]:
-            raise InjectError(f"the virtual drive at {path} does not answer within {_PATIENCE:g} s; is it stopped?")
-        answer: dict[str, Any] = json.loads(ours.recv(_LONGEST))
+        if not select.select([ours], [], [], INJECT_TIME)[0]:
+            raise InjectError(f"the virtual drive at {path} does not answer within {INJECT_TIME:g} s; is it stopped?")
+        answer: dict[str, Any] = json.loads(ours.recv(INJECT_DATAGRAM))
     if "error" in answer:
         raise InjectError(answer["error"])
     return answer

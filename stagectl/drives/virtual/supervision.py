@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Lost(NamedTuple):
+class LostPartner(NamedTuple):
     """A partner that fell silent."""
 
     code: int  # emergency error code
@@ -34,10 +34,10 @@ class Watchdog:
         """Expect nothing until the next sign of life."""
         self.armed = False
 
-    def check(self, now: float) -> Lost | None:
+    def check(self, now: float) -> LostPartner | None:
         """The loss, in the moment it is noticed; None before and after."""
         silence = now - self._heard
         if not self.armed or self.timeout <= 0.0 or silence <= self.timeout:
             return None
         self.armed, self.tripped = False, True
-        return Lost(self._code, self._what, silence, self.timeout)
+        return LostPartner(self._code, self._what, silence, self.timeout)

@@ -50,12 +50,12 @@ def _definitions() -> dict[str, Definition]:
     return {one.name: one for part in parts for one in part}
 
 
-DEFINITIONS = _definitions()
+FAULT_TYPES = _definitions()
 
 
 def effect(name: str, **values: float) -> Callable[[stage.Stage], stage.Stage]:
     """The change of the stage model that the diagnosis knows by this name."""
-    return lambda p: DEFINITIONS[name].apply(p, values)
+    return lambda p: FAULT_TYPES[name].apply(p, values)
 
 
 def _volts(p: stage.Stage) -> stage.Stage:

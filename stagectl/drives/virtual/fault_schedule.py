@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from stagectl.drives.bus.faulty_bus import Undo
 from stagectl.drives.canopen import cia402
-from stagectl.drives.virtual.fault_actions import DEEDS, Machine
+from stagectl.drives.virtual.fault_actions import ACTIONS, DriveParts
 
 
 class _Acting(NamedTuple):
@@ -16,10 +16,10 @@ class _Acting(NamedTuple):
     undo: Undo
 
 
-class Faults:
+class FaultSchedule:
     """The faults of one virtual drive."""
 
-    def __init__(self, machine: Machine, report: Callable[[str], None]) -> None:
+    def __init__(self, machine: DriveParts, report: Callable[[str], None]) -> None:
         """`report` is told, in words, what begins and what is over."""
         self._machine, self._report = machine, report
         self._standing: tuple[Any, ...] = ()
@@ -40,7 +40,7 @@ class Faults:
     def begin(self, block: Any, now: float) -> None:
         """A fault that begins now, whatever its `after`."""
         self._report(f"fault begins: {block.fault}")
-        undo = DEEDS[block.fault](self._machine, block, now)
+        undo = ACTIONS[block.fault](self._machine, block, now)
         self._acting.append(_Acting(block, now + block.duration if block.duration else 0.0, undo))
 
     def clear(self) -> None:
@@ -66,7 +66,7 @@ class Faults:
 
     def look(self, now: float) -> None:
         """Begin and end what is due at `now` (s)."""
-        if self._standing and not self._enabled and self._machine.axis.state is cia402.State.OPERATION_ENABLED:
+        if self._standing and not self._enabled and self._machine.axis.state is cia402.DriveState.OPERATION_ENABLED:
             self._enabled = True
             self._waiting += [(now + block.after, block) for block in self._standing]
         if not (self._waiting or self._acting):

@@ -10,27 +10,22 @@ from typing import Any
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError
-from stagectl.drives.canopen.network import Partner
+from stagectl.drives.canopen.network import PumpedNode
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.limits import BOOT_ANSWER_TIME, BOOT_TIME, MODE_TIME, SDO_ANSWER_TIME, SDO_TRIES
 
 MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) knows it
 NOT_OFFERED = "not offered by this drive"
-_ANSWER_TIME = 5.0  # s in which a drive that is just booting must answer
-# A drive that boots swallows the first request, which is soon put again.  Once it answers, an object that it keeps in
-# flash may take it most of a second (canopen #25, CanOpenSTM32 #89); nothing has power yet, nothing waits for it.
-_KNOCK_TIME, _SDO_TIME = 0.3, 1.0  # s for one answer
-_TRIES = 3  # of a request whose frame, or whose answer, is lost; a late answer is not taken for another: see `wire`
-_MODE_TIME = 1.0  # s in which 0x6061 must follow 0x6060
 _INVALID, _NO_REMOTE = 0x8000_0000, 0x4000_0000  # bits of a PDO's COB-ID
 _ABSENT = (cia402.NO_OBJECT, cia402.NO_SUBINDEX)
 _EVENT_TIMER = 5  # subindex of an RPDO's deadline
 
 
-class Setup:
+class DriveConfiguration:
     """One pass of configuration; `told` collects what the drive said."""
 
-    def __init__(self, settings: Canopen, node: Partner, encoder_step: float, clock: Clock = WALL) -> None:
+    def __init__(self, settings: Canopen, node: PumpedNode, encoder_step: float, clock: Clock = WALL) -> None:
         """`encoder_step` (rad | m) is one count of the drive's position."""
         self._settings, self._node, self._step = settings, node, encoder_step
         self.told: dict[str, str] = {}
@@ -91,15 +86,14 @@ class Setup:
         known = self._node.object_dictionary.get_variable(index, subindex)
         name = known.name if known is not None else "not in the EDS"
         return DriveError(
-            f"node {self._settings.node}: {action} of object 0x{index:04X}:{subindex:02X} ({name})"
-            f" failed: {error};"
+            f"node {self._settings.node}: {action} of object 0x{index:04X}:{subindex:02X} ({name}) failed: {error};"
             f" compare {self._settings.eds} with the drive's manual and firmware"
         )
 
     def _wait_for_answer(self) -> None:
         s = self._settings
-        deadline = self._now() + _ANSWER_TIME
-        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = _KNOCK_TIME, 1
+        deadline = self._now() + BOOT_TIME
+        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = BOOT_ANSWER_TIME, 1
         while True:
             self._node.nmt.send_command(cia402.NMT_PRE_OPERATIONAL)
             try:
@@ -108,13 +102,13 @@ class Setup:
             except SdoCommunicationError as error:
                 if self._now() > deadline:
                     raise DriveError(
-                        f"node {s.node} does not answer on {s.interface} {s.channel} in {_ANSWER_TIME:.0f} s; is"
+                        f"node {s.node} does not answer on {s.interface} {s.channel} in {BOOT_TIME:.0f} s; is"
                         " the drive powered, are node id and bit rate right, the bus terminated? (virtual: is"
                         " 'stagectl virtual-drive' running on this channel?)"
                     ) from error
             except SdoError as error:
                 raise self._refused("read", cia402.DEVICE_TYPE, 0, error) from error
-        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = _SDO_TIME, _TRIES
+        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = SDO_ANSWER_TIME, SDO_TRIES
         if kind & 0xFFFF != cia402.PROFILE:
             raise DriveError(
                 f"node {s.node}: device type 0x1000 = 0x{kind:08X} is profile {kind & 0xFFFF}; must be"
@@ -142,10 +136,8 @@ class Setup:
         permille = s.command_object >> 8 == cia402.TARGET_TORQUE
         if permille and rated is not None and round(s.rated_current * 1e3) != rated:
             raise DriveError(
-                f"rated_current = {s.rated_current:g} A, but node {s.node} says {rated * 1e-3:g} A"
-                " (0x6075), and its"
-                f" command counts per mille of it; set 'rated_current: {rated * 1e-3:g} A' or parametrise"
-                " the drive"
+                f"rated_current = {s.rated_current:g} A, but node {s.node} says {rated * 1e-3:g} A (0x6075), and its"
+                f" command counts per mille of it; set 'rated_current: {rated * 1e-3:g} A' or parametrise the drive"
             )
         self.told["current command"] = f"0x{s.command_object:06X}, {s.command_scale:g} A a count"
         measured = f"0x{s.current_object:06X}, {s.current_scale:g} A a count" if s.current_object else "none"
@@ -214,18 +206,16 @@ class Setup:
         modes = self.offered(cia402.SUPPORTED_MODES)
         if modes is not None and not modes & cia402.CYCLIC_SYNCHRONOUS_TORQUE_BIT:
             raise DriveError(
-                f"node {self._settings.node} does not offer cyclic synchronous torque mode (0x6502 ="
-                f" 0x{modes:08X});"
+                f"node {self._settings.node} does not offer cyclic synchronous torque mode (0x6502 = 0x{modes:08X});"
                 " it must be enabled in the drive, or another drive be used"
             )
         self.write(cia402.CYCLIC_SYNCHRONOUS_TORQUE, cia402.MODE)
-        deadline = self._now() + _MODE_TIME
+        deadline = self._now() + MODE_TIME
         while (mode := self.read(cia402.MODE_DISPLAY)) != cia402.CYCLIC_SYNCHRONOUS_TORQUE:
             if self._now() > deadline:
                 raise DriveError(
                     f"node {self._settings.node}: mode of operation stays {mode} (0x6061); must become"
-                    f" {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic synchronous torque); is another mode forced"
-                    " in"
+                    f" {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic synchronous torque); is another mode forced in"
                     " the drive's own set-up?"
                 )
         self.told["mode of operation"] = "cyclic synchronous torque (10)"
