@@ -20,8 +20,9 @@ from stagectl.units import Quantity, StageError
 class DriveError(StageError):
     """A drive that cannot be reached, configured or enabled; the message names the next step.
 
-    `place` is the parameter, file or port at fault, `node` the CANopen node id, `object` the object (index << 8 |
-    subindex) and `value` what was found there, in its own unit; None or empty where the error has none.
+    `place` is the parameter, file, port or interface at fault, `node` the CANopen node id, `object_key` the object
+    (index << 8 | subindex), `abort_code` that of the SDO transfer (CiA 301) and `value` what was read there, in the
+    unit of the place or object.  None or empty: the error has none.
     """
 
     def __init__(
@@ -30,11 +31,13 @@ class DriveError(StageError):
         *,
         place: str = "",
         node: int | None = None,
-        object: int | None = None,  # noqa: A002 - the standard's word
+        object_key: int | None = None,
+        abort_code: int | None = None,
         value: float | str | None = None,
     ) -> None:
         super().__init__(message)
-        self.place, self.node, self.object, self.value = place, node, object, value
+        self.place, self.node, self.object_key = place, node, object_key
+        self.abort_code, self.value = abort_code, value
 
 
 class Fault(enum.IntEnum):

@@ -73,7 +73,8 @@ class Line:
         except (OSError, ValueError) as error:
             raise DriveError(
                 f"drive.wire.port = {port}: {error}; is the drive connected, and may you read and write the port"
-                " (group dialout)?"
+                " (group dialout)?",
+                place=port,
             ) from error
         self._port.reset_input_buffer()
         self._descriptor, self._clock, self._text = self._port.fileno(), clock, b""
@@ -112,7 +113,9 @@ class OdriveDrive:
         try:
             self._told = self._configure()
         except OSError as error:
-            raise DriveError(f"drive.wire.port = {settings.port} failed: {error}; connect it again") from error
+            raise DriveError(
+                f"drive.wire.port = {settings.port} failed: {error}; connect it again", place=settings.port
+            ) from error
 
     def enable(self) -> Feedback:
         """Closed loop in torque mode at zero torque.  Raises DriveError."""
@@ -210,7 +213,9 @@ class OdriveDrive:
             if not math.isclose(found, wanted[name], rel_tol=1e-3, abs_tol=1e-6):
                 raise DriveError(
                     f"{self._axis}.{name} of the ODrive on {s.port} reads {found:g} after {wanted[name]:g} was written:"
-                    " is it powered, is the baud rate that of the drive, and its firmware 0.5 or newer?"
+                    " is it powered, is the baud rate that of the drive, and its firmware 0.5 or newer?",
+                    place=name,
+                    value=found,
                 )
             told[name] = f"{found:g}"
         told["stop"] = "category 0: no ramp of its own in torque mode, the axis coasts"

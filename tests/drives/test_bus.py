@@ -111,23 +111,26 @@ def test_the_channel_belongs_to_this_user(runtime: Path, monkeypatch: pytest.Mon
         assert bus.folder == runtime / "stagectl" / "stage"
     assert bus.folder.stat().st_mode & 0o777 == 0o700
     monkeypatch.setattr(os, "getuid", lambda: 12345)
-    with pytest.raises(BusError, match=r"belongs to user id .* must be 12345"):
+    with pytest.raises(BusError, match="12345") as caught:
         Embedded("stage")
+    assert caught.value.value not in (None, 12345)
 
 
 @pytest.mark.parametrize("channel", ["", "../elsewhere", "a/b", ".hidden"])
 def test_channel_names_stay_in_their_folder(channel: str) -> None:
-    with pytest.raises(BusError, match="must be a name without '/' or an absolute folder"):
+    with pytest.raises(BusError, match="absolute") as caught:
         Embedded(channel)
+    assert caught.value.place == channel
 
 
 def test_too_long_a_path_says_the_limit(tmp_path: Path) -> None:
-    with pytest.raises(BusError, match=r"must lie in \[1, 107\] \(AF_UNIX\); choose a shorter"):
+    with pytest.raises(BusError, match="AF_UNIX") as caught:
         Embedded(str(tmp_path / ("x" * 100)))
+    assert float(caught.value.value or 0.0) > 107
 
 
 def test_socketcan_names_the_fix_where_there_is_none() -> None:
-    with pytest.raises(BusError, match=r"modprobe can_raw|ip link set nocan9 up"):
+    with pytest.raises(BusError, match=r"modprobe|nocan9"):
         open_bus("socketcan", "nocan9", 1e6)
 
 
@@ -153,13 +156,15 @@ def test_socketcan_binds_and_carries_the_same_bytes(monkeypatch: pytest.MonkeyPa
 
 
 def test_multicast_is_refused_with_the_reason() -> None:
-    with pytest.raises(BusError, match="leave this machine"):
+    with pytest.raises(BusError, match="embedded") as caught:
         open_bus("udp_multicast", "239.74.163.2", 1e6)
+    assert caught.value.place == "udp_multicast"
 
 
 def test_an_unknown_interface_is_an_error_that_names_it() -> None:
-    with pytest.raises(BusError, match="interface = no_such_thing"):
+    with pytest.raises(BusError, match=r"can\.viewer") as caught:
         open_bus("no_such_thing", "x", 1e6)
+    assert caught.value.place == "no_such_thing"
 
 
 def test_any_interface_of_python_can_carries_our_frames() -> None:
@@ -190,8 +195,8 @@ def test_python_can_joins_the_embedded_bus(join: Callable[[], Embedded], tmp_pat
         filtered = theirs.recv(1.0)
         assert filtered is not None
         assert filtered.arbitration_id == 0x200
-        with pytest.raises(can.CanOperationError, match="not CAN FD"):
+        with pytest.raises(can.CanOperationError, match="FD"):
             theirs.send(can.Message(is_fd=True))
     assert [path.name for path in tmp_path.iterdir()] == [ours._path.name]
-    with pytest.raises(can.CanInitializationError, match="must be a name"):
+    with pytest.raises(can.CanInitializationError, match="absolute"):
         EmbeddedBus(channel="a/b")

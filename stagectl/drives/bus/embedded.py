@@ -38,14 +38,18 @@ class Embedded(SocketBus):
         if len(os.fsencode(self._path)) > _PATH_LIMIT:
             raise BusError(
                 f"channel = {channel!r}: the socket's path {self._path} has {len(os.fsencode(self._path))} bytes;"
-                f" must lie in [1, {_PATH_LIMIT}] (AF_UNIX); choose a shorter channel name or folder"
+                f" must lie in [1, {_PATH_LIMIT}] (AF_UNIX); choose a shorter channel name or folder",
+                place=channel,
+                value=len(os.fsencode(self._path)),
             )
         reader = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             reader.bind(os.fspath(self._path))
         except OSError as error:
             reader.close()
-            raise BusError(f"channel = {channel!r}: no entry to {self.folder}: {error.strerror}") from error
+            raise BusError(
+                f"channel = {channel!r}: no entry to {self.folder}: {error.strerror}", place=channel
+            ) from error
         super().__init__(reader)
         self._peers: dict[str, socket.socket] = {}
         self._listed = -1  # mtime of the folder when the peers were listed, ns
@@ -104,7 +108,7 @@ def folder_of(channel: str) -> Path:
     if Path(channel).is_absolute():
         return Path(channel)
     if not channel or "/" in channel or channel.startswith("."):
-        raise BusError(f"channel = {channel!r}; must be a name without '/' or an absolute folder")
+        raise BusError(f"channel = {channel!r}; must be a name without '/' or an absolute folder", place=channel)
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     base = Path(runtime) / "stagectl" if runtime else Path(tempfile.gettempdir()) / f"stagectl-{os.getuid()}"
     return _private(base) / channel
@@ -116,10 +120,14 @@ def _private(folder: Path) -> Path:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         owner = folder.stat().st_uid
     except OSError as error:
-        raise BusError(f"channel folder {folder}: {error.strerror}; choose one you can write to") from error
+        raise BusError(
+            f"channel folder {folder}: {error.strerror}; choose one you can write to", place=str(folder)
+        ) from error
     if owner != os.getuid():
         raise BusError(
             f"channel folder {folder} belongs to user id {owner}; must be {os.getuid()}; choose"
-            " another channel, or run both ends as one user"
+            " another channel, or run both ends as one user",
+            place=str(folder),
+            value=owner,
         )
     return folder

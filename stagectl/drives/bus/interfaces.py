@@ -34,7 +34,8 @@ class SocketCan(SocketBus):
         except (AttributeError, OSError) as error:
             raise BusError(
                 f"interface = socketcan: this kernel offers no CAN sockets ({error});"
-                " run 'sudo modprobe can_raw', or use interface: embedded"
+                " run 'sudo modprobe can_raw', or use interface: embedded",
+                place="socketcan",
             ) from error
         try:
             raw.bind((channel,))
@@ -43,7 +44,8 @@ class SocketCan(SocketBus):
             raw.close()
             raise BusError(
                 f"channel = {channel!r}: {error.strerror}; bring the interface up with"
-                f" 'sudo ip link set {channel} up type can bitrate 1000000' (see 'ip -details link')"
+                f" 'sudo ip link set {channel} up type can bitrate 1000000' (see 'ip -details link')",
+                place=channel,
             ) from error
         super().__init__(raw)
 
@@ -64,7 +66,8 @@ class PythonCan:
         if interface == "udp_multicast":
             raise BusError(
                 "interface = udp_multicast: its frames leave this machine by the default route, and anybody"
-                " there could move the axis; use interface: embedded on one machine"
+                " there could move the axis; use interface: embedded on one machine",
+                place=interface,
             )
         import can  # a tenth of a second: only where it is asked for
 
@@ -78,7 +81,8 @@ class PythonCan:
         except (can.CanError, ImportError, OSError, ValueError) as error:
             raise BusError(
                 f"interface = {interface}, channel = {channel!r}: {error}; 'python -m can.viewer -i {interface}"
-                f" -c {channel}' shows whether python-can reaches it"
+                f" -c {channel}' shows whether python-can reaches it",
+                place=interface,
             ) from error
 
     def send(self, frame: bytes) -> None:

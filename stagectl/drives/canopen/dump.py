@@ -56,7 +56,9 @@ def dump(wire: Canopen, bus: Bus, progress: Progress = lambda *_: None, clock: C
         if len(found) >= SILENT_OBJECTS and all(one.problem == _NO_ANSWER for one in found[-SILENT_OBJECTS:]):
             raise DriveError(
                 f"node {wire.node} on {wire.interface} {wire.channel} does not answer: check its power, its id and the "
-                "bit rate; `stagectl doctor` looks at the bus"
+                "bit rate; `stagectl doctor` looks at the bus",
+                place=wire.channel,
+                node=wire.node,
             )
     return found
 
@@ -109,7 +111,7 @@ def write_dcf(entries: list[ObjectValue], eds: str, node: int, path: Path) -> No
     try:
         lines.read_string(Path(eds).read_text(encoding="utf-8-sig", errors="replace"))
     except (OSError, configparser.Error) as error:
-        raise DriveError(f"eds = {eds}: {error}") from error
+        raise DriveError(f"eds = {eds}: {error}", place=eds) from error
     sections = {name.upper(): name for name in lines.sections()}
     for one in entries:
         plain = f"{one.number:04X}"

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from stagectl.drives.bus.frames import EXTENDED, REMOTE, Bus, frame, parse
+from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoClient, SdoCommunicationError, canopen
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError
@@ -125,11 +126,25 @@ class PumpedNode(canopen.RemoteNode):
         return client
 
 
+def check_profile(device_type: int, node: int) -> None:
+    """Raises DriveError where `device_type` (0x1000) of `node` is not that of a CiA 402 drive."""
+    if device_type & 0xFFFF != cia402.PROFILE:
+        raise DriveError(
+            f"node {node}: device type 0x1000 = 0x{device_type:08X} is profile {device_type & 0xFFFF}; must be"
+            f" {cia402.PROFILE} (a CiA 402 drive); check 'node: {node}' in the stage file",
+            node=node,
+            object_key=cia402.DEVICE_TYPE << 8,
+            value=device_type,
+        )
+
+
 def load_eds(path: str, node: int) -> canopen.ObjectDictionary:
     """Object dictionary of `node` from an EDS or DCF file.  Raises DriveError naming the file."""
     try:
         return canopen.import_od(path, node)
     except OSError as error:
-        raise DriveError(f"eds = {path}: {error.strerror}; name the file that came with the drive") from error
+        raise DriveError(
+            f"eds = {path}: {error.strerror}; name the file that came with the drive", place=path
+        ) from error
     except (configparser.Error, ValueError, KeyError) as error:
-        raise DriveError(f"eds = {path}: not an EDS or DCF file that can be read ({error})") from error
+        raise DriveError(f"eds = {path}: not an EDS or DCF file that can be read ({error})", place=path) from error

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from stagectl.drives.bus.frames import Bus, frame, parse
 from stagectl.drives.canopen import cia402, presets
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
-from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
 from stagectl.drives.canopen.presets import Preset
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
@@ -27,9 +27,9 @@ Read = Callable[[int, int], bytes | None]
 
 
 class ProbeResult(NamedTuple):
-    """What the drive said, and what follows from it."""
+    """What the drive reports, and what follows from it."""
 
-    told: dict[str, str]  # in words, in the order in which it was asked
+    answers: dict[str, str]  # in words, in the order of the questions
     vendor: int | None
     modes: int | None  # 0x6502
     rated: float | None  # A, that 1000 per mille stand for
@@ -56,13 +56,15 @@ def probe(
         except SdoAbortedError:
             return None
         except SdoCommunicationError as error:
-            raise DriveError(_silent(wire, answering(bus, clock))) from error
+            raise DriveError(_silent(wire, answering(bus, clock)), place=wire.channel, node=wire.node) from error
         except SdoError as error:
             raise DriveError(
-                f"node {wire.node}: object 0x{index:04X}:{subindex:02X} cannot be read: {error}"
+                f"node {wire.node}: object 0x{index:04X}:{subindex:02X} cannot be read: {error}",
+                node=wire.node,
+                object_key=index << 8 | subindex,
             ) from error
 
-    _check_profile(wire, read)
+    check_profile(_number(read(cia402.DEVICE_TYPE, 0)) or 0, wire.node)
     found = _concluded(read, chosen, rated)
     return found._replace(doubts=(*found.doubts, *against_eds(wire, read, found.preset)))
 
@@ -117,29 +119,20 @@ def against_eds(wire: Canopen, read: Read, preset: Preset) -> list[str]:
     return found
 
 
-def _check_profile(wire: Canopen, read: Read) -> None:
-    kind = _number(read(cia402.DEVICE_TYPE, 0)) or 0
-    if kind & 0xFFFF != cia402.PROFILE:
-        raise DriveError(
-            f"node {wire.node}: device type 0x1000 = 0x{kind:08X} is profile {kind & 0xFFFF}; must be {cia402.PROFILE} "
-            f"(a CiA 402 drive); check 'node: {wire.node}' in the stage file"
-        )
-
-
 def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeResult:
     vendor, modes = _number(read(*_IDENTITY)), _number(read(cia402.SUPPORTED_MODES, 0))
     preset = chosen or presets.for_vendor(vendor)
-    told_rated = _number(read(preset.rated >> 8, preset.rated & 0xFF))
-    current = rated or (told_rated * 1e-3 if told_rated else None)
-    told = {**_identity(read), **_state(read, modes), **_stops(read), **_units(read)}
+    reported_rated = _number(read(preset.rated >> 8, preset.rated & 0xFF))
+    current = rated or (reported_rated * 1e-3 if reported_rated else None)
+    answers = {**_identity(read), **_state(read, modes), **_stops(read), **_units(read)}
     key = f"rated current (0x{preset.rated >> 8:04X}:{preset.rated & 0xFF:02X})"
-    told[key] = f"{told_rated * 1e-3:g} A" if told_rated is not None else "not offered by this drive"
+    answers[key] = f"{reported_rated * 1e-3:g} A" if reported_rated is not None else "not offered by this drive"
     values = presets.wire_values(preset, current) if current else {}
     unit = _number(read(UNIT_OF_ACCELERATION, 0))
     if unit == RPM_PER_SECOND and values:
         values["deceleration_scale"] = presets.RPM_PER_SECOND
     return ProbeResult(
-        told, vendor, modes, current, preset, values, (*_doubts(preset, modes, current, values), *_careless(read))
+        answers, vendor, modes, current, preset, values, (*_doubts(preset, modes, current, values), *_careless(read))
     )
 
 

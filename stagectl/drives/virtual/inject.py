@@ -43,7 +43,9 @@ class InjectionSocket:
             self._socket.bind(os.fspath(path))
         except OSError as error:
             self._socket.close()
-            raise InjectError(f"{path}: {error.strerror or error}: no faults can be injected there") from error
+            raise InjectError(
+                f"{path}: {error.strerror or error}: no faults can be injected there", place=str(path)
+            ) from error
 
     def look(self, obey: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         """Hand a request to `obey` and its answer back."""
@@ -89,13 +91,16 @@ def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
         except OSError as error:
             raise InjectError(
                 f"no virtual drive listens at {path} ({error.strerror}); start one with 'stagectl virtual-drive"
-                " STAGE.yaml'; a real drive takes no faults: see `stagectl selftest`"
+                " STAGE.yaml'; a real drive takes no faults: see `stagectl selftest`",
+                place=str(path),
             ) from error
         if not select.select([ours], [], [], INJECT_TIME)[0]:
-            raise InjectError(f"the virtual drive at {path} does not answer within {INJECT_TIME:g} s; is it stopped?")
+            raise InjectError(
+                f"the virtual drive at {path} does not answer within {INJECT_TIME:g} s; is it stopped?", place=str(path)
+            )
         answer: dict[str, Any] = json.loads(ours.recv(INJECT_DATAGRAM))
     if "error" in answer:
-        raise InjectError(answer["error"])
+        raise InjectError(answer["error"], place=str(path))
     return answer
 
 

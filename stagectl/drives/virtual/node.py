@@ -277,6 +277,12 @@ class VirtualNode:
 
 def _check(plant: Plant, dt: float) -> None:
     if plant.p.encoder.step <= 0.0:
-        raise DriveError("encoder.step = 0; must lie in (0, 1]: a CANopen drive counts; give the encoder a step")
+        raise DriveError(
+            "encoder.step = 0; must lie in (0, 1]: a CANopen drive counts; give the encoder a step",
+            place="encoder.step",
+            value=0.0,
+        )
     if plant.dt != dt:
-        raise DriveError(f"dt = {dt} s, but the plant runs in periods of {plant.dt} s; give both the same")
+        raise DriveError(
+            f"dt = {dt} s, but the plant runs in periods of {plant.dt} s; give both the same", place="dt", value=dt
+        )

@@ -172,7 +172,12 @@ class Objects:
         ):
             mine = (fine | coarse).get(key)
             if mine is not None and not math.isclose(mine, scale, rel_tol=1e-9):
-                raise DriveError(f"{name} = {scale} A; must be {mine} A for object 0x{key:06X} of the virtual drive")
+                raise DriveError(
+                    f"{name} = {scale} A; must be {mine} A for object 0x{key:06X} of the virtual drive",
+                    place=name,
+                    object_key=key,
+                    value=scale,
+                )
 
 
 def _count(value: float, scale: float, bits: int) -> int:

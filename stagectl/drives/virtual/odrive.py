@@ -123,7 +123,7 @@ class Pty:
             self._port.symlink_to(os.ttyname(self._child))
         except OSError as error:
             raise DriveError(
-                f"drive.wire.port = {port}: {error.strerror}; a virtual ODrive needs a free name"
+                f"drive.wire.port = {port}: {error.strerror}; a virtual ODrive needs a free name", place=port
             ) from error
 
     def run(self, until: Callable[[], bool]) -> None:
