@@ -1,4 +1,4 @@
-"""The one table of faults: what can be made to fail, how, and what drive and loop must do about it.
+"""The table of faults: what can fail, how, and how drive and loop must react.
 
 YAML (``virtual_drive: faults:``), ``stagectl inject``, ``stagectl selftest`` and the manual all read `TABLE`.
 The kinds are those of PX4's failure injection: off, stuck, garbage, wrong, slow, delayed, intermittent.
@@ -24,7 +24,7 @@ Factor = Annotated[float, Quantity("", "[-100, 100]", "what is there for one uni
 
 
 class OnOffFault(NamedTuple):
-    """A fault that is there or is not."""
+    """A fault that is present or absent."""
 
     fault: Name
     after: After = 0.0
@@ -50,7 +50,7 @@ class RandomFrameFault(NamedTuple):
 
 
 class DelayFault(NamedTuple):
-    """Something that comes later than it should."""
+    """A delayed signal."""
 
     fault: Name
     delay: Delay = 0.01
@@ -69,7 +69,7 @@ class PositionJump(NamedTuple):
 
 
 class ScaledSignal(NamedTuple):
-    """A value that is not what it says."""
+    """A signal with a wrong factor."""
 
     fault: Name
     factor: Factor = -1.0
@@ -78,7 +78,7 @@ class ScaledSignal(NamedTuple):
 
 
 class ReducedCurrent(NamedTuple):
-    """A current that is not all there."""
+    """A current that flows only in part."""
 
     fault: Name
     factor: Factor = 0.3
@@ -97,7 +97,7 @@ class EmergencyFault(NamedTuple):
 
 
 class DriveTrip(NamedTuple):
-    """A fault that the drive finds itself."""
+    """A fault that the drive detects itself."""
 
     fault: Name
     code: Code = 0x2310
@@ -106,7 +106,7 @@ class DriveTrip(NamedTuple):
 
 
 class Outage(NamedTuple):
-    """Something that is gone and comes back by itself."""
+    """A failure that ends by itself."""
 
     fault: Name
     after: After = 0.0
@@ -123,17 +123,17 @@ class ClockSkew(NamedTuple):
 
 
 class Reaction(NamedTuple):
-    """What has to happen to an axis that moves, and to one that holds its place."""
+    """How an axis must react: one that moves, and one that holds its position."""
 
     category: Literal[0, 1, 2] | None  # stop category; None: the motion goes on
     noticed: tuple[str, ...] = ("cycle",)  # what bounds the time to the reaction: see `selftest.limits`
-    holding: Literal["stop", "go on", "either"] = "stop"  # an axis that stands need not notice all
-    brakes: Literal["ramp", "coast"] = "ramp"  # coast: what the drive brakes with is what failed
+    holding: Literal["stop", "go on", "either"] = "stop"  # an axis at rest need not notice every fault
+    brakes: Literal["ramp", "coast"] = "ramp"  # coast: the means to brake has failed
     reasons: tuple[Fault, ...] = ()  # what the loop may name as its reason; empty: any
 
 
 class FaultType(NamedTuple):
-    """One fault."""
+    """One kind of fault, with the reaction that it requires."""
 
     name: str
     component: Literal["bus", "encoder", "drive", "node", "clock", "controller"]

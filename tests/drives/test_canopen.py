@@ -88,7 +88,7 @@ def test_a_stage_moves_over_the_bus_with_a_delay_of_one_period(bench: Workbench,
     stands = drive.quick_stop()
     assert state_of(stands.statusword) is DriveState.SWITCH_ON_DISABLED
     assert "no fault" in drive.explain()  # it was asked for
-    assert bench.said[-1].startswith("stands after")
+    assert bench.reports[-1].startswith("stands after")
     drive.close()
     drive.close()
 
@@ -104,14 +104,14 @@ def test_no_thread_is_started(bench: Workbench, bus: Tapped) -> None:
 
 def test_it_configures_and_describes_the_drive(bench: Workbench, bus: Tapped) -> None:
     node = bench.running("sync")
-    told = drive_on(bench, bus).describe()
-    assert told["device type"] == "0x00020192: CiA 402, servo drive"
-    assert told["device name"] == "stagectl virtual drive"
-    assert told["rated current (0x6075)"] == "10 A"
-    assert told["heartbeat time-out in the drive (0x1016)"] == "10000 ms"
-    assert told["RPDO time-out (0x1400:05)"] == "10000 ms"
-    assert told["quick stop option (0x605A)"].startswith("slow down on the quick stop ramp")
-    assert told["abort connection option (0x6007)"] == "quick stop"
+    description = drive_on(bench, bus).describe()
+    assert description["device type"] == "0x00020192: CiA 402, servo drive"
+    assert description["device name"] == "stagectl virtual drive"
+    assert description["rated current (0x6075)"] == "10 A"
+    assert description["heartbeat time-out in the drive (0x1016)"] == "10000 ms"
+    assert description["RPDO time-out (0x1400:05)"] == "10000 ms"
+    assert description["quick stop option (0x605A)"].startswith("slow down on the quick stop ramp")
+    assert description["abort connection option (0x6007)"] == "quick stop"
     assert node.objects.number(0x6085) == round(2.0 / STEP)
     assert node.objects.number(0x1016, 1) == 127 << 16 | 10000
     assert [node.objects.number(0x1600, n) for n in range(3)] == [2, 0x60400010, 0x20710020]
@@ -293,26 +293,26 @@ class Flash(Tapped):
             if self.held is not None and time.monotonic() >= self.held[0]:
                 raw, self.held = self.held[1], None
                 return raw
-            found = super().receive(max(min(end - time.monotonic(), 0.01), 0.0))
-            if found is not None and parse(found)[0] == 0x585 and parse(found)[1][:3] == bytes([0x60, 0x85, 0x60]):
-                self.held = (time.monotonic() + 0.6, found)
-            elif found is not None or time.monotonic() >= end:
-                return found
+            result = super().receive(max(min(end - time.monotonic(), 0.01), 0.0))
+            if result is not None and parse(result)[0] == 0x585 and parse(result)[1][:3] == bytes([0x60, 0x85, 0x60]):
+                self.held = (time.monotonic() + 0.6, result)
+            elif result is not None or time.monotonic() >= end:
+                return result
 
 
 def test_a_drive_that_writes_its_flash_is_waited_for(bench: Workbench) -> None:
     bench.running("sync")
-    told = drive_on(bench, Flash(bench.bus())).describe()
-    assert told["quick stop ramp (0x6085)"] == "200000000 counts/s^2"
+    description = drive_on(bench, Flash(bench.bus())).describe()
+    assert description["quick stop ramp (0x6085)"] == "200000000 counts/s^2"
 
 
 def test_a_late_answer_to_a_request_that_was_given_up_is_none_to_the_next(bench: Workbench, bus: Tapped) -> None:
     """A drive that boots slowly answers the first request and its repetition, one after the other."""
     bench.running("sync")
     late = [frame(0x585, bytes.fromhex(text)) for text in ("4300100000000000", "8000100000000405")]  # value, and abort
-    told = drive_on(bench, Doubled(bench.bus(), late)).describe()
-    assert re.fullmatch("0x[0-9A-F]{8}", told["vendor"])
-    assert told["device type"] == "0x00020192: CiA 402, servo drive"
+    description = drive_on(bench, Doubled(bench.bus(), late)).describe()
+    assert re.fullmatch("0x[0-9A-F]{8}", description["vendor"])
+    assert description["device type"] == "0x00020192: CiA 402, servo drive"
 
 
 def test_nobody_answers(bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -459,16 +459,16 @@ def test_a_killed_controller_leaves_a_drive_that_stops(bench: Workbench) -> None
         assert controller.stdout is not None
         assert controller.stdout.readline() == "enabled\n"
         while node.axis.plant.state.velocity < 0.01:
-            assert bench.said == []
+            assert bench.reports == []
             time.sleep(0.001)
         controller.kill()
     died = time.monotonic()
-    while len(bench.said) < 2:
-        assert time.monotonic() - died < 60.0, bench.said  # how soon it must be: see test_node, in virtual time
+    while len(bench.reports) < 2:
+        assert time.monotonic() - died < 60.0, bench.reports  # how soon it must be: see test_node, in virtual time
         time.sleep(0.001)
-    silence = re.match(r"no heartbeat from the controller for (\d+) ms \(time-out 500 ms\)", bench.said[0])
-    assert silence is not None and int(silence[1]) >= 500, bench.said
-    assert bench.said[1].startswith("stands after")
+    silence = re.match(r"no heartbeat from the controller for (\d+) ms \(time-out 500 ms\)", bench.reports[0])
+    assert silence is not None and int(silence[1]) >= 500, bench.reports
+    assert bench.reports[1].startswith("stands after")
     assert node.axis.state is DriveState.SWITCH_ON_DISABLED
 
 

@@ -100,7 +100,7 @@ def test_words_are_read_as_strictly_as_a_file(command: Command) -> None:
     code, out, _ = command("inject", "--list")
     assert (code, out.count("after=0s")) == (0, len(TABLE))
     code, out, _ = command("inject", "--list", "--json", "-")
-    listed = {one["fault"]: one for one in json.loads(out)["faults"]}
+    listed = {entry["fault"]: entry for entry in json.loads(out)["faults"]}
     assert (code, list(listed)) == (0, [row.name for row in TABLE])
     assert listed["encoder-jump"]["parameters"] == "counts=100000, every=0s, after=0s, duration=0s"
     assert listed["emergency"]["parameters"].startswith("code=0x4310, ")

@@ -71,7 +71,7 @@ def answers(script: Script, identifier: int = 0x585) -> list[str]:
 def tpdos(script: Script) -> list[tuple[int, int, int]]:
     """Statusword, position (counts) and current (per mille) of each TPDO."""
     data = [parse(raw)[1] for raw in script.sent if parse(raw)[0] == 0x185]
-    return [struct.unpack("<Hih", each) for each in data]
+    return [struct.unpack("<Hih", item) for item in data]
 
 
 def test_it_boots_and_answers_as_cia_301_says(bench: Workbench, script: Script) -> None:
@@ -197,7 +197,7 @@ def test_a_fault_is_told_remembered_and_reset(bench: Workbench, script: Script) 
     ]
     states = [hex(status & 0x4F) for status, _, _ in tpdos(script)]
     assert [state for n, state in enumerate(states[3:]) if state != states[2 + n]] == ["0xf", "0x8", "0x40"]
-    assert bench.said[0] == "fault 0x4310 (temperature of the drive): slow down on the quick stop ramp"
+    assert bench.reports[0] == "fault 0x4310 (temperature of the drive): slow down on the quick stop ramp"
 
 
 @pytest.mark.parametrize(("option", "state"), [(0, 0x40), (2, 0x40), (5, 0x07), (6, 0x07)])
@@ -218,7 +218,7 @@ def test_quick_stop_brakes_on_its_ramp(bench: Workbench, script: Script, option:
         return
     assert abs(speeds[-1]) < 1e-3
     ideal = speeds[0] ** 2 / (2 * 2.0)
-    duration, counts = (float(word) for word in bench.said[-1].split() if word.lstrip("-").isdigit())
+    duration, counts = (float(word) for word in bench.reports[-1].split() if word.lstrip("-").isdigit())
     assert ideal < counts * STEP < 1.6 * ideal  # the velocity loop lags behind the ramp
     assert 1.0 <= duration * 1e-3 / (speeds[0] / 2.0) < 1.5
 
@@ -232,7 +232,7 @@ def test_quick_stop_options_5_and_6_let_the_axis_be_enabled_again(bench: Workben
 def test_taken_out_of_operation_it_stops(bench: Workbench, script: Script) -> None:
     node = play(bench, script, *enabled(), STOP, sdo("40 00 10 00 00 00 00 00"))
     assert node.axis.stopping
-    assert bench.said == ["taken out of operation: quick stop"]
+    assert bench.reports == ["taken out of operation: quick stop"]
     assert answers(script)[-1].startswith("60 60 60")  # stopped, the SDO server is silent
 
 
@@ -288,20 +288,20 @@ def test_without_heartbeat_it_stops_by_itself(bench: Workbench, clock: str, dies
         bus.send(step)
         time.sleep(0.001)
     cycle(bus, time, 0.13, heartbeat=True, command=True)
-    assert node.axis.state is DriveState.OPERATION_ENABLED and bench.said == []
+    assert node.axis.state is DriveState.OPERATION_ENABLED and bench.reports == []
     heard = time.now() - 0.01  # with the last but fourth of the cycles
     time.sleep(0.049) if dies else cycle(bus, time, 0.048, heartbeat=False, command=True)
-    assert bench.said == []  # not before its time
+    assert bench.reports == []  # not before its time
     time.sleep(0.004) if dies else cycle(bus, time, 0.004, heartbeat=False, command=True)  # commands go on
-    (said,) = bench.said
-    silence = int(said.split()[6])
-    assert said == f"no heartbeat from the controller for {silence} ms (time-out 60 ms): quick stop"
+    (reports,) = bench.reports
+    silence = int(reports.split()[6])
+    assert reports == f"no heartbeat from the controller for {silence} ms (time-out 60 ms): quick stop"
     assert 60 <= silence <= 62
     assert time.now() - heard < 0.064
     time.sleep(0.5)
     assert node.axis.state is DriveState.SWITCH_ON_DISABLED
-    assert bench.said[1].startswith("stands after ")
-    assert abs(int(bench.said[1].split()[5])) * STEP < 0.05
+    assert bench.reports[1].startswith("stands after ")
+    assert abs(int(bench.reports[1].split()[5])) * STEP < 0.05
     emergencies = [parse(raw) for raw in iter(lambda: bus.receive(0.0), None) if parse(raw)[0] == 0x085]
     assert emergencies[0][1].hex(" ") == "30 81 10 00 00 00 00 00"
 
@@ -312,11 +312,11 @@ def test_without_commands_it_stops_by_itself(bench: Workbench) -> None:
         bus.send(step)
         time.sleep(0.001)
     cycle(bus, time, 0.1, heartbeat=True, command=True)
-    assert (node.axis.state, bench.said) == (DriveState.OPERATION_ENABLED, [])
+    assert (node.axis.state, bench.reports) == (DriveState.OPERATION_ENABLED, [])
     cycle(bus, time, 0.046, heartbeat=True, command=False)
-    assert bench.said == []  # not before its time
+    assert bench.reports == []  # not before its time
     cycle(bus, time, 0.006, heartbeat=True, command=False)
-    assert bench.said[0].startswith("no cyclic command (RPDO) from the controller for 5")
+    assert bench.reports[0].startswith("no cyclic command (RPDO) from the controller for 5")
     assert node.objects.error_code == 0x8250
     assert node.axis.state in (DriveState.QUICK_STOP_ACTIVE, DriveState.SWITCH_ON_DISABLED)
 

@@ -45,8 +45,8 @@ def test_each_fault_begins_and_is_undone(bench: Workbench, script: Script, name:
     node.faults.clear()
     assert node.faults.active == []
     assert (node._bus._rules, node.axis.sensor._distortions, node.axis._actuator._distortions) == ([], [], [])
-    assert bench.said[0] == f"fault begins: {name}" or name in ("drive-fault", "encoder-off")
-    assert f"fault is over: {name}" in bench.said
+    assert bench.reports[0] == f"fault begins: {name}" or name in ("drive-fault", "encoder-off")
+    assert f"fault is over: {name}" in bench.reports
     script.steps += [sdo("40 00 10 00 00 00 00 00")]
     script.sent.clear()
     node.run(script.done)

@@ -68,9 +68,9 @@ def moving() -> list[bytes]:
 def test_silence_counts_from_the_last_sign_of_life(bench: Workbench, timed: Timed) -> None:
     watch = write(0x1016, 1, 0x7F_0000 | 64, 4)  # ms, and the pauses are sums of powers of two
     node = play(bench, timed, watch, *enabled(), HEARTBEAT, 0.0625, HEARTBEAT, 0.0625, HEARTBEAT)
-    assert (node.axis.state, bench.said) == (DriveState.OPERATION_ENABLED, [])
+    assert (node.axis.state, bench.reports) == (DriveState.OPERATION_ENABLED, [])
     continue_with(node, timed, 0.0625, 0.001953125, 0.0)
-    assert bench.said[0] == "no heartbeat from the controller for 64 ms (time-out 64 ms): quick stop"
+    assert bench.reports[0] == "no heartbeat from the controller for 64 ms (time-out 64 ms): quick stop"
     assert node.axis.state is not DriveState.OPERATION_ENABLED
 
 
@@ -79,9 +79,9 @@ def test_a_heartbeat_of_somebody_else_is_none(bench: Workbench, timed: Timed) ->
     ours, other = frame(0x720, b"\x05"), HEARTBEAT
     steps: list[Any] = [0.05, ours, other] * 4
     node = play(bench, timed, watch, *enabled(), ours, *steps)
-    assert (node.axis.state, bench.said) == (DriveState.OPERATION_ENABLED, [])
+    assert (node.axis.state, bench.reports) == (DriveState.OPERATION_ENABLED, [])
     continue_with(node, timed, 0.05, other, 0.05, other, 0.0)
-    assert bench.said[0].startswith("no heartbeat from the controller for 100 ms")
+    assert bench.reports[0].startswith("no heartbeat from the controller for 100 ms")
     assert node.axis.state is not DriveState.OPERATION_ENABLED
 
 
@@ -89,7 +89,7 @@ def test_what_is_still_queued_is_heard_before_silence_is_declared(bench: Workben
     """A drive that was not scheduled for a while must not take its own sleep for the controller's."""
     watch = [write(0x1016, 1, 0x7F_0000 | 60, 4), write(0x1400, 5, 60, 2)]
     node = play(bench, timed, *watch, *enabled(), rpdo(15), HEARTBEAT, 0.2, rpdo(15), HEARTBEAT, 0.0)
-    assert (node.axis.state, bench.said) == (DriveState.OPERATION_ENABLED, [])
+    assert (node.axis.state, bench.reports) == (DriveState.OPERATION_ENABLED, [])
 
 
 def test_in_fault_a_returning_controller_does_not_clear_the_error(bench: Workbench, timed: Timed) -> None:
@@ -131,7 +131,7 @@ def test_the_wall_clock_moves_the_plant_and_never_catches_up_more_than_a_second(
     assert max(drifted) == pytest.approx(DT)
     continue_with(node, timed, 5.0)
     assert sum(drifted) == pytest.approx(1.0123, abs=1e-6)
-    assert bench.said == ["the plant's clock slipped by 4.0 s: this machine is too busy"]
+    assert bench.reports == ["the plant's clock slipped by 4.0 s: this machine is too busy"]
 
 
 def test_a_pending_command_does_not_outlive_operational(bench: Workbench, timed: Timed) -> None:

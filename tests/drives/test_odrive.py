@@ -40,13 +40,13 @@ class Wired:
     def __init__(self, virtual: VirtualOdrive, clock: Timeline) -> None:
         self.virtual, self.clock, self.out, self.deaf = virtual, clock, list[str](), False
 
-    def say(self, text: str) -> None:
+    def send(self, text: str) -> None:
         self.clock.sleep(1e-4)
         answer = "" if self.deaf else self.virtual.obey(text)
         if answer:
             self.out.append(answer)
 
-    def hear(self, timeout: float) -> str | None:
+    def receive(self, timeout: float) -> str | None:
         if self.out:
             return self.out.pop(0)
         self.clock.sleep(timeout)

@@ -16,10 +16,10 @@ from tests.drives.workbench import DT, GAIN, STEP, linear_stage
 OPTIONS = StopOptions(quick_stop=6, fault_reaction=2, abort_connection=3, deceleration=2.0, current_limit=3.0)
 
 
-def an_axis(said: list[StopReport] | None = None, p: stage.Stage | None = None, gain: float = GAIN) -> PowerStage:
+def an_axis(reports: list[StopReport] | None = None, p: stage.Stage | None = None, gain: float = GAIN) -> PowerStage:
     """In Operation enabled and cyclic synchronous torque mode."""
     axis = PowerStage(
-        Plant(p or linear_stage(), Simulation(substeps=4), DT), gain, ([] if said is None else said).append
+        Plant(p or linear_stage(), Simulation(substeps=4), DT), gain, ([] if reports is None else reports).append
     )
     axis.options, axis.mode = OPTIONS, cia402.CYCLIC_SYNCHRONOUS_TORQUE
     for controlword in (6, 7, 15):
@@ -58,19 +58,19 @@ def test_an_old_target_does_not_come_back() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_stop_is_told_as_it_went(sign: float) -> None:
     """Duration until the axis stands for good (0.1 mm/s and the encoder's share), distance, either way."""
-    said: list[StopReport] = []
-    axis = an_axis(said)
+    reports: list[StopReport] = []
+    axis = an_axis(reports)
     pushed(axis, sign * 1.0, 60)
     began, speed = axis.plant.state.position, axis.plant.state.velocity
     assert abs(speed) == pytest.approx(0.27, rel=0.02)
     axis.quick_stop()
     speeds = []
-    while not said:
+    while not reports:
         axis.advance(DT)
         speeds.append(abs(axis.plant.state.velocity))
     standing = 1e-4 * 2.0 + STEP / 0.01
     moving = max(k for k, v in enumerate(speeds) if v >= standing) + 1
-    (stop,) = said
+    (stop,) = reports
     assert stop == (pytest.approx(moving * DT), axis.plant.state.position - began, True)
     assert len(speeds) == pytest.approx(moving + 10, abs=1)  # it must stand for 10 ms
     # The velocity lags the ramp by J/(gain Kt) = 10 ms: 20 mm/s at its end, which then decay to 0.2 mm/s.
@@ -80,19 +80,19 @@ def test_a_stop_is_told_as_it_went(sign: float) -> None:
 
 def test_an_axis_that_cannot_be_stopped_loses_its_power_and_says_so() -> None:
     """A vertical axis heavier than the drive's gain can hold: after the ramp and two seconds it is given up."""
-    said: list[StopReport] = []
+    reports: list[StopReport] = []
     p = linear_stage()
-    axis = an_axis(said, p._replace(mechanics=p.mechanics._replace(bias=20.0)), gain=0.1)
+    axis = an_axis(reports, p._replace(mechanics=p.mechanics._replace(bias=20.0)), gain=0.1)
     axis.options = OPTIONS._replace(quick_stop=2)
     pushed(axis, 0.0, 100)
     speed = axis.plant.state.velocity
     axis.quick_stop()
     periods = 0
-    while not said and periods < 10_000:
+    while not reports and periods < 10_000:
         axis.advance(DT)
         periods += 1
     assert periods * DT == pytest.approx(speed / 2.0 + 2.0, abs=2 * DT)
-    assert not said[0].stands
+    assert not reports[0].stands
     assert (axis.state, axis.plant.powered) == (DriveState.SWITCH_ON_DISABLED, False)
 
 
@@ -124,8 +124,8 @@ def test_a_fault_is_reset_by_an_edge_only() -> None:
 
 
 def test_a_second_error_does_not_begin_the_stop_again() -> None:
-    said: list[StopReport] = []
-    axis = an_axis(said)
+    reports: list[StopReport] = []
+    axis = an_axis(reports)
     pushed(axis, 1.0, 60)
     speed = axis.plant.state.velocity
     axis.trip()
@@ -133,8 +133,8 @@ def test_a_second_error_does_not_begin_the_stop_again() -> None:
         axis.advance(DT)
         axis.trip()
     assert axis.state is DriveState.FAULT
-    assert len(said) == 1
-    assert said[0].duration > 0.9 * speed / 2.0
+    assert len(reports) == 1
+    assert reports[0].duration > 0.9 * speed / 2.0
     axis.trip()
     assert axis.state is DriveState.FAULT
 
@@ -143,14 +143,14 @@ def test_an_axis_that_cannot_be_held_is_cut_whatever_the_option() -> None:
     """Option 6 stays in Quick stop active when it stands; what never stands must not stay powered."""
     p = linear_stage()
     plant = Plant(p._replace(mechanics=p.mechanics._replace(bias=20.0)), Simulation(substeps=4), DT)
-    said: list[StopReport] = []
-    axis = PowerStage(plant, 0.1, said.append)
+    reports: list[StopReport] = []
+    axis = PowerStage(plant, 0.1, reports.append)
     axis.options = axis.options._replace(quick_stop=6)
     axis.mode, axis.state, plant.powered = 10, DriveState.OPERATION_ENABLED, True
     axis.quick_stop()
     for _ in range(round(5.0 / DT)):
         axis.advance(DT)
-    assert [stop.stands for stop in said] == [False]
+    assert [stop.stands for stop in reports] == [False]
     assert axis.state is DriveState.SWITCH_ON_DISABLED
     assert not plant.powered
     assert abs(plant.state.current) < 1e-9

@@ -30,7 +30,7 @@ class Adapter:
         os.set_blocking(self._line, False)
         self.port, self._child = os.ttyname(child), child
         self._over, self._text = threading.Event(), b""
-        self.said: list[bytes] = []
+        self.reports: list[bytes] = []
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -55,7 +55,7 @@ class Adapter:
                 self._obey(line)
 
     def _obey(self, line: bytes) -> None:
-        self.said.append(line)
+        self.reports.append(line)
         if line[:1] == b"t":
             self._bus.send(frame(int(line[1:4], 16), bytes.fromhex(line[5:].decode())))
             os.write(self._line, b"z\r")
@@ -75,7 +75,7 @@ def test_a_drive_moves_and_stops_over_the_line(bench: Workbench, adapter: Adapte
     settings = bench.settings()._replace(interface="slcan", channel=f"{adapter.port}@3000000")
     bus = open_bus(settings.interface, settings.channel, settings.bitrate)
     drive = CanopenDrive(settings, bus, STEP, DT)
-    assert adapter.said.index(b"S8") < adapter.said.index(b"O")  # 1 Mbit/s, then open
+    assert adapter.reports.index(b"S8") < adapter.reports.index(b"O")  # 1 Mbit/s, then open
     assert drive.enable().fault is Fault.NONE
     for _ in range(40):
         drive.apply(1.0)
@@ -104,8 +104,8 @@ def test_the_time_of_a_cycle_is_that_of_its_characters() -> None:
     ],
 )
 def test_what_the_line_cannot_carry_is_refused_with_figures(channel: str, period: float, words: str) -> None:
-    found = slcan.refused(canopen_settings(channel)._replace(interface="slcan"), period)
-    assert bool(found) == bool(words)
+    result = slcan.refused(canopen_settings(channel)._replace(interface="slcan"), period)
+    assert bool(result) == bool(words)
     if words:
-        assert re.search(words, found[0]), found
+        assert re.search(words, result[0]), result
     assert slcan.refused(canopen_settings(channel)._replace(interface="socketcan"), period) == []

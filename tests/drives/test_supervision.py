@@ -6,9 +6,9 @@ from stagectl.drives.virtual.supervision import LostPartner, Watchdog
 
 
 def watching(timeout: float = 0.5) -> Watchdog:
-    found = Watchdog(0x8130, "no heartbeat")
-    found.timeout = timeout
-    return found
+    result = Watchdog(0x8130, "no heartbeat")
+    result.timeout = timeout
+    return result
 
 
 def test_it_trips_once_after_its_timeout_and_not_at_it() -> None:

@@ -15,7 +15,7 @@ _ACKNOWLEDGED = 2  # characters, "z<CR>"
 
 
 def baud(channel: str) -> float:
-    """Baud rate in a channel such as ``/dev/ttyUSB0@3000000``; 0 where what stands there is none."""
+    """Baud rate in a channel such as ``/dev/ttyUSB0@3000000``; 0 where the text after @ is no number."""
     _, at, text = channel.partition("@")
     if not at:
         return BAUD

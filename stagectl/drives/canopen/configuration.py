@@ -33,6 +33,18 @@ class DriveConfiguration:
 
     def run(self) -> None:
         """Configure the drive and start its PDOs.  Raises DriveError."""
+        try:
+            self._configure()
+        except OSError as error:
+            s = self._settings
+            raise DriveError(
+                f"the bus {s.interface} {s.channel} failed while node {s.node} was being configured: {error};"
+                " see 'ip -details link', bring it up, then start again",
+                place=s.channel,
+                node=s.node,
+            ) from error
+
+    def _configure(self) -> None:
         if self._settings.reset != "none":
             self._node.nmt.send_command(cia402.NMT_RESETS[self._settings.reset])
         self._wait_for_answer()
@@ -107,7 +119,8 @@ class DriveConfiguration:
                     raise DriveError(
                         f"node {s.node} does not answer on {s.interface} {s.channel} within {BOOT_TIME:.0f} s. Probable"
                         " causes: no power, a wrong node id or bit rate, no bus termination; for a virtual drive:"
-                        " 'stagectl virtual-drive' does not run on this channel. Next: `stagectl drive probe STAGE.yaml`",
+                        " 'stagectl virtual-drive' does not run on this channel. Next:"
+                        " `stagectl drive probe STAGE.yaml`",
                         place=s.channel,
                         node=s.node,
                     ) from error

@@ -6,7 +6,7 @@ The `canopen` library knows EDS and SDO; the cyclic path is three frames and two
               <------------------ TPDO   statusword, position, current
     apply()   RPDO ------------------>   controlword, current command
 
-There is no thread: whatever else arrives is taken up while `sample` waits for its TPDO.
+There is no thread: every other frame is read while `sample` waits for its TPDO.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from stagectl.drives.canopen.braking_monitor import (
 )
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.configuration import MASTER, NOT_OFFERED, DriveConfiguration
-from stagectl.drives.canopen.fault_texts import CAUSES, WHAT, Emergency, emergency_words, hint, state_words
+from stagectl.drives.canopen.fault_texts import CAUSES, WHAT, Emergency, emergency_words, not_enabled, state_words
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
 from stagectl.drives.canopen.power_states import PowerTransition, Standstill
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
+from stagectl.drives.drive import Canopen, Fault, Feedback, Power
 from stagectl.drives.limits import BACKLOG, ENABLE_TIME, LOST_STOP_TIME, REPEAT_COMMAND_CYCLES, STOP_TIME
 
 _SYNC = frame(0x080)
@@ -49,7 +49,7 @@ class CanopenDrive:
     def __init__(self, settings: Canopen, bus: Bus, encoder_step: float, dt: float, *, clock: Clock = WALL) -> None:
         """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
 
-        Raises DriveError with what the drive refused and the next step.
+        Raises DriveError with the object that the drive refused and the next step.
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
         self._clock, self._now, self._pace = clock, clock.now, SpeedEstimate(dt)
@@ -73,19 +73,11 @@ class CanopenDrive:
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
         setup = DriveConfiguration(settings, self._node, encoder_step, clock)
-        try:
-            setup.run()
-        except OSError as error:
-            raise DriveError(
-                f"the bus {settings.interface} {settings.channel} failed while node {settings.node} was being"
-                f" configured: {error}; see 'ip -details link', bring it up, then start again",
-                place=settings.channel,
-                node=settings.node,
-            ) from error
-        self._told = setup.told
+        setup.run()
+        self._description = setup.description
         name = cia402.OPTIONS[cia402.ABORT_CONNECTION][0]
         ignored = (NOT_OFFERED, cia402.option(cia402.ABORT_CONNECTION, 0))
-        self._stops_alone = setup.told[name] not in ignored  # when it is taken out of operation
+        self._stops_alone = setup.description[name] not in ignored  # when it is taken out of operation
 
     def enable(self) -> Feedback:
         """Walk the state machine to Operation enabled at zero current, from whatever state.
@@ -101,7 +93,7 @@ class CanopenDrive:
                 return now
             self.apply(0.0)
             due = self._rest(due)
-        raise DriveError(self._hangs(), node=self._settings.node)
+        raise not_enabled(self._settings.node, self._last, self._problem, self._emergency)
 
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow."""
@@ -139,7 +131,7 @@ class CanopenDrive:
         return self._noted(self._walked(now) if self._walking else now)
 
     def _supervise(self) -> None:
-        """A stop that does not stop: an axis that gets faster loses its power, a silent drive is left to itself."""
+        """During a quick stop: cut the power of an axis that is not braked; release a drive that is silent."""
         if self._walk.power is not Power.QUICK_STOP:
             return
         failure = self._braking.step(self._silent)
@@ -150,7 +142,7 @@ class CanopenDrive:
             self._walk = PowerTransition(Power.OFF, self._standstill())
 
     def _insist(self, state: DriveState) -> None:
-        """A drive that must stop and stays in operation has not heard it: the same word again, by SDO."""
+        """Send the controlword again by SDO to a drive that stays in operation although it must stop."""
         if self._unheard.certain(self._walk.power is not Power.ON and state is DriveState.OPERATION_ENABLED):
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
             word = _WRITE_WORD.pack(0x2B, cia402.CONTROLWORD, 0, self._walk.controlword)
@@ -172,7 +164,7 @@ class CanopenDrive:
             self._problem = f"the bus failed: {error}"
 
     def quick_stop(self) -> Feedback:
-        """Quick stop by the drive's own ramp, until it stands, its power is off, or ten seconds are over."""
+        """Quick stop by the drive's own ramp, until the axis stands, the power is off, or STOP_TIME is over."""
         self.ask(Power.QUICK_STOP)
         due = self._now()
         deadline, still, off = due + STOP_TIME, self._standstill(), ConsecutiveCycles()
@@ -185,7 +177,7 @@ class CanopenDrive:
             over = off.certain(state not in _RUNNING and not self._silent) or state is DriveState.QUICK_STOP_ACTIVE
             if self._silent:
                 deadline = min(deadline, self._now() + LOST_STOP_TIME)
-            elif still.stands(now.position) and over:  # a statusword alone is not believed: to leave cuts the power
+            elif still.stands(now.position) and over:  # not by the statusword alone: to return cuts the power
                 break
             due = self._rest(due)
         return self._last
@@ -193,7 +185,7 @@ class CanopenDrive:
     def describe(self) -> dict[str, str]:
         """Identity, time-outs, option codes in words and scales, as read back from the drive."""
         s = self._settings
-        return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._told}
+        return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._description}
 
     def explain(self) -> str:
         """The last fault in words, with the probable causes and the next command."""
@@ -208,12 +200,12 @@ class CanopenDrive:
         return f"node {self._settings.node}: {'; '.join(filter(None, parts))}. {CAUSES[last.fault]}"
 
     def close(self) -> None:
-        """Disable the voltage, take the node out of operation, leave the bus; safe twice, never raises."""
+        """Disable voltage, take the node out of operation, close the bus; safe to call twice, never raises."""
         if self._closed:
             return
         self._closed = True
         self.ask(Power.OFF)
-        with contextlib.suppress(OSError):  # on a dead bus nothing is left to be said
+        with contextlib.suppress(OSError):  # a dead bus carries nothing
             self.apply(0.0)
             self._bus.send(_SYNC)  # the RPDO acts with it
             self._manage(cia402.NMT_PRE_OPERATIONAL)
@@ -221,12 +213,12 @@ class CanopenDrive:
             self._bus.close()
 
     def _manage(self, command: int) -> None:
-        """Send a command of the network management to the drive."""
+        """Send an NMT command to the drive (CiA 301)."""
         with contextlib.suppress(OSError):
             self._bus.send(frame(0, bytes([command, self._settings.node])))
 
     def _await_answer(self, timeout: float) -> bytes | None:
-        """The TPDO, taking up whatever comes before it; None after `timeout` seconds."""
+        """The TPDO, reading all other frames before it; None after `timeout` seconds."""
         receive, head = self._bus.receive, self._answer.head
         deadline = self._now() + timeout  # before the first frame: what comes in between must not prolong the wait
         raw = receive(timeout)
@@ -251,13 +243,13 @@ class CanopenDrive:
             self._heard = self._now()
             self._rebooted = self._rebooted or raw[8] == cia402.INITIALISING
             if self._serving and raw[8] & 0x7F == cia402.PRE_OPERATIONAL:
-                self._problem = "it has left the operational state"
+                self._problem = "it left the NMT state operational"
         elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
             wanted = self._answer.head[4]
-            self._problem = f"its TPDO has {raw[4]} bytes, must have {wanted}; did another master map it?"
+            self._problem = f"its TPDO has {raw[4]} bytes, must have {wanted}; probable cause: another master mapped it"
 
     def _drain(self) -> None:
-        """A late or doubled answer must not be taken for the next one; a babbling node must not hold us up."""
+        """Clear the receive queue: a late or doubled answer must not be taken for the next one."""
         for _ in range(BACKLOG):
             raw = self._bus.receive(0.0)
             if raw is None:
@@ -291,11 +283,3 @@ class CanopenDrive:
         due = max(due + self._dt, self._now() - self._dt)
         self._clock.sleep(max(due - self._now(), 0.0))
         return due
-
-    def _hangs(self) -> str:
-        emergency = emergency_words(self._emergency) if self._emergency else "no emergency was sent"
-        parts = filter(None, (state_words(self._last.statusword), self._problem, emergency))
-        return (
-            f"node {self._settings.node} does not reach Operation enabled within {ENABLE_TIME:.0f} s:"
-            f" it remains in {'; '.join(parts)}. {hint(self._last)}"
-        )

@@ -1,6 +1,6 @@
-"""All objects of a drive that its EDS knows, read over SDO: what it is set to, for a file beside the stage's.
+"""All objects of a drive that its EDS lists, read over SDO: how the drive is set, as JSON or as a DCF.
 
-Nothing is written to the drive.  What it does not answer to is told with its abort code, and the next one is read.
+Nothing is written to the drive.  An object that it refuses is listed with the abort code, and the next one is read.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class ObjectValue(NamedTuple):
 
     @property
     def changed(self) -> bool:
-        """Whether it is not as the EDS says that it leaves the factory."""
+        """Whether it differs from the default of the EDS."""
         return self.value is not None and self.default is not None and self.value != self.default
 
 
@@ -49,18 +49,18 @@ def dump(wire: Canopen, bus: Bus, progress: Progress = lambda *_: None, clock: C
     network[wire.node] = node
     node.sdo.RESPONSE_TIMEOUT = PROBE_ANSWER_TIME
     variables = list(_variables(od))
-    found: list[ObjectValue] = []
+    values: list[ObjectValue] = []
     for number, variable in enumerate(variables):
-        found.append(_entry(node, variable))
+        values.append(_entry(node, variable))
         progress(number + 1, len(variables))
-        if len(found) >= SILENT_OBJECTS and all(one.problem == _NO_ANSWER for one in found[-SILENT_OBJECTS:]):
+        if len(values) >= SILENT_OBJECTS and all(value.problem == _NO_ANSWER for value in values[-SILENT_OBJECTS:]):
             raise DriveError(
                 f"node {wire.node} on {wire.interface} {wire.channel} does not answer: check its power, its id and the "
                 "bit rate; `stagectl doctor` looks at the bus",
                 place=wire.channel,
                 node=wire.node,
             )
-    return found
+    return values
 
 
 _NO_ANSWER = "no answer"
@@ -71,7 +71,7 @@ def _variables(od: canopen.ObjectDictionary) -> Iterator[Any]:
     for index in sorted(od):
         entry = od[index]
         members = [entry] if isinstance(entry, canopen.objectdictionary.ODVariable) else list(entry.values())
-        yield from (one for one in members if one.access_type != "wo")
+        yield from (variable for variable in members if variable.access_type != "wo")
 
 
 def _entry(node: PumpedNode, variable: Any) -> ObjectValue:
@@ -106,21 +106,21 @@ def write_dcf(entries: list[ObjectValue], eds: str, node: int, path: Path) -> No
 
     Raises DriveError where the EDS cannot be read.
     """
-    lines = configparser.RawConfigParser(interpolation=None)
-    lines.optionxform = str  # type: ignore[method-assign,assignment]  # keys keep their case
+    dcf = configparser.RawConfigParser(interpolation=None)
+    dcf.optionxform = str  # type: ignore[method-assign,assignment]  # keys keep their case
     try:
-        lines.read_string(Path(eds).read_text(encoding="utf-8-sig", errors="replace"))
+        dcf.read_string(Path(eds).read_text(encoding="utf-8-sig", errors="replace"))
     except (OSError, configparser.Error) as error:
         raise DriveError(f"eds = {eds}: {error}", place=eds) from error
-    sections = {name.upper(): name for name in lines.sections()}
-    for one in entries:
-        plain = f"{one.number:04X}"
-        name = sections.get(f"{plain}SUB{one.subindex:X}") or sections.get(plain)
-        if name is not None and one.value is not None and not one.problem:
-            lines.set(name, "ParameterValue", str(one.value))
-    if not lines.has_section("DeviceComissioning"):  # spelled like this in CiA 306
-        lines.add_section("DeviceComissioning")
-    lines.set("DeviceComissioning", "NodeID", str(node))
+    sections = {name.upper(): name for name in dcf.sections()}
+    for entry in entries:
+        index = f"{entry.number:04X}"
+        name = sections.get(f"{index}SUB{entry.subindex:X}") or sections.get(index)
+        if name is not None and entry.value is not None and not entry.problem:
+            dcf.set(name, "ParameterValue", str(entry.value))
+    if not dcf.has_section("DeviceComissioning"):  # spelled like this in CiA 306
+        dcf.add_section("DeviceComissioning")
+    dcf.set("DeviceComissioning", "NodeID", str(node))
     text = io.StringIO()
-    lines.write(text, space_around_delimiters=False)
+    dcf.write(text, space_around_delimiters=False)
     path.write_text(text.getvalue(), encoding="utf-8")

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
-from stagectl.drives.drive import Fault, Feedback
+from stagectl.drives.drive import DriveError, Fault, Feedback
+from stagectl.drives.limits import ENABLE_TIME
 
 
 class Emergency(NamedTuple):
@@ -20,7 +21,7 @@ class Emergency(NamedTuple):
 WHAT = {
     Fault.NONE: "no fault",
     Fault.FEEDBACK_LOST: "no answer to SYNC within the time-out",
-    Fault.DRIVE_FAULT: "the drive is not in Operation enabled any more",
+    Fault.DRIVE_FAULT: "the drive left Operation enabled",
     Fault.EMERGENCY: "the drive sent an emergency",
     Fault.BUS: "the bus failed",
     Fault.REBOOTED: "the drive booted in mid operation",
@@ -50,7 +51,7 @@ CAUSES = {
 }
 _HINTS = {
     DriveState.NOT_READY: (
-        "Probable cause: the drive still initialises or lacks its logic supply. Wait, or look at its display"
+        "Probable causes: the drive still initialises, or has no logic supply. Wait, then read its display"
     ),
     DriveState.SWITCH_ON_DISABLED: (
         "Probable causes: no DC link voltage, STO open, or the enable input missing. Close STO,"
@@ -60,7 +61,7 @@ _HINTS = {
     DriveState.SWITCHED_ON: (
         "Probable causes: the enable input is missing or the brake or encoder is not ready. See the drive's display"
     ),
-    DriveState.FAULT: "Probable cause: what caused the fault is still there. Remove it, then start the run again",
+    DriveState.FAULT: "Probable cause: the cause of the fault is still present. Remove it, then start the run again",
 }
 
 
@@ -76,8 +77,15 @@ def emergency_words(emergency: Emergency) -> str:
     return f"emergency 0x{code:04X} ({meaning}), error register 0x{register:02X}, vendor's bytes {vendor.hex(' ')}"
 
 
-def hint(last: Feedback) -> str:
-    """Probable causes and next step where the drive does not become enabled."""
-    if last.fault is Fault.FEEDBACK_LOST:
-        return CAUSES[Fault.FEEDBACK_LOST]
-    return _HINTS.get(cia402.state(last.statusword), CAUSES[Fault.DRIVE_FAULT])
+def not_enabled(node: int, last: Feedback, problem: str, emergency: Emergency | None) -> DriveError:
+    """The error of a drive that does not become enabled, with probable causes and the next step."""
+    reported = emergency_words(emergency) if emergency else "no emergency was sent"
+    parts = filter(None, (state_words(last.statusword), problem, reported))
+    hint = _HINTS.get(cia402.state(last.statusword), CAUSES[Fault.DRIVE_FAULT])
+    return DriveError(
+        f"node {node} does not reach Operation enabled within {ENABLE_TIME:.0f} s: it remains in"
+        f" {'; '.join(parts)}. {CAUSES[last.fault] if last.fault is Fault.FEEDBACK_LOST else hint}",
+        node=node,
+        object_key=cia402.STATUSWORD << 8,
+        value=last.statusword,
+    )

@@ -1,7 +1,7 @@
 """The `canopen` library over one of our buses, without any thread.
 
-The loop's process must have no other Python thread, so nothing here waits in the background: frames reach
-the library when somebody calls `pump` or `notify`, and what must be sent periodically goes out in `tick`.
+The loop's process must have no other Python thread, so nothing here waits in the background.  Frames reach the library
+when `pump` or `notify` is called; periodic frames are sent in `tick`.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class PumpedNetwork(canopen.Network):
                 task.due = max(task.due + task.period, now)
 
     def take(self, raw: bytes) -> None:
-        """Hand a received frame to the library; remote and extended frames are none of its business."""
+        """Hand a received frame to the library, except remote and extended frames."""
         identifier, data = parse(raw)
         if identifier & (REMOTE | EXTENDED):
             return
@@ -86,33 +86,38 @@ _BEGINS, _ANSWERS = (1, 2), (2, 3, 4)  # top three bits of a request that begins
 class PumpedSdo(SdoClient):
     """An SDO client that reads the bus itself while it waits for its answer."""
 
-    _asked: bytes | None = None  # index and subindex of the transfer that begins
+    _requested: bytes | None = None  # index and subindex of the transfer that begins
 
     def send_request(self, request: Any) -> None:
-        """Send a request, and know what it was about."""
-        self._asked = bytes(request[1:4]) if request[0] >> 5 in _BEGINS else None
+        """Send a request and keep the object that it names."""
+        self._requested = bytes(request[1:4]) if request[0] >> 5 in _BEGINS else None
         super().send_request(request)  # type: ignore[no-untyped-call]
 
     def read_response(self) -> bytes:
         """The server's answer.  Raises SdoAbortedError or SdoCommunicationError."""
         network: Any = self.network
         deadline = network.clock.now() + self.RESPONSE_TIMEOUT
-        while not self._answered():
+        while not self._has_answer():
             left = deadline - network.clock.now()
             if left <= 0.0:
                 raise SdoCommunicationError("No SDO response received")
             network.pump(left)
         return bytes(super().read_response())  # type: ignore[no-untyped-call]
 
-    def _answered(self) -> bool:
-        """Whether the answer is there; a late one to a request that was given up is not it."""
+    def _has_answer(self) -> bool:
+        """Whether the answer has arrived; late answers to an abandoned request are dropped."""
         waiting = self.responses.queue
-        while waiting and self._asked is not None and waiting[0][0] >> 5 in _ANSWERS and waiting[0][1:4] != self._asked:
+        while (
+            waiting
+            and self._requested is not None
+            and waiting[0][0] >> 5 in _ANSWERS
+            and waiting[0][1:4] != self._requested
+        ):
             waiting.popleft()
         return bool(waiting)
 
     def abort(self, abort_code: int = 0x0800_0000) -> None:
-        """Tell the server that the transfer is over; the caller gets an error of its own to report."""
+        """Abort the transfer at the server; the caller raises its own error."""
         self.send_request(b"\x80\0\0\0" + abort_code.to_bytes(4, "little"))
 
 

@@ -1,14 +1,15 @@
-"""How each fault of the virtual drive is done, and undone."""
+"""How each fault of the virtual drive is caused and undone."""
 
 from __future__ import annotations
 
 import collections
 import random
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from stagectl.drives.bus import faulty_bus
-from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Undo, Way
+from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Undo, Way, added
 from stagectl.drives.canopen import cia402
 from stagectl.drives.clock import SkewedClock
 from stagectl.drives.limits import JUMP_PERIOD, STORM_PERIOD
@@ -20,29 +21,34 @@ from stagectl.drives.virtual.sensor import Distortion
 _ENCODER, _RECOVERED = 0x7305, 0x8140  # emergency error codes
 
 
+def _nothing() -> None:
+    """Undo of a fault that ends by itself."""
+
+
+@dataclass
+class _Periodic:
+    action: Callable[[], None]
+    period: float  # s
+    due: float  # s
+
+
 class PeriodicActions:
-    """What a fault does again and again."""
+    """What a fault does periodically."""
 
     def __init__(self) -> None:
-        self._entries: list[tuple[float, float, Callable[[], None]]] = []  # next time, period, what
+        self._entries: list[_Periodic] = []
 
-    def every(self, period: float, now: float, what: Callable[[], None]) -> Undo:
+    def every(self, period: float, now: float, action: Callable[[], None]) -> Undo:
         """Do it now, and again each `period` (s) unless that is 0."""
-        what()
-        if period > 0.0:
-            self._entries.append((now + period, period, what))
-
-        def undo() -> None:
-            self._entries = [each for each in self._entries if each[2] is not what]
-
-        return undo
+        action()
+        return added(self._entries, _Periodic(action, period, now + period)) if period > 0.0 else _nothing
 
     def look(self, now: float) -> None:
         """Do what is due at `now` (s)."""
-        for n, (at, period, what) in enumerate(self._entries):
-            if at <= now:
-                self._entries[n] = (now + period, period, what)
-                what()
+        for entry in tuple(self._entries):
+            if entry.due <= now:
+                entry.due = now + entry.period
+                entry.action()
 
 
 class DriveParts(NamedTuple):
@@ -61,12 +67,8 @@ class DriveParts(NamedTuple):
 _Action = Callable[[DriveParts, Any, float], Undo]
 
 
-def _nothing() -> None:
-    """What cannot be undone is over by itself."""
-
-
 def _rule(m: DriveParts, way: Way, kinds: str, act: Act) -> Undo:
-    """Bend the frames of these `kinds`, separated by commas; none: all."""
+    """Apply `act` to the frames of these `kinds`, separated by commas; empty: to all."""
     return m.bus.add(Rule(way, frozenset(kinds.split(",")) if kinds else frozenset(), act))
 
 

@@ -1,4 +1,4 @@
-"""Faults on demand in the virtual drive: which wait, and which act."""
+"""Faults of the virtual drive: which are waiting and which are active."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class FaultSchedule:
     """The faults of one virtual drive."""
 
     def __init__(self, machine: DriveParts, report: Callable[[str], None]) -> None:
-        """`report` is told, in words, what begins and what is over."""
+        """`report` takes one line for each fault that begins or ends."""
         self._machine, self._report = machine, report
         self._standing: tuple[Any, ...] = ()
         self._waiting: list[tuple[float, Any]] = []
@@ -46,18 +46,13 @@ class FaultSchedule:
     def clear(self) -> None:
         """Undo all that acts, forget all that waits."""
         self._waiting.clear()
-        acting, self._acting = self._acting, []
-        for each in acting:
-            self._end(each)
+        self._end(lambda _: True)
 
     def renew(self) -> None:
         """As after power-on: the standing faults wait for Operation enabled again; others stay as they are."""
         self._enabled = False
-        self._waiting = [(at, each) for at, each in self._waiting if each not in self._standing]
-        over = [each for each in self._acting if each.block in self._standing]
-        self._acting = [each for each in self._acting if each not in over]
-        for each in over:
-            self._end(each)
+        self._waiting = [(at, block) for at, block in self._waiting if block not in self._standing]
+        self._end(lambda acting: acting.block in self._standing)
 
     @property
     def active(self) -> list[str]:
@@ -71,16 +66,17 @@ class FaultSchedule:
             self._waiting += [(now + block.after, block) for block in self._standing]
         if not (self._waiting or self._acting):
             return
-        over = [each for each in self._acting if each.until and each.until <= now]
-        self._acting = [each for each in self._acting if each not in over]
-        for each in over:
-            self._end(each)
-        due = [each for at, each in self._waiting if at <= now]
-        self._waiting = [(at, each) for at, each in self._waiting if at > now]
+        self._end(lambda acting: 0.0 < acting.until <= now)
+        due = [block for at, block in self._waiting if at <= now]
+        self._waiting = [(at, block) for at, block in self._waiting if at > now]
         for block in due:
             self.begin(block, now)
         self._machine.repeats.look(now)
 
-    def _end(self, acting: _Acting) -> None:
-        acting.undo()
-        self._report(f"fault is over: {acting.block.fault}")
+    def _end(self, over: Callable[[_Acting], bool]) -> None:
+        """Undo the faults that are `over`, the oldest first."""
+        ending = [acting for acting in self._acting if over(acting)]
+        self._acting = [acting for acting in self._acting if acting not in ending]
+        for acting in ending:
+            acting.undo()
+            self._report(f"fault is over: {acting.block.fault}")

@@ -1,6 +1,6 @@
-"""How a fault gets into a running virtual drive: one JSON datagram to a socket of its user, one back.
+"""Injection of faults into a running virtual drive: one JSON datagram to a socket of its user, one back.
 
-The way does not lead over the bus, so that a bus which is out can be put in again::
+The request does not travel over the bus, so that a bus fault can be cleared::
 
     stagectl inject  -- {"do": "add", "fault": {...}} -->  node-5.inject in the run-time folder
                      <-- {"words": "...", "active": [...]} --
@@ -48,7 +48,7 @@ class InjectionSocket:
             ) from error
 
     def look(self, obey: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
-        """Hand a request to `obey` and its answer back."""
+        """Pass one waiting request to `obey` and send its answer; never waits."""
         try:
             raw, sender = self._socket.recvfrom(INJECT_DATAGRAM)
         except BlockingIOError:
@@ -61,7 +61,7 @@ class InjectionSocket:
             self._socket.sendto(json.dumps(answer).encode(), sender)
 
     def close(self) -> None:
-        """Leave nothing behind."""
+        """Close the socket and remove its file."""
         self._socket.close()
         self._path.unlink(missing_ok=True)
 
@@ -76,7 +76,7 @@ def socket_path(interface: str, channel: str, node: int) -> Path:
 
 
 def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
-    """What the drive behind `path` answers.
+    """Send `request` to the virtual drive that listens at `path`; its answer.
 
     Raises InjectError where none listens there, or it refuses.
     """
@@ -105,7 +105,7 @@ def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
 
 
 def obey(faults: Any, now: float, request: dict[str, Any]) -> dict[str, Any]:
-    """Do what was asked of these `faults`, at `now` (s)."""
+    """Carry out a request on these `faults` at `now` (s)."""
     if request["do"] == "clear":
         faults.clear()
     elif request["do"] == "add":

@@ -10,11 +10,12 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+from stagectl.drives.bus.faulty_bus import Undo
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DeviceCommand, DriveState
 from stagectl.drives.limits import STANDING, STILL_TIME, STOP_GRACE
 from stagectl.drives.simulated import Plant
-from stagectl.drives.virtual.sensor import Actuator, Sensor, Undo
+from stagectl.drives.virtual.sensor import Actuator, Sensor
 
 _VOLTAGE, _REMOTE, _FOLLOWS = 0x0010, 0x0200, 0x1000  # bits of the statusword besides the state
 _STOPPING = (DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
@@ -32,7 +33,7 @@ class StopOptions(NamedTuple):
 
 
 class StopReport(NamedTuple):
-    """How a stop went."""
+    """The result of a stop by the drive itself."""
 
     duration: float  # s
     distance: float  # rad | m, from where it began
@@ -43,7 +44,7 @@ class PowerStage:
     """Power stage and plant; `advance` is one control period of it."""
 
     def __init__(self, plant: Plant, gain: float, stopped: Callable[[StopReport], None]) -> None:
-        """`gain` of the stop's velocity loop (A s/rad | A s/m); `stopped` is told when a stop is over."""
+        """`gain` of the stop's velocity loop (A s/rad | A s/m); `stopped` is called when a stop is over."""
         self.plant, self._gain, self._stopped = plant, gain, stopped
         self.sensor, self._actuator, self._sto = Sensor(plant), Actuator(), False
         self.options = StopOptions(2, 2, 3, 1.0, math.inf)
@@ -54,7 +55,7 @@ class PowerStage:
         self.applied = 0.0  # A, what acts since the last SYNC
         self._after_stop = DriveState.SWITCH_ON_DISABLED
         self._reference = 0.0  # velocity on the ramp
-        self._began = self._still = 0.0  # where the stop began; how long it has stood, s
+        self._began = self._still = 0.0  # rad | m where the stop began; s without motion
         self._elapsed = self._limit = 0.0
 
     @property
@@ -69,7 +70,7 @@ class PowerStage:
 
     @property
     def statusword(self) -> int:
-        """0x6041 as it stands."""
+        """Statusword (0x6041) now."""
         bits: int = self.state.value[1] | _REMOTE | _VOLTAGE
         follows = self.state is DriveState.OPERATION_ENABLED and self.mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
         return bits | _FOLLOWS if follows else bits
@@ -93,7 +94,7 @@ class PowerStage:
             self._enter(target)
 
     def latch(self) -> None:
-        """What was received acts from now on."""
+        """Let the received command act from now on."""
         obeys = self.state is DriveState.OPERATION_ENABLED and self.mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
         limit = self.options.current_limit
         self.applied = min(max(self.target, -limit), limit) if obeys else 0.0
@@ -110,7 +111,7 @@ class PowerStage:
         self._watch_stop(seconds)
 
     def quick_stop(self) -> None:
-        """Transition 11: brake as 0x605A says, whoever asked for it."""
+        """Transition 11: brake as 0x605A requires."""
         option = self.options.quick_stop
         if option == 0:
             self._enter(DriveState.SWITCH_ON_DISABLED)
@@ -148,7 +149,7 @@ class PowerStage:
         self.mode = self.controlword = 0
 
     def open_sto(self) -> Undo:
-        """Safe torque off: no power until the answer is called."""
+        """Safe torque off: no power until the returned function is called."""
         self._sto = True
         self._enter(DriveState.SWITCH_ON_DISABLED)
 
@@ -158,7 +159,7 @@ class PowerStage:
         return close
 
     def distort(self, distortion: Callable[[float], float]) -> Undo:
-        """Distort the motor's current until the answer is called."""
+        """Distort the motor's current until the returned function is called."""
         return self._actuator.distort(distortion)
 
     def _cut(self) -> None:

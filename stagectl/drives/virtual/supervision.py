@@ -1,4 +1,4 @@
-"""How the virtual drive supervises its controller: the heartbeat, and the deadline of the cyclic command."""
+"""Supervision of the controller by the virtual drive: its heartbeat and the deadline of its cyclic command."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class LostPartner(NamedTuple):
-    """A partner that fell silent."""
+    """A partner whose messages ceased."""
 
     code: int  # emergency error code
     what: str  # in plain words
@@ -15,7 +15,7 @@ class LostPartner(NamedTuple):
 
 
 class Watchdog:
-    """Trips once when nothing was heard for `timeout`; armed by the first sign of life."""
+    """Trips once after `timeout` without a message; armed by the first message."""
 
     def __init__(self, code: int, what: str) -> None:
         """Report `code` (EMCY) and `what` (words) when it trips."""
