@@ -31,7 +31,7 @@ CYCLIC_SYNCHRONOUS_TORQUE_BIT = 1 << 9  # in 0x6502
 TORQUE_PERMILLE = 1e-3  # 0x6071 and 0x6077 count thousandths of the rated value
 
 # NMT (CiA 301): commands and the states that a heartbeat carries
-NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL = 0x01, 0x02, 0x80
+NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 NMT_RESETS = {"node": 0x81, "communication": 0x82}
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 
@@ -190,19 +190,19 @@ HEARTBEAT_LOST, PDO_LENGTH, RPDO_LOST = 0x8130, 0x8210, 0x8250
 COMMUNICATION_ERROR = 0x10  # bit of the error register 0x1001
 GENERIC_ERROR = 0x01
 
-# SDO abort codes (CiA 301) that are given or looked at here.
-NOT_READABLE, NOT_WRITABLE, NO_OBJECT, NOT_MAPPABLE = 0x0601_0001, 0x0601_0002, 0x0602_0000, 0x0604_0041
+# SDO abort codes (CiA 301) that are sent or read here.
+NO_OBJECT, NOT_MAPPABLE = 0x0602_0000, 0x0604_0041
 PDO_TOO_LONG, WRONG_LENGTH, NO_SUBINDEX, OUT_OF_RANGE = 0x0604_0042, 0x0607_0010, 0x0609_0011, 0x0609_0030
 WRONG_STATE = 0x0800_0022
 
 
 def state(statusword: int) -> DriveState:
-    """State that a statusword says; Not ready to switch on where it says none of the standard's."""
+    """State in a statusword; Not ready to switch on where it holds none of the standard's states."""
     return _STATES[statusword & 0x6F]
 
 
 def command(controlword: int) -> DeviceCommand | None:
-    """Command in a controlword, None where it is none; fault reset is an edge of bit 7 and not found here."""
+    """Command in a controlword, None where it holds none; fault reset, an edge of bit 7, is not among them."""
     return None if controlword & 0x80 else _COMMANDS[controlword & 0x0F]
 
 

@@ -91,10 +91,8 @@ def _silent(wire: Canopen, others: list[int]) -> str:
     silence = f"node {wire.node} does not answer on {wire.interface} {wire.channel}"
     if others:
         ids = ", ".join(map(str, others))
-        return (
-            f"{silence}, but node {ids} does. Next: set 'node: {others[0]}' in the stage file, or run"
-            " `stagectl doctor STAGE.yaml`"
-        )
+        fix = f"set 'node: {others[0]}' in the stage file, or run `stagectl doctor STAGE.yaml`"
+        return f"{silence}, but node {ids} does: {fix}"
     return (
         f"{silence}, and no other node does. Probable causes: no power, a wrong bit rate, no bus termination; for a"
         " virtual drive: 'stagectl virtual-drive' does not run on this channel. Next: `stagectl doctor STAGE.yaml`"

@@ -76,10 +76,6 @@ def _frames(way: Way, kinds: str, make: Callable[[float, random.Random], Act]) -
     return lambda m, p, now: _rule(m, way, kinds, make(p.share, m.bus.random))
 
 
-def _late_frames(m: DriveParts, p: Any, now: float) -> Undo:
-    return _rule(m, "both", "", faulty_bus.delay(p.delay))
-
-
 def _bus_off(m: DriveParts, p: Any, now: float) -> Undo:
     undo = _rule(m, "both", "", faulty_bus.lose(1.0, m.bus.random))
 
@@ -175,20 +171,12 @@ def _tripped(m: DriveParts, p: Any, now: float) -> Undo:
     return _nothing
 
 
-def _disabled(m: DriveParts, p: Any, now: float) -> Undo:
-    return m.axis.open_sto()
-
-
 def _emergency(least: float) -> _Action:
     def done(m: DriveParts, p: Any, now: float) -> Undo:
         error = m.objects.error
         return m.repeats.every(p.every or least, now, lambda: error(p.code, cia402.GENERIC_ERROR))
 
     return done
-
-
-def _frozen(m: DriveParts, p: Any, now: float) -> Undo:
-    return _rule(m, "out", "tpdo", faulty_bus.freeze())
 
 
 def _statusword(m: DriveParts, p: Any, now: float) -> Undo:
@@ -201,14 +189,6 @@ def _statusword(m: DriveParts, p: Any, now: float) -> Undo:
         m.objects.changed = True
 
     return undo
-
-
-def _sdo_abort(m: DriveParts, p: Any, now: float) -> Undo:
-    return _rule(m, "in", "sdo request", faulty_bus.refuse(m.bus))
-
-
-def _sdo_silent(m: DriveParts, p: Any, now: float) -> Undo:
-    return _rule(m, "in", "sdo request", faulty_bus.lose(1.0, m.bus.random))
 
 
 def _skewed(m: DriveParts, p: Any, now: float) -> Undo:
@@ -228,7 +208,7 @@ ACTIONS: dict[str, _Action] = {
     "frames-reordered": _frames("both", "", faulty_bus.swap),
     "command-corrupted": _frames("in", "rpdo", faulty_bus.flip),
     "feedback-corrupted": _frames("out", "tpdo", faulty_bus.flip),
-    "frames-delayed": _late_frames,
+    "frames-delayed": lambda m, p, now: _rule(m, "both", "", faulty_bus.delay(p.delay)),
     "bus-flooded": _frames("out", "", faulty_bus.babble),
     "bus-off": _bus_off,
     "encoder-off": _encoder_off,
@@ -241,18 +221,18 @@ ACTIONS: dict[str, _Action] = {
     "drive-fault": _tripped,
     "emergency": _emergency(0.0),
     "emergency-storm": _emergency(STORM_PERIOD),
-    "drive-disabled": _disabled,
+    "drive-disabled": lambda m, p, now: m.axis.open_sto(),
     "power-off": _power_off,
     "current-off": _current(lambda m, p: lambda _: 0.0),
     "current-stuck": _current(lambda m, p: sensor.held()),
     "current-reversed": _current(lambda m, p: lambda current: p.factor * current),
     "current-weak": _current(lambda m, p: lambda current: p.factor * current),
     "current-late": _current(lambda m, p: sensor.late(max(1, round(p.delay / m.dt)))),
-    "node-stuck": _frozen,
+    "node-stuck": lambda m, p, now: _rule(m, "out", "tpdo", faulty_bus.freeze()),
     "node-reboot": _reboot,
     "statusword-garbage": _statusword,
     "feedback-short": _frames("out", "tpdo", faulty_bus.shorten),
-    "sdo-abort": _sdo_abort,
-    "sdo-silent": _sdo_silent,
+    "sdo-abort": lambda m, p, now: _rule(m, "in", "sdo request", faulty_bus.refuse(m.bus)),
+    "sdo-silent": lambda m, p, now: _rule(m, "in", "sdo request", faulty_bus.lose(1.0, m.bus.random)),
     "clock-skewed": _skewed,
 }
