@@ -47,7 +47,7 @@ SLCAN_READ_TIME = 0.0002  # s; chosen; python-can's own time-out, which a look a
 SLCAN_OPENING_TIME = 0.1  # s; chosen; an adapter's time to open its channel
 PORT_QUEUE = 256  # frames; chosen; that wait for a port of a shared bus which nobody reads
 BABBLE_FRAMES = 4  # frames; chosen; of another node before each of the drive's (fault bus-flooded)
-PLUGIN_WAIT = 3600.0  # s; chosen; stands for "for ever": python-can calls again by itself
+PLUGIN_WAIT = 3600.0  # s; chosen; means "for ever": python-can calls again by itself
 
 # ODrive
 STATE_CYCLES = 8  # cycles; chosen; distance of two requests for the state, which a feedback line has no room for

@@ -14,7 +14,7 @@ OPERATION_ENABLED, SWITCHED_ON = 0x0027, 0x0023
 
 
 class Simulation(NamedTuple):
-    """How the stage model is run where it stands in for a machine."""
+    """How the stage model runs in place of a machine."""
 
     substeps: Annotated[int, Quantity("", "[1, 10000]", "number of integration steps per control period")] = 10
     current_noise: Annotated[float, Quantity("A", "[0, 100]", "rms noise on the motor current, one draw a period")] = (
@@ -88,7 +88,7 @@ class Plant:
         self._silent = False
 
     def hear(self) -> None:
-        """End the silence in which a controller reads where the axis stands."""
+        """Switch the measurement noise on: enabling reads the position without it."""
         self._noise, self._silent = self._draw(), False
 
     @property

@@ -1,4 +1,4 @@
-"""The walk of a CiA 402 drive to the power that was asked for: one controlword a period, from whatever state."""
+"""The transition of a CiA 402 drive to the requested power: one controlword a period, from any state."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Standstill:
         return cls(max(2.0 * step, deceleration * STANDING * STANDSTILL_CYCLES * dt))
 
     def stands(self, position: float) -> bool:
-        """Whether it stands, with this period's `position` (rad | m)."""
+        """Whether the axis stands still, with this period's `position` (rad | m)."""
         if abs(position - self._anchor) <= self._tolerance:
             self._cycles += 1
         else:
@@ -45,7 +45,7 @@ class PowerTransition:
         self.controlword = _ORDERS.get(power, 0)
 
     def step(self, now: Feedback) -> DriveState:
-        """Take in what the drive said in this period; its state."""
+        """Read this period's feedback; the state of the drive."""
         state, stands = cia402.state(now.statusword), self._still.stands(now.position)
         if self.power is Power.ON and now.fault is not Fault.FEEDBACK_LOST:
             self.controlword = _towards_enabled(state, self._cycle, stands)

@@ -251,7 +251,7 @@ class VirtualNode:
     def _partner_lost(self, lost: LostPartner) -> None:
         self.objects.error(lost.code, cia402.COMMUNICATION_ERROR)
         if self.axis.state is not cia402.DriveState.OPERATION_ENABLED:
-            return  # nothing to stop, and after each orderly end nothing to be told
+            return  # nothing to stop; after an orderly end nothing to report
         silence, timeout = lost.silence * 1e3, lost.timeout * 1e3
         reaction = self._reaction(cia402.ABORT_CONNECTION)
         self._report(f"{lost.what} for {silence:.0f} ms (time-out {timeout:.0f} ms): {reaction}")

@@ -1,4 +1,4 @@
-"""Object dictionary of the virtual drive: what is live in it, what a write does, and its error history."""
+"""Object dictionary of the virtual drive: its live values, the effect of a write, and the error history."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ class Objects:
             self.error_over()
 
     def _set_mode(self, mode: int) -> None:
-        if mode in _CYCLIC_MODES:  # in an RPDO any other is ignored; an SDO is told so by `_check`
+        if mode in _CYCLIC_MODES:  # an RPDO with another mode is ignored; `_check` aborts such an SDO
             self.axis.mode = mode
 
     def _aim(self, current: float) -> None:
