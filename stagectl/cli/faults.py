@@ -42,7 +42,7 @@ def inject(
         return
     from stagectl.config.fault_words import read_fault
     from stagectl.config.stage_file import load_stage
-    from stagectl.drives.virtual.inject import ask, doorway
+    from stagectl.drives.virtual.inject import ask, socket_path
     from stagectl.workflows.motion import canopen, on_channel
 
     if stage is None or clear == (fault is not None):
@@ -50,7 +50,7 @@ def inject(
     wire = canopen(on_channel(load_stage(stage, designed=False), channel))
     block = read_fault(fault, parameters or []) if fault else None
     request = {"do": "add", "fault": block._asdict()} if block else {"do": "clear"}
-    answer = ask(doorway(wire.interface, wire.channel, wire.node), request)
+    answer = ask(socket_path(wire.interface, wire.channel, wire.node), request)
     active = ", ".join(answer["active"]) or "none"
     console.print(f"node {wire.node} on {wire.interface} {wire.channel}: faults that act: {active}")
     emit(answer, json)

@@ -10,7 +10,7 @@ import yaml
 from stagectl.config.hints import Tagged
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader
-from stagectl.drives.faults import BLOCKS, ROWS
+from stagectl.drives.faults import BLOCKS, FAULT_TYPES
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
@@ -20,7 +20,7 @@ def read_fault(name: str, words: list[str]) -> Any:
 
     Raises StageError with the known names, parameters and ranges.
     """
-    if name in ROWS and name not in BLOCKS:
+    if name in FAULT_TYPES and name not in BLOCKS:
         reason = "happens in the controller, not in a drive"
         raise StageError(Problem(reason, ProblemKind.VALUE, name, remedy="`stagectl selftest` provokes it"))
     node: Any = yaml.compose(yaml.safe_dump({"fault": name, **dict(map(_pair, words))}), Loader=yaml.SafeLoader)

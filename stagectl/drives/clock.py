@@ -1,4 +1,4 @@
-"""Time from outside: the wall clock, and clocks that run at a rate of their own."""
+"""Clocks: the machine's monotonic clock, and one that runs at another rate."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ class Clock(Protocol):
         """Seconds since any fixed instant."""
 
     def sleep(self, seconds: float) -> None:
-        """Let so much of its time go by."""
+        """Wait for `seconds` of this clock."""
 
 
-class Wall:
+class WallClock:
     """The machine's own monotonic clock."""
 
     def now(self) -> float:
@@ -24,14 +24,14 @@ class Wall:
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Sleep so long."""
+        """Sleep for `seconds`."""
         time.sleep(seconds)
 
 
-WALL = Wall()
+WALL = WallClock()
 
 
-class Skewed:
+class SkewedClock:
     """A clock that runs `rate` seconds in one second of its base; the rate may change at any time."""
 
     def __init__(self, base: Clock) -> None:
@@ -43,7 +43,7 @@ class Skewed:
         return self._shown + self._rate * (self._base.now() - self._since)
 
     def sleep(self, seconds: float) -> None:
-        """Let so much of this clock's time go by."""
+        """Wait for `seconds` of this clock."""
         self._base.sleep(seconds / self._rate)
 
     def run_at(self, rate: float) -> None:

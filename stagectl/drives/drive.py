@@ -1,4 +1,4 @@
-"""What the loop asks of a drive, whatever the wire.
+"""The drive protocol: what the loop requires of a drive, whatever the wire.
 
 One control period, as every drive sees it::
 
@@ -6,7 +6,7 @@ One control period, as every drive sees it::
        |--- sample() ---> law ---> apply(i_k) ----------|--- sample() ...
        |    latches position        the drive holds i_k |    from t_k+1 on it acts (nd = 1)
 
-`sample` and `apply` never raise: what went wrong is in `Feedback.fault`, and the loop's safety decides, once.
+`sample` and `apply` never raise: `Feedback.fault` holds the failure, and the loop's safety alone decides.
 """
 
 from __future__ import annotations
@@ -18,7 +18,26 @@ from stagectl.units import Quantity, StageError
 
 
 class DriveError(StageError):
-    """A drive that cannot be reached, configured or enabled; the message names the next step."""
+    """A drive that cannot be reached, configured or enabled; the message names the next step.
+
+    `place` is the parameter, file, port or interface at fault, `node` the CANopen node id, `object_key` the object
+    (index << 8 | subindex), `abort_code` that of the SDO transfer (CiA 301) and `value` what was read there, in the
+    unit of the place or object.  None or empty: the error has none.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        place: str = "",
+        node: int | None = None,
+        object_key: int | None = None,
+        abort_code: int | None = None,
+        value: float | str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.place, self.node, self.object_key = place, node, object_key
+        self.abort_code, self.value = abort_code, value
 
 
 class Fault(enum.IntEnum):
@@ -58,7 +77,7 @@ class Feedback(NamedTuple):
 
 
 class Power(enum.Enum):
-    """What a drive shall be brought to, period by period, while its cycle goes on."""
+    """The power state that a drive is brought to, period by period, while its cycle continues."""
 
     ON = "Operation enabled at zero current"
     QUICK_STOP = "stopped by its own ramp"
@@ -83,17 +102,17 @@ class Drive(Protocol):
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow; `sample` and `apply` go on meanwhile.
 
-        Power.ON has come when `sample` reports no fault.
+        Power.ON is reached when `sample` reports no fault.
         """
 
     def quick_stop(self) -> Feedback:
-        """Let the drive stop the axis by its own ramp; returns when it stands or the stop's time is over."""
+        """Let the drive stop the axis by its own ramp; returns when the axis stands or the stop's time is over."""
 
     def describe(self) -> dict[str, str]:
         """Identity, option codes in words and scales, as read back from the drive (for the recording)."""
 
     def explain(self) -> str:
-        """The last fault in words: what the drive said, the probable causes, the next command."""
+        """The last fault in words: what the drive reported, the probable causes, the next command."""
 
     def close(self) -> None:
         """Disable the power stage and leave the wire; safe to call twice."""

@@ -1,4 +1,4 @@
-"""The one table of faults: what can be made to fail, how, and what drive and loop must do about it.
+"""The table of faults: what can fail, how, and how drive and loop must react.
 
 YAML (``virtual_drive: faults:``), ``stagectl inject``, ``stagectl selftest`` and the manual all read `TABLE`.
 The kinds are those of PX4's failure injection: off, stuck, garbage, wrong, slow, delayed, intermittent.
@@ -23,15 +23,15 @@ Code = Annotated[int, Quantity("", "[256, 65535]", "emergency error code (CiA 30
 Factor = Annotated[float, Quantity("", "[-100, 100]", "actual value for one unit of the true value")]
 
 
-class Plain(NamedTuple):
-    """A fault without parameters."""
+class OnOffFault(NamedTuple):
+    """A fault that is present or absent."""
 
     fault: Name
     after: After = 0.0
     duration: Lasting = 0.0
 
 
-class Frames(NamedTuple):
+class FrameFault(NamedTuple):
     """A fault of some of the frames."""
 
     fault: Name
@@ -40,7 +40,7 @@ class Frames(NamedTuple):
     duration: Lasting = 0.0
 
 
-class Some(NamedTuple):
+class RandomFrameFault(NamedTuple):
     """A fault that hits frames by chance."""
 
     fault: Name
@@ -49,8 +49,8 @@ class Some(NamedTuple):
     duration: Lasting = 0.0
 
 
-class Late(NamedTuple):
-    """Something that comes later than it should."""
+class DelayFault(NamedTuple):
+    """A delayed signal."""
 
     fault: Name
     delay: Delay = 0.01
@@ -58,7 +58,7 @@ class Late(NamedTuple):
     duration: Lasting = 0.0
 
 
-class Jump(NamedTuple):
+class PositionJump(NamedTuple):
     """A position that jumps."""
 
     fault: Name
@@ -68,8 +68,8 @@ class Jump(NamedTuple):
     duration: Lasting = 0.0
 
 
-class Wrong(NamedTuple):
-    """A value with a wrong factor."""
+class ScaledSignal(NamedTuple):
+    """A signal with a wrong factor."""
 
     fault: Name
     factor: Factor = -1.0
@@ -77,8 +77,8 @@ class Wrong(NamedTuple):
     duration: Lasting = 0.0
 
 
-class Weak(NamedTuple):
-    """A current that is too small."""
+class ReducedCurrent(NamedTuple):
+    """A current that flows only in part."""
 
     fault: Name
     factor: Factor = 0.3
@@ -86,7 +86,7 @@ class Weak(NamedTuple):
     duration: Lasting = 0.0
 
 
-class Emergency(NamedTuple):
+class EmergencyFault(NamedTuple):
     """Emergency messages."""
 
     fault: Name
@@ -96,8 +96,8 @@ class Emergency(NamedTuple):
     duration: Lasting = 0.0
 
 
-class Tripped(NamedTuple):
-    """A fault that the drive finds itself."""
+class DriveTrip(NamedTuple):
+    """A fault that the drive detects itself."""
 
     fault: Name
     code: Code = 0x2310
@@ -105,15 +105,15 @@ class Tripped(NamedTuple):
     duration: Lasting = 0.0
 
 
-class Off(NamedTuple):
-    """Something that is gone and comes back by itself."""
+class Outage(NamedTuple):
+    """A failure that ends by itself."""
 
     fault: Name
     after: After = 0.0
     duration: Lasting = 0.3
 
 
-class Skew(NamedTuple):
+class ClockSkew(NamedTuple):
     """A clock that runs at another rate."""
 
     fault: Name
@@ -122,33 +122,35 @@ class Skew(NamedTuple):
     duration: Lasting = 0.0
 
 
-class Must(NamedTuple):
-    """What has to happen to an axis that moves, and to one that holds its place."""
+class Reaction(NamedTuple):
+    """How an axis must react: one that moves, and one that holds its position."""
 
     category: Literal[0, 1, 2] | None  # stop category; None: the motion goes on
     noticed: tuple[str, ...] = ("cycle",)  # what bounds the time to the reaction: see `selftest.limits`
-    holding: Literal["stop", "go on", "either"] = "stop"  # an axis that stands need not notice all
-    brakes: Literal["ramp", "coast"] = "ramp"  # coast: what the drive brakes with is what failed
+    holding: Literal["stop", "go on", "either"] = "stop"  # an axis at rest need not notice every fault
+    brakes: Literal["ramp", "coast"] = "ramp"  # coast: the means to brake has failed
     reasons: tuple[Fault, ...] = ()  # what the loop may name as its reason; empty: any
 
 
-class Row(NamedTuple):
-    """One fault."""
+class FaultType(NamedTuple):
+    """One kind of fault, with the reaction that it requires."""
 
     name: str
     component: Literal["bus", "encoder", "drive", "node", "clock", "controller"]
     kind: Literal["off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent"]
     block: Any  # NamedTuple of its parameters
     words: str
-    must: Must
+    required: Reaction
 
 
 _LOST, _DRIVE, _EMCY = Fault.FEEDBACK_LOST, Fault.DRIVE_FAULT, Fault.EMERGENCY
 _ERROR = Fault.FOLLOWING_ERROR
-_SILENT = Must(1, ("feedback",), reasons=(_LOST,))
-_SEEN = Must(1, ("error",), "either", "coast")
-_GOES_ON = Must(None, (), "go on")
-_JUMPS = Must(0, brakes="coast", reasons=(Fault.JUMP,))  # an encoder that lies must not be braked by: `realtime.stops`
+_SILENT = Reaction(1, ("feedback",), reasons=(_LOST,))
+_SEEN = Reaction(1, ("error",), "either", "coast")
+_GOES_ON = Reaction(None, (), "go on")
+_JUMPS = Reaction(
+    0, brakes="coast", reasons=(Fault.JUMP,)
+)  # an encoder that lies must not be braked by: `realtime.stops`
 
 # Where a row admits that the axis coasts although its category is 1, the drive cannot brake: its own ramp is closed
 # over the encoder or the current that has failed, or a bent controlword has taken its power away before anybody asked.
@@ -156,75 +158,82 @@ _JUMPS = Must(0, brakes="coast", reasons=(Fault.JUMP,))  # an encoder that lies 
 # current that is stuck at what the motion needs is right until the motion changes, and found out as `unbraked` then; a
 # twentieth of the frames is doubled, as all of them would take 130 % of the bus at 2 kHz.  How long an axis may hold
 # its place in a loop that is late is for the stage file to say, by `late_limit`; what moves is stopped by its error.
-TABLE: tuple[Row, ...] = (
-    Row("cable-out", "bus", "off", Frames, "no frame passes, either way",
-        Must(1, ("supervision",), reasons=(_LOST,))),
-    Row("frames-lost", "bus", "intermittent", Some, "frames are lost by chance", Must(1, ("chance", "feedback"))),
-    Row("sync-lost", "bus", "off", Frames, "SYNC does not reach the drive",
-        Must(1, ("feedback",), reasons=(_LOST,))),
-    Row("command-lost", "bus", "off", Frames, "the cyclic command (RPDO) does not reach the drive",
-        Must(1, ("command",), reasons=(_DRIVE, _EMCY, Fault.FOLLOWING_ERROR))),
-    Row("feedback-lost", "bus", "off", Frames, "the drive's cyclic answer (TPDO) is lost", _SILENT),
-    Row("controller-heartbeat-lost", "bus", "off", Frames, "the controller's heartbeat does not reach the drive",
-        Must(1, ("heartbeat",), reasons=(_DRIVE, _EMCY))),
-    Row("drive-heartbeat-lost", "bus", "off", Frames, "the drive's heartbeat is lost while its answers go on",
-        Must(1, ("heartbeat",), reasons=(_LOST,))),
-    Row("frames-duplicated", "bus", "wrong", Some, "some frames arrive twice", _GOES_ON),
-    Row("frames-reordered", "bus", "wrong", Some, "neighbouring frames change places", Must(1, ("chance", "feedback"))),
-    Row("command-corrupted", "bus", "garbage", Some, "bits of the command (RPDO) are flipped",
-        Must(1, ("chance", "feedback"), "either", "coast", (_DRIVE, _EMCY, _ERROR, Fault.SPEED, Fault.JUMP))),
-    Row("feedback-corrupted", "bus", "garbage", Some, "bits of the drive's answer (TPDO) are flipped",
-        Must(1, ("chance",), brakes="coast", reasons=(Fault.JUMP, _DRIVE, _ERROR, Fault.SPEED))),
-    Row("frames-delayed", "bus", "delayed", Late, "all frames arrive late",
-        Must(1, ("error", "delay"), "either", "coast", (_ERROR, Fault.JUMP, Fault.LATE, _EMCY, _DRIVE, _LOST))),
-    Row("bus-flooded", "bus", "garbage", Frames, "another node sends frames between the drive's", _GOES_ON),
-    Row("bus-off", "bus", "off", Off, "the drive's CAN controller goes bus-off and recovers (EMCY 0x8140)",
-        Must(1, ("supervision",), reasons=(_LOST,))),
-    Row("encoder-off", "encoder", "off", Plain, "the drive notices that its encoder is gone (EMCY 0x7305)",
-        Must(1, brakes="coast", reasons=(_DRIVE, _EMCY))),
-    Row("encoder-stuck", "encoder", "stuck", Plain, "the position freezes, no error is reported", _SEEN),
-    Row("encoder-jump", "encoder", "wrong", Jump, "the position jumps", _JUMPS),
-    Row("encoder-jumping", "encoder", "intermittent", Jump, "the position jumps back and forth", _JUMPS),
-    Row("encoder-garbage", "encoder", "garbage", Plain, "the position is noise over the whole range", _JUMPS),
-    Row("encoder-reversed", "encoder", "wrong", Wrong, "the position has the wrong sign", _SEEN),
-    Row("encoder-late", "encoder", "delayed", Late, "the position is late",
-        Must(1, ("error",), "either", "coast", (_ERROR, Fault.SPEED, Fault.JUMP, Fault.FREEZE, _DRIVE))),
-    Row("drive-fault", "drive", "off", Tripped, "the drive trips: EMCY, fault reaction, Fault",
-        Must(1, reasons=(_DRIVE, _EMCY))),
-    Row("emergency", "drive", "wrong", Emergency, "the drive sends an EMCY and continues", Must(1, reasons=(_EMCY,))),
-    Row("emergency-storm", "drive", "garbage", Emergency, "the drive sends EMCYs continuously",
-        Must(1, reasons=(_EMCY,))),
-    Row("drive-disabled", "drive", "off", Plain, "STO: the drive removes the power",
-        Must(0, brakes="coast", reasons=(_DRIVE,))),
-    Row("power-off", "drive", "off", Off, "the supply fails; when it returns, the drive boots",
-        Must(0, ("feedback",), brakes="coast", reasons=(_LOST, Fault.REBOOTED))),
-    Row("current-off", "drive", "off", Plain, "no current flows (motor cable), no error is reported", _SEEN),
-    Row("current-stuck", "drive", "stuck", Plain, "the current freezes",
-        Must(1, ("error", "motion", "unbraked"), "either", "coast", (_ERROR, Fault.BRAKING, Fault.TRAVEL))),
-    Row("current-reversed", "drive", "wrong", Wrong, "the current has the wrong sign", _SEEN),
-    Row("current-weak", "drive", "slow", Weak, "only a part of the current flows", _GOES_ON),
-    Row("current-late", "drive", "delayed", Late, "the current acts late", Must(1, ("error",), "either", "coast")),
-    Row("node-stuck", "node", "stuck", Plain, "the drive repeats its last answer", _SEEN),
-    Row("node-reboot", "node", "off", Plain, "the drive reboots by itself",
-        Must(0, ("feedback",), brakes="coast", reasons=(_LOST, _DRIVE, Fault.REBOOTED))),
-    Row("statusword-garbage", "node", "garbage", Plain, "the statusword is noise", Must(1, reasons=(_DRIVE,))),
-    Row("feedback-short", "node", "wrong", Frames, "the drive's answer is one byte short", _SILENT),
-    Row("sdo-abort", "node", "wrong", Plain, "each SDO request is aborted", _GOES_ON),
-    Row("sdo-silent", "node", "off", Plain, "no SDO request is answered", _GOES_ON),
-    Row("clock-skewed", "clock", "slow", Skew, "the drive's clock runs at another rate", _GOES_ON),
-    Row("loop-stalled", "controller", "slow", Late, "the loop's process misses cycles",
-        Must(1, ("error", "delay"), "either", reasons=(Fault.LATE, _DRIVE, _EMCY, _ERROR))),
-    Row("controller-dead", "controller", "off", Plain, "the loop's process dies (kill -9)",
-        Must(1, ("supervision",))),
-    Row("interface-down", "controller", "off", Plain, "the controller's own CAN interface fails",
+TABLE: tuple[FaultType, ...] = (
+    FaultType("cable-out", "bus", "off", FrameFault, "no frame passes, either way",
+        Reaction(1, ("supervision",), reasons=(_LOST,))),
+    FaultType("frames-lost", "bus", "intermittent", RandomFrameFault, "frames are lost by chance",
+        Reaction(1, ("chance", "feedback"))),
+    FaultType("sync-lost", "bus", "off", FrameFault, "SYNC does not reach the drive",
+        Reaction(1, ("feedback",), reasons=(_LOST,))),
+    FaultType("command-lost", "bus", "off", FrameFault, "the cyclic command (RPDO) does not reach the drive",
+        Reaction(1, ("command",), reasons=(_DRIVE, _EMCY, Fault.FOLLOWING_ERROR))),
+    FaultType("feedback-lost", "bus", "off", FrameFault, "the drive's cyclic answer (TPDO) is lost", _SILENT),
+    FaultType("controller-heartbeat-lost", "bus", "off", FrameFault,
+        "the controller's heartbeat does not reach the drive",
+        Reaction(1, ("heartbeat",), reasons=(_DRIVE, _EMCY))),
+    FaultType("drive-heartbeat-lost", "bus", "off", FrameFault, "the drive's heartbeat is lost while its answers go on",
+        Reaction(1, ("heartbeat",), reasons=(_LOST,))),
+    FaultType("frames-duplicated", "bus", "wrong", RandomFrameFault, "some frames arrive twice", _GOES_ON),
+    FaultType("frames-reordered", "bus", "wrong", RandomFrameFault, "neighbouring frames change places",
+        Reaction(1, ("chance", "feedback"))),
+    FaultType("command-corrupted", "bus", "garbage", RandomFrameFault, "bits of the command (RPDO) are flipped",
+        Reaction(1, ("chance", "feedback"), "either", "coast", (_DRIVE, _EMCY, _ERROR, Fault.SPEED, Fault.JUMP))),
+    FaultType("feedback-corrupted", "bus", "garbage", RandomFrameFault, "bits of the drive's answer (TPDO) are flipped",
+        Reaction(1, ("chance",), brakes="coast", reasons=(Fault.JUMP, _DRIVE, _ERROR, Fault.SPEED))),
+    FaultType("frames-delayed", "bus", "delayed", DelayFault, "all frames arrive late",
+        Reaction(1, ("error", "delay"), "either", "coast", (_ERROR, Fault.JUMP, Fault.LATE, _EMCY, _DRIVE, _LOST))),
+    FaultType("bus-flooded", "bus", "garbage", FrameFault, "another node sends frames between the drive's", _GOES_ON),
+    FaultType("bus-off", "bus", "off", Outage, "the drive's CAN controller goes bus-off and recovers (EMCY 0x8140)",
+        Reaction(1, ("supervision",), reasons=(_LOST,))),
+    FaultType("encoder-off", "encoder", "off", OnOffFault, "the drive notices that its encoder is gone (EMCY 0x7305)",
+        Reaction(1, brakes="coast", reasons=(_DRIVE, _EMCY))),
+    FaultType("encoder-stuck", "encoder", "stuck", OnOffFault, "the position freezes, no error is reported", _SEEN),
+    FaultType("encoder-jump", "encoder", "wrong", PositionJump, "the position jumps", _JUMPS),
+    FaultType("encoder-jumping", "encoder", "intermittent", PositionJump, "the position jumps back and forth", _JUMPS),
+    FaultType("encoder-garbage", "encoder", "garbage", OnOffFault, "the position is noise over the whole range",
+        _JUMPS),
+    FaultType("encoder-reversed", "encoder", "wrong", ScaledSignal, "the position has the wrong sign", _SEEN),
+    FaultType("encoder-late", "encoder", "delayed", DelayFault, "the position is late",
+        Reaction(1, ("error",), "either", "coast", (_ERROR, Fault.SPEED, Fault.JUMP, Fault.FREEZE, _DRIVE))),
+    FaultType("drive-fault", "drive", "off", DriveTrip, "the drive trips: EMCY, fault reaction, Fault",
+        Reaction(1, reasons=(_DRIVE, _EMCY))),
+    FaultType("emergency", "drive", "wrong", EmergencyFault, "the drive sends an EMCY and continues",
+        Reaction(1, reasons=(_EMCY,))),
+    FaultType("emergency-storm", "drive", "garbage", EmergencyFault, "the drive sends EMCYs continuously",
+        Reaction(1, reasons=(_EMCY,))),
+    FaultType("drive-disabled", "drive", "off", OnOffFault, "STO: the drive removes the power",
+        Reaction(0, brakes="coast", reasons=(_DRIVE,))),
+    FaultType("power-off", "drive", "off", Outage, "the supply fails; when it returns, the drive boots",
+        Reaction(0, ("feedback",), brakes="coast", reasons=(_LOST, Fault.REBOOTED))),
+    FaultType("current-off", "drive", "off", OnOffFault, "no current flows (motor cable), no error is reported", _SEEN),
+    FaultType("current-stuck", "drive", "stuck", OnOffFault, "the current freezes",
+        Reaction(1, ("error", "motion", "unbraked"), "either", "coast", (_ERROR, Fault.BRAKING, Fault.TRAVEL))),
+    FaultType("current-reversed", "drive", "wrong", ScaledSignal, "the current has the wrong sign", _SEEN),
+    FaultType("current-weak", "drive", "slow", ReducedCurrent, "only a part of the current flows", _GOES_ON),
+    FaultType("current-late", "drive", "delayed", DelayFault, "the current acts late",
+        Reaction(1, ("error",), "either", "coast")),
+    FaultType("node-stuck", "node", "stuck", OnOffFault, "the drive repeats its last answer", _SEEN),
+    FaultType("node-reboot", "node", "off", OnOffFault, "the drive reboots by itself",
+        Reaction(0, ("feedback",), brakes="coast", reasons=(_LOST, _DRIVE, Fault.REBOOTED))),
+    FaultType("statusword-garbage", "node", "garbage", OnOffFault, "the statusword is noise",
+        Reaction(1, reasons=(_DRIVE,))),
+    FaultType("feedback-short", "node", "wrong", FrameFault, "the drive's answer is one byte short", _SILENT),
+    FaultType("sdo-abort", "node", "wrong", OnOffFault, "each SDO request is aborted", _GOES_ON),
+    FaultType("sdo-silent", "node", "off", OnOffFault, "no SDO request is answered", _GOES_ON),
+    FaultType("clock-skewed", "clock", "slow", ClockSkew, "the drive's clock runs at another rate", _GOES_ON),
+    FaultType("loop-stalled", "controller", "slow", DelayFault, "the loop's process misses cycles",
+        Reaction(1, ("error", "delay"), "either", reasons=(Fault.LATE, _DRIVE, _EMCY, _ERROR))),
+    FaultType("controller-dead", "controller", "off", OnOffFault, "the loop's process dies (kill -9)",
+        Reaction(1, ("supervision",))),
+    FaultType("interface-down", "controller", "off", OnOffFault, "the controller's own CAN interface fails",
         # while the kernel takes it down, what is sent is lost before anything is refused
-        Must(1, ("supervision",), reasons=(Fault.BUS, Fault.FEEDBACK_LOST))),
+        Reaction(1, ("supervision",), reasons=(Fault.BUS, Fault.FEEDBACK_LOST))),
 )  # fmt: skip
 
-ROWS = {row.name: row for row in TABLE}
+FAULT_TYPES = {row.name: row for row in TABLE}
 BLOCKS = {row.name: row.block for row in TABLE if row.component != "controller"}  # what a virtual drive can have
 
 
 def default(name: str) -> Any:
     """The fault with its default parameters."""
-    return ROWS[name].block(name)
+    return FAULT_TYPES[name].block(name)

@@ -6,7 +6,7 @@
               <-------  "turns turns/s"      now and then also "r axis0.current_state"
     apply()   "c 0 torque" ------->          acts as it arrives, and feeds the drive's watchdog
 
-The answer has no room for a state, so that is asked for each `_STATE_EVERY` cycles.  In torque mode the drive has no
+The answer has no room for a state, so that is asked for each `STATE_CYCLES` cycles.  In torque mode the drive has no
 ramp of its own: a stop is category 0, power off, and friction stops the axis.  Its watchdog does the same where we fall
 silent.
 
@@ -21,14 +21,12 @@ import os
 import select
 from typing import Any
 
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError, Fault, Feedback, Odrive, Power
+from stagectl.drives.limits import ENABLE_TIME, LARGEST_TORQUE, LONGEST_NOISE, STATE_CYCLES
 
 IDLE, CLOSED_LOOP, TORQUE_CONTROL, PASSTHROUGH = 1, 8, 1, 1  # of the ODrive's own enumerations
-_STATE_EVERY = 8  # cycles
-_ENABLE_TIME = 5.0  # s
-_MOST = 9999.0  # N m that fit the command
 _TURN = 2.0 * math.pi
 
 
@@ -53,17 +51,18 @@ class Line:
             self._port: Any = serial.Serial(port, round(baud), timeout=0, write_timeout=0, exclusive=True)
         except (OSError, ValueError) as error:
             raise DriveError(
-                f"drive.wire.port = {port}: {error}; is the drive connected, and may you read and write the port"
-                " (group dialout)?"
+                f"drive.wire.port = {port}: {error}. Probable causes: the drive is not connected, or you may not use"
+                " the port (join the group dialout)",
+                place=port,
             ) from error
         self._port.reset_input_buffer()
         self._descriptor, self._clock, self._text = self._port.fileno(), clock, b""
 
-    def say(self, text: str) -> None:
+    def send(self, text: str) -> None:
         """Send one line.  Raises OSError."""
         os.write(self._descriptor, text.encode() + b"\n")
 
-    def hear(self, timeout: float) -> str | None:
+    def receive(self, timeout: float) -> str | None:
         """Next line, or None after `timeout` (s).  Raises OSError."""
         deadline = self._clock.now() + timeout
         while b"\n" not in self._text:
@@ -71,7 +70,7 @@ class Line:
             if not select.select([self._descriptor], [], [], max(left, 0.0))[0]:
                 return None
             self._text += os.read(self._descriptor, 4096)
-            if len(self._text) > 65536:  # noise without any end of line
+            if len(self._text) > LONGEST_NOISE:  # noise without any end of line
                 self._text = b""
         line, self._text = self._text.split(b"\n", 1)
         return line.decode("ascii", "replace").strip()
@@ -91,14 +90,16 @@ class OdriveDrive:
         self._last = Feedback(0.0, math.nan, 0, Fault.NONE)
         self._state, self._cycles, self._errors, self._closed = IDLE, 0, 0, False
         try:
-            self._told = self._configure()
+            self._description = self._configure()
         except OSError as error:
-            raise DriveError(f"drive.wire.port = {settings.port} failed: {error}; connect it again") from error
+            raise DriveError(
+                f"drive.wire.port = {settings.port} failed: {error}; connect it again", place=settings.port
+            ) from error
 
     def enable(self) -> Feedback:
         """Closed loop in torque mode at zero torque.  Raises DriveError."""
         self.ask(Power.ON)
-        deadline = self._clock.now() + _ENABLE_TIME
+        deadline = self._clock.now() + ENABLE_TIME
         while self._clock.now() < deadline:
             self._cycles = 0  # the state, each time
             now = self.sample()
@@ -106,77 +107,77 @@ class OdriveDrive:
                 return now
             self.apply(0.0)
             self._clock.sleep(self._dt)
-        raise DriveError(f"the ODrive does not reach closed loop control within {_ENABLE_TIME:g} s. {self.explain()}")
+        raise DriveError(f"the ODrive does not reach closed loop control within {ENABLE_TIME:g} s. {self.explain()}")
 
     def ask(self, power: Power) -> None:
         """Ask for closed loop control, or for no power: it has no ramp of its own in torque mode."""
-        with contextlib.suppress(OSError):  # told by the next `sample`
+        with contextlib.suppress(OSError):  # the next `sample` reports it
             if power is Power.ON:
-                self._line.say("sc")
+                self._line.send("sc")
                 self.apply(0.0)  # feeds the watchdog, which would trip at once
-            self._line.say(f"w {self._axis}.requested_state {CLOSED_LOOP if power is Power.ON else IDLE}")
+            self._line.send(f"w {self._axis}.requested_state {CLOSED_LOOP if power is Power.ON else IDLE}")
         self._cycles = 0
 
     def sample(self) -> Feedback:
         """Position from the drive's answer; never raises."""
         try:
-            while self._line.hear(0.0) is not None:
+            while self._line.receive(0.0) is not None:
                 pass  # late answers must not be taken for this one
             if self._cycles <= 0:
-                self._cycles = _STATE_EVERY
-                self._line.say(f"r {self._axis}.current_state")
+                self._cycles = STATE_CYCLES
+                self._line.send(f"r {self._axis}.current_state")
                 self._state = int(self._number("state"))
             self._cycles -= 1
-            self._line.say(f"f {self._settings.axis}")
+            self._line.send(f"f {self._settings.axis}")
             turns = self._number("feedback")
         except OSError:
             return self._noted(self._last._replace(fault=Fault.BUS))
         if math.isnan(turns):
             return self._noted(self._last._replace(fault=Fault.FEEDBACK_LOST))
         enabled = self._state == CLOSED_LOOP
-        word = (State.OPERATION_ENABLED if enabled else State.SWITCH_ON_DISABLED).value[1]
+        word = (DriveState.OPERATION_ENABLED if enabled else DriveState.SWITCH_ON_DISABLED).value[1]
         return self._noted(Feedback(turns * _TURN, math.nan, word, Fault.NONE if enabled else Fault.DRIVE_FAULT))
 
     def apply(self, current: float) -> None:
         """Send the torque of `current` (A); never raises."""
         torque = current * self._settings.torque_constant
-        if not -_MOST < torque < _MOST:  # NaN, too
+        if not -LARGEST_TORQUE < torque < LARGEST_TORQUE:  # NaN, too
             torque = 0.0
         with contextlib.suppress(OSError):
-            self._line.say(f"c {self._settings.axis} {torque:.6f}")
+            self._line.send(f"c {self._settings.axis} {torque:.6f}")
 
     def quick_stop(self) -> Feedback:
-        """Take the power; friction stops the axis."""
+        """Remove the power; friction stops the axis."""
         self.ask(Power.OFF)
         return self.sample()
 
     def describe(self) -> dict[str, str]:
-        """What it is and does, as read back."""
-        return self._told
+        """Identity and settings, as read back."""
+        return self._description
 
     def explain(self) -> str:
-        """Its error, and the next step."""
+        """The drive's error and the next step."""
         error = self._read("active_errors")
-        said = "it does not answer" if math.isnan(error) else f"active errors 0x{int(error):X}, state {self._state}"
-        return f"ODrive {self._axis}: {said}. See `odrivetool` dump_errors, remove the cause, then start the run again"
+        answer = "it does not answer" if math.isnan(error) else f"active errors 0x{int(error):X}, state {self._state}"
+        return (
+            f"ODrive {self._axis}: {answer}. See `odrivetool` dump_errors, remove the cause, then start the run again"
+        )
 
     def close(self) -> None:
-        """Take the power and leave the line; safe twice, never raises."""
+        """Remove the power and close the line; safe to call twice, never raises."""
         if self._closed:
             return
         self._closed = True
         with contextlib.suppress(OSError):
-            self._line.say(f"c {self._settings.axis} 0")
-            self._line.say(f"w {self._axis}.requested_state {IDLE}")
+            self._line.send(f"c {self._settings.axis} 0")
+            self._line.send(f"w {self._axis}.requested_state {IDLE}")
         with contextlib.suppress(OSError):
             self._line.close()
 
     def _configure(self) -> dict[str, str]:
-        """Torque mode and watchdog, both read back; what it is, in words."""
-        s, told = (
-            self._settings,
-            {"drive": f"ODrive {self._axis} on {self._settings.port} at {self._settings.baud:g} baud"},
-        )
+        """Set torque mode and watchdog and read both back; the description.  Raises DriveError."""
+        s = self._settings
+        description = {"drive": f"ODrive {self._axis} on {s.port} at {s.baud:g} baud"}
         wanted = {
             "requested_state": IDLE,
             "controller.config.control_mode": TORQUE_CONTROL,
@@ -185,34 +186,36 @@ class OdriveDrive:
             "config.enable_watchdog": int(s.watchdog > 0.0),
         }
         for name, value in wanted.items():
-            self._line.say(f"w {self._axis}.{name} {value:g}")
+            self._line.send(f"w {self._axis}.{name} {value:g}")
         for name in list(wanted)[1:]:
-            found = self._read(name)
-            if not math.isclose(found, wanted[name], rel_tol=1e-3, abs_tol=1e-6):
+            read_back = self._read(name)
+            if not math.isclose(read_back, wanted[name], rel_tol=1e-3, abs_tol=1e-6):
                 raise DriveError(
-                    f"{self._axis}.{name} of the ODrive on {s.port} reads {found:g} after {wanted[name]:g} was written:"
-                    " is it powered, is the baud rate that of the drive, and its firmware 0.5 or newer?"
+                    f"{self._axis}.{name} of the ODrive on {s.port} reads {read_back:g}, must be {wanted[name]:g}."
+                    " Probable causes: no power, another baud rate than the drive's, or firmware older than 0.5",
+                    place=name,
+                    value=read_back,
                 )
-            told[name] = f"{found:g}"
-        told["stop"] = "category 0: no ramp of its own in torque mode, the axis coasts"
-        return told
+            description[name] = f"{read_back:g}"
+        description["stop"] = "category 0: no ramp of its own in torque mode, the axis coasts"
+        return description
 
     def _read(self, name: str) -> float:
         try:
-            self._line.say(f"r {self._axis}.{name}")
+            self._line.send(f"r {self._axis}.{name}")
             return self._number("")
         except OSError:
             return math.nan
 
-    def _number(self, what: str) -> float:
+    def _number(self, kind: str) -> float:
         """First number of the next line that begins with one; NaN, or the old state, after the time-out."""
         deadline = self._clock.now() + self._settings.feedback_timeout
-        while (line := self._line.hear(max(deadline - self._clock.now(), 0.0))) is not None:
+        while (line := self._line.receive(max(deadline - self._clock.now(), 0.0))) is not None:
             words = line.split()
             with contextlib.suppress(ValueError):
-                if len(words) == 1 + (what == "feedback") and all(map(math.isfinite, map(float, words))):
+                if len(words) == 1 + (kind == "feedback") and all(map(math.isfinite, map(float, words))):
                     return float(words[0])
-        return float(self._state) if what == "state" else math.nan
+        return float(self._state) if kind == "state" else math.nan
 
     def _noted(self, now: Feedback) -> Feedback:
         self._last = now

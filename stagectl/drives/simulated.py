@@ -24,7 +24,7 @@ def drawn(source: random.Random, p: Simulation, jitter: float) -> stage.Noise:
 
 
 class Plant:
-    """A stage that moves when told: the mutable shell around the pure kernel."""
+    """A stage and its state: the mutable shell around the pure kernel."""
 
     def __init__(self, p: stage.Stage, simulation: Simulation, dt: float) -> None:
         self.p, self.simulation, self.dt = p, simulation, dt
@@ -35,7 +35,7 @@ class Plant:
         self.state = stage.at_rest(self.p)
         self._random = random.Random(self.simulation.seed)
         self._powered = False
-        self._noise, self._hushed = stage.SILENT, True
+        self._noise, self._silent = stage.SILENT, True
 
     @property
     def powered(self) -> bool:
@@ -45,7 +45,7 @@ class Plant:
     @powered.setter
     def powered(self, on: bool) -> None:
         self._powered = on
-        self._noise, self._hushed = stage.SILENT, True
+        self._noise, self._silent = stage.SILENT, True
         if not on:
             self.state = self.state._replace(commands=stage.NO_COMMANDS)
 
@@ -62,23 +62,23 @@ class Plant:
     def drift(self, seconds: float) -> None:
         """Let time go on; a whole period in exactly `substeps` steps, any other time in steps no longer."""
         substeps = max(1, math.ceil(seconds / self.dt * self.simulation.substeps - 1e-6))
-        self.state = stage.drifted(self.p, self.state, self._heard(), seconds, substeps)
+        self.state = stage.drifted(self.p, self.state, self._current_noise(), seconds, substeps)
 
     def latch(self) -> None:
         """The end of a period: its position enters the measurement's delay line, new noise is drawn."""
         self.state = stage.latched(self.p, self.state)
-        if self._powered and not self._hushed:
+        if self._powered and not self._silent:
             self._noise = self._draw()
-        self._hushed = False
+        self._silent = False
 
     def hear(self) -> None:
-        """End the silence in which a controller reads where the axis stands."""
-        self._noise, self._hushed = self._draw(), False
+        """Switch the measurement noise on: enabling reads the position without it."""
+        self._noise, self._silent = self._draw(), False
 
     @property
     def position(self) -> float:
         """Measured position (rad | m)."""
-        return stage.measured(self.p.encoder, self.state, self._heard())
+        return stage.measured(self.p.encoder, self.state, self._current_noise())
 
     @property
     def current(self) -> float:
@@ -90,7 +90,7 @@ class Plant:
         """Measured position in encoder counts."""
         return round(self.position / self.p.encoder.step)
 
-    def _heard(self) -> stage.Noise:
+    def _current_noise(self) -> stage.Noise:
         return self._noise if self._powered else stage.SILENT
 
     def _draw(self) -> stage.Noise:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from stagectl.drives.bus.frames import Bus, open_bus
+from stagectl.drives.bus.frames import Bus
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Canopen, Drive, Odrive
 from stagectl.drives.simulated import Plant, Simulated

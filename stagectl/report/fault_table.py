@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, get_type_hints
 
-from stagectl.drives.faults import TABLE, Must, Row
+from stagectl.drives.faults import TABLE, FaultType, Reaction
 from stagectl.units import quantity_of
 
 HEAD = ("fault", "component", "kind", "what happens", "stop", "parameters")
@@ -22,18 +22,18 @@ def lines() -> Iterator[str]:
 def faults() -> Iterator[dict[str, str]]:
     """Each fault in words, by the columns of the table."""
     for row in TABLE:
-        cells = (row.name, row.component, row.kind, row.words, stop_words(row.must), _parameters(row))
+        cells = (row.name, row.component, row.kind, row.words, stop_words(row.required), _parameters(row))
         yield dict(zip(HEAD, cells, strict=True))
 
 
-def stop_words(must: Must) -> str:
+def stop_words(must: Reaction) -> str:
     """What drive and loop must do while the axis moves."""
     if must.category is None:
         return "goes on"
     return f"category {must.category}" + (", coasting" if must.brakes == "coast" else "")
 
 
-def _parameters(row: Row) -> str:
+def _parameters(row: FaultType) -> str:
     hints = get_type_hints(row.block, include_extras=True)
     named = [name for name in row.block._fields if name != "fault"]
     return ", ".join(f"{name}={_value(name, row.block._field_defaults[name], hints[name])}" for name in named)

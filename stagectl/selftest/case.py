@@ -6,7 +6,7 @@ import math
 
 from stagectl.drives import faults
 from stagectl.drives.drive import DriveError, Fault
-from stagectl.drives.faults import Row
+from stagectl.drives.faults import FaultType
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.scheduling import Metronome
 from stagectl.realtime.shared_memory import Order
@@ -25,7 +25,7 @@ TRIP = 0x2310
 class Case:
     """One fault in one state."""
 
-    def __init__(self, rig: Known, row: Row) -> None:
+    def __init__(self, rig: Known, row: FaultType) -> None:
         self.setup, self.row, self.rig = rig.setup, row, rig
         self.block = faults.default(row.name)
         self.reason, self.begun, self.fault = "", math.nan, Fault.NONE
@@ -43,7 +43,7 @@ class Case:
         except DriveError as error:
             self.reason = str(error)
             self._loop.leave()
-        alone = "supervision" in self.row.must.noticed  # then the drive stops by its own time-outs
+        alone = "supervision" in self.row.required.noticed  # then the drive stops by its own time-outs
         self.rig.time.sleep(REST + alone * self.limit(self.rig.laid_out.speed).time)
         self.rig.settle()
 
@@ -94,7 +94,7 @@ class Case:
             self._follow(state)
         if self.dead:
             self.rig.time.sleep(self._patience())
-        elif self.row.must.category is not None or state not in ("holding", "moving") or self.fault:
+        elif self.row.required.category is not None or state not in ("holding", "moving") or self.fault:
             self._loop.leave()
         else:
             self.rig.let_go(self._loop)
@@ -137,7 +137,7 @@ class Case:
             self._loop.period()
 
     def _patience(self) -> float:
-        if self.row.must.category is None:
+        if self.row.required.category is None:
             return AFTER
         return min(self.limit(self.rig.laid_out.speed).time + AFTER, PATIENCE)
 
@@ -152,13 +152,13 @@ class Case:
             return Limit(PATIENCE, self._creep())
         if state == "holding":
             return Limit(PATIENCE, self.limit(0.0).distance + self._creep())
-        if self.row.must.category is None:
+        if self.row.required.category is None:
             return ramp(self.setup, speed) if state == "stopping" else None
         return self.limit(speed)
 
     def may_go_on(self, state: str) -> bool:
         """Whether the axis may go on in this state as if nothing were."""
-        must = self.row.must
+        must = self.row.required
         if state == "holding":
             return must.holding in ("go on", "either")
         return state == "moving" and must.category is None

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen
-from stagectl.drives.faults import Row
+from stagectl.drives.faults import FaultType
 from stagectl.kernels import stage
 from stagectl.realtime.envelope import acceleration
 from stagectl.service.virtual_drive import VELOCITY_LOOP
@@ -43,10 +43,10 @@ class Limit(NamedTuple):
     distance: float  # rad | m
 
 
-def limit(setup: Setup, row: Row, block: Any, speed: float) -> Limit:
+def limit(setup: Setup, row: FaultType, block: Any, speed: float) -> Limit:
     """For an axis that moves at `speed` (rad/s | m/s) as the fault begins."""
     noticed, way, faster = unnoticed(setup, row, block, speed), 0.0, speed
-    if _WILD & set(row.must.noticed):
+    if _WILD & set(row.required.noticed):
         error, force = setup.file.limits.following_error, acceleration(setup.stage)
         faster = speed + math.sqrt(2.0 * force * error) + force * _WATCH
         way = error + faster * _WATCH
@@ -54,7 +54,7 @@ def limit(setup: Setup, row: Row, block: Any, speed: float) -> Limit:
     return Limit(noticed + stop.time, speed * noticed + way + stop.distance)
 
 
-def turned(setup: Setup, row: Row, block: Any, calm: float) -> Limit:
+def turned(setup: Setup, row: FaultType, block: Any, calm: float) -> Limit:
     """For an axis that braked by its controller with the deceleration `calm` (rad/s^2 | m/s^2) as the fault began.
 
     A drive that hears nothing keeps the current that braked: the axis comes to a stand, and is pushed back by it.
@@ -65,13 +65,12 @@ def turned(setup: Setup, row: Row, block: Any, calm: float) -> Limit:
     return Limit(noticed + stop.time, way + stop.distance)
 
 
-def braked(setup: Setup, row: Row, speed: float) -> Limit:
+def braked(setup: Setup, row: FaultType, speed: float) -> Limit:
     """The stop that this fault leaves; where a drive that should brake may coast, the longer one of both."""
-    if row.must.brakes == "ramp":
+    if row.required.brakes == "ramp":
         return ramp(setup, speed)
-    return (
-        coast(setup.stage, speed) if row.must.category == 0 else larger(coast(setup.stage, speed), ramp(setup, speed))
-    )
+    coasting = coast(setup.stage, speed)
+    return coasting if row.required.category == 0 else larger(coasting, ramp(setup, speed))
 
 
 def larger(one: Limit, other: Limit) -> Limit:
@@ -79,9 +78,9 @@ def larger(one: Limit, other: Limit) -> Limit:
     return Limit(max(one.time, other.time), max(one.distance, other.distance))
 
 
-def unnoticed(setup: Setup, row: Row, block: Any, speed: float) -> float:
+def unnoticed(setup: Setup, row: FaultType, block: Any, speed: float) -> float:
     """Time (s) until the fault is noticed by an axis that moves at `speed` (rad/s | m/s)."""
-    return sum(_noticed(setup, name, block, speed) for name in row.must.noticed)
+    return sum(_noticed(setup, name, block, speed) for name in row.required.noticed)
 
 
 def pushed(p: stage.Stage, acceleration: float, time: float) -> tuple[float, float]:

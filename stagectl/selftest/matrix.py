@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives import faults
-from stagectl.drives.faults import Row
+from stagectl.drives.faults import FaultType
 from stagectl.selftest import case, served
 from stagectl.selftest.case import Case
 from stagectl.selftest.limits import Limit
@@ -43,13 +43,13 @@ class Bench(NamedTuple):
     """What is tried, on what."""
 
     rig: Callable[[], Known]  # a new one for each case
-    rows: tuple[Row, ...]
+    rows: tuple[FaultType, ...]
     states: tuple[str, ...]
     speed: float  # rad/s | m/s
     mode: str
-    served: Callable[[Row], Case] | None = None  # a case of the service's axis, where its states are tried
+    served: Callable[[FaultType], Case] | None = None  # a case of the service's axis, where its states are tried
 
-    def case(self, row: Row, state: str) -> Case:
+    def case(self, row: FaultType, state: str) -> Case:
         """The fault of this row, to be tried in this state."""
         if state in case.STATES:
             return Case(self.rig(), row)
@@ -117,7 +117,7 @@ def _judge(tried: Case, kind: str, seen: tuple[list[Seen], Limit | None, float |
     after, bound, stop_time, way, goes_on = seen
     if goes_on:
         return ""
-    if tried.may_go_on(kind) and tried.row.must.category is None:
+    if tried.may_go_on(kind) and tried.row.required.category is None:
         return f"stopped by {tried.reason}, must go on"
     if bound is None:
         return ""
@@ -137,7 +137,7 @@ def _late(after: list[Seen], bound: Limit, stop_time: float | None, way: float) 
 
 def _wrongly(tried: Case, after: list[Seen]) -> str:
     """Stopped in time, but not for the reason or not in the way that the table says."""
-    must = tried.row.must
+    must = tried.row.required
     if must.reasons and not tried.dead and tried.fault not in must.reasons:
         return f"stopped by {tried.reason}, must be one of {', '.join(reason.name for reason in must.reasons)}"
     cut = must.category == 1 and must.brakes == "ramp" and _category(tried, after) == 0

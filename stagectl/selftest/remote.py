@@ -20,15 +20,16 @@ from stagectl.config.stage_file import Setup
 from stagectl.drives import faults
 from stagectl.drives.bus import faulty_bus
 from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Way
-from stagectl.drives.bus.frames import Bus, frame, open_bus
+from stagectl.drives.bus.frames import Bus, frame
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import FeedbackPdo
-from stagectl.drives.canopen.power_states import STANDING
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen
+from stagectl.drives.limits import STANDING
 from stagectl.kernels import stage
 from stagectl.selftest.limits import LONGEST
 from stagectl.selftest.matrix import UNSEEN, Bench
@@ -37,7 +38,7 @@ from stagectl.units import StageError
 
 STATES = ("connecting", "enabling", "holding", "moving", "stopping")  # a real drive is not made to trip
 _SYNC = frame(0x080)
-_POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
+_POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
 _SPAN = 0.01  # s over which a speed is taken; longer where the encoder's step is coarse
 _FRAMES = 1000  # that wait for the loop
 _SEES = 0.2  # s in which the end of a case is looked at

@@ -11,7 +11,7 @@ from typing import Any
 
 from stagectl.config.machine_file import text_of
 from stagectl.config.stage_file import Setup
-from stagectl.drives.faults import ROWS
+from stagectl.drives.faults import FAULT_TYPES
 from stagectl.selftest import matrix, remote
 from stagectl.selftest.matrix import Bench
 from stagectl.selftest.remote import Gentle
@@ -24,8 +24,8 @@ def bench(setup: Setup, only: list[str] | None, gentle: Gentle | None) -> Bench:
     Raises StageError where there is no such fault, and where the drive must not or cannot be moved so.
     """
     for name in only or ():
-        if name not in ROWS:
-            raise StageError(f"--only {name}; must be one of {', '.join(ROWS)}")
+        if name not in FAULT_TYPES:
+            raise StageError(f"--only {name}; must be one of {', '.join(FAULT_TYPES)}")
     chosen = frozenset(only or ())
     return matrix.virtual(setup, chosen) if gentle is None else remote.real(setup, gentle, chosen)
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError, Fault
-from stagectl.drives.faults import Row
+from stagectl.drives.faults import FaultType
 from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order
 from stagectl.realtime.states import STOPS_GOING_ON, Event, State
@@ -71,7 +71,7 @@ def laid_out(setup: Setup) -> Service:
 class ServedCase(Case):
     """One fault in one state of the service's axis."""
 
-    def __init__(self, rig: Rig, row: Row, service: Service) -> None:
+    def __init__(self, rig: Rig, row: FaultType, service: Service) -> None:
         super().__init__(rig, row)
         self._virtual, self._service, self._faults = rig, service, 0
 
@@ -103,16 +103,16 @@ class ServedCase(Case):
         if kind not in ("coasting", "stopping"):
             return super().admitted(kind)
         own = coast(self.setup.stage, speed) if kind == "coasting" else ramp(self.setup, speed)
-        return own if self.row.must.category is None else larger(own, self.limit(speed))
+        return own if self.row.required.category is None else larger(own, self.limit(speed))
 
     def _braking(self, speed: float) -> Limit:
         """Under control, or as the fault leaves it: from its speed on, or turned round; whichever allows most."""
         calm, error = self._service.manned.calm, self.setup.file.limits.following_error
         own = Limit(_MARGIN * speed / calm + _CONTROLLED, _MARGIN * speed * speed / (2.0 * calm) + error)
-        if self.row.must.category is None:
+        if self.row.required.category is None:
             return own
-        names = tuple(name for name in self.row.must.noticed if name != "motion")  # the motion has come to that
-        row = self.row._replace(must=self.row.must._replace(noticed=names))
+        names = tuple(name for name in self.row.required.noticed if name != "motion")  # the motion has come to that
+        row = self.row._replace(required=self.row.required._replace(noticed=names))
         back = turned(self.setup, row, self.block, calm)
         return larger(own, larger(limit(self.setup, row, self.block, speed), back))
 

@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.bus import frames
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.network import Network, Partner, load_eds
-from stagectl.drives.canopen.setup import NOT_OFFERED
-from stagectl.drives.canopen.setup import Setup as Configuration
+from stagectl.drives.canopen.configuration import NOT_OFFERED, DriveConfiguration
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.service import virtual_drive
@@ -196,19 +195,19 @@ def _drive(setup: Setup, wire: Canopen, served: bool) -> Iterator[Check]:
                 "switch the drive on; check id, bit rate, termination",
             )
             return
-        joined = frames.open_bus(wire.interface, wire.channel, wire.bitrate)
+        joined = open_bus(wire.interface, wire.channel, wire.bitrate)
     except DriveError as error:
         yield Check("drive", False, str(error), "see the line above")
         return
     try:
-        node = Partner(wire.node, load_eds(wire.eds, wire.node))
-        Network(joined)[wire.node] = node
-        yield from _options(Configuration(wire, node, setup.stage.encoder.step))
+        node = PumpedNode(wire.node, load_eds(wire.eds, wire.node))
+        PumpedNetwork(joined)[wire.node] = node
+        yield from _options(DriveConfiguration(wire, node, setup.stage.encoder.step))
     finally:
         joined.close()
 
 
-def _options(drive: Configuration) -> Iterator[Check]:
+def _options(drive: DriveConfiguration) -> Iterator[Check]:
     for index, (name, _) in cia402.OPTIONS.items():
         try:
             code = drive.offered(index)

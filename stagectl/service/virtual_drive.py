@@ -12,11 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stagectl.config.stage_file import Setup
-from stagectl.drives.bus.frames import Bus, open_bus
+from stagectl.drives.bus.frames import Bus
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Odrive
 from stagectl.drives.simulated import Plant
-from stagectl.drives.virtual.inject import Doorway, doorway, obey
+from stagectl.drives.virtual.inject import InjectionSocket, obey, socket_path
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
 from stagectl.number_format import length
@@ -77,7 +78,7 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     if answers(wire):
         raise DriveError(f"node {wire.node} is on {wire.interface} {wire.channel} already: one drive is enough")
     bus = open_bus(wire.interface, wire.channel, wire.bitrate)
-    door = Doorway(doorway(wire.interface, wire.channel, wire.node))
+    door = InjectionSocket(socket_path(wire.interface, wire.channel, wire.node))
     node = virtual_node(setup, wire, bus, report)
     settle()  # a collection of all that was imported takes longer than a period
     report(f"{_READY} of {setup.file.name}: node {wire.node} on {wire.interface} {wire.channel}, process {os.getpid()}")

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from stagectl.config.source import read_text
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.drives.bus.frames import Bus, open_bus
+from stagectl.drives.bus.frames import Bus
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.drive import Canopen, DriveError, Fault
 from stagectl.evaluation import evaluate
 from stagectl.kernels.law import Setpoint

@@ -66,7 +66,8 @@ def test_swapped_sign(command: Command, folder: Path) -> None:
 
 def test_wrong_node_id(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     """The drive has another id than the stage file says: who does answer is told."""
-    from stagectl.drives.bus.frames import Embedded, frame, parse
+    from stagectl.drives.bus.embedded import Embedded
+    from stagectl.drives.bus.frames import frame, parse
 
     class Answering(Embedded):
         """A bus on which node 5 answers, and nobody else."""

@@ -122,7 +122,7 @@ def fuzz_controller(frames: int, seed: int) -> str:
         assert len(ours.inbox) < 2 * _BACKLOG, f"frames pile up after {fed}"
     drive = CanopenDrive(settings, ours, STEP, DT, clock=timeline)
     drive.enable()
-    assert node.axis.state is cia402.State.OPERATION_ENABLED
+    assert node.axis.state is cia402.DriveState.OPERATION_ENABLED
     drive.close()
     assert abs(plant.position_counts) <= 4
     return f"no exception, no motion; {stops} of {cycles} cycles with a fault, enabled at the end"

@@ -15,7 +15,9 @@ import can
 import pytest
 
 from stagectl.drives.bus.can_plugin import EmbeddedBus
-from stagectl.drives.bus.frames import BusError, Embedded, frame, open_bus, parse
+from stagectl.drives.bus.embedded import Embedded
+from stagectl.drives.bus.frames import BusError, frame, parse
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.cycle_time import bus_load, frame_bits
 
 
@@ -81,7 +83,7 @@ def test_a_full_reader_loses_frames_and_blocks_nobody(join: Callable[[], Embedde
 
 
 def test_a_killed_participant_is_cleared_away(join: Callable[[], Embedded], tmp_path: Path) -> None:
-    program = f"from stagectl.drives.bus.frames import Embedded; import os; Embedded({str(tmp_path)!r}); os._exit(0)"
+    program = f"from stagectl.drives.bus.embedded import Embedded; import os; Embedded({str(tmp_path)!r}); os._exit(0)"
     subprocess.run([sys.executable, "-c", program], check=True, env={**os.environ, "PYTHONPATH": os.getcwd()})
     assert len(list(tmp_path.iterdir())) == 1
     left = join()
@@ -110,23 +112,26 @@ def test_the_channel_belongs_to_this_user(runtime: Path, monkeypatch: pytest.Mon
         assert bus.folder == runtime / "stagectl" / "stage"
     assert bus.folder.stat().st_mode & 0o777 == 0o700
     monkeypatch.setattr(os, "getuid", lambda: 12345)
-    with pytest.raises(BusError, match=r"belongs to user id .* must be 12345"):
+    with pytest.raises(BusError, match="12345") as caught:
         Embedded("stage")
+    assert caught.value.value not in (None, 12345)
 
 
 @pytest.mark.parametrize("channel", ["", "../elsewhere", "a/b", ".hidden"])
 def test_channel_names_stay_in_their_folder(channel: str) -> None:
-    with pytest.raises(BusError, match="must be a name without '/' or an absolute folder"):
+    with pytest.raises(BusError, match="absolute") as caught:
         Embedded(channel)
+    assert caught.value.place == channel
 
 
 def test_too_long_a_path_says_the_limit(tmp_path: Path) -> None:
-    with pytest.raises(BusError, match=r"must lie in \[1, 107\] \(AF_UNIX\); choose a shorter"):
+    with pytest.raises(BusError, match="AF_UNIX") as caught:
         Embedded(str(tmp_path / ("x" * 100)))
+    assert float(caught.value.value or 0.0) > 107
 
 
 def test_socketcan_names_the_fix_where_there_is_none() -> None:
-    with pytest.raises(BusError, match=r"modprobe can_raw|ip link set nocan9 up"):
+    with pytest.raises(BusError, match=r"modprobe|nocan9"):
         open_bus("socketcan", "nocan9", 1e6)
 
 
@@ -152,13 +157,15 @@ def test_socketcan_binds_and_carries_the_same_bytes(monkeypatch: pytest.MonkeyPa
 
 
 def test_multicast_is_refused_with_the_reason() -> None:
-    with pytest.raises(BusError, match="leave this machine"):
+    with pytest.raises(BusError, match="embedded") as caught:
         open_bus("udp_multicast", "239.74.163.2", 1e6)
+    assert caught.value.place == "udp_multicast"
 
 
 def test_an_unknown_interface_is_an_error_that_names_it() -> None:
-    with pytest.raises(BusError, match="interface = no_such_thing"):
+    with pytest.raises(BusError, match=r"can\.viewer") as caught:
         open_bus("no_such_thing", "x", 1e6)
+    assert caught.value.place == "no_such_thing"
 
 
 def test_any_interface_of_python_can_carries_our_frames() -> None:
@@ -189,8 +196,8 @@ def test_python_can_joins_the_embedded_bus(join: Callable[[], Embedded], tmp_pat
         filtered = theirs.recv(1.0)
         assert filtered is not None
         assert filtered.arbitration_id == 0x200
-        with pytest.raises(can.CanOperationError, match="not CAN FD"):
+        with pytest.raises(can.CanOperationError, match="FD"):
             theirs.send(can.Message(is_fd=True))
     assert [path.name for path in tmp_path.iterdir()] == [ours._path.name]
-    with pytest.raises(can.CanInitializationError, match="must be a name"):
+    with pytest.raises(can.CanInitializationError, match="absolute"):
         EmbeddedBus(channel="a/b")

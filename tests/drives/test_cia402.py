@@ -5,71 +5,73 @@ from __future__ import annotations
 import pytest
 
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.cia402 import TOWARDS_ENABLED, TRANSITIONS, Command, State
+from stagectl.drives.canopen.cia402 import TOWARDS_ENABLED, TRANSITIONS, DeviceCommand, DriveState
 
 # CiA 402-2, table of the statusword: bits xxxx xxxx x.xx .... with x = anything
 PATTERNS = {
-    "xxxxxxxxx0xx0000": State.NOT_READY,
-    "xxxxxxxxx1xx0000": State.SWITCH_ON_DISABLED,
-    "xxxxxxxxx01x0001": State.READY,
-    "xxxxxxxxx01x0011": State.SWITCHED_ON,
-    "xxxxxxxxx01x0111": State.OPERATION_ENABLED,
-    "xxxxxxxxx00x0111": State.QUICK_STOP_ACTIVE,
-    "xxxxxxxxx0xx1111": State.FAULT_REACTION_ACTIVE,
-    "xxxxxxxxx0xx1000": State.FAULT,
+    "xxxxxxxxx0xx0000": DriveState.NOT_READY,
+    "xxxxxxxxx1xx0000": DriveState.SWITCH_ON_DISABLED,
+    "xxxxxxxxx01x0001": DriveState.READY,
+    "xxxxxxxxx01x0011": DriveState.SWITCHED_ON,
+    "xxxxxxxxx01x0111": DriveState.OPERATION_ENABLED,
+    "xxxxxxxxx00x0111": DriveState.QUICK_STOP_ACTIVE,
+    "xxxxxxxxx0xx1111": DriveState.FAULT_REACTION_ACTIVE,
+    "xxxxxxxxx0xx1000": DriveState.FAULT,
 }
 
 
 @pytest.mark.parametrize(("pattern", "state"), PATTERNS.items())
-def test_statusword_says_the_state_whatever_the_other_bits(pattern: str, state: State) -> None:
+def test_statusword_says_the_state_whatever_the_other_bits(pattern: str, state: DriveState) -> None:
     for filler in ("0", "1"):
         assert cia402.state(int(pattern.replace("x", filler), 2)) is state
 
 
 def test_every_statusword_has_at_most_one_state_of_the_standard() -> None:
     for word in range(0x80):
-        assert sum(word & mask == bits for mask, bits in (state.value for state in State)) <= 1
+        assert sum(word & mask == bits for mask, bits in (state.value for state in DriveState)) <= 1
 
 
 @pytest.mark.parametrize(
     ("pattern", "command"),
     [
-        ("0xxxx110", Command.SHUTDOWN),
-        ("0xxx0111", Command.SWITCH_ON),
-        ("0xxx1111", Command.ENABLE_OPERATION),
-        ("0xxxxx0x", Command.DISABLE_VOLTAGE),
-        ("0xxxx01x", Command.QUICK_STOP),
+        ("0xxxx110", DeviceCommand.SHUTDOWN),
+        ("0xxx0111", DeviceCommand.SWITCH_ON),
+        ("0xxx1111", DeviceCommand.ENABLE_OPERATION),
+        ("0xxxxx0x", DeviceCommand.DISABLE_VOLTAGE),
+        ("0xxxx01x", DeviceCommand.QUICK_STOP),
         ("1xxxxxxx", None),
     ],
 )
-def test_controlword_gives_the_command_whatever_the_other_bits(pattern: str, command: Command | None) -> None:
+def test_controlword_gives_the_command_whatever_the_other_bits(pattern: str, command: DeviceCommand | None) -> None:
     for filler in ("0", "1"):
         assert cia402.command(int(pattern.replace("x", filler), 2)) is command
 
 
 def test_controlwords_are_those_everybody_sends() -> None:
-    assert [command.controlword for command in Command] == [0x06, 0x07, 0x0F, 0x00, 0x02, 0x80]
+    assert [command.controlword for command in DeviceCommand] == [0x06, 0x07, 0x0F, 0x00, 0x02, 0x80]
 
 
 def test_transitions_are_those_of_the_drawing() -> None:
     assert len(TRANSITIONS) == 16
-    assert (State.SWITCH_ON_DISABLED, Command.ENABLE_OPERATION) not in TRANSITIONS
-    assert (State.FAULT, Command.ENABLE_OPERATION) not in TRANSITIONS
-    assert {start for start, command in TRANSITIONS if command is Command.QUICK_STOP} == {
-        State.READY,
-        State.SWITCHED_ON,
-        State.OPERATION_ENABLED,
+    assert (DriveState.SWITCH_ON_DISABLED, DeviceCommand.ENABLE_OPERATION) not in TRANSITIONS
+    assert (DriveState.FAULT, DeviceCommand.ENABLE_OPERATION) not in TRANSITIONS
+    assert {start for start, command in TRANSITIONS if command is DeviceCommand.QUICK_STOP} == {
+        DriveState.READY,
+        DriveState.SWITCHED_ON,
+        DriveState.OPERATION_ENABLED,
     }
-    left_by_nobody = {state for state in State} - {start for start, _ in TRANSITIONS}
-    assert left_by_nobody == {State.NOT_READY, State.FAULT_REACTION_ACTIVE}  # the drive leaves them by itself
+    left_by_nobody = {state for state in DriveState} - {start for start, _ in TRANSITIONS}
+    assert left_by_nobody == {DriveState.NOT_READY, DriveState.FAULT_REACTION_ACTIVE}  # the drive leaves them by itself
 
 
-@pytest.mark.parametrize("state", [State.FAULT, State.SWITCH_ON_DISABLED, State.READY, State.SWITCHED_ON])
-def test_the_way_up_leads_to_operation_enabled(state: State) -> None:
+@pytest.mark.parametrize(
+    "state", [DriveState.FAULT, DriveState.SWITCH_ON_DISABLED, DriveState.READY, DriveState.SWITCHED_ON]
+)
+def test_the_way_up_leads_to_operation_enabled(state: DriveState) -> None:
     for _ in range(4):
-        if state is not State.OPERATION_ENABLED:
+        if state is not DriveState.OPERATION_ENABLED:
             state = TRANSITIONS[state, TOWARDS_ENABLED[state]]
-    assert state is State.OPERATION_ENABLED
+    assert state is DriveState.OPERATION_ENABLED
 
 
 @pytest.mark.parametrize(
@@ -106,7 +108,7 @@ def test_emergencies_in_words(code: int, words: str) -> None:
 
 
 def test_states_are_spelled_as_in_the_standard() -> None:
-    assert [state.words for state in State][:5] == [
+    assert [state.words for state in DriveState][:5] == [
         "Not ready to switch on",
         "Switch on disabled",
         "Ready to switch on",

@@ -16,17 +16,21 @@ from tests.drives.workbench import EDS, Workbench
 def test_it_reads_what_the_drive_has(bench: Workbench, tmp_path: Path) -> None:
     node = bench.running()
     asked: list[tuple[int, int]] = []
-    found = dump(bench.settings(), bench.bus(), lambda done, total: asked.append((done, total)))
-    by_place = {(one.number, one.subindex): one for one in found}
-    assert len(by_place) == len(found) == asked[-1][0] == asked[-1][1] > 50
+    result = dump(bench.settings(), bench.bus(), lambda done, total: asked.append((done, total)))
+    by_place = {(entry.number, entry.subindex): entry for entry in result}
+    assert len(by_place) == len(result) == asked[-1][0] == asked[-1][1] > 50
     assert by_place[0x1000, 0].value == 0x20192  # CiA 402, a servo drive
     assert by_place[0x6040, 0].name == "Controlword"
     assert isinstance(by_place[0x6041, 0].value, int)
-    assert all(one.access != "wo" for one in found)
-    write_dcf(found, str(EDS), 5, tmp_path / "drive.dcf")
+    assert all(entry.access != "wo" for entry in result)
+    write_dcf(result, str(EDS), 5, tmp_path / "drive.dcf")
     again = canopen.import_od(str(tmp_path / "drive.dcf"), 5)
     assert again.node_id == 5
-    values = {(one.number, one.subindex): one.value for one in found if not one.problem and isinstance(one.value, int)}
+    values = {
+        (entry.number, entry.subindex): entry.value
+        for entry in result
+        if not entry.problem and isinstance(entry.value, int)
+    }
     assert len(values) > 50
     for (index, subindex), value in values.items():
         entry: Any = again[index]
@@ -37,5 +41,5 @@ def test_it_reads_what_the_drive_has(bench: Workbench, tmp_path: Path) -> None:
 
 
 def test_nobody_there(bench: Workbench) -> None:
-    with pytest.raises(DriveError, match=r"node 5 on embedded .* does not answer: check its power"):
+    with pytest.raises(DriveError, match="stagectl doctor"):
         dump(bench.settings(), bench.bus())

@@ -15,7 +15,7 @@ from canopen.profiles.p402 import BaseNode402
 
 from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.bus.virtual_time import End, Timeline
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import DriveError, Simulation
 from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.node import VirtualNode
@@ -71,7 +71,7 @@ def answers(script: Script, identifier: int = 0x585) -> list[str]:
 def tpdos(script: Script) -> list[tuple[int, int, int]]:
     """Statusword, position (counts) and current (per mille) of each TPDO."""
     data = [parse(raw)[1] for raw in script.sent if parse(raw)[0] == 0x185]
-    return [struct.unpack("<Hih", each) for each in data]
+    return [struct.unpack("<Hih", item) for item in data]
 
 
 def test_it_boots_and_answers_as_cia_301_says(bench: Workbench, script: Script) -> None:
@@ -132,16 +132,16 @@ def test_the_state_machine_goes_up_and_down_by_pdos(bench: Workbench, script: Sc
 
 def test_nothing_is_skipped_and_nothing_moves_before(bench: Workbench, script: Script) -> None:
     node = play(bench, script, *remapped(), START, rpdo(15, 500_000), SYNC, rpdo(7, 500_000), *[SYNC] * 20)
-    assert node.axis.state is State.SWITCH_ON_DISABLED
+    assert node.axis.state is DriveState.SWITCH_ON_DISABLED
     assert {position for _, position, _ in tpdos(script)} == {0}
 
 
 def test_pdos_need_operational_and_another_mode_gives_no_current(bench: Workbench, script: Script) -> None:
     node = play(bench, script, *remapped(), SYNC, rpdo(6), SYNC)
-    assert (tpdos(script), node.axis.state) == ([], State.SWITCH_ON_DISABLED)
+    assert (tpdos(script), node.axis.state) == ([], DriveState.SWITCH_ON_DISABLED)
     script.steps += [*enabled(), write(0x6060, 0, 0, 1), rpdo(15, 900_000), *[SYNC] * 20]
     node.run(script.done)
-    assert node.axis.state is State.OPERATION_ENABLED
+    assert node.axis.state is DriveState.OPERATION_ENABLED
     assert tpdos(script)[-1][1] == 0
 
 
@@ -173,10 +173,11 @@ def test_per_mille_of_rated_current_is_offered_too(bench: Workbench, script: Scr
 
 
 def test_a_wrong_scale_is_refused(bench: Workbench) -> None:
-    with pytest.raises(DriveError, match=r"command_scale = 0.1 A; must be 1e-05 A for object 0x207100"):
+    with pytest.raises(DriveError, match="1e-05") as caught:
         bench.node(command_scale=0.1)
+    assert (caught.value.place, caught.value.object_key, caught.value.value) == ("command_scale", 0x207100, 0.1)
     plant = Plant(linear_stage(), Simulation(), DT)
-    with pytest.raises(DriveError, match=r"dt = 0.002 s, but the plant runs in periods of 0.001 s"):
+    with pytest.raises(DriveError, match=r"0\.002"):
         VirtualNode(bench.settings(), plant, bench.bus(), "sync", 0.002, 1.0, print)
 
 
@@ -196,7 +197,7 @@ def test_a_fault_is_told_remembered_and_reset(bench: Workbench, script: Script) 
     ]
     states = [hex(status & 0x4F) for status, _, _ in tpdos(script)]
     assert [state for n, state in enumerate(states[3:]) if state != states[2 + n]] == ["0xf", "0x8", "0x40"]
-    assert bench.said[0] == "fault 0x4310 (temperature of the drive): slow down on the quick stop ramp"
+    assert bench.reports[0] == "fault 0x4310 (temperature of the drive): slow down on the quick stop ramp"
 
 
 @pytest.mark.parametrize(("option", "state"), [(0, 0x40), (2, 0x40), (5, 0x07), (6, 0x07)])
@@ -217,7 +218,7 @@ def test_quick_stop_brakes_on_its_ramp(bench: Workbench, script: Script, option:
         return
     assert abs(speeds[-1]) < 1e-3
     ideal = speeds[0] ** 2 / (2 * 2.0)
-    duration, counts = (float(word) for word in bench.said[-1].split() if word.lstrip("-").isdigit())
+    duration, counts = (float(word) for word in bench.reports[-1].split() if word.lstrip("-").isdigit())
     assert ideal < counts * STEP < 1.6 * ideal  # the velocity loop lags behind the ramp
     assert 1.0 <= duration * 1e-3 / (speeds[0] / 2.0) < 1.5
 
@@ -225,13 +226,13 @@ def test_quick_stop_brakes_on_its_ramp(bench: Workbench, script: Script, option:
 def test_quick_stop_options_5_and_6_let_the_axis_be_enabled_again(bench: Workbench, script: Script) -> None:
     stop = [rpdo(2), *[SYNC] * 60, rpdo(15), SYNC, SYNC]
     node = play(bench, script, write(0x605A, 0, 6, 2), *enabled(), *stop)
-    assert node.axis.state is State.OPERATION_ENABLED
+    assert node.axis.state is DriveState.OPERATION_ENABLED
 
 
 def test_taken_out_of_operation_it_stops(bench: Workbench, script: Script) -> None:
     node = play(bench, script, *enabled(), STOP, sdo("40 00 10 00 00 00 00 00"))
     assert node.axis.stopping
-    assert bench.said == ["taken out of operation: quick stop"]
+    assert bench.reports == ["taken out of operation: quick stop"]
     assert answers(script)[-1].startswith("60 60 60")  # stopped, the SDO server is silent
 
 
@@ -265,7 +266,7 @@ def test_a_reset_boots_again_with_the_defaults(bench: Workbench, script: Script)
     )
     assert answers(script, 0x705) == ["00", "00"]
     assert answers(script)[-1] == "4b 5a 60 00 02 00 00 00"
-    assert (node.axis.state, node.axis.mode, node.axis.plant.position_counts) == (State.SWITCH_ON_DISABLED, 0, 0)
+    assert (node.axis.state, node.axis.mode, node.axis.plant.position_counts) == (DriveState.SWITCH_ON_DISABLED, 0, 0)
 
 
 def cycle(bus: End, time: Timeline, seconds: float, heartbeat: bool, command: bool) -> None:
@@ -287,20 +288,20 @@ def test_without_heartbeat_it_stops_by_itself(bench: Workbench, clock: str, dies
         bus.send(step)
         time.sleep(0.001)
     cycle(bus, time, 0.13, heartbeat=True, command=True)
-    assert node.axis.state is State.OPERATION_ENABLED and bench.said == []
+    assert node.axis.state is DriveState.OPERATION_ENABLED and bench.reports == []
     heard = time.now() - 0.01  # with the last but fourth of the cycles
     time.sleep(0.049) if dies else cycle(bus, time, 0.048, heartbeat=False, command=True)
-    assert bench.said == []  # not before its time
+    assert bench.reports == []  # not before its time
     time.sleep(0.004) if dies else cycle(bus, time, 0.004, heartbeat=False, command=True)  # commands go on
-    (said,) = bench.said
-    silence = int(said.split()[6])
-    assert said == f"no heartbeat from the controller for {silence} ms (time-out 60 ms): quick stop"
+    (reports,) = bench.reports
+    silence = int(reports.split()[6])
+    assert reports == f"no heartbeat from the controller for {silence} ms (time-out 60 ms): quick stop"
     assert 60 <= silence <= 62
     assert time.now() - heard < 0.064
     time.sleep(0.5)
-    assert node.axis.state is State.SWITCH_ON_DISABLED
-    assert bench.said[1].startswith("stands after ")
-    assert abs(int(bench.said[1].split()[5])) * STEP < 0.05
+    assert node.axis.state is DriveState.SWITCH_ON_DISABLED
+    assert bench.reports[1].startswith("stands after ")
+    assert abs(int(bench.reports[1].split()[5])) * STEP < 0.05
     emergencies = [parse(raw) for raw in iter(lambda: bus.receive(0.0), None) if parse(raw)[0] == 0x085]
     assert emergencies[0][1].hex(" ") == "30 81 10 00 00 00 00 00"
 
@@ -311,13 +312,13 @@ def test_without_commands_it_stops_by_itself(bench: Workbench) -> None:
         bus.send(step)
         time.sleep(0.001)
     cycle(bus, time, 0.1, heartbeat=True, command=True)
-    assert (node.axis.state, bench.said) == (State.OPERATION_ENABLED, [])
+    assert (node.axis.state, bench.reports) == (DriveState.OPERATION_ENABLED, [])
     cycle(bus, time, 0.046, heartbeat=True, command=False)
-    assert bench.said == []  # not before its time
+    assert bench.reports == []  # not before its time
     cycle(bus, time, 0.006, heartbeat=True, command=False)
-    assert bench.said[0].startswith("no cyclic command (RPDO) from the controller for 5")
+    assert bench.reports[0].startswith("no cyclic command (RPDO) from the controller for 5")
     assert node.objects.error_code == 0x8250
-    assert node.axis.state in (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED)
+    assert node.axis.state in (DriveState.QUICK_STOP_ACTIVE, DriveState.SWITCH_ON_DISABLED)
 
 
 def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> None:
@@ -363,7 +364,7 @@ def test_commands_wait_for_sync_as_their_transmission_type_says(
 ) -> None:
     """CiA 301: 0 to 240 act with the next SYNC, 254 and 255 when they come."""
     node = play(bench, script, *remapped(), write(0x1400, 2, kind, 1), START, rpdo(6))
-    assert (node.axis.state is State.READY) == at_once
+    assert (node.axis.state is DriveState.READY) == at_once
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ from stagectl.drives.bus import faulty_bus
 from stagectl.drives.bus.faulty_bus import FaultyBus, Rule
 from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.bus.virtual_time import Timeline
-from stagectl.drives.canopen.cia402 import State
-from stagectl.drives.clock import Skewed
-from stagectl.drives.virtual.fault_actions import DEEDS
+from stagectl.drives.canopen.cia402 import DriveState
+from stagectl.drives.clock import SkewedClock
+from stagectl.drives.virtual.fault_actions import ACTIONS
 from stagectl.drives.virtual.node import VirtualNode
 from tests.drives.test_node import START, answers, enabled, rpdo, sdo, tpdos
 from tests.drives.workbench import SYNC, Script, Workbench
@@ -33,8 +33,8 @@ def moving(bench: Workbench, script: Script, name: str, cycles: int = 20, **para
 
 
 def test_the_table_and_the_deeds_are_one() -> None:
-    assert set(DEEDS) == set(faults.BLOCKS)
-    assert len(faults.TABLE) == len(faults.ROWS) >= 25
+    assert set(ACTIONS) == set(faults.BLOCKS)
+    assert len(faults.TABLE) == len(faults.FAULT_TYPES) >= 25
     assert all(row.block._field_defaults.keys() >= {"after", "duration"} for row in faults.TABLE)
 
 
@@ -45,8 +45,8 @@ def test_each_fault_begins_and_is_undone(bench: Workbench, script: Script, name:
     node.faults.clear()
     assert node.faults.active == []
     assert (node._bus._rules, node.axis.sensor._distortions, node.axis._actuator._distortions) == ([], [], [])
-    assert bench.said[0] == f"fault begins: {name}" or name in ("drive-fault", "encoder-off")
-    assert f"fault is over: {name}" in bench.said
+    assert bench.reports[0] == f"fault begins: {name}" or name in ("drive-fault", "encoder-off")
+    assert f"fault is over: {name}" in bench.reports
     script.steps += [sdo("40 00 10 00 00 00 00 00")]
     script.sent.clear()
     node.run(script.done)
@@ -82,14 +82,14 @@ def test_the_current_that_flows_is_reported(bench: Workbench, script: Script, na
 
 def test_sto_takes_the_power_and_gives_none_back(bench: Workbench, script: Script) -> None:
     node = moving(bench, script, "drive-disabled")
-    assert node.axis.state is State.SWITCH_ON_DISABLED
+    assert node.axis.state is DriveState.SWITCH_ON_DISABLED
     script.steps += [START, rpdo(6), SYNC, rpdo(7), SYNC, rpdo(15), SYNC, rpdo(15), SYNC]
     node.run(script.done)
-    assert node.axis.state is State.SWITCHED_ON
+    assert node.axis.state is DriveState.SWITCHED_ON
     node.faults.clear()
     script.steps += [START, rpdo(15), SYNC, SYNC]
     node.run(script.done)
-    assert node.axis.state is State.OPERATION_ENABLED
+    assert node.axis.state is DriveState.OPERATION_ENABLED
 
 
 def test_a_drive_back_from_bus_off_says_so_and_one_without_supply_boots(bench: Workbench, script: Script) -> None:
@@ -99,7 +99,7 @@ def test_a_drive_back_from_bus_off_says_so_and_one_without_supply_boots(bench: W
     assert answers(script, 0x085)[-1] == "40 81 10 00 00 00 00 00"
     node.faults.begin(faults.default("power-off"), node.now())
     moved = node.axis.plant.state.position
-    assert (node.axis.state, len(tpdos(script))) == (State.SWITCH_ON_DISABLED, silent)
+    assert (node.axis.state, len(tpdos(script))) == (DriveState.SWITCH_ON_DISABLED, silent)
     node.faults.clear()
     assert answers(script, 0x705) == ["00", "00"]
     assert node.axis.plant.state.position == moved != 0.0  # the machine stays where it is
@@ -117,10 +117,10 @@ def test_a_short_answer_and_an_aborted_request(bench: Workbench, script: Script)
 
 def test_standing_faults_wait_for_operation_enabled_each_time(bench: Workbench, script: Script) -> None:
     node = bench.node(script)
-    node.faults.standing([faults.Plain("encoder-stuck", after=0.5, duration=0.25)])
+    node.faults.standing([faults.OnOffFault("encoder-stuck", after=0.5, duration=0.25)])
     node.faults.look(100.0)
     assert node.faults.active == []
-    node.axis.state = State.OPERATION_ENABLED
+    node.axis.state = DriveState.OPERATION_ENABLED
     for now, active in ((200.0, []), (200.4, []), (200.6, ["encoder-stuck"]), (200.9, []), (300.0, [])):
         node.faults.look(now)
         assert node.faults.active == active, now
@@ -181,7 +181,7 @@ def test_delayed_frames_come_when_they_are_due_and_kinds_are_told_apart() -> Non
 
 def test_a_skewed_clock_never_jumps() -> None:
     true = Timeline()
-    clock = Skewed(true)
+    clock = SkewedClock(true)
     true.sleep(10.0)
     clock.run_at(1.5)
     assert clock.now() == 10.0

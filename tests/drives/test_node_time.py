@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from stagectl.drives.bus.frames import frame
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.virtual.node import VirtualNode
 from tests.drives.test_node import RESET, START, answers, enabled, rpdo, tpdos, write
 from tests.drives.workbench import DT, STEP, SYNC, Script, Workbench
@@ -68,10 +68,10 @@ def moving() -> list[bytes]:
 def test_silence_counts_from_the_last_sign_of_life(bench: Workbench, timed: Timed) -> None:
     watch = write(0x1016, 1, 0x7F_0000 | 64, 4)  # ms, and the pauses are sums of powers of two
     node = play(bench, timed, watch, *enabled(), HEARTBEAT, 0.0625, HEARTBEAT, 0.0625, HEARTBEAT)
-    assert (node.axis.state, bench.said) == (State.OPERATION_ENABLED, [])
+    assert (node.axis.state, bench.reports) == (DriveState.OPERATION_ENABLED, [])
     continue_with(node, timed, 0.0625, 0.001953125, 0.0)
-    assert bench.said[0] == "no heartbeat from the controller for 64 ms (time-out 64 ms): quick stop"
-    assert node.axis.state is not State.OPERATION_ENABLED
+    assert bench.reports[0] == "no heartbeat from the controller for 64 ms (time-out 64 ms): quick stop"
+    assert node.axis.state is not DriveState.OPERATION_ENABLED
 
 
 def test_a_heartbeat_of_somebody_else_is_none(bench: Workbench, timed: Timed) -> None:
@@ -79,27 +79,27 @@ def test_a_heartbeat_of_somebody_else_is_none(bench: Workbench, timed: Timed) ->
     ours, other = frame(0x720, b"\x05"), HEARTBEAT
     steps: list[Any] = [0.05, ours, other] * 4
     node = play(bench, timed, watch, *enabled(), ours, *steps)
-    assert (node.axis.state, bench.said) == (State.OPERATION_ENABLED, [])
+    assert (node.axis.state, bench.reports) == (DriveState.OPERATION_ENABLED, [])
     continue_with(node, timed, 0.05, other, 0.05, other, 0.0)
-    assert bench.said[0].startswith("no heartbeat from the controller for 100 ms")
-    assert node.axis.state is not State.OPERATION_ENABLED
+    assert bench.reports[0].startswith("no heartbeat from the controller for 100 ms")
+    assert node.axis.state is not DriveState.OPERATION_ENABLED
 
 
 def test_what_is_still_queued_is_heard_before_silence_is_declared(bench: Workbench, timed: Timed) -> None:
     """A drive that was not scheduled for a while must not take its own sleep for the controller's."""
     watch = [write(0x1016, 1, 0x7F_0000 | 60, 4), write(0x1400, 5, 60, 2)]
     node = play(bench, timed, *watch, *enabled(), rpdo(15), HEARTBEAT, 0.2, rpdo(15), HEARTBEAT, 0.0)
-    assert (node.axis.state, bench.said) == (State.OPERATION_ENABLED, [])
+    assert (node.axis.state, bench.reports) == (DriveState.OPERATION_ENABLED, [])
 
 
 def test_in_fault_a_returning_controller_does_not_clear_the_error(bench: Workbench, timed: Timed) -> None:
     watch = [write(0x1016, 1, 0x7F_0000 | 60, 4), write(0x6007, 0, 1, 2)]  # abort connection: fault
     node = play(bench, timed, *watch, *enabled(), HEARTBEAT, 0.1, 0.1, HEARTBEAT, 0.0)
-    assert node.axis.state is State.FAULT
+    assert node.axis.state is DriveState.FAULT
     assert node.objects.error_code == 0x8130
     assert answers(timed, 0x085) == ["30 81 10 00 00 00 00 00"]
     continue_with(node, timed, START, rpdo(0), SYNC, rpdo(0x80), SYNC, SYNC)
-    assert (node.axis.state, node.objects.error_code) == (State.SWITCH_ON_DISABLED, 0)
+    assert (node.axis.state, node.objects.error_code) == (DriveState.SWITCH_ON_DISABLED, 0)
 
 
 def test_while_syncs_come_a_stop_takes_its_time_from_them(bench: Workbench, timed: Timed) -> None:
@@ -131,7 +131,7 @@ def test_the_wall_clock_moves_the_plant_and_never_catches_up_more_than_a_second(
     assert max(drifted) == pytest.approx(DT)
     continue_with(node, timed, 5.0)
     assert sum(drifted) == pytest.approx(1.0123, abs=1e-6)
-    assert bench.said == ["the plant's clock slipped by 4.0 s: this machine is too busy"]
+    assert bench.reports == ["the plant's clock slipped by 4.0 s: this machine is too busy"]
 
 
 def test_a_pending_command_does_not_outlive_operational(bench: Workbench, timed: Timed) -> None:
@@ -139,13 +139,13 @@ def test_a_pending_command_does_not_outlive_operational(bench: Workbench, timed:
     pre_operational = frame(0, bytes([0x80, 5]))
     switched_on = enabled()[:-2]
     node = play(bench, timed, *switched_on, rpdo(15), pre_operational, START, SYNC, SYNC)
-    assert node.axis.state is State.SWITCHED_ON
+    assert node.axis.state is DriveState.SWITCHED_ON
 
 
 def test_a_command_is_obeyed_once(bench: Workbench, timed: Timed) -> None:
     shutdown = write(0x6040, 0, 6, 2)
     node = play(bench, timed, *enabled(), rpdo(7), SYNC, shutdown, SYNC, SYNC)
-    assert node.axis.state is State.READY
+    assert node.axis.state is DriveState.READY
 
 
 def test_a_longer_command_is_taken(bench: Workbench, timed: Timed) -> None:

@@ -44,14 +44,14 @@ def test_the_noise_has_its_own_sizes_and_repeats() -> None:
     current, position, _ = zip(*draw(settings, 4000), strict=True)
     for values, rms in ((current, 2.0), (position, 1e-6)):
         assert sum(v * v for v in values) / 4000 == pytest.approx(rms**2, rel=0.1)
-    one, other = (Plant(linear_stage(), settings, DT) for _ in range(2))
-    for each in (one, other):
-        each.powered = True
-        each.hear()
+    entry, other = (Plant(linear_stage(), settings, DT) for _ in range(2))
+    for item in (entry, other):
+        item.powered = True
+        item.hear()
         for _ in range(50):
-            each.advance(0.1)
-    assert one.state.position == other.state.position
-    assert one.position == other.position
+            item.advance(0.1)
+    assert entry.state.position == other.state.position
+    assert entry.position == other.position
 
 
 def test_a_running_plant_hears_what_simulate_hears() -> None:
@@ -59,6 +59,6 @@ def test_a_running_plant_hears_what_simulate_hears() -> None:
     drive, heard = Simulated(Plant(linear_stage(), settings, DT)), []
     drive.enable()
     for _ in range(5):
-        heard.append(drive.plant._heard())
+        heard.append(drive.plant._current_noise())
         drive.apply(0.0)
     assert heard == draw(settings, 5)

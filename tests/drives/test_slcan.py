@@ -10,8 +10,9 @@ from collections.abc import Iterator
 import pytest
 
 from stagectl.drives import cycle_time
-from stagectl.drives.bus.frames import frame, open_bus, parse
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.bus.frames import frame, parse
+from stagectl.drives.bus.interfaces import open_bus
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.cia402 import state as state_of
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Fault
@@ -28,7 +29,7 @@ class Adapter:
         os.set_blocking(self._line, False)
         self.port, self._child = os.ttyname(child), child
         self._over, self._text = threading.Event(), b""
-        self.said: list[bytes] = []
+        self.reports: list[bytes] = []
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -53,7 +54,7 @@ class Adapter:
                 self._obey(line)
 
     def _obey(self, line: bytes) -> None:
-        self.said.append(line)
+        self.reports.append(line)
         if line[:1] == b"t":
             self._bus.send(frame(int(line[1:4], 16), bytes.fromhex(line[5:].decode())))
             os.write(self._line, b"z\r")
@@ -73,13 +74,13 @@ def test_a_drive_moves_and_stops_over_the_line(bench: Workbench, adapter: Adapte
     settings = bench.settings()._replace(interface="slcan", channel=f"{adapter.port}@3000000")
     bus = open_bus(settings.interface, settings.channel, settings.bitrate)
     drive = CanopenDrive(settings, bus, STEP, DT)
-    assert adapter.said.index(b"S8") < adapter.said.index(b"O")  # 1 Mbit/s, then open
+    assert adapter.reports.index(b"S8") < adapter.reports.index(b"O")  # 1 Mbit/s, then open
     assert drive.enable().fault is Fault.NONE
     for _ in range(40):
         drive.apply(1.0)
         assert drive.sample().fault is Fault.NONE
     assert node.axis.plant.state.velocity > 0.05
-    assert state_of(drive.quick_stop().statusword) is State.SWITCH_ON_DISABLED
+    assert state_of(drive.quick_stop().statusword) is DriveState.SWITCH_ON_DISABLED
     drive.close()
     assert abs(node.axis.plant.state.velocity) < 1e-3
 

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from stagectl.drives.bus.frames import Embedded, frame
+from stagectl.drives.bus.embedded import Embedded
+from stagectl.drives.bus.frames import frame
 from stagectl.drives.bus.virtual_time import End, Timeline, Wire
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Simulation
@@ -60,7 +61,7 @@ class Workbench:
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack) -> None:
         self.channel, self._stack = str(folder), stack
-        self.said: list[str] = []
+        self.reports: list[str] = []
 
     def settings(self, **changes: Any) -> Canopen:
         return canopen_settings(self.channel, **changes)
@@ -74,7 +75,7 @@ class Workbench:
         """A virtual drive, not running yet."""
         plant = Plant(linear_stage(), Simulation(substeps=4), DT)
         bus = bus or self.bus()
-        return VirtualNode(self.settings(**changes), plant, bus, clock, DT, GAIN, self.said.append, time=time)
+        return VirtualNode(self.settings(**changes), plant, bus, clock, DT, GAIN, self.reports.append, time=time)
 
     def timed(self, clock: Any = "sync") -> tuple[VirtualNode, End, Timeline]:
         """A virtual drive that has booted, our end of its bus, and the time that both go by, which nobody waits for."""

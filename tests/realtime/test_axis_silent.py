@@ -13,7 +13,7 @@ from stagectl.selftest.served import ServedCase
 @pytest.mark.parametrize("name", ["cable-out", "feedback-lost"])
 def test_enabling_is_given_up_after_its_five_seconds(ball_screw: Setup, name: str) -> None:
     bench = matrix.virtual(ball_screw, frozenset({name}))
-    case = bench.case(faults.ROWS[name], "service enabling")
+    case = bench.case(faults.FAULT_TYPES[name], "service enabling")
     assert isinstance(case, ServedCase)
     case.run("service enabling")
     assert (case.reason, case.wrong) == ("DRIVE_FAULT", "")

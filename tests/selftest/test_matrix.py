@@ -150,7 +150,7 @@ def test_an_axis_that_stands_in_a_late_loop_is_stopped_where_the_stage_file_says
 
 def test_what_an_axis_may_do_that_was_braking_follows_from_the_motion_it_makes(ball_screw: Setup) -> None:
     """Pushed back by the current that braked, in steps of 1 us, not by the closed form; then on the drive's ramp."""
-    p, calm, row = ball_screw.stage, 800.0, faults.ROWS["controller-dead"]
+    p, calm, row = ball_screw.stage, 800.0, faults.FAULT_TYPES["controller-dead"]
     t, v, x, dt = 0.505, 0.0, 0.0, 1e-6  # the time-out of 500 ms, and a look at it
     for _ in range(round(t / dt)):
         v += (calm - (2.0 * 1.0 + p.mechanics.viscous * v) / p.mechanics.inertia) * dt
@@ -170,4 +170,4 @@ def test_frames_take_their_time_on_the_wire_one_after_the_other() -> None:
     assert there.receive(1.0) == frame(0x185, bytes(8)) and time.now() == pytest.approx(135e-6)
     assert there.receive(1.0) == frame(0x080) and time.now() == pytest.approx(190e-6)
     assert there.receive(0.5) is None and time.now() == pytest.approx(0.50019)
-    assert all(row.must.category is None or row.must.noticed for row in faults.TABLE)
+    assert all(row.required.category is None or row.required.noticed for row in faults.TABLE)

@@ -84,4 +84,4 @@ def test_what_cannot_be_is_refused(ball_screw: Setup) -> None:
 
 
 def test_all_that_is_tried_is_in_the_table_of_faults() -> None:
-    assert set(remote.PROVOCABLE) <= set(faults.ROWS) and len(remote.PROVOCABLE) == 16
+    assert set(remote.PROVOCABLE) <= set(faults.FAULT_TYPES) and len(remote.PROVOCABLE) == 16

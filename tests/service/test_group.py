@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.drives.bus.frames import Embedded, frame
+from stagectl.drives.bus.embedded import Embedded
+from stagectl.drives.bus.frames import frame
 from stagectl.web.client import RefusedError
 from tests.conftest import CONFIG
 from tests.service.serving import Served, lasting

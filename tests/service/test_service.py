@@ -198,7 +198,8 @@ def test_the_drive_killed_and_back(machine: Served) -> None:
 
 
 def test_a_drive_that_boots_again_is_configured_anew(machine: Served) -> None:
-    from stagectl.drives.bus.frames import Embedded, frame
+    from stagectl.drives.bus.embedded import Embedded
+    from stagectl.drives.bus.frames import frame
 
     machine.begin_moving()
     bus = Embedded(str(machine.folder / "bus"))

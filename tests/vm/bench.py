@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stagectl.drives.drive import Canopen
 from stagectl.drives.virtual.inject import ask as inject
-from stagectl.drives.virtual.inject import doorway
+from stagectl.drives.virtual.inject import socket_path
 from tests.vm.traced import FIELDS
 
 ROOT = Path(__file__).parents[2]  # the guest does without tests/conftest.py, which takes long to import there
@@ -60,7 +60,7 @@ class Traced:
     """The drive of `tests.vm.traced` as a process."""
 
     def __init__(self, stage: Path, folder: Path) -> None:
-        self.door, self._folder = doorway(INTERFACE, CHANNEL, NODE), folder
+        self.door, self._folder = socket_path(INTERFACE, CHANNEL, NODE), folder
         self.log = folder / "drive.txt"
         with self.log.open("w") as log:
             command = [sys.executable, "-m", "tests.vm.traced", str(stage)]

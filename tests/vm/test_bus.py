@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.drives.bus.frames import EXTENDED, REMOTE, SocketCan, frame, parse
+from stagectl.drives.bus.frames import EXTENDED, REMOTE, frame, parse
+from stagectl.drives.bus.interfaces import SocketCan
 from stagectl.recording.hdf5 import open_recording
 from tests.vm.bench import NODE, ROOT, stage_file, traced
 

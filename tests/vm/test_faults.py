@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.drives import faults
-from stagectl.drives.faults import Row
+from stagectl.drives.faults import FaultType
 from stagectl.selftest.limits import Limit, limit
 from tests.vm.bench import CHANNEL, Traced, keep
 from tests.vm.installed import LOOP, Installed
@@ -36,13 +36,13 @@ def setup(machine: Installed) -> Setup:
 
 
 @pytest.mark.parametrize("row", faults.TABLE, ids=lambda row: str(row.name))
-def test_the_axis_stops_in_time(machine: Installed, drive: Traced, setup: Setup, row: Row) -> None:
+def test_the_axis_stops_in_time(machine: Installed, drive: Traced, setup: Setup, row: FaultType) -> None:
     speed = SPEED / setup.file.axis.travel_per_unit
     machine.moving(SPEED)
     drive.trace()
     began = _begin(machine, drive, row)
     bound = limit(setup, row, faults.default(row.name), speed)
-    if row.must.category is None:
+    if row.required.category is None:
         time.sleep(GOES_ON)
         state = machine.axis()["state"]
         drive.clear()
@@ -59,10 +59,10 @@ def test_the_axis_stops_in_time(machine: Installed, drive: Traced, setup: Setup,
         assert said == "process_died"
     else:
         assert found["state"] != "disabled" and said == found["fault"]
-        assert not row.must.reasons or said in [reason.name.lower() for reason in row.must.reasons]
+        assert not row.required.reasons or said in [reason.name.lower() for reason in row.required.reasons]
 
 
-def _begin(machine: Installed, drive: Traced, row: Row) -> float:
+def _begin(machine: Installed, drive: Traced, row: FaultType) -> float:
     """Let it happen; when it did (s, monotonic)."""
     if row.component != "controller":
         return drive.fault(faults.default(row.name)._replace(**MILDER.get(row.name, {})))
@@ -80,7 +80,7 @@ def _begin(machine: Installed, drive: Traced, row: Row) -> float:
     return began
 
 
-def _judge(row: Row, setup: Setup, trace: NDArray[Any], began: float, bound: Limit) -> None:
+def _judge(row: FaultType, setup: Setup, trace: NDArray[Any], began: float, bound: Limit) -> None:
     """It stands, in time, not too far away, and without power; before, it moved."""
     wire: Any = setup.file.drive.wire
     after, here = trace[trace["time"] >= began], np.interp(began, trace["time"], trace["position"])
@@ -95,6 +95,6 @@ def _judge(row: Row, setup: Setup, trace: NDArray[Any], began: float, bound: Lim
     assert stop_time <= bound.time + OVER, shown
     assert way <= bound.distance + OVER * SPEED / unit, shown
     assert after["powered"][-1] == 0.0
-    if row.must.category == 1 and row.must.brakes == "ramp":
+    if row.required.category == 1 and row.required.brakes == "ramp":
         fast = np.abs(after["velocity"]) > 2.0 * STANDING * wire.quick_stop_deceleration
         assert not np.any(fast & (after["powered"] == 0.0)), "the power was cut in motion"

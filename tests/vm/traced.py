@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.config.stage_file import load_stage
-from stagectl.drives.bus.frames import open_bus
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.drive import Canopen
-from stagectl.drives.virtual.inject import Doorway, doorway, obey
+from stagectl.drives.virtual.inject import InjectionSocket, obey, socket_path
 from stagectl.realtime.scheduling import settle
 from stagectl.service.virtual_drive import virtual_node
 
@@ -81,7 +81,7 @@ def main(path: str) -> None:
     wire = setup.file.drive.wire
     assert isinstance(wire, Canopen)
     bus = Enduring(wire)
-    door = Doorway(doorway(wire.interface, wire.channel, wire.node))
+    door = InjectionSocket(socket_path(wire.interface, wire.channel, wire.node))
     node = virtual_node(setup, wire, bus, lambda line: print(line, flush=True))
     witness = Witness(node)
     with contextlib.suppress(OSError):  # below the loop, above all else: a drive has a processor of its own

@@ -26,7 +26,7 @@ from canopen.profiles.p402 import BaseNode402
 from measure import Against, Contender, interleaved, versus
 from scene import STAGE, scene
 
-from stagectl.drives.bus.frames import open_bus
+from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo

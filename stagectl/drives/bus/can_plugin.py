@@ -14,9 +14,9 @@ from typing import Any
 
 import can
 
-from stagectl.drives.bus.frames import EXTENDED, REMOTE, BusError, Embedded, frame, parse
-
-_FOREVER = 3600.0  # s; python-can asks again by itself
+from stagectl.drives.bus.embedded import Embedded
+from stagectl.drives.bus.frames import EXTENDED, REMOTE, BusError, frame, parse
+from stagectl.drives.limits import PLUGIN_WAIT
 
 
 class EmbeddedBus(can.BusABC):
@@ -46,7 +46,7 @@ class EmbeddedBus(can.BusABC):
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         try:
-            raw = self._bus.receive(_FOREVER if timeout is None else timeout)
+            raw = self._bus.receive(PLUGIN_WAIT if timeout is None else timeout)
         except (OSError, ValueError) as error:  # ValueError: select on a socket that was closed meanwhile
             raise can.CanOperationError(str(error)) from error
         if raw is None:

@@ -1,4 +1,4 @@
-"""A bus whose frames are lost, doubled, swapped, bent or held up by rules; without rules it is the bus beneath."""
+"""A bus whose frames are lost, doubled, reordered, corrupted or delayed by rules; without rules it changes nothing."""
 
 from __future__ import annotations
 
@@ -6,16 +6,27 @@ import heapq
 import itertools
 import random
 from collections.abc import Callable, Iterator
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 from stagectl.drives.bus.frames import Bus, frame, parse
+from stagectl.drives.limits import BABBLE_FRAMES
 
 Undo = Callable[[], None]
+_T = TypeVar("_T")
 Timed = tuple[float, bytes]  # when it goes on (s), the frame
 Act = Callable[[float, bytes], list[Timed]]
 Way = Literal["in", "out", "both"]
 _ABORT = bytes.fromhex("00000008")  # 0x0800_0000, general error
-_BABBLE = 4  # strange frames before each of the drive's
+
+
+def added(entries: list[_T], entry: _T) -> Undo:
+    """Append `entry`; the function that takes it out again."""
+    entries.append(entry)
+
+    def undo() -> None:
+        entries[:] = [other for other in entries if other is not entry]
+
+    return undo
 
 
 def kind(identifier: int) -> str:
@@ -50,16 +61,11 @@ class FaultyBus:
         self._serial = itertools.count()
 
     def add(self, rule: Rule) -> Undo:
-        """Act by `rule` until the answer is called; later rules see what earlier ones let through."""
-        self._rules.append(rule)
-
-        def undo() -> None:
-            self._rules[:] = [each for each in self._rules if each is not rule]
-
-        return undo
+        """Act by `rule` until the returned function is called; later rules see what earlier ones let through."""
+        return added(self._rules, rule)
 
     def send(self, frame: bytes) -> None:
-        """Send what the rules leave of it."""
+        """Send what the rules let through."""
         if not self._rules and not self._held["out"]:
             self._bus.send(frame)
             return
@@ -84,7 +90,7 @@ class FaultyBus:
                 return None  # a bus of another clock waits no longer than this
 
     def close(self) -> None:
-        """Leave the bus beneath."""
+        """Close the underlying bus."""
         self._bus.close()
 
     def answer(self, raw: bytes) -> None:
@@ -93,12 +99,12 @@ class FaultyBus:
 
     def _hold(self, way: str, raw: bytes) -> None:
         now = self._now()
-        what, frames = kind(int.from_bytes(raw[:4], "little") & 0x7FF), [(now, raw)]
+        purpose, frames = kind(int.from_bytes(raw[:4], "little") & 0x7FF), [(now, raw)]
         for rule in self._rules:
-            if rule.way in (way, "both") and (not rule.kinds or what in rule.kinds):
-                frames = [passed for at, one in frames for passed in rule.act(at, one)]
-        for at, one in frames:
-            heapq.heappush(self._held[way], (at, next(self._serial), one))
+            if rule.way in (way, "both") and (not rule.kinds or purpose in rule.kinds):
+                frames = [passed for timed in frames for passed in rule.act(*timed)]
+        for at, passed_raw in frames:
+            heapq.heappush(self._held[way], (at, next(self._serial), passed_raw))
 
     def _due(self, way: str) -> bytes | None:
         held = self._held[way]
@@ -149,10 +155,10 @@ def flip(share: float, chance: random.Random) -> Act:
         length = min(raw[4], 8)
         if not length or chance.random() >= share:
             return [(at, raw)]
-        bent = bytearray(raw)
+        corrupted = bytearray(raw)
         for _ in range(chance.randint(1, 4)):
-            bent[8 + chance.randrange(length)] ^= 1 << chance.randrange(8)
-        return [(at, bytes(bent))]
+            corrupted[8 + chance.randrange(length)] ^= 1 << chance.randrange(8)
+        return [(at, bytes(corrupted))]
 
     return act
 
@@ -177,10 +183,10 @@ def babble(share: float, chance: random.Random) -> Act:
     """Put frames of a strange node before a `share` of the frames."""
 
     def strange() -> Iterator[bytes]:
-        for _ in range(_BABBLE):
+        for _ in range(BABBLE_FRAMES):
             yield frame(chance.randrange(0x780, 0x7E0), chance.randbytes(chance.randint(0, 8)))
 
-    return lambda at, raw: [*((at, one) for one in strange() if chance.random() < share), (at, raw)]
+    return lambda at, raw: [*((at, other) for other in strange() if chance.random() < share), (at, raw)]
 
 
 def refuse(bus: FaultyBus) -> Act:

@@ -1,11 +1,11 @@
-"""One bus for several drives: each has a port, which sees its own node's frames, and one of them sends SYNC for all.
+"""One bus for several drives: each has a port for the frames of its node; one port sends SYNC for all.
 
 ::
 
     bus --+-- port of node 5   sends SYNC; takes 0x185, 0x085, 0x585, 0x705
           +-- port of node 6   its SYNC is left out: it was sent already; takes 0x186, ...
 
-A frame for another port waits in that port's queue, so that nobody waits for a neighbour's answer twice.
+A frame for another port waits in that port's queue, so that no answer is waited for twice.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import time
 from collections.abc import Callable
 
 from stagectl.drives.bus.frames import Bus
+from stagectl.drives.limits import PORT_QUEUE
 
 _SYNC = 0x080
 _HEAD = struct.Struct("<I")
-_LONGEST = 256  # frames that wait for a port nobody reads
 _OWN_ONCE = (_SYNC, 0x700 + 127)  # SYNC and our heartbeat: one for all drives
 
 
@@ -60,10 +60,10 @@ class Ports:
             raw = self._bus.receive(max(deadline - time.monotonic(), 0.0))
             if raw is None:
                 return None
-            whose = _HEAD.unpack_from(raw)[0] & 0x7F
-            if whose == node or whose not in self._ports:
+            node_id = _HEAD.unpack_from(raw)[0] & 0x7F
+            if node_id == node or node_id not in self._ports:
                 return raw
-            self._ports[whose].waiting.append(raw)
+            self._ports[node_id].waiting.append(raw)
 
     def leave(self, port: Port) -> None:
         """A port closes; the last one closes the bus."""
@@ -79,7 +79,7 @@ class Port:
 
     def __init__(self, ports: Ports, node: int) -> None:
         self._ports, self.node = ports, node
-        self.waiting: collections.deque[bytes] = collections.deque(maxlen=_LONGEST)
+        self.waiting: collections.deque[bytes] = collections.deque(maxlen=PORT_QUEUE)
 
     def send(self, frame: bytes) -> None:
         """Queue one frame."""
@@ -88,8 +88,8 @@ class Port:
     def receive(self, timeout: float) -> bytes | None:
         """Next frame of this drive.
 
-        Who only clears away what is left over (no `timeout`) gets nothing here but at the port that sends SYNC: the
-        answers of the others have come with it, and are not left over.
+        A call without `timeout` clears old frames.  Only the port that sends SYNC returns frames: the answers that
+        wait at the other ports belong to that SYNC.
         """
         if timeout <= 0.0 and not self._ports.leads(self.node):
             return None
@@ -98,10 +98,12 @@ class Port:
         return self._ports.receive(self.node, timeout)
 
     def renew(self) -> None:
-        """A SYNC goes out: an answer that still waits is that to an earlier one."""
+        """Drop an answer to an earlier SYNC: a new one is sent."""
         stale = 0x180 + self.node
-        self.waiting = collections.deque((raw for raw in self.waiting if _HEAD.unpack_from(raw)[0] != stale), _LONGEST)
+        self.waiting = collections.deque(
+            (raw for raw in self.waiting if _HEAD.unpack_from(raw)[0] != stale), PORT_QUEUE
+        )
 
     def close(self) -> None:
-        """Leave the bus to the others."""
+        """Close this port; the others stay open."""
         self._ports.leave(self)

@@ -1,6 +1,6 @@
 """Virtual time: a clock that jumps to the next event, and a bus of two ends with true transmission times on it.
 
-A controller that waits lets the other end run; nothing sleeps, so a second takes what its events cost.
+A controller that waits lets the other end run.  Nothing sleeps, so a simulated second takes as long as its events.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ class Timeline:
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Let so much time go by, with all that happens in it."""
+        """Let `seconds` pass, with all events in them."""
         self.run(self._now + seconds, lambda: False)
 
     def at(self, time: float, event: Callable[[], None]) -> None:
-        """Have something happen at `time` (s)."""
+        """Schedule `event` at `time` (s)."""
         heapq.heappush(self._events, (time, next(self._serial), event))
 
     def every(self, period: float, event: Callable[[], None]) -> None:
-        """Have something happen each `period` (s), from now on."""
+        """Schedule `event` every `period` (s) from now on."""
         due = self._now + period
 
         def again() -> None:
@@ -61,7 +61,7 @@ class End:
     """One end of a bus with two."""
 
     def __init__(self, timeline: Timeline, wire: Wire, wakes: Callable[[], None] | None = None) -> None:
-        """With `wakes`, it is called for each frame and the end never waits."""
+        """`wakes` is called for each frame that arrives; an end with it never waits."""
         self._timeline, self._wire, self._wakes = timeline, wire, wakes
         self.inbox: collections.deque[bytes] = collections.deque()
         self.down = False
@@ -87,7 +87,7 @@ class End:
             self._wakes()
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Nothing to close."""
 
     def woken_by(self, wakes: Callable[[], None]) -> None:
         """Call this for each frame that arrives, and wait no more."""

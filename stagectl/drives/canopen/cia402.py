@@ -31,12 +31,12 @@ CYCLIC_SYNCHRONOUS_TORQUE_BIT = 1 << 9  # in 0x6502
 TORQUE_PERMILLE = 1e-3  # 0x6071 and 0x6077 count thousandths of the rated value
 
 # NMT (CiA 301): commands and the states that a heartbeat carries
-NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL = 0x01, 0x02, 0x80
+NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 NMT_RESETS = {"node": 0x81, "communication": 0x82}
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 
 
-class State(enum.Enum):
+class DriveState(enum.Enum):
     """States of the power drive system; the value is their statusword (mask, bits)."""
 
     NOT_READY = (0x4F, 0x00)
@@ -51,11 +51,11 @@ class State(enum.Enum):
     @property
     def words(self) -> str:
         """Name as the standard writes it."""
-        names = {State.NOT_READY: "Not ready to switch on", State.READY: "Ready to switch on"}
+        names = {DriveState.NOT_READY: "Not ready to switch on", DriveState.READY: "Ready to switch on"}
         return names.get(self, self.name.replace("_", " ").capitalize())
 
 
-class Command(enum.Enum):
+class DeviceCommand(enum.Enum):
     """Device control commands; the value is their controlword (mask, bits)."""
 
     SHUTDOWN = (0x87, 0x06)
@@ -72,35 +72,38 @@ class Command(enum.Enum):
 
 
 # Commands and where they lead from each state; the numbers are the standard's transitions.
-TRANSITIONS: dict[tuple[State, Command], State] = {
-    (State.SWITCH_ON_DISABLED, Command.SHUTDOWN): State.READY,  # 2
-    (State.READY, Command.SWITCH_ON): State.SWITCHED_ON,  # 3
-    (State.READY, Command.ENABLE_OPERATION): State.SWITCHED_ON,  # 3, and 4 with the next controlword
-    (State.SWITCHED_ON, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,  # 4
-    (State.OPERATION_ENABLED, Command.SWITCH_ON): State.SWITCHED_ON,  # 5
-    (State.SWITCHED_ON, Command.SHUTDOWN): State.READY,  # 6
-    (State.READY, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,  # 7
-    (State.READY, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,  # 7
-    (State.OPERATION_ENABLED, Command.SHUTDOWN): State.READY,  # 8
-    (State.OPERATION_ENABLED, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,  # 9
-    (State.SWITCHED_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,  # 10
-    (State.SWITCHED_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,  # 10
-    (State.OPERATION_ENABLED, Command.QUICK_STOP): State.QUICK_STOP_ACTIVE,  # 11
-    (State.QUICK_STOP_ACTIVE, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,  # 12
-    (State.FAULT, Command.FAULT_RESET): State.SWITCH_ON_DISABLED,  # 15
-    (State.QUICK_STOP_ACTIVE, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,  # 16, options 5 to 8 only
+TRANSITIONS: dict[tuple[DriveState, DeviceCommand], DriveState] = {
+    (DriveState.SWITCH_ON_DISABLED, DeviceCommand.SHUTDOWN): DriveState.READY,  # 2
+    (DriveState.READY, DeviceCommand.SWITCH_ON): DriveState.SWITCHED_ON,  # 3
+    (DriveState.READY, DeviceCommand.ENABLE_OPERATION): DriveState.SWITCHED_ON,  # 3, and 4 with the next controlword
+    (DriveState.SWITCHED_ON, DeviceCommand.ENABLE_OPERATION): DriveState.OPERATION_ENABLED,  # 4
+    (DriveState.OPERATION_ENABLED, DeviceCommand.SWITCH_ON): DriveState.SWITCHED_ON,  # 5
+    (DriveState.SWITCHED_ON, DeviceCommand.SHUTDOWN): DriveState.READY,  # 6
+    (DriveState.READY, DeviceCommand.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,  # 7
+    (DriveState.READY, DeviceCommand.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 7
+    (DriveState.OPERATION_ENABLED, DeviceCommand.SHUTDOWN): DriveState.READY,  # 8
+    (DriveState.OPERATION_ENABLED, DeviceCommand.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 9
+    (DriveState.SWITCHED_ON, DeviceCommand.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,  # 10
+    (DriveState.SWITCHED_ON, DeviceCommand.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 10
+    (DriveState.OPERATION_ENABLED, DeviceCommand.QUICK_STOP): DriveState.QUICK_STOP_ACTIVE,  # 11
+    (DriveState.QUICK_STOP_ACTIVE, DeviceCommand.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 12
+    (DriveState.FAULT, DeviceCommand.FAULT_RESET): DriveState.SWITCH_ON_DISABLED,  # 15
+    (
+        DriveState.QUICK_STOP_ACTIVE,
+        DeviceCommand.ENABLE_OPERATION,
+    ): DriveState.OPERATION_ENABLED,  # 16: options 5 to 8
 }
 
 # What a master sends in each state to come nearer to Operation enabled.
-TOWARDS_ENABLED: dict[State, Command] = {
-    State.NOT_READY: Command.DISABLE_VOLTAGE,
-    State.SWITCH_ON_DISABLED: Command.SHUTDOWN,
-    State.READY: Command.SWITCH_ON,
-    State.SWITCHED_ON: Command.ENABLE_OPERATION,
-    State.OPERATION_ENABLED: Command.ENABLE_OPERATION,
-    State.QUICK_STOP_ACTIVE: Command.QUICK_STOP,  # until it stands; then Disable voltage
-    State.FAULT_REACTION_ACTIVE: Command.DISABLE_VOLTAGE,
-    State.FAULT: Command.FAULT_RESET,
+TOWARDS_ENABLED: dict[DriveState, DeviceCommand] = {
+    DriveState.NOT_READY: DeviceCommand.DISABLE_VOLTAGE,
+    DriveState.SWITCH_ON_DISABLED: DeviceCommand.SHUTDOWN,
+    DriveState.READY: DeviceCommand.SWITCH_ON,
+    DriveState.SWITCHED_ON: DeviceCommand.ENABLE_OPERATION,
+    DriveState.OPERATION_ENABLED: DeviceCommand.ENABLE_OPERATION,
+    DriveState.QUICK_STOP_ACTIVE: DeviceCommand.QUICK_STOP,  # until it stands; then Disable voltage
+    DriveState.FAULT_REACTION_ACTIVE: DeviceCommand.DISABLE_VOLTAGE,
+    DriveState.FAULT: DeviceCommand.FAULT_RESET,
 }
 
 OPTIONS: dict[int, tuple[str, dict[int, str]]] = {
@@ -187,19 +190,19 @@ HEARTBEAT_LOST, PDO_LENGTH, RPDO_LOST = 0x8130, 0x8210, 0x8250
 COMMUNICATION_ERROR = 0x10  # bit of the error register 0x1001
 GENERIC_ERROR = 0x01
 
-# SDO abort codes (CiA 301) that are given or looked at here.
-NOT_READABLE, NOT_WRITABLE, NO_OBJECT, NOT_MAPPABLE = 0x0601_0001, 0x0601_0002, 0x0602_0000, 0x0604_0041
+# SDO abort codes (CiA 301) that are sent or read here.
+NO_OBJECT, NOT_MAPPABLE = 0x0602_0000, 0x0604_0041
 PDO_TOO_LONG, WRONG_LENGTH, NO_SUBINDEX, OUT_OF_RANGE = 0x0604_0042, 0x0607_0010, 0x0609_0011, 0x0609_0030
 WRONG_STATE = 0x0800_0022
 
 
-def state(statusword: int) -> State:
-    """State that a statusword says; Not ready to switch on where it says none of the standard's."""
+def state(statusword: int) -> DriveState:
+    """State in a statusword; Not ready to switch on where it holds none of the standard's states."""
     return _STATES[statusword & 0x6F]
 
 
-def command(controlword: int) -> Command | None:
-    """Command in a controlword, None where it is none; fault reset is an edge of bit 7 and not found here."""
+def command(controlword: int) -> DeviceCommand | None:
+    """Command in a controlword, None where it holds none; fault reset, an edge of bit 7, is not among them."""
     return None if controlword & 0x80 else _COMMANDS[controlword & 0x0F]
 
 
@@ -216,12 +219,12 @@ def emergency(code: int) -> str:
     return next((words for mask, bits, words in EMERGENCIES if code & mask == bits), "unknown class")
 
 
-def _matching_state(bits: int) -> State:
-    return next((s for s in State if bits & s.value[0] == s.value[1]), State.NOT_READY)
+def _matching_state(bits: int) -> DriveState:
+    return next((s for s in DriveState if bits & s.value[0] == s.value[1]), DriveState.NOT_READY)
 
 
-def _matching_command(bits: int) -> Command | None:
-    plain = (c for c in Command if c is not Command.FAULT_RESET)
+def _matching_command(bits: int) -> DeviceCommand | None:
+    plain = (c for c in DeviceCommand if c is not DeviceCommand.FAULT_RESET)
     return next((c for c in plain if bits & c.value[0] == c.value[1]), None)
 
 

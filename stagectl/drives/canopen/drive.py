@@ -6,7 +6,7 @@ The `canopen` library knows EDS and SDO; the cyclic path is three frames and two
               <------------------ TPDO   statusword, position, current
     apply()   RPDO ------------------>   controlword, current command
 
-There is no thread: whatever else arrives is taken up while `sample` waits for its TPDO.
+There is no thread: every other frame is read while `sample` waits for its TPDO.
 """
 
 from __future__ import annotations
@@ -18,30 +18,31 @@ import time
 
 from stagectl.drives.bus.frames import Bus, frame
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.cia402 import State
-from stagectl.drives.canopen.fault_texts import CAUSES, WHAT, emergency_words, hint, state_words
-from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.drives.canopen.braking_monitor import (
+    FAILURE_TEXTS,
+    BrakingFailure,
+    BrakingMonitor,
+    ConsecutiveCycles,
+    SpeedEstimate,
+)
+from stagectl.drives.canopen.cia402 import DriveState
+from stagectl.drives.canopen.configuration import MASTER, NOT_OFFERED, DriveConfiguration
+from stagectl.drives.canopen.fault_texts import MUTE, Emergency, explained, not_enabled
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
-from stagectl.drives.canopen.power_states import Standstill, Walk
-from stagectl.drives.canopen.setup import MASTER, NOT_OFFERED, Setup
-from stagectl.drives.canopen.stop_watch import FAILED, Braking, Failure, Pace, Repeated
+from stagectl.drives.canopen.power_states import PowerTransition, Standstill
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
+from stagectl.drives.drive import Canopen, Fault, Feedback, Power
+from stagectl.drives.limits import BACKLOG, ENABLE_TIME, LOST_STOP_TIME, REPEAT_COMMAND_CYCLES, STOP_TIME
 
 _SYNC = frame(0x080)
 _HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
 _EMERGENCY = struct.Struct("<8xHB5s")
 _WRITE_WORD = struct.Struct("<BHBI")  # SDO: expedited download
-_MUTE = "its heartbeat was not heard"
-_UNHEARD = 8  # cycles in which a drive leaves operation that has heard so
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
-_NONE, _ON, _QUICK_STOP, _OPERATION_ENABLED = Fault.NONE, Power.ON, Power.QUICK_STOP, State.OPERATION_ENABLED
-_ENABLED_MASK, _ENABLED = State.OPERATION_ENABLED.value
-_ENABLE_TIME = 5.0  # s in which Operation enabled must be reached
-_STOP_TIME = 10.0  # s after which a quick stop is given up
-_LOST_TIME = 1.0  # s of the same, once the drive answers no more
-_BACKLOG = 64  # frames that are cleared away before a SYNC
-_STOPPED = (State.SWITCH_ON_DISABLED, State.READY, State.SWITCHED_ON, State.FAULT, State.NOT_READY)
+_NONE, _ON, _QUICK_STOP, _OPERATION_ENABLED = Fault.NONE, Power.ON, Power.QUICK_STOP, DriveState.OPERATION_ENABLED
+_ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
+_RUNNING = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
 
 
 class CanopenDrive:
@@ -50,41 +51,36 @@ class CanopenDrive:
     def __init__(self, settings: Canopen, bus: Bus, encoder_step: float, dt: float, *, clock: Clock = WALL) -> None:
         """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
 
-        Raises DriveError with what the drive refused and the next step.
+        Raises DriveError with the object that the drive refused and the next step.
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
-        self._clock, self._pace = clock, Pace(dt)
+        self._clock, self._pace = clock, SpeedEstimate(dt)
         self._now = time.monotonic if clock is WALL else clock.now  # without a call of ours in between
         od = load_eds(settings.eds, settings.node)
         self._command, self._answer = CommandPdo(settings, od), FeedbackPdo(settings, od)
-        self._network = Network(bus, clock)
-        self._node = Partner(settings.node, od)
+        self._network = PumpedNetwork(bus, clock)
+        self._node = PumpedNode(settings.node, od)
         self._network[settings.node] = self._node
-        self._walk = Walk(Power.OFF, self._standstill())
+        self._walk = PowerTransition(Power.OFF, self._standstill())
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
         self._serving = False  # enabled, and not asked to stop
         self._walking = False  # on the way to it
-        self._emergency: tuple[int, int, bytes] | None = None  # code, error register, vendor's bytes
+        self._emergency: Emergency | None = None
         self._heard = math.nan  # s, monotonic, when the drive's heartbeat was last heard
         self._problem = ""  # ours, in words
         self._closed = False
         self._rebooted = False  # since it was configured
         self._silent = False  # no answer to the last SYNC
-        self._braking, self._unheard = Braking(self._pace, settings.quick_stop_deceleration), Repeated(_UNHEARD)
-        setup = Setup(settings, self._node, encoder_step, clock)
-        try:
-            setup.run()
-        except OSError as error:
-            raise DriveError(
-                f"the bus {settings.interface} {settings.channel} failed while node {settings.node} was being"
-                f" configured: {error}; see 'ip -details link', bring it up, then start again"
-            ) from error
-        self._told = setup.told
+        self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
+        self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
+        setup = DriveConfiguration(settings, self._node, encoder_step, clock)
+        setup.run()
+        self._description = setup.description
         name = cia402.OPTIONS[cia402.ABORT_CONNECTION][0]
         ignored = (NOT_OFFERED, cia402.option(cia402.ABORT_CONNECTION, 0))
-        self._stops_alone = setup.told[name] not in ignored  # when it is taken out of operation
+        self._stops_alone = setup.description[name] not in ignored  # when it is taken out of operation
 
     def enable(self) -> Feedback:
         """Walk the state machine to Operation enabled at zero current, from whatever state.
@@ -93,23 +89,23 @@ class CanopenDrive:
         """
         self.ask(Power.ON)
         due = self._now()
-        deadline = due + _ENABLE_TIME
+        deadline = due + ENABLE_TIME
         while self._now() < deadline:
             now = self.sample()
             if now.fault is Fault.NONE:
                 return now
             self.apply(0.0)
             due = self._rest(due)
-        raise DriveError(self._hangs())
+        raise not_enabled(self._settings.node, self._last, self._problem, self._emergency)
 
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow."""
-        self._walk = Walk(power, self._standstill())
-        self._braking = Braking(self._pace, self._settings.quick_stop_deceleration)
+        self._walk = PowerTransition(power, self._standstill())
+        self._braking = BrakingMonitor(self._pace, self._settings.quick_stop_deceleration)
         self._serving, self._walking = False, power is Power.ON
         if power is Power.ON:
             self._problem, self._emergency, self._reason = "", None, None
-            self._unheard = Repeated(_UNHEARD)
+            self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
 
     def sample(self) -> Feedback:
         """SYNC, and the drive's answer to it; never raises."""
@@ -140,23 +136,23 @@ class CanopenDrive:
             return Fault.EMERGENCY
         silence = self._now() - self._heard  # NaN: never heard
         if self._serving and silence > self._settings.heartbeat_timeout:
-            self._problem = f"{_MUTE} for {silence:.2f} s while its answers went on"
+            self._problem = f"{MUTE} for {silence:.2f} s while its answers went on"
             return Fault.FEEDBACK_LOST
         return Fault.DRIVE_FAULT if statusword & _ENABLED_MASK != _ENABLED or self._problem else _NONE
 
     def _supervise(self) -> None:
-        """A stop that does not stop: an axis that gets faster loses its power, a silent drive is left to itself."""
+        """During a quick stop: cut the power of an axis that is not braked; release a drive that is silent."""
         failure = self._braking.step(self._silent)
-        if failure is Failure.DEAF and self._stops_alone:
+        if failure is BrakingFailure.SILENT and self._stops_alone:
             self._manage(cia402.NMT_PRE_OPERATIONAL)
-        if failure in FAILED:
-            self._problem = FAILED[failure]
-            self._walk = Walk(Power.OFF, self._standstill())
+        if failure in FAILURE_TEXTS:
+            self._problem = FAILURE_TEXTS[failure]
+            self._walk = PowerTransition(Power.OFF, self._standstill())
 
-    def _insist(self, state: State) -> None:
-        """A drive that must stop and stays in operation has not heard it: the same word again, by SDO."""
+    def _insist(self, state: DriveState) -> None:
+        """Send the controlword again by SDO to a drive that stays in operation although it must stop."""
         if self._unheard.certain(state is _OPERATION_ENABLED):
-            self._unheard = Repeated(_UNHEARD)
+            self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
             word = _WRITE_WORD.pack(0x2B, cia402.CONTROLWORD, 0, self._walk.controlword)
             with contextlib.suppress(OSError):
                 self._bus.send(frame(0x600 + self._settings.node, word))
@@ -176,20 +172,20 @@ class CanopenDrive:
             self._problem = f"the bus failed: {error}"
 
     def quick_stop(self) -> Feedback:
-        """Quick stop by the drive's own ramp, until it stands, its power is off, or ten seconds are over."""
+        """Quick stop by the drive's own ramp, until the axis stands, the power is off, or STOP_TIME is over."""
         self.ask(Power.QUICK_STOP)
         due = self._now()
-        deadline, still, off = due + _STOP_TIME, self._standstill(), Repeated()
+        deadline, still, off = due + STOP_TIME, self._standstill(), ConsecutiveCycles()
         while self._now() < deadline:
             self.apply(0.0)
             now = self.sample()
             state = cia402.state(now.statusword)
             if now.fault is Fault.BUS:
                 break  # nothing can be sent: the drive's own time-outs stop it
-            over = off.certain(state in _STOPPED and not self._silent) or state is State.QUICK_STOP_ACTIVE
+            over = off.certain(state not in _RUNNING and not self._silent) or state is DriveState.QUICK_STOP_ACTIVE
             if self._silent:
-                deadline = min(deadline, self._now() + _LOST_TIME)
-            elif still.stands(now.position) and over:  # a statusword alone is not believed: to leave cuts the power
+                deadline = min(deadline, self._now() + LOST_STOP_TIME)
+            elif still.stands(now.position) and over:  # not by the statusword alone: to return cuts the power
                 break
             due = self._rest(due)
         return self._last
@@ -197,31 +193,22 @@ class CanopenDrive:
     def describe(self) -> dict[str, str]:
         """Identity, time-outs, option codes in words and scales, as read back from the drive."""
         s = self._settings
-        return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._told}
+        return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._description}
 
     def explain(self) -> str:
         """The last fault in words, probable causes, next command; on the way to power, where the drive hangs."""
+        node, last = self._settings.node, self._reason or self._last._replace(fault=Fault.NONE)
         if self._walking and self._last.fault is not Fault.BUS:
-            return self._hangs()
-        last = self._reason or self._last._replace(fault=Fault.NONE)
-        mute = self._problem.startswith(_MUTE)
-        said = [f"node {self._settings.node}: {self._problem if mute else WHAT[last.fault]}"]
-        if self._problem and not mute:
-            said.append(self._problem)
-        said.append(f"state {state_words(last.statusword)}")
-        if self._emergency is not None:
-            said.append(emergency_words(self._emergency))
-        if not math.isnan(self._heard):
-            said.append(f"last heartbeat of the drive {self._now() - self._heard:.2f} s ago")
-        return "; ".join(said) + f". {CAUSES[last.fault]}"
+            return str(not_enabled(node, self._last, self._problem, self._emergency))
+        return explained(node, last, self._problem, self._emergency, self._now() - self._heard)
 
     def close(self) -> None:
-        """Disable the voltage, take the node out of operation, leave the bus; safe twice, never raises."""
+        """Disable voltage, take the node out of operation, close the bus; safe to call twice, never raises."""
         if self._closed:
             return
         self._closed = True
         self.ask(Power.OFF)
-        with contextlib.suppress(OSError):  # on a dead bus nothing is left to be said
+        with contextlib.suppress(OSError):  # a dead bus carries nothing
             self.apply(0.0)
             self._bus.send(_SYNC)  # the RPDO acts with it
             self._manage(cia402.NMT_PRE_OPERATIONAL)
@@ -229,12 +216,12 @@ class CanopenDrive:
             self._bus.close()
 
     def _manage(self, command: int) -> None:
-        """Send a command of the network management to the drive."""
+        """Send an NMT command to the drive (CiA 301)."""
         with contextlib.suppress(OSError):
             self._bus.send(frame(0, bytes([command, self._settings.node])))
 
     def _await_answer(self, timeout: float) -> bytes | None:
-        """The TPDO, taking up whatever comes before it; None after `timeout` seconds."""
+        """The TPDO, reading all other frames before it; None after `timeout` seconds."""
         receive, head = self._bus.receive, self._answer.head
         deadline = self._now() + timeout  # before the first frame: what comes in between must not prolong the wait
         raw = receive(timeout)
@@ -253,20 +240,20 @@ class CanopenDrive:
         """A frame that is not our TPDO."""
         identifier = int.from_bytes(raw[:4], "little")
         if identifier == 0x080 + self._settings.node:
-            code, register, vendor = _EMERGENCY.unpack(raw)
-            self._emergency = (code, register, vendor) if code & 0xFF00 else None
+            emergency = Emergency(*_EMERGENCY.unpack(raw))
+            self._emergency = emergency if emergency.code & 0xFF00 else None
         elif identifier == 0x700 + self._settings.node:
             self._heard = self._now()
             self._rebooted = self._rebooted or raw[8] == cia402.INITIALISING
             if self._serving and raw[8] & 0x7F == cia402.PRE_OPERATIONAL:
-                self._problem = "it has left the operational state"
+                self._problem = "it left the NMT state operational"
         elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
             wanted = self._answer.head[4]
-            self._problem = f"its TPDO has {raw[4]} bytes, must have {wanted}; did another master map it?"
+            self._problem = f"its TPDO has {raw[4]} bytes, must have {wanted}; probable cause: another master mapped it"
 
     def _drain(self) -> None:
-        """A late or doubled answer must not be taken for the next one; a babbling node must not hold us up."""
-        for _ in range(_BACKLOG):
+        """Clear the receive queue: a late or doubled answer must not be taken for the next one."""
+        for _ in range(BACKLOG):
             raw = self._bus.receive(0.0)
             if raw is None:
                 break
@@ -287,7 +274,7 @@ class CanopenDrive:
         state = self._walk.step(now)
         self._serving = now.fault is Fault.NONE
         self._walking = not self._serving
-        if state is State.OPERATION_ENABLED:
+        if state is DriveState.OPERATION_ENABLED:
             self._emergency = None  # an old one: the drive runs, and would not with an error present
         return now
 
@@ -299,13 +286,3 @@ class CanopenDrive:
         due = max(due + self._dt, self._now() - self._dt)
         self._clock.sleep(max(due - self._now(), 0.0))
         return due
-
-    def _hangs(self) -> str:
-        last, seen = self._last, self._emergency
-        told = emergency_words(seen) if seen else "no emergency was sent"
-        problem = f"{self._problem}; " if self._problem else ""
-        return (
-            f"node {self._settings.node} does not reach Operation enabled within {_ENABLE_TIME:.0f}"
-            " s: it hangs in"
-            f" {state_words(last.statusword)}; {problem}{told}. {hint(last)}"
-        )

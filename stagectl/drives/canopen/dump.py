@@ -1,6 +1,6 @@
-"""All objects of a drive that its EDS knows, read over SDO: what it is set to, for a file beside the stage's.
+"""All objects of a drive that its EDS lists, read over SDO: how the drive is set, as JSON or as a DCF.
 
-Nothing is written to the drive.  What it does not answer to is told with its abort code, and the next one is read.
+Nothing is written to the drive.  An object that it refuses is listed with the abort code, and the next one is read.
 """
 
 from __future__ import annotations
@@ -13,16 +13,15 @@ from typing import Any, NamedTuple
 
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, canopen
-from stagectl.drives.canopen.network import Network, Partner, load_eds
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.limits import PROBE_ANSWER_TIME, SILENT_OBJECTS
 
-_ANSWER_TIME = 0.5  # s for one answer
-_SILENT = 3  # objects in a row without an answer: nobody is there
 Progress = Callable[[int, int], None]
 
 
-class Entry(NamedTuple):
+class ObjectValue(NamedTuple):
     """One object."""
 
     number: int  # the object's index
@@ -35,31 +34,33 @@ class Entry(NamedTuple):
 
     @property
     def changed(self) -> bool:
-        """Whether it is not as the EDS says that it leaves the factory."""
+        """Whether it differs from the default of the EDS."""
         return self.value is not None and self.default is not None and self.value != self.default
 
 
-def dump(wire: Canopen, bus: Bus, progress: Progress = lambda *_: None, clock: Clock = WALL) -> list[Entry]:
+def dump(wire: Canopen, bus: Bus, progress: Progress = lambda *_: None, clock: Clock = WALL) -> list[ObjectValue]:
     """Read all readable objects of the node of `wire`.
 
     Raises DriveError where it does not answer.
     """
     od = load_eds(wire.eds, wire.node)
-    network = Network(bus, clock)
-    node = Partner(wire.node, od)
+    network = PumpedNetwork(bus, clock)
+    node = PumpedNode(wire.node, od)
     network[wire.node] = node
-    node.sdo.RESPONSE_TIMEOUT = _ANSWER_TIME
+    node.sdo.RESPONSE_TIMEOUT = PROBE_ANSWER_TIME
     variables = list(_variables(od))
-    found: list[Entry] = []
+    values: list[ObjectValue] = []
     for number, variable in enumerate(variables):
-        found.append(_entry(node, variable))
+        values.append(_entry(node, variable))
         progress(number + 1, len(variables))
-        if len(found) >= _SILENT and all(one.problem == _NO_ANSWER for one in found[-_SILENT:]):
+        if len(values) >= SILENT_OBJECTS and all(value.problem == _NO_ANSWER for value in values[-SILENT_OBJECTS:]):
             raise DriveError(
                 f"node {wire.node} on {wire.interface} {wire.channel} does not answer: check its power, its id and the "
-                "bit rate; `stagectl doctor` looks at the bus"
+                "bit rate; `stagectl doctor` looks at the bus",
+                place=wire.channel,
+                node=wire.node,
             )
-    return found
+    return values
 
 
 _NO_ANSWER = "no answer"
@@ -70,22 +71,22 @@ def _variables(od: canopen.ObjectDictionary) -> Iterator[Any]:
     for index in sorted(od):
         entry = od[index]
         members = [entry] if isinstance(entry, canopen.objectdictionary.ODVariable) else list(entry.values())
-        yield from (one for one in members if one.access_type != "wo")
+        yield from (variable for variable in members if variable.access_type != "wo")
 
 
-def _entry(node: Partner, variable: Any) -> Entry:
+def _entry(node: PumpedNode, variable: Any) -> ObjectValue:
     about = variable.index, variable.subindex, _name(variable), variable.access_type
     default = _plain(variable.default)
     try:
         raw = node.sdo.upload(variable.index, variable.subindex)
     except SdoAbortedError as error:
-        return Entry(*about, None, default, str(error))
+        return ObjectValue(*about, None, default, str(error))
     except SdoCommunicationError:
-        return Entry(*about, None, default, _NO_ANSWER)
+        return ObjectValue(*about, None, default, _NO_ANSWER)
     try:
-        return Entry(*about, _plain(variable.decode_raw(bytes(raw))), default, "")
+        return ObjectValue(*about, _plain(variable.decode_raw(bytes(raw))), default, "")
     except (ValueError, UnicodeDecodeError) as error:
-        return Entry(*about, bytes(raw).hex(), default, f"not as its EDS says: {error}")
+        return ObjectValue(*about, bytes(raw).hex(), default, f"not as its EDS says: {error}")
 
 
 def _name(variable: Any) -> str:
@@ -100,26 +101,26 @@ def _plain(value: Any) -> int | float | str | None:
     return value if isinstance(value, int | float | str) or value is None else str(value)
 
 
-def write_dcf(entries: list[Entry], eds: str, node: int, path: Path) -> None:
+def write_dcf(entries: list[ObjectValue], eds: str, node: int, path: Path) -> None:
     """The EDS with the values that were read, as a DCF (CiA 306): what other tools write back into a drive.
 
     Raises DriveError where the EDS cannot be read.
     """
-    lines = configparser.RawConfigParser(interpolation=None)
-    lines.optionxform = str  # type: ignore[method-assign,assignment]  # keys keep their case
+    dcf = configparser.RawConfigParser(interpolation=None)
+    dcf.optionxform = str  # type: ignore[method-assign,assignment]  # keys keep their case
     try:
-        lines.read_string(Path(eds).read_text(encoding="utf-8-sig", errors="replace"))
+        dcf.read_string(Path(eds).read_text(encoding="utf-8-sig", errors="replace"))
     except (OSError, configparser.Error) as error:
-        raise DriveError(f"eds = {eds}: {error}") from error
-    sections = {name.upper(): name for name in lines.sections()}
-    for one in entries:
-        plain = f"{one.number:04X}"
-        name = sections.get(f"{plain}SUB{one.subindex:X}") or sections.get(plain)
-        if name is not None and one.value is not None and not one.problem:
-            lines.set(name, "ParameterValue", str(one.value))
-    if not lines.has_section("DeviceComissioning"):  # spelled like this in CiA 306
-        lines.add_section("DeviceComissioning")
-    lines.set("DeviceComissioning", "NodeID", str(node))
+        raise DriveError(f"eds = {eds}: {error}", place=eds) from error
+    sections = {name.upper(): name for name in dcf.sections()}
+    for entry in entries:
+        index = f"{entry.number:04X}"
+        name = sections.get(f"{index}SUB{entry.subindex:X}") or sections.get(index)
+        if name is not None and entry.value is not None and not entry.problem:
+            dcf.set(name, "ParameterValue", str(entry.value))
+    if not dcf.has_section("DeviceComissioning"):  # spelled like this in CiA 306
+        dcf.add_section("DeviceComissioning")
+    dcf.set("DeviceComissioning", "NodeID", str(node))
     text = io.StringIO()
-    lines.write(text, space_around_delimiters=False)
+    dcf.write(text, space_around_delimiters=False)
     path.write_text(text.getvalue(), encoding="utf-8")

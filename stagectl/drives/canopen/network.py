@@ -1,7 +1,7 @@
 """The `canopen` library over one of our buses, without any thread.
 
-The loop's process must have no other Python thread, so nothing here waits in the background: frames reach
-the library when somebody calls `pump` or `notify`, and what must be sent periodically goes out in `tick`.
+The loop's process must have no other Python thread, so nothing here waits in the background.  Frames reach the library
+when `pump` or `notify` is called; periodic frames are sent in `tick`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from stagectl.drives.bus.frames import EXTENDED, REMOTE, Bus, frame, parse
+from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoClient, SdoCommunicationError, canopen
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError
@@ -20,7 +21,7 @@ from stagectl.drives.drive import DriveError
 class Periodic:
     """A frame that `Network.tick` repeats until stopped; what the library calls a periodic task."""
 
-    def __init__(self, network: Network, identifier: int, data: bytes, period: float) -> None:
+    def __init__(self, network: PumpedNetwork, identifier: int, data: bytes, period: float) -> None:
         self._owner, self.identifier, self.data, self.period = network.periodic, identifier, data, period
         self.due = network.clock.now() + period
         self._owner.append(self)
@@ -35,7 +36,7 @@ class Periodic:
             self._owner.remove(self)
 
 
-class Network(canopen.Network):
+class PumpedNetwork(canopen.Network):
     """A network of the library whose frames go by our bus."""
 
     def __init__(self, wire: Bus, clock: Clock = WALL) -> None:
@@ -61,7 +62,7 @@ class Network(canopen.Network):
                 task.due = max(task.due + task.period, now)
 
     def take(self, raw: bytes) -> None:
-        """Hand a received frame to the library; remote and extended frames are none of its business."""
+        """Hand a received frame to the library, except remote and extended frames."""
         identifier, data = parse(raw)
         if identifier & (REMOTE | EXTENDED):
             return
@@ -85,37 +86,42 @@ _BEGINS, _ANSWERS = (1, 2), (2, 3, 4)  # top three bits of a request that begins
 class PumpedSdo(SdoClient):
     """An SDO client that reads the bus itself while it waits for its answer."""
 
-    _asked: bytes | None = None  # index and subindex of the transfer that begins
+    _requested: bytes | None = None  # index and subindex of the transfer that begins
 
     def send_request(self, request: Any) -> None:
-        """Send a request, and know what it was about."""
-        self._asked = bytes(request[1:4]) if request[0] >> 5 in _BEGINS else None
+        """Send a request and keep the object that it names."""
+        self._requested = bytes(request[1:4]) if request[0] >> 5 in _BEGINS else None
         super().send_request(request)  # type: ignore[no-untyped-call]
 
     def read_response(self) -> bytes:
         """The server's answer.  Raises SdoAbortedError or SdoCommunicationError."""
         network: Any = self.network
         deadline = network.clock.now() + self.RESPONSE_TIMEOUT
-        while not self._answered():
+        while not self._has_answer():
             left = deadline - network.clock.now()
             if left <= 0.0:
                 raise SdoCommunicationError("No SDO response received")
             network.pump(left)
         return bytes(super().read_response())  # type: ignore[no-untyped-call]
 
-    def _answered(self) -> bool:
-        """Whether the answer is there; a late one to a request that was given up is not it."""
+    def _has_answer(self) -> bool:
+        """Whether the answer has arrived; late answers to an abandoned request are dropped."""
         waiting = self.responses.queue
-        while waiting and self._asked is not None and waiting[0][0] >> 5 in _ANSWERS and waiting[0][1:4] != self._asked:
+        while (
+            waiting
+            and self._requested is not None
+            and waiting[0][0] >> 5 in _ANSWERS
+            and waiting[0][1:4] != self._requested
+        ):
             waiting.popleft()
         return bool(waiting)
 
     def abort(self, abort_code: int = 0x0800_0000) -> None:
-        """Tell the server that the transfer is over; the caller gets an error of its own to report."""
+        """Abort the transfer at the server; the caller raises its own error."""
         self.send_request(b"\x80\0\0\0" + abort_code.to_bytes(4, "little"))
 
 
-class Partner(canopen.RemoteNode):
+class PumpedNode(canopen.RemoteNode):
     """A remote node with pumped SDO clients."""
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> PumpedSdo:
@@ -125,11 +131,25 @@ class Partner(canopen.RemoteNode):
         return client
 
 
+def check_profile(device_type: int, node: int) -> None:
+    """Raises DriveError where `device_type` (0x1000) of `node` is not that of a CiA 402 drive."""
+    if device_type & 0xFFFF != cia402.PROFILE:
+        raise DriveError(
+            f"node {node}: device type 0x1000 = 0x{device_type:08X} is profile {device_type & 0xFFFF}; must be"
+            f" {cia402.PROFILE} (a CiA 402 drive); check 'node: {node}' in the stage file",
+            node=node,
+            object_key=cia402.DEVICE_TYPE << 8,
+            value=device_type,
+        )
+
+
 def load_eds(path: str, node: int) -> canopen.ObjectDictionary:
     """Object dictionary of `node` from an EDS or DCF file.  Raises DriveError naming the file."""
     try:
         return canopen.import_od(path, node)
     except OSError as error:
-        raise DriveError(f"eds = {path}: {error.strerror}; name the file that came with the drive") from error
+        raise DriveError(
+            f"eds = {path}: {error.strerror}; name the file that came with the drive", place=path
+        ) from error
     except (configparser.Error, ValueError, KeyError) as error:
-        raise DriveError(f"eds = {path}: not an EDS or DCF file that can be read ({error})") from error
+        raise DriveError(f"eds = {path}: not an EDS or DCF file that can be read ({error})", place=path) from error

@@ -80,25 +80,35 @@ def _layout(od: canopen.ObjectDictionary, objects: tuple[int, ...], name: str, s
     for key in objects:
         variable = od.get_variable(key >> 8, key & 0xFF)
         if variable is None:
-            raise DriveError(f"{name}: object 0x{key:06X} is not in {settings.eds}; name one that is")
+            raise DriveError(
+                f"{name}: object 0x{key:06X} is not in {settings.eds}; name one that is", place=name, object_key=key
+            )
         if variable.data_type not in CODES:
             raise DriveError(
-                f"{name}: object 0x{key:06X} has data type 0x{variable.data_type or 0:X}; must be an"
-                " integer of"
-                " 8, 16, 32 or 64 bits; map another object"
+                f"{name}: object 0x{key:06X} has data type 0x{variable.data_type or 0:X}; must be an integer of"
+                " 8, 16, 32 or 64 bits; map another object",
+                place=name,
+                object_key=key,
+                value=variable.data_type,
             )
         if not variable.pdo_mappable and key >> 8 >= _DUMMIES:
-            raise DriveError(f"{name}: object 0x{key:06X} cannot be mapped, says {settings.eds}; map another")
+            raise DriveError(
+                f"{name}: object 0x{key:06X} cannot be mapped according to {settings.eds}; map another object",
+                place=name,
+                object_key=key,
+            )
         codes += CODES[variable.data_type]
     length = struct.calcsize("<" + codes)
     if not 1 <= length <= 8:
-        raise DriveError(f"{name}: the mapped objects take {length} bytes; must lie in [1, 8]; map fewer")
+        raise DriveError(
+            f"{name}: the mapped objects take {length} bytes; must lie in [1, 8]; map fewer", place=name, value=length
+        )
     return codes, length
 
 
 def _place(objects: tuple[int, ...], key: int, name: str, what: str) -> int:
     if key not in objects:
-        raise DriveError(f"{name} holds no 0x{key:06X} ({what}); add it to '{name}'")
+        raise DriveError(f"{name} holds no 0x{key:06X} ({what}); add it to '{name}'", place=name, object_key=key)
     return objects.index(key)
 
 

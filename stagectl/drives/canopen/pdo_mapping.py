@@ -56,7 +56,7 @@ def is_pdo_parameter(index: int) -> bool:
 
 
 def check(od: canopen.ObjectDictionary, number: Number, index: int, subindex: int, value: int) -> None:
-    """Whether CiA 301 admits writing `value` to a PDO parameter now.  Raises SdoAbortedError."""
+    """Check that CiA 301 admits writing `value` to a PDO parameter now.  Raises SdoAbortedError."""
     for parameter, mapping, received in _RANGES:
         if parameter <= index < parameter + _COUNT and subindex == 1:
             _check_identifier(number(index, 1), value)
@@ -71,7 +71,7 @@ def check(od: canopen.ObjectDictionary, number: Number, index: int, subindex: in
 
 def received(number: Number, od: canopen.ObjectDictionary) -> list[Rpdo]:
     """The RPDOs that exist, compiled from the object dictionary."""
-    found = []
+    pdos = []
     for n in range(_COUNT):
         identifier, kind = number(cia402.RPDO_PARAMETER + n, 1), number(cia402.RPDO_PARAMETER + n, 2)
         objects, codes, length = _mapped(od, number, cia402.RPDO_MAPPING + n)
@@ -79,21 +79,21 @@ def received(number: Number, od: canopen.ObjectDictionary) -> list[Rpdo]:
             continue
         head = struct.pack("<I", identifier & 0x7FF)
         deadline = number(cia402.RPDO_PARAMETER + n, _EVENT_TIMER) * 1e-3
-        found.append(Rpdo(head, length, struct.Struct("<8x" + codes), objects, kind <= 240, deadline))
-    return found
+        pdos.append(Rpdo(head, length, struct.Struct("<8x" + codes), objects, kind <= 240, deadline))
+    return pdos
 
 
 def sent(number: Number, od: canopen.ObjectDictionary) -> list[Tpdo]:
     """The TPDOs that exist, compiled from the object dictionary."""
-    found = []
+    pdos = []
     for n in range(_COUNT):
         identifier, every = number(cia402.TPDO_PARAMETER + n, 1), number(cia402.TPDO_PARAMETER + n, 2)
         objects, codes, length = _mapped(od, number, cia402.TPDO_MAPPING + n)
         if identifier & INVALID or not objects:
             continue
         layout = struct.Struct(f"<IB3x{codes}{8 - length}x")
-        found.append(Tpdo((identifier & 0x7FF, length), layout, objects, every))
-    return found
+        pdos.append(Tpdo((identifier & 0x7FF, length), layout, objects, every))
+    return pdos
 
 
 def _check_identifier(present: int, value: int) -> None:

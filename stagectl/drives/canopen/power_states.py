@@ -1,25 +1,24 @@
-"""The walk of a CiA 402 drive to the power that was asked for: one controlword a period, from whatever state."""
+"""The transition of a CiA 402 drive to the requested power: one controlword a period, from any state."""
 
 from __future__ import annotations
 
 import math
 
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.cia402 import State
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import Fault, Feedback, Power
+from stagectl.drives.limits import FAULT_RESET_CYCLES, STANDING, STANDSTILL_CYCLES
 
-_RESET_CYCLES = 8  # cycles between the edges of the fault reset, for drives that look slowly
-STANDING = 1e-4  # s of the ramp's deceleration: speed below which an axis counts as standing
 _ORDERS = {
-    Power.QUICK_STOP: cia402.Command.QUICK_STOP.controlword,
-    Power.OFF: cia402.Command.DISABLE_VOLTAGE.controlword,
+    Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword,
+    Power.OFF: cia402.DeviceCommand.DISABLE_VOLTAGE.controlword,
 }
 
 
 class Standstill:
     """Whether the position stays within `tolerance` (rad | m) for so many cycles, noise or not."""
 
-    CYCLES = 100  # without motion that count as standing still
+    CYCLES = STANDSTILL_CYCLES
 
     def __init__(self, tolerance: float) -> None:
         self._tolerance, self._anchor, self._cycles = tolerance, math.nan, 0
@@ -27,26 +26,26 @@ class Standstill:
     @classmethod
     def of_ramp(cls, deceleration: float, step: float, dt: float) -> Standstill:
         """Slower than any motion of a `deceleration` (rad/s^2 | m/s^2) that matters, with an encoder's `step`."""
-        return cls(max(2.0 * step, deceleration * STANDING * cls.CYCLES * dt))
+        return cls(max(2.0 * step, deceleration * STANDING * STANDSTILL_CYCLES * dt))
 
     def stands(self, position: float) -> bool:
-        """Whether it stands, with this period's `position` (rad | m)."""
+        """Whether the axis stands still, with this period's `position` (rad | m)."""
         if abs(position - self._anchor) <= self._tolerance:
             self._cycles += 1
         else:
             self._anchor, self._cycles = position, 0
-        return self._cycles >= self.CYCLES
+        return self._cycles >= STANDSTILL_CYCLES
 
 
-class Walk:
+class PowerTransition:
     """The way to one power; `controlword` is that of the next period."""
 
     def __init__(self, power: Power, still: Standstill) -> None:
         self.power, self._still, self._cycle = power, still, 0
         self.controlword = _ORDERS.get(power, 0)
 
-    def step(self, now: Feedback) -> State:
-        """Take in what the drive said in this period; its state."""
+    def step(self, now: Feedback) -> DriveState:
+        """Read this period's feedback; the state of the drive."""
         state, stands = cia402.state(now.statusword), self._still.stands(now.position)
         if self.power is Power.ON and now.fault is not Fault.FEEDBACK_LOST:
             self.controlword = _towards_enabled(state, self._cycle, stands)
@@ -54,10 +53,10 @@ class Walk:
         return state
 
 
-def _towards_enabled(state: State, cycle: int, stands: bool) -> int:
+def _towards_enabled(state: DriveState, cycle: int, stands: bool) -> int:
     """Controlword of the next step; a fault is reset by edges, a quick stop left when the axis stands."""
-    if state is State.FAULT and cycle // _RESET_CYCLES % 2 == 0:
+    if state is DriveState.FAULT and cycle // FAULT_RESET_CYCLES % 2 == 0:
         return 0
-    if state is State.QUICK_STOP_ACTIVE and stands:
-        return cia402.Command.DISABLE_VOLTAGE.controlword
+    if state is DriveState.QUICK_STOP_ACTIVE and stands:
+        return cia402.DeviceCommand.DISABLE_VOLTAGE.controlword
     return cia402.TOWARDS_ENABLED[state].controlword

@@ -145,24 +145,24 @@ PRESETS = (
         ("IEC 61800-7-201 (CiA 402-2): cyclic synchronous torque mode",),
     ),
 )
-NAMES = tuple(one.name for one in PRESETS)
+NAMES = tuple(preset.name for preset in PRESETS)
 GENERIC = PRESETS[-1]
 
 
 def for_vendor(vendor: int | None) -> Preset:
     """The preset of a vendor id; the generic one where there is none."""
-    return next((one for one in PRESETS if one.vendor is not None and one.vendor == vendor), GENERIC)
+    return next((preset for preset in PRESETS if vendor is not None and preset.vendor == vendor), GENERIC)
 
 
 def named(name: str) -> Preset:
     """The preset of this name.  Raises KeyError."""
-    return next(one for one in PRESETS if one.name == name)
+    return next(preset for preset in PRESETS if preset.name == name)
 
 
 def wire_values(preset: Preset, rated: float) -> dict[str, float | int]:
     """What belongs into ``drive.wire`` (SI) for a drive of this `rated` current (A)."""
     scale = rated * cia402.TORQUE_PERMILLE
-    found: dict[str, float | int] = {
+    values: dict[str, float | int] = {
         "rated_current": rated,
         "command_object": preset.command_object,
         "command_scale": scale,
@@ -170,5 +170,5 @@ def wire_values(preset: Preset, rated: float) -> dict[str, float | int]:
         "current_scale": scale,
     }
     if preset.deceleration_scale is not None:
-        found["deceleration_scale"] = preset.deceleration_scale
-    return found
+        values["deceleration_scale"] = preset.deceleration_scale
+    return values

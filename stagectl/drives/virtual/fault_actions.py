@@ -1,83 +1,82 @@
-"""How each fault of the virtual drive is done, and undone."""
+"""How each fault of the virtual drive is caused and undone."""
 
 from __future__ import annotations
 
 import collections
 import random
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from stagectl.drives.bus import faulty_bus
-from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Undo, Way
+from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Undo, Way, added
 from stagectl.drives.canopen import cia402
-from stagectl.drives.clock import Skewed
+from stagectl.drives.clock import SkewedClock
+from stagectl.drives.limits import JUMP_PERIOD, STORM_PERIOD
 from stagectl.drives.virtual import sensor
-from stagectl.drives.virtual.axis import Axis
 from stagectl.drives.virtual.object_dictionary import Objects
+from stagectl.drives.virtual.power_stage import PowerStage
 from stagectl.drives.virtual.sensor import Distortion
 
 _ENCODER, _RECOVERED = 0x7305, 0x8140  # emergency error codes
 
 
-class Repeats:
-    """What a fault does again and again."""
+def _nothing() -> None:
+    """Undo of a fault that ends by itself."""
+
+
+@dataclass
+class _Periodic:
+    action: Callable[[], None]
+    period: float  # s
+    due: float  # s
+
+
+class PeriodicActions:
+    """What a fault does periodically."""
 
     def __init__(self) -> None:
-        self._entries: list[tuple[float, float, Callable[[], None]]] = []  # next time, period, what
+        self._entries: list[_Periodic] = []
 
-    def every(self, period: float, now: float, what: Callable[[], None]) -> Undo:
+    def every(self, period: float, now: float, action: Callable[[], None]) -> Undo:
         """Do it now, and again each `period` (s) unless that is 0."""
-        what()
-        if period > 0.0:
-            self._entries.append((now + period, period, what))
-
-        def undo() -> None:
-            self._entries = [each for each in self._entries if each[2] is not what]
-
-        return undo
+        action()
+        return added(self._entries, _Periodic(action, period, now + period)) if period > 0.0 else _nothing
 
     def look(self, now: float) -> None:
         """Do what is due at `now` (s)."""
-        for n, (at, period, what) in enumerate(self._entries):
-            if at <= now:
-                self._entries[n] = (now + period, period, what)
-                what()
+        for entry in tuple(self._entries):
+            if entry.due <= now:
+                entry.due = now + entry.period
+                entry.action()
 
 
-class Machine(NamedTuple):
+class DriveParts(NamedTuple):
     """The parts of a virtual drive that can fail."""
 
     bus: FaultyBus
-    axis: Axis
+    axis: PowerStage
     objects: Objects
-    clock: Skewed
+    clock: SkewedClock
     dt: float  # s
     trip: Callable[[int], None]  # an error inside the drive, by its code
     boot: Callable[[], None]  # as after power-on, the machine staying where it is
-    repeats: Repeats
+    repeats: PeriodicActions
 
 
-_Done = Callable[[Machine, Any, float], Undo]
+_Action = Callable[[DriveParts, Any, float], Undo]
 
 
-def _nothing() -> None:
-    """What cannot be undone is over by itself."""
-
-
-def _rule(m: Machine, way: Way, kinds: str, act: Act) -> Undo:
-    """Bend the frames of these `kinds`, separated by commas; none: all."""
+def _rule(m: DriveParts, way: Way, kinds: str, act: Act) -> Undo:
+    """Apply `act` to the frames of these `kinds`, separated by commas; empty: to all."""
     return m.bus.add(Rule(way, frozenset(kinds.split(",")) if kinds else frozenset(), act))
 
 
-def _frames(way: Way, kinds: str, make: Callable[[float, random.Random], Act]) -> _Done:
+def _frames(way: Way, kinds: str, make: Callable[[float, random.Random], Act]) -> _Action:
     return lambda m, p, now: _rule(m, way, kinds, make(p.share, m.bus.random))
 
 
-def _late_frames(m: Machine, p: Any, now: float) -> Undo:
-    return _rule(m, "both", "", faulty_bus.delay(p.delay))
-
-
-def _bus_off(m: Machine, p: Any, now: float) -> Undo:
+def _bus_off(m: DriveParts, p: Any, now: float) -> Undo:
     undo = _rule(m, "both", "", faulty_bus.lose(1.0, m.bus.random))
 
     def recover() -> None:
@@ -87,7 +86,7 @@ def _bus_off(m: Machine, p: Any, now: float) -> Undo:
     return recover
 
 
-def _power_off(m: Machine, p: Any, now: float) -> Undo:
+def _power_off(m: DriveParts, p: Any, now: float) -> Undo:
     undo = _rule(m, "both", "", faulty_bus.lose(1.0, m.bus.random))
     m.axis.power_cycled()
 
@@ -98,38 +97,38 @@ def _power_off(m: Machine, p: Any, now: float) -> Undo:
     return back
 
 
-def _reboot(m: Machine, p: Any, now: float) -> Undo:
+def _reboot(m: DriveParts, p: Any, now: float) -> Undo:
     m.axis.power_cycled()
     m.boot()
     return _nothing
 
 
-def _encoder(make: Callable[[Machine, Any], Distortion]) -> _Done:
+def _encoder(make: Callable[[DriveParts, Any], Distortion]) -> _Action:
     return lambda m, p, now: m.axis.sensor.distort(make(m, p))
 
 
-def _encoder_off(m: Machine, p: Any, now: float) -> Undo:
+def _encoder_off(m: DriveParts, p: Any, now: float) -> Undo:
     undo = m.axis.sensor.distort(_stuck(m, p))
     m.trip(_ENCODER)
     return undo
 
 
-def _stuck(m: Machine, p: Any) -> Distortion:
+def _stuck(m: DriveParts, p: Any) -> Distortion:
     counts = m.axis.sensor.counts
     return Distortion(lambda _: counts, lambda _: 0.0)
 
 
-def _jump(m: Machine, p: Any) -> Distortion:
+def _jump(m: DriveParts, p: Any) -> Distortion:
     return Distortion(lambda counts: counts + p.counts, lambda velocity: velocity)
 
 
-def _jumping(m: Machine, p: Any, now: float) -> Undo:
+def _jumping(m: DriveParts, p: Any, now: float) -> Undo:
     sign = [0]
 
     def flip() -> None:
         sign[0] = 1 - sign[0]
 
-    stop = m.repeats.every(p.every or 0.01, now, flip)
+    stop = m.repeats.every(p.every or JUMP_PERIOD, now, flip)
     undo = m.axis.sensor.distort(Distortion(lambda counts: counts + sign[0] * p.counts, lambda v: v))
 
     def both() -> None:
@@ -139,19 +138,19 @@ def _jumping(m: Machine, p: Any, now: float) -> Undo:
     return both
 
 
-def _noise(m: Machine, p: Any) -> Distortion:
+def _noise(m: DriveParts, p: Any) -> Distortion:
     chance, step, dt = m.bus.random, m.axis.plant.p.encoder.step, m.dt
     return Distortion(
         lambda _: chance.randrange(-(2**31), 2**31), lambda _: chance.uniform(-1.0, 1.0) * 2**31 * step / dt
     )
 
 
-def _scaled(m: Machine, p: Any) -> Distortion:
+def _scaled(m: DriveParts, p: Any) -> Distortion:
     origin = m.axis.sensor.counts
     return Distortion(lambda counts: origin + round(p.factor * (counts - origin)), lambda v: p.factor * v)
 
 
-def _late_encoder(m: Machine, p: Any) -> Distortion:
+def _late_encoder(m: DriveParts, p: Any) -> Distortion:
     clock, line = m.clock, collections.deque[tuple[float, int]]()
 
     def counts(now: int) -> int:
@@ -163,32 +162,24 @@ def _late_encoder(m: Machine, p: Any) -> Distortion:
     return Distortion(counts, lambda velocity: velocity)
 
 
-def _current(make: Callable[[Machine, Any], Callable[[float], float]]) -> _Done:
+def _current(make: Callable[[DriveParts, Any], Callable[[float], float]]) -> _Action:
     return lambda m, p, now: m.axis.distort(make(m, p))
 
 
-def _tripped(m: Machine, p: Any, now: float) -> Undo:
+def _tripped(m: DriveParts, p: Any, now: float) -> Undo:
     m.trip(p.code)
     return _nothing
 
 
-def _disabled(m: Machine, p: Any, now: float) -> Undo:
-    return m.axis.open_sto()
-
-
-def _emergency(least: float) -> _Done:
-    def done(m: Machine, p: Any, now: float) -> Undo:
+def _emergency(least: float) -> _Action:
+    def done(m: DriveParts, p: Any, now: float) -> Undo:
         error = m.objects.error
         return m.repeats.every(p.every or least, now, lambda: error(p.code, cia402.GENERIC_ERROR))
 
     return done
 
 
-def _frozen(m: Machine, p: Any, now: float) -> Undo:
-    return _rule(m, "out", "tpdo", faulty_bus.freeze())
-
-
-def _statusword(m: Machine, p: Any, now: float) -> Undo:
+def _statusword(m: DriveParts, p: Any, now: float) -> Undo:
     getters, key = m.objects.getters, cia402.STATUSWORD << 8
     true, getters[key] = getters[key], lambda: m.bus.random.getrandbits(16)
     m.objects.changed = True  # the cyclic path is compiled from them
@@ -200,20 +191,12 @@ def _statusword(m: Machine, p: Any, now: float) -> Undo:
     return undo
 
 
-def _sdo_abort(m: Machine, p: Any, now: float) -> Undo:
-    return _rule(m, "in", "sdo request", faulty_bus.refuse(m.bus))
-
-
-def _sdo_silent(m: Machine, p: Any, now: float) -> Undo:
-    return _rule(m, "in", "sdo request", faulty_bus.lose(1.0, m.bus.random))
-
-
-def _skewed(m: Machine, p: Any, now: float) -> Undo:
+def _skewed(m: DriveParts, p: Any, now: float) -> Undo:
     m.clock.run_at(p.rate)
     return lambda: m.clock.run_at(1.0)
 
 
-DEEDS: dict[str, _Done] = {
+ACTIONS: dict[str, _Action] = {
     "cable-out": _frames("both", "", faulty_bus.lose),
     "frames-lost": _frames("both", "", faulty_bus.lose),
     "sync-lost": _frames("in", "sync", faulty_bus.lose),
@@ -225,7 +208,7 @@ DEEDS: dict[str, _Done] = {
     "frames-reordered": _frames("both", "", faulty_bus.swap),
     "command-corrupted": _frames("in", "rpdo", faulty_bus.flip),
     "feedback-corrupted": _frames("out", "tpdo", faulty_bus.flip),
-    "frames-delayed": _late_frames,
+    "frames-delayed": lambda m, p, now: _rule(m, "both", "", faulty_bus.delay(p.delay)),
     "bus-flooded": _frames("out", "", faulty_bus.babble),
     "bus-off": _bus_off,
     "encoder-off": _encoder_off,
@@ -237,19 +220,19 @@ DEEDS: dict[str, _Done] = {
     "encoder-late": _encoder(_late_encoder),
     "drive-fault": _tripped,
     "emergency": _emergency(0.0),
-    "emergency-storm": _emergency(1e-3),
-    "drive-disabled": _disabled,
+    "emergency-storm": _emergency(STORM_PERIOD),
+    "drive-disabled": lambda m, p, now: m.axis.open_sto(),
     "power-off": _power_off,
     "current-off": _current(lambda m, p: lambda _: 0.0),
     "current-stuck": _current(lambda m, p: sensor.held()),
     "current-reversed": _current(lambda m, p: lambda current: p.factor * current),
     "current-weak": _current(lambda m, p: lambda current: p.factor * current),
     "current-late": _current(lambda m, p: sensor.late(max(1, round(p.delay / m.dt)))),
-    "node-stuck": _frozen,
+    "node-stuck": lambda m, p, now: _rule(m, "out", "tpdo", faulty_bus.freeze()),
     "node-reboot": _reboot,
     "statusword-garbage": _statusword,
     "feedback-short": _frames("out", "tpdo", faulty_bus.shorten),
-    "sdo-abort": _sdo_abort,
-    "sdo-silent": _sdo_silent,
+    "sdo-abort": lambda m, p, now: _rule(m, "in", "sdo request", faulty_bus.refuse(m.bus)),
+    "sdo-silent": lambda m, p, now: _rule(m, "in", "sdo request", faulty_bus.lose(1.0, m.bus.random)),
     "clock-skewed": _skewed,
 }

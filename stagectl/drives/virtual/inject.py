@@ -1,6 +1,6 @@
-"""How a fault gets into a running virtual drive: one JSON datagram to a socket of its user, one back.
+"""Injection of faults into a running virtual drive: one JSON datagram to a socket of its user, one back.
 
-The way does not lead over the bus, so that a bus which is out can be put in again::
+The request does not travel over the bus, so that a bus fault can be cleared::
 
     stagectl inject  -- {"do": "add", "fault": {...}} -->  node-5.inject in the run-time folder
                      <-- {"words": "...", "active": [...]} --
@@ -19,20 +19,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from stagectl.drives.bus.frames import folder_of
+from stagectl.drives.bus.embedded import folder_of
 from stagectl.drives.drive import DriveError
 from stagectl.drives.faults import BLOCKS
+from stagectl.drives.limits import INJECT_DATAGRAM, INJECT_TIME
 from stagectl.units import quantity_of
-
-_LONGEST = 65536  # bytes of a datagram
-_PATIENCE = 2.0  # s for the drive to answer
 
 
 class InjectError(DriveError):
     """A fault that cannot be injected; the message says what can."""
 
 
-class Doorway:
+class InjectionSocket:
     """The drive's end; `look` answers what has come, and never waits."""
 
     def __init__(self, path: Path) -> None:
@@ -45,12 +43,14 @@ class Doorway:
             self._socket.bind(os.fspath(path))
         except OSError as error:
             self._socket.close()
-            raise InjectError(f"{path}: {error.strerror or error}: no faults can be injected there") from error
+            raise InjectError(
+                f"{path}: {error.strerror or error}: no faults can be injected there", place=str(path)
+            ) from error
 
     def look(self, obey: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
-        """Hand a request to `obey` and its answer back."""
+        """Pass one waiting request to `obey` and send its answer; never waits."""
         try:
-            raw, sender = self._socket.recvfrom(_LONGEST)
+            raw, sender = self._socket.recvfrom(INJECT_DATAGRAM)
         except BlockingIOError:
             return
         try:
@@ -61,12 +61,12 @@ class Doorway:
             self._socket.sendto(json.dumps(answer).encode(), sender)
 
     def close(self) -> None:
-        """Leave nothing behind."""
+        """Close the socket and remove its file."""
         self._socket.close()
         self._path.unlink(missing_ok=True)
 
 
-def doorway(interface: str, channel: str, node: int) -> Path:
+def socket_path(interface: str, channel: str, node: int) -> Path:
     """Where the virtual drive of this node listens; on the embedded bus beside the bus itself."""
     if interface in ("embedded", "stagectl"):
         return folder_of(channel) / f"node-{node}.inject"
@@ -76,7 +76,7 @@ def doorway(interface: str, channel: str, node: int) -> Path:
 
 
 def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
-    """What the drive behind `path` answers.
+    """Send `request` to the virtual drive that listens at `path`; its answer.
 
     Raises InjectError where none listens there, or it refuses.
     """
@@ -91,18 +91,21 @@ def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
         except OSError as error:
             raise InjectError(
                 f"no virtual drive listens at {path} ({error.strerror}); start one with 'stagectl virtual-drive"
-                " STAGE.yaml'; a real drive takes no faults: see `stagectl selftest`"
+                " STAGE.yaml'; a real drive takes no faults: see `stagectl selftest`",
+                place=str(path),
             ) from error
-        if not select.select([ours], [], [], _PATIENCE)[0]:
-            raise InjectError(f"the virtual drive at {path} does not answer within {_PATIENCE:g} s; is it stopped?")
-        answer: dict[str, Any] = json.loads(ours.recv(_LONGEST))
+        if not select.select([ours], [], [], INJECT_TIME)[0]:
+            raise InjectError(
+                f"the virtual drive at {path} does not answer within {INJECT_TIME:g} s; is it stopped?", place=str(path)
+            )
+        answer: dict[str, Any] = json.loads(ours.recv(INJECT_DATAGRAM))
     if "error" in answer:
-        raise InjectError(answer["error"])
+        raise InjectError(answer["error"], place=str(path))
     return answer
 
 
 def obey(faults: Any, now: float, request: dict[str, Any]) -> dict[str, Any]:
-    """Do what was asked of these `faults`, at `now` (s)."""
+    """Carry out a request on these `faults` at `now` (s)."""
     if request["do"] == "clear":
         faults.clear()
     elif request["do"] == "add":

@@ -20,21 +20,18 @@ from stagectl.drives.bus.faulty_bus import FaultyBus
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen import cia402, pdo_mapping
 from stagectl.drives.canopen.library import canopen
-from stagectl.drives.canopen.network import Network, load_eds
-from stagectl.drives.clock import WALL, Clock, Skewed
+from stagectl.drives.canopen.network import PumpedNetwork, load_eds
+from stagectl.drives.clock import WALL, Clock, SkewedClock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.limits import CLOCK_SLIP, CLOCK_TICK, LOOK_FRAMES, SYNC_PATIENCE
 from stagectl.drives.simulated import Plant
-from stagectl.drives.virtual.axis import Axis, Stop
-from stagectl.drives.virtual.fault_actions import Machine, Repeats
+from stagectl.drives.virtual.fault_actions import DriveParts, PeriodicActions
+from stagectl.drives.virtual.fault_schedule import FaultSchedule
 from stagectl.drives.virtual.object_dictionary import Objects
-from stagectl.drives.virtual.pending_faults import Faults
-from stagectl.drives.virtual.supervision import Lost, Watchdog
+from stagectl.drives.virtual.power_stage import PowerStage, StopReport
+from stagectl.drives.virtual.supervision import LostPartner, Watchdog
 
 _SDO_LENGTH = 8  # bytes; a server does not look at others
-_TICK = 0.001  # s between two looks at the clocks
-_PATIENCE = 0.02  # s without SYNC after which a stopping plant follows the wall clock
-_SLIP = 1.0  # s; the plant's wall clock never catches up more than this at once
-_QUEUE = 32  # frames taken before a partner is declared silent: what it sent may still be waiting
 
 
 class VirtualNode:
@@ -61,22 +58,23 @@ class VirtualNode:
         `stagectl.drives.faults`.  Raises DriveError.
         """
         _check(plant, dt)
-        self._clock = Skewed(time)
+        self._clock = SkewedClock(time)
         self._settings, self._dt, self._report = settings, dt, report
         self._bus = FaultyBus(bus, self._clock.now, plant.simulation.seed)
         self._wall, self._distance = clock == "wall", distance or self._counts
-        self._network = Network(self._bus, self._clock)
+        self._network = PumpedNetwork(self._bus, self._clock)
         self._node: canopen.LocalNode = canopen.LocalNode(settings.node, load_eds(settings.eds, settings.node))
         self._network[settings.node] = self._node
-        self.axis = Axis(plant, quick_stop_gain, self._stopped)
+        self.axis = PowerStage(plant, quick_stop_gain, self._stopped)
         self.objects = Objects(settings, self._node, self.axis)
         self._heartbeat = Watchdog(cia402.HEARTBEAT_LOST, "no heartbeat from the controller")
         self._command = Watchdog(cia402.RPDO_LOST, "no cyclic command (RPDO) from the controller")
         self._pending: dict[bytes, tuple[pdo_mapping.Rpdo, bytes]] = {}
         self._syncs = 0
         self._plant_time = self._synced = self._looked = self._clock.now()
-        machine = Machine(self._bus, self.axis, self.objects, self._clock, dt, self.trip, self._reboot, Repeats())
-        self.faults = Faults(machine, report)
+        repeats = PeriodicActions()
+        machine = DriveParts(self._bus, self.axis, self.objects, self._clock, dt, self.trip, self._reboot, repeats)
+        self.faults = FaultSchedule(machine, report)
         self.faults.standing(faults)
         self._configure()
 
@@ -88,10 +86,10 @@ class VirtualNode:
 
     def turn(self) -> None:
         """Take one frame, if there is one within a millisecond, and look at the clocks when it is time."""
-        raw = self._bus.receive(_TICK)
+        raw = self._bus.receive(CLOCK_TICK)
         if raw is not None:
             self._take(raw)
-        if self._clock.now() - self._looked >= _TICK:
+        if self._clock.now() - self._looked >= CLOCK_TICK:
             self._look()
 
     def now(self) -> float:
@@ -178,7 +176,7 @@ class VirtualNode:
             if self.objects.error_code != cia402.PDO_LENGTH:  # once, not at every cycle
                 self.objects.error(cia402.PDO_LENGTH, cia402.COMMUNICATION_ERROR)
             return
-        if self.axis.state is cia402.State.OPERATION_ENABLED:
+        if self.axis.state is cia402.DriveState.OPERATION_ENABLED:
             self._hear(self._command)
         if pdo.synchronous:
             self._pending[pdo.head] = (pdo, raw)
@@ -213,7 +211,7 @@ class VirtualNode:
 
     def _look(self) -> None:
         """What depends on time and not on a frame."""
-        for _ in range(_QUEUE):
+        for _ in range(LOOK_FRAMES):
             raw = self._bus.receive(0.0)
             if raw is None:
                 break
@@ -223,7 +221,7 @@ class VirtualNode:
         if self.objects.changed:
             self._configure()
         self._network.tick(now)
-        if self.axis.state is not cia402.State.OPERATION_ENABLED:
+        if self.axis.state is not cia402.DriveState.OPERATION_ENABLED:
             self._command.disarm()
         for lost in (self._heartbeat.check(now), self._command.check(now)):
             if lost is not None:
@@ -232,17 +230,17 @@ class VirtualNode:
 
     def _follow(self, now: float) -> None:
         """Let the plant follow the clock where no SYNC moves it."""
-        if self._wall or (self.axis.stopping and now - self._synced > _PATIENCE):
+        if self._wall or (self.axis.stopping and now - self._synced > SYNC_PATIENCE):
             self._catch_up(now)
         elif not self.axis.stopping:
             self._plant_time = now
 
     def _catch_up(self, now: float) -> None:
         """Let the plant run to `now`, in periods and what is left of one."""
-        slipped = now - self._plant_time - _SLIP
+        slipped = now - self._plant_time - CLOCK_SLIP
         if slipped > 0.0:
             self._report(f"the plant's clock slipped by {slipped:.1f} s: this machine is too busy")
-            self._plant_time = now - _SLIP
+            self._plant_time = now - CLOCK_SLIP
         for _ in range(int((now - self._plant_time) / self._dt)):
             self.axis.advance(self._dt)
             self._plant_time += self._dt
@@ -250,10 +248,10 @@ class VirtualNode:
             self.axis.advance(now - self._plant_time)
             self._plant_time = now
 
-    def _partner_lost(self, lost: Lost) -> None:
+    def _partner_lost(self, lost: LostPartner) -> None:
         self.objects.error(lost.code, cia402.COMMUNICATION_ERROR)
-        if self.axis.state is not cia402.State.OPERATION_ENABLED:
-            return  # nothing to stop, and after each orderly end nothing to be told
+        if self.axis.state is not cia402.DriveState.OPERATION_ENABLED:
+            return  # nothing to stop; after an orderly end nothing to report
         silence, timeout = lost.silence * 1e3, lost.timeout * 1e3
         reaction = self._reaction(cia402.ABORT_CONNECTION)
         self._report(f"{lost.what} for {silence:.0f} ms (time-out {timeout:.0f} ms): {reaction}")
@@ -262,14 +260,14 @@ class VirtualNode:
     def _hear(self, partner: Watchdog) -> None:
         if not partner.alive(self._clock.now()):
             return
-        fault = self.axis.state in (cia402.State.FAULT, cia402.State.FAULT_REACTION_ACTIVE)
+        fault = self.axis.state in (cia402.DriveState.FAULT, cia402.DriveState.FAULT_REACTION_ACTIVE)
         if not (fault or self._heartbeat.tripped or self._command.tripped):
             self.objects.error_over()
 
     def _reaction(self, index: int) -> str:
         return cia402.option(index, self.objects.number(index))
 
-    def _stopped(self, stop: Stop) -> None:
+    def _stopped(self, stop: StopReport) -> None:
         what = "stands" if stop.stands else "still MOVES, power cut,"
         self._report(f"{what} after {stop.duration * 1e3:.0f} ms and {self._distance(stop.distance)}")
 
@@ -279,6 +277,12 @@ class VirtualNode:
 
 def _check(plant: Plant, dt: float) -> None:
     if plant.p.encoder.step <= 0.0:
-        raise DriveError("encoder.step = 0; must lie in (0, 1]: a CANopen drive counts; give the encoder a step")
+        raise DriveError(
+            "encoder.step = 0; must lie in (0, 1]: a CANopen drive counts; give the encoder a step",
+            place="encoder.step",
+            value=0.0,
+        )
     if plant.dt != dt:
-        raise DriveError(f"dt = {dt} s, but the plant runs in periods of {plant.dt} s; give both the same")
+        raise DriveError(
+            f"dt = {dt} s, but the plant runs in periods of {plant.dt} s; give both the same", place="dt", value=dt
+        )

@@ -1,4 +1,4 @@
-"""Object dictionary of the virtual drive: what is live in it, what a write does, and its error history."""
+"""Object dictionary of the virtual drive: its live values, the effect of a write, and the error history."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from stagectl.drives.canopen import cia402, pdo_mapping
 from stagectl.drives.canopen.library import SdoAbortedError, canopen
 from stagectl.drives.drive import Canopen, DriveError
-from stagectl.drives.virtual.axis import Axis, Options
+from stagectl.drives.virtual.power_stage import PowerStage, StopOptions
 
 TARGET_CURRENT, ACTUAL_CURRENT = 0x2071, 0x2077  # vendor objects, finer than per mille of the rated current
 FINE = 1e-5  # A a count of them
@@ -25,7 +25,7 @@ _ADMITTED = {  # what an interval in the EDS cannot say
 class Objects:
     """The dictionary of a `canopen.LocalNode`, tied to the axis.  Keys are index << 8 | subindex."""
 
-    def __init__(self, settings: Canopen, node: canopen.LocalNode, axis: Axis) -> None:
+    def __init__(self, settings: Canopen, node: canopen.LocalNode, axis: PowerStage) -> None:
         """Raises DriveError where the scales in `settings` are not those of this drive."""
         self.node, self.axis = node, axis
         self.changed = True  # something that is kept compiled or in SI units was written
@@ -64,11 +64,11 @@ class Objects:
         self.error_code = self.error_register = 0
         self.changed = True
 
-    def options(self) -> Options:
+    def options(self) -> StopOptions:
         """Option codes and the ramp of the drive's own stop, in SI units."""
         step = self.axis.plant.p.encoder.step
         permille = min(self.number(0x6072), self.number(0x6073))  # max torque, max current
-        return Options(
+        return StopOptions(
             quick_stop=self.number(cia402.QUICK_STOP_OPTION),
             fault_reaction=self.number(cia402.FAULT_REACTION),
             abort_connection=self.number(cia402.ABORT_CONNECTION),
@@ -122,15 +122,15 @@ class Objects:
     def _control(self, controlword: int) -> None:
         before = self.axis.state
         self.axis.control(controlword)
-        if before is cia402.State.FAULT and self.axis.state is not before:
+        if before is cia402.DriveState.FAULT and self.axis.state is not before:
             self.error_over()
 
     def _set_mode(self, mode: int) -> None:
-        if mode in _CYCLIC_MODES:  # in an RPDO any other is ignored; an SDO is told so by `_check`
+        if mode in _CYCLIC_MODES:  # an RPDO with another mode is ignored; `_check` aborts such an SDO
             self.axis.mode = mode
 
     def _aim(self, current: float) -> None:
-        if self.axis.state is cia402.State.OPERATION_ENABLED:
+        if self.axis.state is cia402.DriveState.OPERATION_ENABLED:
             self.axis.target = current
 
     def _past_error(self, n: int) -> int:
@@ -172,7 +172,12 @@ class Objects:
         ):
             mine = (fine | coarse).get(key)
             if mine is not None and not math.isclose(mine, scale, rel_tol=1e-9):
-                raise DriveError(f"{name} = {scale} A; must be {mine} A for object 0x{key:06X} of the virtual drive")
+                raise DriveError(
+                    f"{name} = {scale} A; must be {mine} A for object 0x{key:06X} of the virtual drive",
+                    place=name,
+                    object_key=key,
+                    value=scale,
+                )
 
 
 def _count(value: float, scale: float, bits: int) -> int:

@@ -12,14 +12,13 @@ from pathlib import Path
 
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError, Odrive
+from stagectl.drives.limits import CLOCK_TICK, ODRIVE_LINE
 from stagectl.drives.odrive import CLOSED_LOOP, IDLE, TORQUE_CONTROL
 from stagectl.drives.simulated import Plant
 
 _BITS = 10  # of a character
 _TURN = 2.0 * math.pi
 _WATCHDOG_EXPIRED = 0x0100_0000  # of ODrive.Error
-_LONGEST = 256  # characters of a line; more is noise
-_TICK = 0.001  # s
 
 
 class VirtualOdrive:
@@ -124,13 +123,13 @@ class Pty:
             self._port.symlink_to(os.ttyname(self._child))
         except OSError as error:
             raise DriveError(
-                f"drive.wire.port = {port}: {error.strerror}; a virtual ODrive needs a free name"
+                f"drive.wire.port = {port}: {error.strerror}; a virtual ODrive needs a free name", place=port
             ) from error
 
     def run(self, until: Callable[[], bool]) -> None:
         """Serve the line until `until` returns True."""
         while not until():
-            if select.select([self._line], [], [], _TICK)[0]:
+            if select.select([self._line], [], [], CLOCK_TICK)[0]:
                 self._take(os.read(self._line, 4096))
             self._drive.look()
 
@@ -142,10 +141,10 @@ class Pty:
 
     def _take(self, text: bytes) -> None:
         *lines, self._text = (self._text + text).split(b"\n")
-        self._text = self._text[-_LONGEST:]
+        self._text = self._text[-ODRIVE_LINE:]
         for line in lines:
             self._spend(len(line) + 1)
-            answer = self._drive.obey(line[:_LONGEST].decode("ascii", "replace"))
+            answer = self._drive.obey(line[:ODRIVE_LINE].decode("ascii", "replace"))
             if answer:
                 self._spend(len(answer) + 2)
                 with contextlib.suppress(BlockingIOError):  # nobody reads

@@ -1,6 +1,6 @@
-"""What lies between plant and electronics of the virtual drive: the encoder, and the current on its way out.
+"""Encoder and current path of the virtual drive, between plant and electronics: where faults act.
 
-Both are where faults act; without any they hand on what they are given.
+Without a fault both pass their signal on unchanged.
 """
 
 from __future__ import annotations
@@ -9,9 +9,8 @@ import collections
 from collections.abc import Callable
 from typing import NamedTuple
 
+from stagectl.drives.bus.faulty_bus import Undo, added
 from stagectl.drives.simulated import Plant
-
-Undo = Callable[[], None]
 
 
 class Distortion(NamedTuple):
@@ -32,21 +31,21 @@ class Sensor:
     def counts(self) -> int:
         """Position in encoder counts."""
         counts = self._plant.position_counts
-        for each in self._distortions:
-            counts = each.counts(counts)
+        for distortion in self._distortions:
+            counts = distortion.counts(counts)
         return counts
 
     @property
     def velocity(self) -> float:
         """Velocity that the drive brakes by (rad/s | m/s)."""
         velocity = self._plant.state.velocity
-        for each in self._distortions:
-            velocity = each.velocity(velocity)
+        for distortion in self._distortions:
+            velocity = distortion.velocity(velocity)
         return velocity
 
     def distort(self, distortion: Distortion) -> Undo:
-        """Distort the measurement until the answer is called."""
-        return _added(self._distortions, distortion)
+        """Distort the measurement until the returned function is called."""
+        return added(self._distortions, distortion)
 
 
 class Actuator:
@@ -57,13 +56,13 @@ class Actuator:
 
     def __call__(self, current: float) -> float:
         """What reaches the motor of `current` (A)."""
-        for each in self._distortions:
-            current = each(current)
+        for distortion in self._distortions:
+            current = distortion(current)
         return current
 
     def distort(self, distortion: Callable[[float], float]) -> Undo:
-        """Distort the current until the answer is called."""
-        return _added(self._distortions, distortion)
+        """Distort the current until the returned function is called."""
+        return added(self._distortions, distortion)
 
 
 def late(delay: int) -> Callable[[float], float]:
@@ -87,12 +86,3 @@ def held() -> Callable[[float], float]:
         return first[0]
 
     return act
-
-
-def _added(things: list, thing: object) -> Undo:  # type: ignore[type-arg]
-    things.append(thing)
-
-    def undo() -> None:
-        things[:] = [each for each in things if each is not thing]
-
-    return undo

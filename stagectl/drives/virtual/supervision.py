@@ -1,12 +1,12 @@
-"""How the virtual drive supervises its controller: the heartbeat, and the deadline of the cyclic command."""
+"""Supervision of the controller by the virtual drive: its heartbeat and the deadline of its cyclic command."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 
-class Lost(NamedTuple):
-    """A partner that fell silent."""
+class LostPartner(NamedTuple):
+    """A partner whose messages ceased."""
 
     code: int  # emergency error code
     what: str  # in plain words
@@ -15,7 +15,7 @@ class Lost(NamedTuple):
 
 
 class Watchdog:
-    """Trips once when nothing was heard for `timeout`; armed by the first sign of life."""
+    """Trips once after `timeout` without a message; armed by the first message."""
 
     def __init__(self, code: int, what: str) -> None:
         """Report `code` (EMCY) and `what` (words) when it trips."""
@@ -34,10 +34,10 @@ class Watchdog:
         """Expect nothing until the next sign of life."""
         self.armed = False
 
-    def check(self, now: float) -> Lost | None:
+    def check(self, now: float) -> LostPartner | None:
         """The loss, in the moment it is noticed; None before and after."""
         silence = now - self._heard
         if not self.armed or self.timeout <= 0.0 or silence <= self.timeout:
             return None
         self.armed, self.tripped = False, True
-        return Lost(self._code, self._what, silence, self.timeout)
+        return LostPartner(self._code, self._what, silence, self.timeout)

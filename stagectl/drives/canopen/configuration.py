@@ -10,34 +10,41 @@ from typing import Any
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError
-from stagectl.drives.canopen.network import Partner
+from stagectl.drives.canopen.network import PumpedNode, check_profile
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.limits import BOOT_ANSWER_TIME, BOOT_TIME, MODE_TIME, SDO_ANSWER_TIME, SDO_TRIES
 
 MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) knows it
 NOT_OFFERED = "not offered by this drive"
-_ANSWER_TIME = 5.0  # s in which a drive that is just booting must answer
-# A drive that boots swallows the first request, which is soon put again.  Once it answers, an object that it keeps in
-# flash may take it most of a second (canopen #25, CanOpenSTM32 #89); nothing has power yet, nothing waits for it.
-_KNOCK_TIME, _SDO_TIME = 0.3, 1.0  # s for one answer
-_TRIES = 3  # of a request whose frame, or whose answer, is lost; a late answer is not taken for another: see `wire`
-_MODE_TIME = 1.0  # s in which 0x6061 must follow 0x6060
 _INVALID, _NO_REMOTE = 0x8000_0000, 0x4000_0000  # bits of a PDO's COB-ID
 _ABSENT = (cia402.NO_OBJECT, cia402.NO_SUBINDEX)
 _EVENT_TIMER = 5  # subindex of an RPDO's deadline
 
 
-class Setup:
-    """One pass of configuration; `told` collects what the drive said."""
+class DriveConfiguration:
+    """One pass of configuration; `description` collects what the drive reported, in words."""
 
-    def __init__(self, settings: Canopen, node: Partner, encoder_step: float, clock: Clock = WALL) -> None:
+    def __init__(self, settings: Canopen, node: PumpedNode, encoder_step: float, clock: Clock = WALL) -> None:
         """`encoder_step` (rad | m) is one count of the drive's position."""
         self._settings, self._node, self._step = settings, node, encoder_step
-        self.told: dict[str, str] = {}
+        self.description: dict[str, str] = {}
         self._now = clock.now
 
     def run(self) -> None:
         """Configure the drive and start its PDOs.  Raises DriveError."""
+        try:
+            self._configure()
+        except OSError as error:
+            s = self._settings
+            raise DriveError(
+                f"the bus {s.interface} {s.channel} failed while node {s.node} was being configured: {error};"
+                " see 'ip -details link', bring it up, then start again",
+                place=s.channel,
+                node=s.node,
+            ) from error
+
+    def _configure(self) -> None:
         if self._settings.reset != "none":
             self._node.nmt.send_command(cia402.NMT_RESETS[self._settings.reset])
         self._wait_for_answer()
@@ -57,7 +64,7 @@ class Setup:
             raise self._refused("read", index, subindex, error) from error
 
     def offered(self, index: int, subindex: int = 0) -> Any:
-        """Value of an object that a drive may lack; None where it does.  Raises DriveError."""
+        """Value of an optional object; None where the drive does not have it.  Raises DriveError."""
         try:
             return self._upload(index, subindex)
         except SdoAbortedError as error:
@@ -91,15 +98,17 @@ class Setup:
         known = self._node.object_dictionary.get_variable(index, subindex)
         name = known.name if known is not None else "not in the EDS"
         return DriveError(
-            f"node {self._settings.node}: {action} of object 0x{index:04X}:{subindex:02X} ({name})"
-            f" failed: {error};"
-            f" compare {self._settings.eds} with the drive's manual and firmware"
+            f"node {self._settings.node}: {action} of object 0x{index:04X}:{subindex:02X} ({name}) failed: {error};"
+            f" compare {self._settings.eds} with the drive's manual and firmware",
+            node=self._settings.node,
+            object_key=index << 8 | subindex,
+            abort_code=error.code if isinstance(error, SdoAbortedError) else None,
         )
 
     def _wait_for_answer(self) -> None:
         s = self._settings
-        deadline = self._now() + _ANSWER_TIME
-        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = _KNOCK_TIME, 1
+        deadline = self._now() + BOOT_TIME
+        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = BOOT_ANSWER_TIME, 1
         while True:
             self._node.nmt.send_command(cia402.NMT_PRE_OPERATIONAL)
             try:
@@ -108,61 +117,62 @@ class Setup:
             except SdoCommunicationError as error:
                 if self._now() > deadline:
                     raise DriveError(
-                        f"node {s.node} does not answer on {s.interface} {s.channel} in {_ANSWER_TIME:.0f} s; is"
-                        " the drive powered, are node id and bit rate right, the bus terminated? (virtual: is"
-                        " 'stagectl virtual-drive' running on this channel?)"
+                        f"node {s.node} does not answer on {s.interface} {s.channel} within {BOOT_TIME:.0f} s. Probable"
+                        " causes: no power, a wrong node id or bit rate, no bus termination; for a virtual drive:"
+                        " 'stagectl virtual-drive' does not run on this channel. Next:"
+                        " `stagectl drive probe STAGE.yaml`",
+                        place=s.channel,
+                        node=s.node,
                     ) from error
             except SdoError as error:
                 raise self._refused("read", cia402.DEVICE_TYPE, 0, error) from error
-        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = _SDO_TIME, _TRIES
-        if kind & 0xFFFF != cia402.PROFILE:
-            raise DriveError(
-                f"node {s.node}: device type 0x1000 = 0x{kind:08X} is profile {kind & 0xFFFF}; must be"
-                f" {cia402.PROFILE} (a CiA 402 drive); check 'node: {s.node}'"
-            )
+        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = SDO_ANSWER_TIME, SDO_TRIES
+        check_profile(kind, s.node)
         servo = "servo drive" if kind & cia402.SERVO_DRIVE else "not marked as servo drive"
-        self.told["device type"] = f"0x{kind:08X}: CiA 402, {servo}"
+        self.description["device type"] = f"0x{kind:08X}: CiA 402, {servo}"
 
     def _identify(self) -> None:
         names = ("vendor", "product", "revision", "serial number")
         for subindex, name in enumerate(names, start=1):
             value = self.offered(cia402.IDENTITY, subindex)
-            self.told[name] = NOT_OFFERED if value is None else f"0x{value:08X}"
+            self.description[name] = NOT_OFFERED if value is None else f"0x{value:08X}"
         for index, name in (
             (cia402.DEVICE_NAME, "device name"),
             (cia402.HARDWARE_VERSION, "hardware version"),
             (cia402.SOFTWARE_VERSION, "software version"),
         ):
-            self.told[name] = str(self.offered(index) or NOT_OFFERED)
+            self.description[name] = str(self.offered(index) or NOT_OFFERED)
 
     def _check_rated_current(self) -> None:
         s = self._settings
         rated = self.offered(cia402.RATED_CURRENT)
-        self.told["rated current (0x6075)"] = NOT_OFFERED if rated is None else f"{rated * 1e-3:g} A"
+        self.description["rated current (0x6075)"] = NOT_OFFERED if rated is None else f"{rated * 1e-3:g} A"
         permille = s.command_object >> 8 == cia402.TARGET_TORQUE
         if permille and rated is not None and round(s.rated_current * 1e3) != rated:
             raise DriveError(
-                f"rated_current = {s.rated_current:g} A, but node {s.node} says {rated * 1e-3:g} A"
-                " (0x6075), and its"
-                f" command counts per mille of it; set 'rated_current: {rated * 1e-3:g} A' or parametrise"
-                " the drive"
+                f"rated_current = {s.rated_current:g} A, but node {s.node} reports {rated * 1e-3:g} A (0x6075), and its"
+                f" command counts per mille of it; set 'rated_current: {rated * 1e-3:g} A' or parametrise the drive",
+                place="rated_current",
+                node=s.node,
+                object_key=cia402.RATED_CURRENT << 8,
+                value=rated * 1e-3,
             )
-        self.told["current command"] = f"0x{s.command_object:06X}, {s.command_scale:g} A a count"
+        self.description["current command"] = f"0x{s.command_object:06X}, {s.command_scale:g} A a count"
         measured = f"0x{s.current_object:06X}, {s.current_scale:g} A a count" if s.current_object else "none"
-        self.told["measured current"] = measured
+        self.description["measured current"] = measured
 
     def _map(self) -> None:
         s = self._settings
         self.write(0x80, cia402.SYNC_COB_ID, optional=True)
-        self._map_one(cia402.RPDO_PARAMETER, cia402.RPDO_MAPPING, s.rpdo, 0x200 + s.node)
-        self._map_one(cia402.TPDO_PARAMETER, cia402.TPDO_MAPPING, s.tpdo, 0x180 + s.node)
+        self._map_pdo(cia402.RPDO_PARAMETER, cia402.RPDO_MAPPING, s.rpdo, 0x200 + s.node)
+        self._map_pdo(cia402.TPDO_PARAMETER, cia402.TPDO_MAPPING, s.tpdo, 0x180 + s.node)
         for parameter in (cia402.RPDO_PARAMETER, cia402.TPDO_PARAMETER):
             for n in (1, 2, 3):  # the others of the predefined set would only take bus time
                 identifier = self.offered(parameter + n, 1)
                 if identifier is not None and not identifier & _INVALID:
                     self.write(identifier | _INVALID, parameter + n, 1)
 
-    def _map_one(self, parameter: int, mapping: int, objects: tuple[int, ...], identifier: int) -> None:
+    def _map_pdo(self, parameter: int, mapping: int, objects: tuple[int, ...], identifier: int) -> None:
         kept = self.read(parameter, 1) & _NO_REMOTE
         self.write(_INVALID | kept | identifier, parameter, 1)
         self.write(0, mapping, 0)
@@ -181,16 +191,16 @@ class Setup:
             words = "off" if wanted == 0.0 else f"{_milliseconds(wanted)} ms"
         else:
             words = NOT_OFFERED
-        self.told["RPDO time-out (0x1400:05)"] = words
+        self.description["RPDO time-out (0x1400:05)"] = words
 
     def _supervise(self) -> None:
         """Heartbeats both ways."""
         s = self._settings
         produced, consumed = _milliseconds(s.heartbeat), _milliseconds(s.heartbeat_timeout)
         offered = self.write(produced, cia402.PRODUCER_HEARTBEAT, optional=True)
-        self.told["heartbeat of the drive (0x1017)"] = f"{produced} ms" if offered else NOT_OFFERED
+        self.description["heartbeat of the drive (0x1017)"] = f"{produced} ms" if offered else NOT_OFFERED
         offered = self.write(MASTER << 16 | consumed, cia402.CONSUMER_HEARTBEAT, 1, optional=True)
-        self.told["heartbeat time-out in the drive (0x1016)"] = (
+        self.description["heartbeat time-out in the drive (0x1016)"] = (
             f"{consumed} ms" if offered else (f"{NOT_OFFERED}: it does not notice when the controller dies")
         )
 
@@ -202,33 +212,39 @@ class Setup:
             raise DriveError(
                 f"quick_stop_deceleration = {self._settings.quick_stop_deceleration:g} is {counts}"
                 f" {unit}; must lie in [1, {2**32 - 1}] (0x6085); change it, or the drive's unit of"
-                " acceleration and deceleration_scale"
+                " acceleration and deceleration_scale",
+                place="quick_stop_deceleration",
+                value=self._settings.quick_stop_deceleration,
             )
         offered = self.write(counts, cia402.QUICK_STOP_DECELERATION, optional=True)
-        self.told["quick stop ramp (0x6085)"] = f"{counts} {unit}" if offered else NOT_OFFERED
+        self.description["quick stop ramp (0x6085)"] = f"{counts} {unit}" if offered else NOT_OFFERED
         for index, (name, _) in cia402.OPTIONS.items():
             code = self.offered(index)
-            self.told[name] = NOT_OFFERED if code is None else cia402.option(index, code)
+            self.description[name] = NOT_OFFERED if code is None else cia402.option(index, code)
 
     def _set_mode(self) -> None:
         modes = self.offered(cia402.SUPPORTED_MODES)
         if modes is not None and not modes & cia402.CYCLIC_SYNCHRONOUS_TORQUE_BIT:
             raise DriveError(
-                f"node {self._settings.node} does not offer cyclic synchronous torque mode (0x6502 ="
-                f" 0x{modes:08X});"
-                " it must be enabled in the drive, or another drive be used"
+                f"node {self._settings.node} does not offer cyclic synchronous torque mode (0x6502 = 0x{modes:08X});"
+                " enable it in the drive, or use another drive",
+                node=self._settings.node,
+                object_key=cia402.SUPPORTED_MODES << 8,
+                value=modes,
             )
         self.write(cia402.CYCLIC_SYNCHRONOUS_TORQUE, cia402.MODE)
-        deadline = self._now() + _MODE_TIME
+        deadline = self._now() + MODE_TIME
         while (mode := self.read(cia402.MODE_DISPLAY)) != cia402.CYCLIC_SYNCHRONOUS_TORQUE:
             if self._now() > deadline:
                 raise DriveError(
                     f"node {self._settings.node}: mode of operation stays {mode} (0x6061); must become"
-                    f" {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic synchronous torque); is another mode forced"
-                    " in"
-                    " the drive's own set-up?"
+                    f" {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic synchronous torque); is another mode forced in"
+                    " the drive's own set-up?",
+                    node=self._settings.node,
+                    object_key=cia402.MODE_DISPLAY << 8,
+                    value=mode,
                 )
-        self.told["mode of operation"] = "cyclic synchronous torque (10)"
+        self.description["mode of operation"] = "cyclic synchronous torque (10)"
 
 
 def _milliseconds(seconds: float) -> int:

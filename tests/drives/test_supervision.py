@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from stagectl.drives.virtual.supervision import Lost, Watchdog
+from stagectl.drives.virtual.supervision import LostPartner, Watchdog
 
 
 def watching(timeout: float = 0.5) -> Watchdog:
-    found = Watchdog(0x8130, "no heartbeat")
-    found.timeout = timeout
-    return found
+    result = Watchdog(0x8130, "no heartbeat")
+    result.timeout = timeout
+    return result
 
 
 def test_it_trips_once_after_its_timeout_and_not_at_it() -> None:
@@ -16,7 +16,7 @@ def test_it_trips_once_after_its_timeout_and_not_at_it() -> None:
     assert dog.check(100.0) is None  # nothing was ever heard: nothing is missed
     assert not dog.alive(10.0)
     assert dog.check(10.5) is None
-    assert dog.check(10.75) == Lost(0x8130, "no heartbeat", 0.75, 0.5)
+    assert dog.check(10.75) == LostPartner(0x8130, "no heartbeat", 0.75, 0.5)
     assert dog.tripped
     assert dog.check(11.0) is dog.check(99.0) is None
 

@@ -1,4 +1,4 @@
-"""Faults on demand in the virtual drive: which wait, and which act."""
+"""Faults of the virtual drive: which are waiting and which are active."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from stagectl.drives.bus.faulty_bus import Undo
 from stagectl.drives.canopen import cia402
-from stagectl.drives.virtual.fault_actions import DEEDS, Machine
+from stagectl.drives.virtual.fault_actions import ACTIONS, DriveParts
 
 
 class _Acting(NamedTuple):
@@ -16,11 +16,11 @@ class _Acting(NamedTuple):
     undo: Undo
 
 
-class Faults:
+class FaultSchedule:
     """The faults of one virtual drive."""
 
-    def __init__(self, machine: Machine, report: Callable[[str], None]) -> None:
-        """`report` is told, in words, what begins and what is over."""
+    def __init__(self, machine: DriveParts, report: Callable[[str], None]) -> None:
+        """`report` takes one line for each fault that begins or ends."""
         self._machine, self._report = machine, report
         self._standing: tuple[Any, ...] = ()
         self._waiting: list[tuple[float, Any]] = []
@@ -40,24 +40,19 @@ class Faults:
     def begin(self, block: Any, now: float) -> None:
         """A fault that begins now, whatever its `after`."""
         self._report(f"fault begins: {block.fault}")
-        undo = DEEDS[block.fault](self._machine, block, now)
+        undo = ACTIONS[block.fault](self._machine, block, now)
         self._acting.append(_Acting(block, now + block.duration if block.duration else 0.0, undo))
 
     def clear(self) -> None:
         """Undo all that acts, forget all that waits."""
         self._waiting.clear()
-        acting, self._acting = self._acting, []
-        for each in acting:
-            self._end(each)
+        self._end(lambda _: True)
 
     def renew(self) -> None:
         """As after power-on: the standing faults wait for Operation enabled again; others stay as they are."""
         self._enabled = False
-        self._waiting = [(at, each) for at, each in self._waiting if each not in self._standing]
-        over = [each for each in self._acting if each.block in self._standing]
-        self._acting = [each for each in self._acting if each not in over]
-        for each in over:
-            self._end(each)
+        self._waiting = [(at, block) for at, block in self._waiting if block not in self._standing]
+        self._end(lambda acting: acting.block in self._standing)
 
     @property
     def active(self) -> list[str]:
@@ -66,21 +61,22 @@ class Faults:
 
     def look(self, now: float) -> None:
         """Begin and end what is due at `now` (s)."""
-        if self._standing and not self._enabled and self._machine.axis.state is cia402.State.OPERATION_ENABLED:
+        if self._standing and not self._enabled and self._machine.axis.state is cia402.DriveState.OPERATION_ENABLED:
             self._enabled = True
             self._waiting += [(now + block.after, block) for block in self._standing]
         if not (self._waiting or self._acting):
             return
-        over = [each for each in self._acting if each.until and each.until <= now]
-        self._acting = [each for each in self._acting if each not in over]
-        for each in over:
-            self._end(each)
-        due = [each for at, each in self._waiting if at <= now]
-        self._waiting = [(at, each) for at, each in self._waiting if at > now]
+        self._end(lambda acting: 0.0 < acting.until <= now)
+        due = [block for at, block in self._waiting if at <= now]
+        self._waiting = [(at, block) for at, block in self._waiting if at > now]
         for block in due:
             self.begin(block, now)
         self._machine.repeats.look(now)
 
-    def _end(self, acting: _Acting) -> None:
-        acting.undo()
-        self._report(f"fault is over: {acting.block.fault}")
+    def _end(self, over: Callable[[_Acting], bool]) -> None:
+        """Undo the faults that are `over`, the oldest first."""
+        ending = [acting for acting in self._acting if over(acting)]
+        self._acting = [acting for acting in self._acting if acting not in ending]
+        for acting in ending:
+            acting.undo()
+            self._report(f"fault is over: {acting.block.fault}")

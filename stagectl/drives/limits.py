@@ -1,0 +1,68 @@
+"""Every number that decides something in the drives' room: times, counts and factors, with unit, origin and effect.
+
+Object indices, bit masks, abort codes and widths of formats are not here: they belong to the standards (`cia402`).
+"chosen" means: set by judgement, not derived.
+"""
+
+from __future__ import annotations
+
+# The controller's side of a CANopen drive (canopen/drive.py, power_states.py)
+ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, otherwise DriveError
+STOP_TIME = 10.0  # s; chosen; after it a quick stop is given up
+LOST_STOP_TIME = 1.0  # s; chosen; the same once the drive no longer answers
+BACKLOG = 64  # frames; chosen; most that are cleared before a SYNC, so that a babbling node cannot block the loop
+REPEAT_COMMAND_CYCLES = 8  # cycles; chosen; a drive still in operation after them gets its stop command again, by SDO
+FAULT_RESET_CYCLES = 8  # cycles; chosen; distance of two edges of the fault reset, for drives that poll slowly
+STANDSTILL_CYCLES = 100  # cycles; chosen; without motion for so long, the axis stands still
+STANDING = 1e-4  # s; chosen; times the ramp's deceleration: speed below which an axis counts as standing
+
+# Whether the drive's own ramp brakes (canopen/braking_monitor.py)
+SPEED_WINDOW = 9  # samples; chosen; the median of their steps survives a jump and a corrupted frame
+FASTER_FACTOR, FASTER_SLACK = (
+    1.5,
+    5e-3,
+)  # 1 and s of the ramp; chosen; above factor x speed + slack x ramp: faster
+LONGER_FACTOR, SETTLING_TIME = 1.5, 0.06  # 1 and s; chosen; after factor x ramp time + settling half the speed is gone,
+CREEP = 5e-4  # s of the ramp; chosen; or no more than this is left, which is what noise looks like
+CERTAIN_CYCLES = 3  # cycles; chosen; an observation must last so long: one corrupted frame proves nothing
+SILENT_CYCLES = 2  # cycles; chosen; answers missing in a row after which the bus counts as lost
+
+# Configuration over SDO (canopen/configuration.py)
+BOOT_TIME = 5.0  # s; chosen; a drive that is booting must answer within it
+# A booting drive swallows the first request, which is soon repeated.  Once it answers, an object that it keeps in flash
+# may take most of a second (canopen #25, CanOpenSTM32 #89); nothing has power yet, and nothing waits for it.
+BOOT_ANSWER_TIME, SDO_ANSWER_TIME = 0.3, 1.0  # s; see above; longest wait for one answer
+SDO_TRIES = 3  # requests; chosen; a late answer is not taken for another one (`PumpedSdo`)
+MODE_TIME = 1.0  # s; chosen; 0x6061 must follow 0x6060 within it
+
+# Reading a drive without configuring it (canopen/probe.py, dump.py)
+PROBE_ANSWER_TIME = 0.5  # s; chosen; longest wait for one answer
+SILENT_OBJECTS = 3  # objects; chosen; in a row without an answer: nobody is there
+SCAN_AT_ONCE, SCAN_TIME = 8, 0.02  # requests, s; chosen; a scan asks so many ids at once and waits so long for answers
+SHOWN_NAME = 200  # characters; chosen; longest device name that is shown
+
+# Buses
+MTIME_SETTLED = 100_000_000  # ns; ten ticks of a slow file system clock; a newer mtime may hide a second change
+SLCAN_READ_TIME = 0.0002  # s; chosen; python-can's own time-out, which a look at an empty queue would wait for
+SLCAN_OPENING_TIME = 0.1  # s; chosen; an adapter's time to open its channel
+PORT_QUEUE = 256  # frames; chosen; that wait for a port of a shared bus which nobody reads
+BABBLE_FRAMES = 4  # frames; chosen; of another node before each of the drive's (fault bus-flooded)
+PLUGIN_WAIT = 3600.0  # s; chosen; means "for ever": python-can calls again by itself
+
+# ODrive
+STATE_CYCLES = 8  # cycles; chosen; distance of two requests for the state, which a feedback line has no room for
+LARGEST_TORQUE = 9999.0  # N m; widest number of the command `c`; a larger one is sent as zero
+LONGEST_NOISE = 65536  # bytes; chosen; without an end of line they are noise and dropped
+
+# Virtual drives
+STILL_TIME = 0.01  # s; chosen; without motion for so long, the virtual drive's stop is over
+STOP_GRACE = 2.0  # s; chosen; beyond the ramp: then the virtual drive gives up and cuts the power
+CLOCK_TICK = 0.001  # s; chosen; between two looks at the clocks
+SYNC_PATIENCE = 0.02  # s; chosen; without SYNC, after which a stopping plant follows the wall clock
+CLOCK_SLIP = 1.0  # s; chosen; the plant's wall clock never catches up more than this at once
+LOOK_FRAMES = 32  # frames; chosen; read before a partner is declared silent: its frames may still be waiting
+JUMP_PERIOD = 0.01  # s; chosen; of encoder-jumping, where none is given
+STORM_PERIOD = 1e-3  # s; chosen; of emergency-storm, where none is given
+INJECT_DATAGRAM = 65536  # bytes; chosen; largest request or answer of `stagectl inject`
+INJECT_TIME = 2.0  # s; chosen; for the virtual drive to answer it
+ODRIVE_LINE = 256  # characters; chosen; longest line the virtual ODrive reads: more is noise
