@@ -49,20 +49,25 @@ def _strong_sine(p: StageScale) -> Recipe:
     words = (
         f"A sine at {100.0 * share:.0f} % of the current limit: what scales with current, and what a drive cannot give."
     )
-    return Recipe("sine-strong", words, "sine-strong", lambda _: (motion,))
+    return Recipe("sine-strong", words, lambda _: (motion,))
 
 
 _SINES = (
     Recipe(
         "sine-slow",
         f"Three sines of about one peak speed: {_GROWS}.",
-        "sine",
         lambda p: _of_one_speed(p, 1.0, 0.8, 2.0),
+        family="sine",
     ),
     Recipe(
-        "sine-medium", f"Three sines of about one peak speed: {_GROWS}.", "sine", lambda p: _of_one_speed(p, 1.0, 1.6)
+        "sine-medium",
+        f"Three sines of about one peak speed: {_GROWS}.",
+        lambda p: _of_one_speed(p, 1.0, 1.6),
+        family="sine",
     ),
-    Recipe("sine-fast", f"The fastest of three sines: {_GROWS}.", "sine", lambda p: _of_one_speed(p, 0.8, 3.2, 4.0)),
+    Recipe(
+        "sine-fast", f"The fastest of three sines: {_GROWS}.", lambda p: _of_one_speed(p, 0.8, 3.2, 4.0), family="sine"
+    ),
 )
 
 
@@ -75,16 +80,15 @@ _SPEED_AND_PLACE = (
     Recipe(
         "stairs",
         "Six speeds both ways: friction over speed, its curvature, and its two sides.",
-        "stairs",
         lambda p: stairs(p, _speeds(p, 40.0, 1.0, 6), 0.7),
     ),
-    Recipe("scan", "The stroke, slowly, both ways: all that depends on the place.", "scan", lambda p: scan(p, 6.0)),
+    Recipe("scan", "The stroke, slowly, both ways: all that depends on the place.", lambda p: scan(p, 6.0)),
 )
 
 
 def _micro(name: str, ratio: float, counts: float, where: str) -> Recipe:
     words = f"A sine {where} presliding: a dead zone shows no force first, rolling friction the most stiffness."
-    return Recipe(f"micro-{name}", words, "micro", lambda p: (Dwell(0.1), micro(p, ratio, counts)))
+    return Recipe(f"micro-{name}", words, lambda p: (Dwell(0.1), micro(p, ratio, counts)), family="micro")
 
 
 _MICRO_SINES = (
@@ -97,15 +101,17 @@ _STEP_TRAINS = (
     Recipe(
         "steps-small",
         f"Steps of about the presliding length {_AFTER}.",
-        "steps",
         lambda p: steps(p, 1.5 * p.presliding, _DWELLS),
+        family="steps",
     ),
-    Recipe("steps-large", f"Steps far beyond presliding {_AFTER}.", "steps", lambda p: steps(p, p.short, _DWELLS)),
+    Recipe(
+        "steps-large", f"Steps far beyond presliding {_AFTER}.", lambda p: steps(p, p.short, _DWELLS), family="steps"
+    ),
 )
 
 
 def _multisine(name: str, words: str, injection: CarriedMultisine) -> Recipe:
-    return Recipe(name, words, "multisine", lambda p: carried(p, injection))
+    return Recipe(name, words, lambda p: carried(p, injection), family="multisine")
 
 
 _MULTISINES = (
@@ -118,29 +124,31 @@ _CHECKS = (
     Recipe(
         "check-sine-slow",
         "A slower, longer sine than any that was used.",
-        "sine",
         lambda p: (sine(p, 0.22 * p.reach, 0.55, 2.0),),
+        family="sine",
     ),
-    Recipe("check-sine-fast", "Between the sines that were used.", "sine", lambda p: _of_one_speed(p, 0.8, 2.3, 4.0)),
+    Recipe(
+        "check-sine-fast", "Between the sines that were used.", lambda p: _of_one_speed(p, 0.8, 2.3, 4.0), family="sine"
+    ),
     Recipe(
         "check-sine-strong",
         "Less current than the strong sine, and slower.",
-        "sine",
         lambda p: (strong(p, 0.7, 4.2),),
+        family="sine",
     ),
     Recipe(
         "check-stairs",
         "Speeds between those of the stairs.",
-        "stairs",
         lambda p: stairs(p, _speeds(p, 25.0, 0.85, 4), 0.7),
+        family="stairs",
     ),
-    Recipe("check-scan", "The stroke, faster than the scan.", "scan", lambda p: scan(p, 3.5, 0.08)),
-    Recipe("check-micro", "Between the micro-sines.", "micro", lambda p: (Dwell(0.1), micro(p, 1.3, 70.0, 2.6))),
+    Recipe("check-scan", "The stroke, faster than the scan.", lambda p: scan(p, 3.5, 0.08), family="scan"),
+    Recipe("check-micro", "Between the micro-sines.", lambda p: (Dwell(0.1), micro(p, 1.3, 70.0, 2.6)), family="micro"),
     Recipe(
         "check-steps",
         "Other steps, after other dwells.",
-        "steps",
         lambda p: steps(p, 2.5 * p.presliding, (0.6, 2.0)),
+        family="steps",
     ),
     _multisine("check-multisine", "Other phases, lines and place.", CarriedMultisine(0.55, 11, 0.08, 5.0, 400.0)),
 )

@@ -48,17 +48,17 @@ class Recipe(NamedTuple):
 
     name: str
     separates: str
-    family: str  # by which the effects that it excites are known
     motion: Callable[[StageScale], tuple[Trajectory, ...] | Excited]
+    family: str = ""  # the name by which the records of the effects list it; empty: its own
 
 
 def made(p: StageScale, recipes: Iterable[Recipe], use: str = DIAGNOSE) -> tuple[Experiment, ...]:
     """Experiments for a stage of this scale; motions without a current begin with a preconditioning reversal."""
     experiments = []
-    for name, separates, family, motion in recipes:
+    for name, separates, motion, family in recipes:
         parts = motion(p)
         trajectory = parts if isinstance(parts, Excited) else preconditioned(p, *parts)
-        experiments.append(Experiment(name, separates, excited_by(family), trajectory, p.unit, use))
+        experiments.append(Experiment(name, separates, excited_by(family or name), trajectory, p.unit, use))
     return tuple(experiments)
 
 
