@@ -70,7 +70,7 @@ def recorder() -> None:
             self._counts[KEPT] = start
             return super().read(start, most)
 
-    service.Ring = Noting  # type: ignore[misc]
+    service.Ring = Noting  # type: ignore[attr-defined]
     service.main()
 
 
