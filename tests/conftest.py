@@ -27,17 +27,20 @@ ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "config"
 SOURCES = os.pathsep.join(str(ROOT / place) for place in (".", "tools/studies"))  # for a child's PYTHONPATH
 
-# Files of more than half a minute, the longest first.  Begun first, none of them runs alone at the end of the suite.
+# The files that take longest, about in order.  Begun first, none of them runs alone at the end of the suite.
 LONGEST = (
     "tests/test_printed.py",
     "tests/test_run.py",
+    "tests/studies/test_exam.py",
+    "tests/gap/inference/test_unstructured_residual.py",
+    "tests/studies/test_baselines.py",
+    "tests/gap/test_diagnose.py",
     "tests/service/test_service.py",
     "tests/service/test_shutdown_signals.py",
     "tests/studies/test_reproduction.py",
-    "tests/gap/test_diagnose.py",
-    "tests/gap/test_examples.py",
-    "tests/gap/inference/test_unstructured_residual.py",
     "tests/test_readme.py",
+    "tests/test_manual.py",
+    "tests/gap/test_examples.py",
     "tests/cli/test_records.py",
 )
 
