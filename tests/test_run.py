@@ -233,7 +233,7 @@ def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path) -> N
         run.wait(timeout=60)
         assert virtual.stdout is not None
         assert virtual.stdout.readline().startswith("stands after ")
-    end = time.monotonic() + 10.0
+    end = time.monotonic() + 60.0  # the machine is shared
     while time.monotonic() < end and not open_recording(tmp_path / "orphaned.h5").complete:
         time.sleep(0.05)
     recording = open_recording(tmp_path / "orphaned.h5")

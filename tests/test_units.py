@@ -150,12 +150,12 @@ def test_any_text_is_a_finite_number_or_an_error(text: str, unit: str) -> None:
 
 @pytest.mark.parametrize("text", ["1 " + " " * 10**6 + "!", "1" * 10**6, "1 " + "m " * 10**6, "1 m" + "^9" * 10**6])
 def test_no_text_keeps_the_parser_busy(text: str) -> None:
-    began = time.monotonic()
+    began = time.process_time()  # what other programs do does not count
     with pytest.raises(UnitError):
         parse(text, "m")
     with pytest.raises(UnitError):
         factor(text, "m")
-    assert time.monotonic() - began < 1.0
+    assert time.process_time() - began < 1.0
 
 
 def test_the_declaration_beside_a_field() -> None:

@@ -63,6 +63,10 @@ class Session:
             assert time.monotonic() < end
             time.sleep(0.02)
 
+    def waits(self) -> bool:
+        """Whether the recorder sleeps until its next look at the ring; a busy one, or one without a core, runs."""
+        return Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()[0] == "S"
+
     def write(self, count: int) -> None:
         start = self.ring.written
         for k in range(start, start + count):
@@ -138,7 +142,7 @@ def test_a_full_disk_costs_rows_which_the_file_marks_and_goes_on_when_there_is_r
     resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE, (session.path.stat().st_size, hard))
     session.write(3 * BLOCK)
     assert session.said().startswith(f"recorder: {session.path} cannot be written: File too large")
-    time.sleep(0.3)  # what is due has been tried
+    session.until(session.waits)  # what is due has been tried
     resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE, (room, hard))
     session.write(BLOCK + 5)
     session.ring.close()

@@ -4,5 +4,7 @@ import os
 import time
 from pathlib import Path
 
-Path(__file__).with_name("process").write_text(str(os.getpid()))
+PROCESS = Path(__file__).with_name("process")
+PROCESS.with_suffix(".part").write_text(str(os.getpid()))
+PROCESS.with_suffix(".part").rename(PROCESS)  # whole or not there
 time.sleep(600.0)
