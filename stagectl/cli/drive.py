@@ -100,8 +100,8 @@ def _current(text: str | None) -> float | None:
 
 
 def _show(found: Any) -> None:
-    width = max(map(len, found.told))
-    for name, words in found.told.items():
+    width = max(map(len, found.reported))
+    for name, words in found.reported.items():
         console.print(f"{name:{width}}  {words}")
     console.print(f"\npreset {found.preset.name}: {found.preset.family} ({found.preset.standing})")
     for note in found.preset.notes:

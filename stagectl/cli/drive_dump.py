@@ -48,10 +48,10 @@ def dump(
     if output is not None:
         write_dcf(found, wire.eds, wire.node, output)
         console.print(f"wrote {output}")
-    emit({"node": wire.node, "objects": [_told(one) for one in found]}, json)
+    emit({"node": wire.node, "objects": [_as_json(one) for one in found]}, json)
 
 
-def _told(one: Any) -> dict[str, Any]:
+def _as_json(one: Any) -> dict[str, Any]:
     told = one._asdict()
     return {"index": told.pop("number"), **told, "changed": one.changed}  # a NamedTuple's own `index` is a method
 

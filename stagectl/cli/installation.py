@@ -71,8 +71,8 @@ def install(
     from stagectl.service.machine import named, together
 
     read = tuple((name, path.absolute(), load_stage(path)) for name, path in named(stages).items())
-    wanted = systemd.Wanted(read, systemd.interpreter(), tcp, together(stages))
-    _tell(systemd.install(wanted, root, not no_start), json)
+    installation = systemd.Installation(read, systemd.interpreter(), tcp, together(stages))
+    _tell(systemd.install(installation, root, not no_start), json)
 
 
 @service_app.command("remove")

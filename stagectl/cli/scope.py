@@ -79,7 +79,7 @@ def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | Non
         machine, capture = next(seen)
         axis, about = _about(machine, axis)
         console.print(Text("\n".join(lines(capture, names, about, terminal().width))))
-        emit(_told(capture, names, axis, about), json)
+        emit(_as_json(capture, names, axis, about), json)
         return
     with Live(Text("waiting for the trigger; Ctrl-C ends"), console=terminal(), refresh_per_second=10) as live:
         try:
@@ -96,7 +96,7 @@ def _about(machine: dict[str, Any], axis: str) -> tuple[str, dict[str, Any]]:
     return name, {**found, **{f"{name}.{channel}": about for channel, about in found.items()}}
 
 
-def _told(capture: Any, names: list[str], axis: str, about: dict[str, Any]) -> dict[str, Any]:
+def _as_json(capture: Any, names: list[str], axis: str, about: dict[str, Any]) -> dict[str, Any]:
     def plain(values: Any) -> list[float | None]:
         return [None if value != value else value for value in values.tolist()]
 

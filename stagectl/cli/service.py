@@ -70,7 +70,7 @@ def serve(
     require("service", "the service")
     from stagectl import design
     from stagectl.service.machine import machine, together, virtual
-    from stagectl.service.service import Service, Where
+    from stagectl.service.service import Service, ServicePaths
     from stagectl.web.client import own_socket
     from stagectl.web.server import run
 
@@ -87,7 +87,7 @@ def serve(
     for name, axis in axes.items():
         if restless := design.limit_cycle_warning(axis.setup.stage, axis.control):
             say(f"{name}: {restless}")
-    service = Service(axes, Where(place, folder, _foxglove(foxglove)), coupled, say)
+    service = Service(axes, ServicePaths(place, folder, _foxglove(foxglove)), coupled, say)
     run(service, _port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
 
 
@@ -130,7 +130,7 @@ def status(socket: Socket = None, json: Json = None) -> None:
 
     Example: stagectl status
     """
-    _told(ask_service(socket, "GET", "/v1/status"), json)
+    _show(ask_service(socket, "GET", "/v1/status"), json)
 
 
 def enable(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
@@ -253,7 +253,7 @@ def _named(text: str) -> tuple[str, str]:
 
 
 def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] | None = None) -> None:
-    _told(ask_service(socket, "POST", f"/v1/{what}", body), json)
+    _show(ask_service(socket, "POST", f"/v1/{what}", body), json)
 
 
 def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
@@ -267,7 +267,7 @@ def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any
         raise typer.Exit(1) from error
 
 
-def _told(found: dict[str, Any], json: str | None) -> None:
+def _show(found: dict[str, Any], json: str | None) -> None:
     from stagectl.number_format import length
 
     for axis in found["axes"]:

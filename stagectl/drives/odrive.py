@@ -91,7 +91,7 @@ class OdriveDrive:
         self._last = Feedback(0.0, math.nan, 0, Fault.NONE)
         self._state, self._cycles, self._errors, self._closed = IDLE, 0, 0, False
         try:
-            self._told = self._configure()
+            self._reported = self._configure()
         except OSError as error:
             raise DriveError(f"drive.wire.port = {settings.port} failed: {error}; connect it again") from error
 
@@ -152,7 +152,7 @@ class OdriveDrive:
 
     def describe(self) -> dict[str, str]:
         """What it is and does, as read back."""
-        return self._told
+        return self._reported
 
     def explain(self) -> str:
         """Its error, and the next step."""

@@ -24,7 +24,7 @@ _HOME = ("localhost", "127.0.0.1", "::1")
 _READING = ("GET", "HEAD", "OPTIONS")
 
 
-class May(enum.IntEnum):
+class Permission(enum.IntEnum):
     """What somebody may do."""
 
     NOTHING = 0
@@ -39,12 +39,12 @@ class Keys(NamedTuple):
     key: str
     token_moves: bool  # `--tcp-may-move`
 
-    def grant(self, said: str) -> May:
+    def grant(self, said: str) -> Permission:
         """What who says this may do."""
         if hmac.compare_digest(said.encode(), self.key.encode()):
-            return May.MOVE
+            return Permission.MOVE
         known = hmac.compare_digest(said.encode(), self.token.encode())
-        return (May.MOVE if self.token_moves else May.READ) if known else May.NOTHING
+        return (Permission.MOVE if self.token_moves else Permission.READ) if known else Permission.NOTHING
 
 
 class Guard:
@@ -59,11 +59,11 @@ class Guard:
             scope["keys"] = self._keys
         elif scope["type"] == "http" and not _public(scope["path"]):
             said = dict(scope["headers"]).get(b"authorization", b"").decode("latin-1")
-            scope["may"] = may = self._keys.grant(said.removeprefix("Bearer ")) if said else May.NOTHING
-            if may is May.NOTHING:
+            scope["may"] = may = self._keys.grant(said.removeprefix("Bearer ")) if said else Permission.NOTHING
+            if may is Permission.NOTHING:
                 await _no(401, "this needs the header 'Authorization: Bearer TOKEN'")(scope, receive, send)
                 return
-            if scope["method"] not in _READING and may is not May.MOVE:
+            if scope["method"] not in _READING and may is not Permission.MOVE:
                 words = "over TCP this service may only be read: use its Unix socket, or the key of `stagectl page`"
                 await _no(403, words)(scope, receive, send)
                 return

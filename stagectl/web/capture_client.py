@@ -20,7 +20,7 @@ _TRIGGER = re.compile(r"\s*([\w.]+)\s*(>|<|=)\s*(.+?)\s*")
 _EDGES = {">": "rising", "<": "falling", "=": "both"}
 
 
-class Seen(NamedTuple):
+class ReceivedCapture(NamedTuple):
     """One capture."""
 
     time: NDArray[np.float64]  # (n,) s, from the trigger; of the first row of each bucket
@@ -41,7 +41,7 @@ def trigger(text: str) -> dict[str, str]:
     return {"channel": match[1], "edge": _EDGES[match[2]], "level": match[3]}
 
 
-def captures(path: Path, asked: dict[str, Any]) -> Iterator[tuple[dict[str, Any], Seen]]:
+def captures(path: Path, asked: dict[str, Any]) -> Iterator[tuple[dict[str, Any], ReceivedCapture]]:
     """The machine's description and each capture, without an end; `asked` as in `asked.Asked`.
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask.
@@ -70,11 +70,11 @@ def captures(path: Path, asked: dict[str, Any]) -> Iterator[tuple[dict[str, Any]
         ) from error
 
 
-def unpacked(message: bytes) -> Seen:
+def unpacked(message: bytes) -> ReceivedCapture:
     """A message of numbers, see `live`."""
     numbers = np.frombuffer(message, dtype="<f8")
     kind, channels, buckets, size, start, period, at, _ = numbers[:HEAD]
     values = numbers[HEAD:].reshape(-1, int(channels), int(buckets))
     time = start - at + np.arange(int(buckets)) * size * period
     assert kind in (CAPTURE, FREE)
-    return Seen(time, values[0], values[-1], float(size * period), bool(kind == CAPTURE))
+    return ReceivedCapture(time, values[0], values[-1], float(size * period), bool(kind == CAPTURE))

@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.routing import Match, Route
 
 from stagectl.realtime.shared_memory import BoardFullError
-from stagectl.service.axis_controller import Manned, ServiceError
-from stagectl.service.orders import Orderly
+from stagectl.service.axis_controller import AxisController, ServiceError
+from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
@@ -131,7 +131,7 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
     app.add_exception_handler(405, _not_allowed)
     app.add_exception_handler(RequestValidationError, _malformed)
     _reading(app, service)
-    _moving(app, Orderly(service))
+    _moving(app, OrderHandler(service))
     routes.add(app, service, port, _REFUSALS)
     return app
 
@@ -161,7 +161,9 @@ def _reading(app: FastAPI, service: Service) -> None:
     @app.get("/v1/status", response_model=Machine)
     async def status() -> Response:
         """All axes, now."""
-        return Response(json.dumps(told(service)), media_type="application/json")  # unchecked: it is asked often
+        return Response(
+            json.dumps(machine_status(service)), media_type="application/json"
+        )  # unchecked: it is asked often
 
     @app.get("/v1/faults", response_model=list[Entry])
     async def faults() -> list[dict[str, Any]]:
@@ -174,11 +176,11 @@ def _reading(app: FastAPI, service: Service) -> None:
         return {name: axis.parameters() for name, axis in service.axes.items()}
 
 
-def _moving(app: FastAPI, orders: Orderly) -> None:
-    def verb(path: str, order: Callable[[list[Manned]], Awaitable[None]]) -> None:
+def _moving(app: FastAPI, orders: OrderHandler) -> None:
+    def verb(path: str, order: Callable[[list[AxisController]], Awaitable[None]]) -> None:
         async def do(axis: AxisName = "") -> dict[str, Any]:
             await order(orders.service.chosen(axis))
-            return told(orders.service)
+            return machine_status(orders.service)
 
         do.__name__ = path.replace("-", "_").replace("/", "_")
         app.post(f"/v1/{path}", response_model=Machine, responses=_REFUSALS, description=order.__doc__)(do)
@@ -194,25 +196,25 @@ def _moving(app: FastAPI, orders: Orderly) -> None:
     async def move(body: Move) -> dict[str, Any]:
         """Move axes to positions or by distances; with `wait` it answers when they stand in position."""
         await orders.move(body.to, body.by, (body.speed, body.acceleration), body.wait)
-        return told(orders.service)
+        return machine_status(orders.service)
 
     @app.post("/v1/trajectory", response_model=Machine, responses=_REFUSALS)
     async def trajectory(body: Upload) -> dict[str, Any]:
         """Run a trajectory file from where the axis stands."""
         await orders.trajectory(body.axis, (body.name, body.yaml), body.wait)
-        return told(orders.service)
+        return machine_status(orders.service)
 
     @app.patch("/v1/parameters", response_model=Machine, responses=_REFUSALS)
     async def change(body: Parameters) -> dict[str, Any]:
         """Change gains while it runs, without a jump of the current."""
         await orders.change(body.axis, body.control)
-        return told(orders.service)
+        return machine_status(orders.service)
 
 
-def told(service: Service) -> dict[str, Any]:
+def machine_status(service: Service) -> dict[str, Any]:
     """The machine as JSON values."""
     return {
-        "axes": [axis.told() for axis in service.axes.values()],
+        "axes": [axis.status_json() for axis in service.axes.values()],
         "alive": service.alive(),
         "refused": service.refused,
     }

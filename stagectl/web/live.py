@@ -77,7 +77,7 @@ class Strip:
         return packed(STRIP, found, self._dt, number)
 
 
-class Sight:
+class ScopeView:
     """A scope with what it has caught, which can be looked at again and closer."""
 
     def __init__(self, ring: Source, dt: float, window: Window, settings: Settings) -> None:

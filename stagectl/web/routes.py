@@ -17,10 +17,10 @@ from stagectl.service.axis_controller import ServiceError
 from stagectl.service.recordings import LONGEST
 from stagectl.service.service import Service
 from stagectl.web import assets
-from stagectl.web.access_control import May
+from stagectl.web.access_control import Permission
 from stagectl.web.channels import channels
 from stagectl.web.export import exported
-from stagectl.web.status_feed import News
+from stagectl.web.status_feed import StatusFeed
 from stagectl.web.viewer import Viewer
 
 STATIC = Path(__file__).parent / "static"
@@ -114,8 +114,8 @@ def _reading(app: FastAPI, service: Service) -> None:
     @app.get("/v1/me", response_model=Granted)
     async def me(request: Request) -> dict[str, bool]:
         """What who asks may do."""
-        may = request.scope.get("may", May.MOVE)
-        return {"read": may >= May.READ, "move": may >= May.MOVE}
+        may = request.scope.get("may", Permission.MOVE)
+        return {"read": may >= Permission.READ, "move": may >= Permission.MOVE}
 
     @app.get("/v1/channels", response_model=dict[str, dict[str, dict[str, str]]])
     async def known() -> dict[str, dict[str, dict[str, str]]]:
@@ -157,36 +157,36 @@ def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:
 
 def _live(app: FastAPI, service: Service) -> None:
     viewers: set[Viewer] = set()
-    news = News(service)
+    feed = StatusFeed(service)
 
     @app.websocket("/v1/live")
     async def live(link: WebSocket) -> None:
         await link.accept()
         may = await _may(link)
-        if may is May.NOTHING or len(viewers) >= MOST:
-            words = "the key is missing or wrong" if may is May.NOTHING else f"{MOST} viewers are here already"
-            await link.close(_UNASKED[may is not May.NOTHING], words)
+        if may is Permission.NOTHING or len(viewers) >= MOST:
+            words = "the key is missing or wrong" if may is Permission.NOTHING else f"{MOST} viewers are here already"
+            await link.close(_UNASKED[may is not Permission.NOTHING], words)
             return
 
         async def say(what: str | bytes) -> None:
             await (link.send_bytes(what) if isinstance(what, bytes) else link.send_text(what))
 
-        viewer = Viewer(service, news.told, say)
+        viewer = Viewer(service, feed.status, say)
         viewers.add(viewer)
         try:
-            await say(json.dumps({"may": {"move": may is May.MOVE}, "machine": news.machine()}))
+            await say(json.dumps({"may": {"move": may is Permission.MOVE}, "machine": feed.machine()}))
             await _served(link, viewer)
         finally:
             viewers.discard(viewer)
 
 
-async def _may(link: WebSocket) -> May:
+async def _may(link: WebSocket) -> Permission:
     """What its first message grants; on the Unix socket, everything."""
     keys = link.scope.get("keys")
     with contextlib.suppress(WebSocketDisconnect, asyncio.TimeoutError, ValueError, AttributeError, KeyError):
         said = json.loads(await asyncio.wait_for(link.receive_text(), _PATIENCE))
-        return May.MOVE if keys is None else May(keys.grant(str(said.get("key", ""))))
-    return May.NOTHING
+        return Permission.MOVE if keys is None else Permission(keys.grant(str(said.get("key", ""))))
+    return Permission.NOTHING
 
 
 async def _served(link: WebSocket, viewer: Viewer) -> None:

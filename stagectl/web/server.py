@@ -56,8 +56,8 @@ def run(service: Service, tcp: Tcp | None) -> None:
 
 
 async def _run(service: Service, tcp: Tcp | None) -> None:
-    stopped = shutdown_signals.told()
-    listening = unix_socket(service.where.socket)
+    stopped = shutdown_signals.stop_event()
+    listening = unix_socket(service.paths.socket)
     ports = [listening]
     keys, address = None, None
     if tcp is not None:
@@ -80,7 +80,7 @@ async def _run(service: Service, tcp: Tcp | None) -> None:
         service.say("stopped: all its processes have ended")
         for one in ports:
             one.close()
-        service.where.socket.unlink(missing_ok=True)
+        service.paths.socket.unlink(missing_ok=True)
 
 
 async def _begun(service: Service, stopped: asyncio.Event) -> bool:
@@ -104,7 +104,7 @@ async def _until_stopped(
     serving = [asyncio.create_task(server.serve(sockets=sockets)) for server, sockets in servers]
     watching, waiting = asyncio.create_task(service.watch()), asyncio.create_task(stopped.wait())
     notify("READY=1", f"STATUS={service.words()}")
-    service.say(f"serving on {service.where.socket}, process {os.getpid()}: {service.words()}")
+    service.say(f"serving on {service.paths.socket}, process {os.getpid()}: {service.words()}")
     done, _ = await asyncio.wait([watching, waiting, *serving], return_when=asyncio.FIRST_COMPLETED)
     for server, _ in servers:
         server.should_exit = server.force_exit = True

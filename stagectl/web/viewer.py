@@ -23,11 +23,11 @@ from typing import Any
 from stagectl.recording.joined_rings import Joined, Source
 from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Settings, Trigger
-from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.service import Service
 from stagectl.web.channels import Channel, channels, chosen, level, side_by_side
-from stagectl.web.live import Sight, Strip, Window
-from stagectl.web.viewer_request import Asked, Closer, Hold, Stripes, read
+from stagectl.web.live import ScopeView, Strip, Window
+from stagectl.web.viewer_request import DetailRequest, HoldRequest, ScopeRequest, StripRequest, read
 
 RATE = 30.0  # frames a second; the page draws what they hold with every picture of its screen
 _NEWS = 0.1  # s between two statuses
@@ -40,19 +40,19 @@ class Viewer:
 
     def __init__(self, service: Service, status: Callable[[], dict[str, Any]], say: Say) -> None:
         self._service, self._status, self._say = service, status, say
-        self._strip: tuple[Strip, Ring, Stripes] | None = None
-        self._sight: tuple[Sight, Source, Asked] | None = None
+        self._strip: tuple[Strip, Ring, StripRequest] | None = None
+        self._sight: tuple[ScopeView, Source, ScopeRequest] | None = None
         self._held, self._said = False, 0.0
 
     async def hear(self, text: str) -> None:
         """Something was asked for; what cannot be is answered in words."""
         try:
             wanted = read(text)
-            if isinstance(wanted, Closer):
+            if isinstance(wanted, DetailRequest):
                 await self._closer(wanted)
-            elif isinstance(wanted, Hold):
+            elif isinstance(wanted, HoldRequest):
                 self._held = wanted.held
-            elif isinstance(wanted, Asked):
+            elif isinstance(wanted, ScopeRequest):
                 self._held, self._sight = False, None if wanted.mode == "off" else self._scope(wanted)
             else:
                 self._strip = self._stripes(wanted)
@@ -94,17 +94,17 @@ class Viewer:
         looked_at = source.rings if isinstance(source, Joined) else (source,)
         return any(ring not in rings for ring in looked_at) or (isinstance(source, Joined) and source.apart)
 
-    def _axis(self, name: str) -> Manned:
+    def _axis(self, name: str) -> AxisController:
         if name and name not in self._service.axes:
             raise ServiceError(f"no axis {name}; there are {', '.join(self._service.axes)}")
         return self._service.axes[name] if name else next(iter(self._service.axes.values()))
 
-    def _stripes(self, p: Stripes) -> tuple[Strip, Ring, Stripes]:
+    def _stripes(self, p: StripRequest) -> tuple[Strip, Ring, StripRequest]:
         axis = self._axis(p.axis)
         window = Window(tuple(chosen(channels(axis.setup), p.channels)), p.span, p.points)
         return Strip(axis.ring, axis.setup.dt, window), axis.ring, p
 
-    def _field(self, axis: Manned, names: list[str]) -> tuple[Source, dict[str, Channel]]:
+    def _field(self, axis: AxisController, names: list[str]) -> tuple[Source, dict[str, Channel]]:
         """Where a scope of `axis` reads, and what it finds there; another axis' channels have dotted names."""
         own = channels(axis.setup)
         others = {name.partition(".")[0] for name in names if "." in name and name not in own}
@@ -117,7 +117,7 @@ class Viewer:
         plain = {name: found[f"{axis.name}.{name}"] for name in own if axis.name in axes}
         return Joined([one.ring for one in axes.values()]), {**plain, **found}
 
-    def _scope(self, p: Asked) -> tuple[Sight, Source, Asked]:
+    def _scope(self, p: ScopeRequest) -> tuple[ScopeView, Source, ScopeRequest]:
         axis = self._axis(p.axis)
         source, known = self._field(axis, [*p.channels, *([p.trigger.channel] if p.trigger else [])])
         dt = axis.setup.dt
@@ -133,9 +133,9 @@ class Viewer:
         mode = "single" if p.mode == "off" else p.mode
         settings = Settings(rows, min(round(p.before * rows), rows - 1), trigger, mode, pause, round(0.05 / dt))
         window = Window(tuple(chosen(known, p.channels)), p.span, p.points)
-        return Sight(source, dt, window, settings), source, p
+        return ScopeView(source, dt, window, settings), source, p
 
-    async def _closer(self, p: Closer) -> None:
+    async def _closer(self, p: DetailRequest) -> None:
         if self._sight is None:
             return
         message = self._sight[0].closer(p.start, p.end, p.points, p.number)

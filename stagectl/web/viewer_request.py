@@ -18,7 +18,7 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class Stripes(_Strict):
+class StripRequest(_Strict):
     """Channels that go on."""
 
     axis: _Name = ""
@@ -28,7 +28,7 @@ class Stripes(_Strict):
     number: _Number = 0  # comes back with each message
 
 
-class Event(_Strict):
+class TriggerRequest(_Strict):
     """What a scope waits for."""
 
     channel: _Name
@@ -36,7 +36,7 @@ class Event(_Strict):
     edge: Literal["rising", "falling", "both"] = "rising"
 
 
-class Asked(_Strict):
+class ScopeRequest(_Strict):
     """A scope; `off`: none."""
 
     axis: _Name = ""
@@ -44,12 +44,12 @@ class Asked(_Strict):
     span: float = Field(1.0, ge=1e-3, le=60.0, description="s of a capture.")
     before: float = Field(0.2, ge=0.0, le=1.0, description="Share of it before the trigger.")
     points: _Points = 1000
-    trigger: Event | None = None
+    trigger: TriggerRequest | None = None
     mode: Literal["auto", "normal", "single", "off"] = "auto"
     number: _Number = 0
 
 
-class Closer(_Strict):
+class DetailRequest(_Strict):
     """A part of what the scope holds, finer."""
 
     start: float  # s, from the trigger
@@ -58,16 +58,21 @@ class Closer(_Strict):
     number: _Number = 0
 
 
-class Hold(_Strict):
+class HoldRequest(_Strict):
     """Whether the scope stays with what it has; the next scope goes on."""
 
     held: bool = True
 
 
-_KINDS: dict[str, type[_Strict]] = {"strip": Stripes, "scope": Asked, "closer": Closer, "hold": Hold}
+_KINDS: dict[str, type[_Strict]] = {
+    "strip": StripRequest,
+    "scope": ScopeRequest,
+    "closer": DetailRequest,
+    "hold": HoldRequest,
+}
 
 
-def read(text: str) -> Stripes | Asked | Closer | Hold:
+def read(text: str) -> StripRequest | ScopeRequest | DetailRequest | HoldRequest:
     """One message.
 
     Raises ServiceError where it is none.
@@ -82,5 +87,5 @@ def read(text: str) -> Stripes | Asked | Closer | Hold:
         raise ServiceError(said) from error
     except (ValueError, AttributeError) as error:
         raise ServiceError("a message is JSON with one key") from error
-    assert isinstance(found, Stripes | Asked | Closer | Hold)
+    assert isinstance(found, StripRequest | ScopeRequest | DetailRequest | HoldRequest)
     return found

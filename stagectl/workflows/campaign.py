@@ -136,7 +136,7 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
     return {
         "folder": str(campaign.folder),
         "stage": campaign.machine.setup.file.name,
-        "runs": [_told(campaign, run) for run in kept],
+        "runs": [_as_json(campaign, run) for run in kept],
         "left": [run.name for run in campaign.runs if run not in kept],
         "stopped": stopped,
         "notes": notes,
@@ -235,7 +235,7 @@ def _place(campaign: Campaign, run: Run) -> Path:
     return campaign.folder / f"{run.name}.h5"
 
 
-def _told(campaign: Campaign, run: Run) -> dict[str, Any]:
+def _as_json(campaign: Campaign, run: Run) -> dict[str, Any]:
     path = _place(campaign, run)
     return {**open_recording(path, only=("time",)).meta["capture"], "recording": str(path)}
 

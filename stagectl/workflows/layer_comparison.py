@@ -24,7 +24,7 @@ from stagectl.workflows.trials import Machine, Result, Shown, TrialError, after,
 ILC, OFF = "ilc", "off"
 
 
-class Asked(NamedTuple):
+class ComparisonRequest(NamedTuple):
     """What the user wants compared."""
 
     trajectory: Commanded
@@ -55,7 +55,9 @@ def chosen(name: str, known: tuple[str, ...]) -> list[str]:
     return layers
 
 
-def variants(machine: Machine, asked: Asked, shown: Shown, folder: Path) -> tuple[list[Variant], list[Result]]:
+def variants(
+    machine: Machine, asked: ComparisonRequest, shown: Shown, folder: Path
+) -> tuple[list[Variant], list[Result]]:
     """Each variant laid out, and how those with ``ilc`` learned; recordings of that go to `folder`.
 
     Raises TrialError where the names are wrong, LearnedError where a learned current fits no variant.
@@ -80,7 +82,7 @@ def variants(machine: Machine, asked: Asked, shown: Shown, folder: Path) -> tupl
     return found, courses
 
 
-def _laid_out(setup: Setup, asked: Asked, name: str, folder: Path) -> Motion:
+def _laid_out(setup: Setup, asked: ComparisonRequest, name: str, folder: Path) -> Motion:
     """The motion with the layers of `name`, whatever the stage file says; ``ilc`` comes later."""
     layers = tuple(layer for layer in chosen(name, asked.layers) if layer != ILC)
     control = setup.file.control._replace(layers=cast("tuple[Layer, ...]", layers))
@@ -93,7 +95,7 @@ def _with(motion: Motion, current: Learned) -> Motion:
     return with_current(motion, current.current)._replace(meta=meta)
 
 
-def _matched(asked: Asked, laid_out: dict[str, Motion]) -> dict[str, Learned]:
+def _matched(asked: ComparisonRequest, laid_out: dict[str, Motion]) -> dict[str, Learned]:
     """Which variant each learned current belongs to, by its layers."""
     found: dict[str, Learned] = {}
     for path in asked.learned:

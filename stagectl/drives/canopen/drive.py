@@ -81,10 +81,10 @@ class CanopenDrive:
                 f"the bus {settings.interface} {settings.channel} failed while node {settings.node} was being"
                 f" configured: {error}; see 'ip -details link', bring it up, then start again"
             ) from error
-        self._told = setup.told
+        self._reported = setup.reported
         name = cia402.OPTIONS[cia402.ABORT_CONNECTION][0]
         ignored = (NOT_OFFERED, cia402.option(cia402.ABORT_CONNECTION, 0))
-        self._stops_alone = setup.told[name] not in ignored  # when it is taken out of operation
+        self._stops_alone = setup.reported[name] not in ignored  # when it is taken out of operation
 
     def enable(self) -> Feedback:
         """Walk the state machine to Operation enabled at zero current, from whatever state.
@@ -197,7 +197,7 @@ class CanopenDrive:
     def describe(self) -> dict[str, str]:
         """Identity, time-outs, option codes in words and scales, as read back from the drive."""
         s = self._settings
-        return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._told}
+        return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._reported}
 
     def explain(self) -> str:
         """The last fault in words, probable causes, next command; on the way to power, where the drive hangs."""

@@ -33,7 +33,7 @@ class Setup:
     def __init__(self, settings: Canopen, node: Partner, encoder_step: float, clock: Clock = WALL) -> None:
         """`encoder_step` (rad | m) is one count of the drive's position."""
         self._settings, self._node, self._step = settings, node, encoder_step
-        self.told: dict[str, str] = {}
+        self.reported: dict[str, str] = {}
         self._now = clock.now
 
     def run(self) -> None:
@@ -121,24 +121,24 @@ class Setup:
                 f" {cia402.PROFILE} (a CiA 402 drive); check 'node: {s.node}'"
             )
         servo = "servo drive" if kind & cia402.SERVO_DRIVE else "not marked as servo drive"
-        self.told["device type"] = f"0x{kind:08X}: CiA 402, {servo}"
+        self.reported["device type"] = f"0x{kind:08X}: CiA 402, {servo}"
 
     def _identify(self) -> None:
         names = ("vendor", "product", "revision", "serial number")
         for subindex, name in enumerate(names, start=1):
             value = self.offered(cia402.IDENTITY, subindex)
-            self.told[name] = NOT_OFFERED if value is None else f"0x{value:08X}"
+            self.reported[name] = NOT_OFFERED if value is None else f"0x{value:08X}"
         for index, name in (
             (cia402.DEVICE_NAME, "device name"),
             (cia402.HARDWARE_VERSION, "hardware version"),
             (cia402.SOFTWARE_VERSION, "software version"),
         ):
-            self.told[name] = str(self.offered(index) or NOT_OFFERED)
+            self.reported[name] = str(self.offered(index) or NOT_OFFERED)
 
     def _check_rated_current(self) -> None:
         s = self._settings
         rated = self.offered(cia402.RATED_CURRENT)
-        self.told["rated current (0x6075)"] = NOT_OFFERED if rated is None else f"{rated * 1e-3:g} A"
+        self.reported["rated current (0x6075)"] = NOT_OFFERED if rated is None else f"{rated * 1e-3:g} A"
         permille = s.command_object >> 8 == cia402.TARGET_TORQUE
         if permille and rated is not None and round(s.rated_current * 1e3) != rated:
             raise DriveError(
@@ -147,9 +147,9 @@ class Setup:
                 f" command counts per mille of it; set 'rated_current: {rated * 1e-3:g} A' or parametrise"
                 " the drive"
             )
-        self.told["current command"] = f"0x{s.command_object:06X}, {s.command_scale:g} A a count"
+        self.reported["current command"] = f"0x{s.command_object:06X}, {s.command_scale:g} A a count"
         measured = f"0x{s.current_object:06X}, {s.current_scale:g} A a count" if s.current_object else "none"
-        self.told["measured current"] = measured
+        self.reported["measured current"] = measured
 
     def _map(self) -> None:
         s = self._settings
@@ -181,16 +181,16 @@ class Setup:
             words = "off" if wanted == 0.0 else f"{_milliseconds(wanted)} ms"
         else:
             words = NOT_OFFERED
-        self.told["RPDO time-out (0x1400:05)"] = words
+        self.reported["RPDO time-out (0x1400:05)"] = words
 
     def _supervise(self) -> None:
         """Heartbeats both ways."""
         s = self._settings
         produced, consumed = _milliseconds(s.heartbeat), _milliseconds(s.heartbeat_timeout)
         offered = self.write(produced, cia402.PRODUCER_HEARTBEAT, optional=True)
-        self.told["heartbeat of the drive (0x1017)"] = f"{produced} ms" if offered else NOT_OFFERED
+        self.reported["heartbeat of the drive (0x1017)"] = f"{produced} ms" if offered else NOT_OFFERED
         offered = self.write(MASTER << 16 | consumed, cia402.CONSUMER_HEARTBEAT, 1, optional=True)
-        self.told["heartbeat time-out in the drive (0x1016)"] = (
+        self.reported["heartbeat time-out in the drive (0x1016)"] = (
             f"{consumed} ms" if offered else (f"{NOT_OFFERED}: it does not notice when the controller dies")
         )
 
@@ -205,10 +205,10 @@ class Setup:
                 " acceleration and deceleration_scale"
             )
         offered = self.write(counts, cia402.QUICK_STOP_DECELERATION, optional=True)
-        self.told["quick stop ramp (0x6085)"] = f"{counts} {unit}" if offered else NOT_OFFERED
+        self.reported["quick stop ramp (0x6085)"] = f"{counts} {unit}" if offered else NOT_OFFERED
         for index, (name, _) in cia402.OPTIONS.items():
             code = self.offered(index)
-            self.told[name] = NOT_OFFERED if code is None else cia402.option(index, code)
+            self.reported[name] = NOT_OFFERED if code is None else cia402.option(index, code)
 
     def _set_mode(self) -> None:
         modes = self.offered(cia402.SUPPORTED_MODES)
@@ -228,7 +228,7 @@ class Setup:
                     " in"
                     " the drive's own set-up?"
                 )
-        self.told["mode of operation"] = "cyclic synchronous torque (10)"
+        self.reported["mode of operation"] = "cyclic synchronous torque (10)"
 
 
 def _milliseconds(seconds: float) -> int:
