@@ -24,7 +24,7 @@ def drawn(source: random.Random, p: Simulation, jitter: float) -> stage.Noise:
 
 
 class Plant:
-    """A stage that moves when told: the mutable shell around the pure kernel."""
+    """A stage that moves on command: the mutable shell around the pure kernel."""
 
     def __init__(self, p: stage.Stage, simulation: Simulation, dt: float) -> None:
         self.p, self.simulation, self.dt = p, simulation, dt

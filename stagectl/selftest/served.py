@@ -186,9 +186,11 @@ class ServedCase(Case):
 
     def _check(self, state: State) -> None:
         """Whether it ended in a state that the table of states leads to."""
-        found, allowed = self._axis.state, _ENDS.get(state, _UNPOWERED)
-        if found not in allowed:
-            self.wrong = f"ended {found.words}; must be: " + " or ".join(each.words for each in allowed)
+        end, allowed = self._axis.state, _ENDS.get(state, _UNPOWERED)
+        if end not in allowed:
+            self.wrong = f"ended in state {_name(end)}; must be: " + " or ".join(
+                state.name.lower() for state in allowed
+            )
 
     # periods and orders
 
@@ -205,7 +207,7 @@ class ServedCase(Case):
 
     def _must_be(self, state: State) -> None:
         if self._axis.state is not state:
-            raise DriveError(f"the axis is {self._axis.state.words}, must be {state.words} before the fault")
+            raise DriveError(f"the axis is in state {_name(self._axis.state)}, must be {_name(state)} before the fault")
 
     def _order(self, order: Order) -> bool:
         """Give an order; whether it was taken."""
@@ -217,4 +219,8 @@ class ServedCase(Case):
 
     def _take(self, order: Order) -> None:
         if not self._order(order):
-            raise DriveError(f"{Event(order.kind).name.lower()} was not taken: the axis {self._axis.state.words}")
+            raise DriveError(f"{Event(order.kind).name.lower()} was refused in state {_name(self._axis.state)}")
+
+
+def _name(state: State) -> str:
+    return state.name.lower().replace("_", " ")

@@ -1,4 +1,4 @@
-"""The axes of a machine, from the arguments of `serve`: one stage file, one with `axes`, or several that share one bus."""
+"""The axes of a machine, from the arguments of `serve`: one file, one with `axes`, or several on one bus."""
 
 from __future__ import annotations
 

@@ -75,9 +75,7 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     Raises DriveError where there is one already, or the bus goes away.
     """
     if answers(wire):
-        raise DriveError(
-            f"node {wire.node} is on {wire.interface} {wire.channel} already: stop that drive first, or change drive.wire.node"
-        )
+        raise DriveError(f"node {wire.node} is on {wire.interface} {wire.channel} already: stop it first")
     bus = open_bus(wire.interface, wire.channel, wire.bitrate)
     door = Doorway(doorway(wire.interface, wire.channel, wire.node))
     node = virtual_node(setup, wire, bus, report)

@@ -110,9 +110,9 @@ class Parameters(Strict):
 
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {
-    400: {"model": Refusal, "description": "The body is no JSON."},
+    400: {"model": Refusal, "description": "The body is not JSON."},
     409: {"model": Refusal, "description": "It cannot be done now."},
-    422: {"model": Refusal, "description": "It cannot be done at all: a value, a limit."},
+    422: {"model": Refusal, "description": "It can never be done: a wrong value, a limit."},
 }
 _GUARDED: dict[int | str, dict[str, Any]] = {
     401: {"model": Refusal, "description": "TCP: the token is missing or wrong."},
@@ -121,7 +121,7 @@ _GUARDED: dict[int | str, dict[str, Any]] = {
 
 
 def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:  # noqa: B008  # a constant
-    """The whole interface; `port` is what the page tells of the TCP port."""
+    """The whole interface; `port` is the TCP port that the page reports."""
     app = FastAPI(title="stagectl", version="1", docs_url=None, redoc_url=None, responses=_GUARDED)
     app.add_exception_handler(ServiceError, _refusal(409))
     app.add_exception_handler(BoardFullError, _refusal(409))
@@ -144,26 +144,28 @@ def _refusal(status: int) -> Callable[[Request, Exception], Awaitable[Response]]
 
 
 async def _not_allowed(request: Request, _: Exception) -> Response:
-    """405 with every method of the path, though each stands in a route of its own."""
+    """405 with every method of the path; each is a route."""
     fitting = [
-        one for one in request.app.routes if isinstance(one, Route) and one.matches(request.scope)[0] != Match.NONE
+        route
+        for route in request.app.routes
+        if isinstance(route, Route) and route.matches(request.scope)[0] != Match.NONE
     ]
-    methods = ", ".join(sorted({name for one in fitting for name in one.methods or ()}))
+    methods = ", ".join(sorted({name for route in fitting for name in route.methods or ()}))
     return JSONResponse({"error": f"{request.method} {request.url.path}: only {methods}"}, 405, {"Allow": methods})
 
 
 async def _malformed(_: Request, error: Exception) -> Response:
-    said = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in getattr(error, "errors", list)())
-    return JSONResponse({"error": said or str(error)}, 422)
+    details = getattr(error, "errors", list)()
+    words = "; ".join(f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in details)
+    return JSONResponse({"error": words or str(error)}, 422)
 
 
 def _reading(app: FastAPI, service: Service) -> None:
     @app.get("/v1/status", response_model=Machine)
     async def status() -> Response:
         """All axes, now."""
-        return Response(
-            json.dumps(machine_status(service)), media_type="application/json"
-        )  # unchecked: it is asked often
+        text = json.dumps(machine_status(service))
+        return Response(text, media_type="application/json")  # not validated: requested often
 
     @app.get("/v1/faults", response_model=list[Entry])
     async def faults() -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The status as the page shows it; put together once for all viewers that ask within a tenth of a second."""
+"""The status as the page shows it, made once for all viewers within a tenth of a second."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FAULTS = 20  # of the list, the newest
 
 
 class StatusFeed:
-    """Of one service."""
+    """The status of one service."""
 
     def __init__(self, service: Service) -> None:
         self._service = service
@@ -36,7 +36,8 @@ class StatusFeed:
                 "homing": axis.setup.file.homing.method,
                 "bus": _wire(axis),
                 "channels": {
-                    name: {"unit": one.unit, "meaning": one.meaning} for name, one in self._seen_from(axis).items()
+                    name: {"unit": channel.unit, "meaning": channel.meaning}
+                    for name, channel in self._seen_from(axis).items()
                 },
             }
             for axis in self._service.axes.values()
@@ -44,7 +45,7 @@ class StatusFeed:
 
     def _seen_from(self, axis: AxisController) -> dict[str, Channel]:
         """The axis' own channels, then those of the others."""
-        others = {name: one.setup for name, one in self._service.axes.items() if one is not axis}
+        others = {name: other.setup for name, other in self._service.axes.items() if other is not axis}
         return {**channels(axis.setup), **side_by_side(others)}
 
     def status(self) -> dict[str, Any]:
@@ -64,7 +65,7 @@ class StatusFeed:
         }
 
     def _extras(self, axis: AxisController, now: float) -> dict[str, Any]:
-        """What the page shows beside the status: lateness, bus load, recording."""
+        """What the page shows in addition to the status: lateness, bus load, recording."""
         late = self._late.get(axis.name)
         if late is None or late.ring is not axis.ring:
             late = self._late[axis.name] = Lateness(axis.ring, axis.setup.dt)
@@ -94,6 +95,6 @@ def _wire(axis: AxisController) -> str:
 
 
 def _load(axis: AxisController, rate: float) -> float | None:
-    """Share of the bus that the cycles really take that this axis makes, stuffed as badly as can be."""
+    """Share of the bus that this axis' cycles take, with worst-case bit stuffing."""
     wire = axis.setup.file.drive.wire
     return bus_load(rate, wire.bitrate) if isinstance(wire, Canopen) else None

@@ -1,4 +1,4 @@
-"""What a viewer may ask for, strictly read."""
+"""The requests of a viewer, strictly checked."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class _Strict(BaseModel):
 
 
 class StripRequest(_Strict):
-    """Channels that go on."""
+    """Channels of a continuous strip chart."""
 
     axis: _Name = ""
     channels: list[_Name] = Field(max_length=64)
@@ -29,7 +29,7 @@ class StripRequest(_Strict):
 
 
 class TriggerRequest(_Strict):
-    """What a scope waits for."""
+    """The trigger of a scope."""
 
     channel: _Name
     level: str = Field(max_length=40, description="With its unit: '1 um'.")
@@ -50,7 +50,7 @@ class ScopeRequest(_Strict):
 
 
 class DetailRequest(_Strict):
-    """A part of what the scope holds, finer."""
+    """A part of the held capture, at finer resolution."""
 
     start: float  # s, from the trigger
     end: float
@@ -81,11 +81,11 @@ def read(text: str) -> StripRequest | ScopeRequest | DetailRequest | HoldRequest
         (kind, body), *more = json.loads(text).items()
         if more or kind not in _KINDS:
             raise ServiceError(f"a message has one key of {', '.join(_KINDS)}")
-        found = _KINDS[kind].model_validate(body)
+        request = _KINDS[kind].model_validate(body)
     except ValidationError as error:
-        said = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
-        raise ServiceError(said) from error
+        words = "; ".join(f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in error.errors())
+        raise ServiceError(words) from error
     except (ValueError, AttributeError) as error:
         raise ServiceError("a message is JSON with one key") from error
-    assert isinstance(found, StripRequest | ScopeRequest | DetailRequest | HoldRequest)
-    return found
+    assert isinstance(request, StripRequest | ScopeRequest | DetailRequest | HoldRequest)
+    return request

@@ -1,6 +1,6 @@
-"""All objects of a drive that its EDS knows, read over SDO: what it is set to, for a file beside the stage's.
+"""All objects of a drive that its EDS knows, read over SDO: what it is set to, for a file next to the stage file.
 
-Nothing is written to the drive.  What it does not answer to is told with its abort code, and the next one is read.
+Nothing is written to the drive.  A refused object is reported with its abort code, and the next one is read.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from typing import Any
 
 
 class Listener:
-    """Who is told of each message by python-can's notifier; the library's own is derived from it."""
+    """Receives each message from python-can's notifier; the library's own is derived from it."""
 
     def __call__(self, message: Any) -> None:
         """Take a message."""

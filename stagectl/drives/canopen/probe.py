@@ -197,7 +197,7 @@ def _doubts(preset: Preset, modes: int | None, rated: float | None, values: dict
     if modes is not None and not modes & cia402.CYCLIC_SYNCHRONOUS_TORQUE_BIT:
         found.append("it does not offer cyclic synchronous torque mode: enable it in the drive, or use another one")
     if rated is None:
-        found.append(f"the rated current is not told ({preset.rated_words}): give it with --rated '4 A'")
+        found.append(f"the drive does not report its rated current ({preset.rated_words}): give it with --rated '4 A'")
     elif "deceleration_scale" not in values:
         found.append(
             "the unit of its stop ramp (0x6085) is not known: look it up, and set drive.wire.deceleration_scale"

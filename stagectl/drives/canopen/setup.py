@@ -28,7 +28,7 @@ _EVENT_TIMER = 5  # subindex of an RPDO's deadline
 
 
 class Setup:
-    """One pass of configuration; `told` collects what the drive said."""
+    """One pass of configuration; `reported` collects the answers of the drive."""
 
     def __init__(self, settings: Canopen, node: Partner, encoder_step: float, clock: Clock = WALL) -> None:
         """`encoder_step` (rad | m) is one count of the drive's position."""

@@ -45,7 +45,7 @@ class Axis:
     """Power stage and plant; `advance` is one control period of it."""
 
     def __init__(self, plant: Plant, gain: float, stopped: Callable[[Stop], None]) -> None:
-        """`gain` of the stop's velocity loop (A s/rad | A s/m); `stopped` is told when a stop is over."""
+        """`gain` of the stop's velocity loop (A s/rad | A s/m); `stopped` is called when a stop is over."""
         self.plant, self._gain, self._stopped = plant, gain, stopped
         self.sensor, self._actuator, self._sto = Sensor(plant), Actuator(), False
         self.options = Options(2, 2, 3, 1.0, math.inf)

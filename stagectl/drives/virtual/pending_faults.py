@@ -20,7 +20,7 @@ class Faults:
     """The faults of one virtual drive."""
 
     def __init__(self, machine: Machine, report: Callable[[str], None]) -> None:
-        """`report` is told, in words, what begins and what is over."""
+        """`report` gets, in words, what begins and what is over."""
         self._machine, self._report = machine, report
         self._standing: tuple[Any, ...] = ()
         self._waiting: list[tuple[float, Any]] = []
