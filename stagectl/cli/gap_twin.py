@@ -125,7 +125,11 @@ def _drifts(now: dict[str, Any]) -> Table:
     for name, drift in now["drift"].items():
         if drift["told"]:
             table.add_row(
-                name, f"{drift['value']:.4g}", f"± {1.96 * one['error']:.2g}", f"{drift['nominal']:.4g}", drift["unit"]
+                name,
+                f"{drift['value']:.4g}",
+                f"± {1.96 * drift['error']:.2g}",
+                f"{drift['nominal']:.4g}",
+                drift["unit"],
             )
         else:
             table.add_row(

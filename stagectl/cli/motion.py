@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stagectl.cli.process import single_threaded_algebra, without_compiler
-from stagectl.cli.show import console, emit, stream, summary, tell, typed
+from stagectl.cli.show import console, emit, message_event, stream, summary, tell, typed
 from stagectl.cli.show import progress as bar
 from stagectl.extras import require
 

@@ -130,8 +130,8 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
     if stopped:
         shown.say(
             f"{left[count].name}: {stopped}.  {len(done) + count} of {len(campaign.runs)} runs are kept in "
-            f"{campaign.folder}; the same command with -o {campaign.folder} goes on with {left[count].name}, and --skip "
-            f"{left[count].experiment.name} leaves that experiment out"
+            f"{campaign.folder}; the same command with -o {campaign.folder} goes on with {left[count].name}; "
+            f"--skip {left[count].experiment.name} leaves that experiment out"
         )
     kept = [run for run in campaign.runs if _place(campaign, run).is_file()]
     notes = [] if stopped else _identical(campaign, kept)

@@ -28,7 +28,7 @@ def service(axis: AxisController, tmp_path: Path) -> Service:
 
 
 def test_before_the_process_is_there(service: Service, axis: AxisController) -> None:
-    with pytest.raises(ServiceError, match="is being started"):
+    with pytest.raises(ServiceError, match="is starting"):
         asyncio.run(service.order(axis, Order(Event.ENABLE)))
     assert axis.board.ordered == 0  # nor does the new process find it when it comes up
 
@@ -48,6 +48,6 @@ def test_the_process_dies_over_it(service: Service, axis: AxisController) -> Non
 
 def test_gains_that_were_not_taken_are_not_kept(service: Service, axis: AxisController) -> None:
     before = axis.control, axis.controller
-    with pytest.raises(ServiceError, match="is being started"):
+    with pytest.raises(ServiceError, match="is starting"):
         asyncio.run(OrderHandler(service).change("axis", {"bandwidth": "25 Hz"}))
     assert (axis.control, axis.controller) == before

@@ -109,7 +109,7 @@ def test_a_secret_is_its_owners(tmp_path: Path) -> None:
     assert secret(path) == first
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     os.chmod(path, 0o640)
-    with pytest.raises(ServiceError, match="can be read by others"):
+    with pytest.raises(ServiceError, match="other users can read"):
         secret(path)
     path.write_text("short")
     os.chmod(path, 0o600)

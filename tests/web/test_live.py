@@ -100,9 +100,9 @@ def test_channels_have_the_unit_of_travel(axis: AxisController) -> None:
     assert known["current"][2:4] == ("A", 1.0)
     assert known["state"].unit == ""
     assert {"time", "true_position"}.isdisjoint(known)
-    with pytest.raises(ServiceError, match=r"no channel nothing; there are reference, target"):
+    with pytest.raises(ServiceError, match=r"channel nothing"):
         chosen(known, ["nothing"])
-    with pytest.raises(ServiceError, match="17 channels; a scope shows 1 to 16"):
+    with pytest.raises(ServiceError, match="17 channels"):
         chosen(known, [*known][:17])
 
 

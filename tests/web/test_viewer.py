@@ -136,9 +136,7 @@ def test_the_machine_tells_of_the_channels_of_other_axes(both: Service) -> None:
     assert "x.error" not in known
 
 
-@pytest.mark.parametrize(
-    ("name", "words"), [("q.error", "no axis q; there are x, y"), ("y.nothing", "no channel y.nothing; there are")]
-)
+@pytest.mark.parametrize(("name", "words"), [("q.error", "axis q;"), ("y.nothing", "channel y.nothing;")])
 def test_what_another_axis_has_not(both: Service, name: str, words: str) -> None:
     heard = Heard(both)
     heard.ask(scope={"channels": [name]})
@@ -167,7 +165,7 @@ def test_what_is_held_stays(service: Service, write: Write) -> None:
         ({"scope": {"channels": ["nothing"]}}, "no channel nothing"),
         ({"scope": {"channels": ["error"], "span": 30.0}}, "span 30 s; a capture of axis has 9.83 s at most"),
         ({"scope": {"channels": [], "span": 1.0}}, "0 channels"),
-        ({"scope": {"channels": ["error"], "axis": "q"}}, "no axis q; there are axis"),
+        ({"scope": {"channels": ["error"], "axis": "q"}}, "axis q;"),
         ({"scope": {"channels": ["error"], "trigger": {"channel": "error", "level": "1 A"}}}, "trigger level 1 A"),
         ({"scope": {"channels": ["error"], "color": 1}}, "color: Extra inputs"),
         ({"strip": {"channels": ["error"], "points": 1}}, "points: Input should be greater"),

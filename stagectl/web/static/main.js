@@ -29,9 +29,9 @@ function say(words, lost) {
   at("link").className = lost ? "lost" : "";
 }
 
-function open(said) {
-  machine = said.machine;
-  may = said.may.move;
+function open(greeting) {
+  machine = greeting.machine;
+  may = greeting.may.move;
   at("door").hidden = true;
   at("content").hidden = false;
   at("orders").hidden = at("record").hidden = !may;
@@ -97,10 +97,10 @@ function news(said) {
 }
 
 // Makes a sentence of the state: a verb takes "The axis", a condition "The axis is"; the rest is a sentence already.
-function sentence(said) {
-  if (/^(holds|moves|looks|brakes)/.test(said)) return `The axis ${said}`;
-  if (/^(without|stopped)/.test(said)) return `The axis is ${said}`;
-  return said[0].toUpperCase() + said.slice(1);
+function sentence(state) {
+  if (/^(holds|moves|looks|brakes)/.test(state)) return `The axis ${state}`;
+  if (/^(without|stopped)/.test(state)) return `The axis is ${state}`;
+  return state[0].toUpperCase() + state.slice(1);
 }
 
 function words(element, text) {
