@@ -168,15 +168,17 @@ def drift(
     from stagectl.twin.drift import drift as found_in
     from stagectl.twin.record import read
 
-    found = found_in(read(file), axis)
+    drifts = found_in(read(file), axis)
     table = Table(title=f"{file}", title_justify="left")
     for title in ("parameter", "at first", "a day", "95 %", "unit", "lines", "days"):
         table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
-    for one in found.trends:
-        values = (f"{one.start:.4g}", f"{one.slope:+.3g}", f"± {one.half:.2g}", one.unit)
-        table.add_row(one.name, *values, str(one.lines), f"{one.days:.3g}", style="yellow" if one.drifts else "")
+    for trend in drifts.trends:
+        values = (f"{trend.start:.4g}", f"{trend.slope:+.3g}", f"± {trend.half:.2g}", trend.unit)
+        table.add_row(
+            trend.name, *values, str(trend.lines), f"{trend.days:.3g}", style="yellow" if trend.drifts else ""
+        )
     console.print(table)
-    console.print(found.sentence)
-    trends = {one.name: {**one._asdict(), "sure": one.sure, "drifts": one.drifts} for one in found.trends}
-    answer = {"named": list(found.named), "alternatives": list(found.alternatives), "sentence": found.sentence}
+    console.print(drifts.sentence)
+    trends = {trend.name: {**trend._asdict(), "sure": trend.sure, "drifts": trend.drifts} for trend in drifts.trends}
+    answer = {"named": list(drifts.named), "alternatives": list(drifts.alternatives), "sentence": drifts.sentence}
     emit({**answer, "trends": trends}, json)

@@ -143,9 +143,9 @@ class Board:
         """A status that was whole when it was read; the last such one where the writer died in the middle of it."""
         for _ in range(_LOOKS):
             before = self._counts[_SEQUENCE]
-            found = _PACKED.unpack_from(self.memory, _STATUS)
+            numbers = _PACKED.unpack_from(self.memory, _STATUS)
             if before % 2 == 0 and before == self._counts[_SEQUENCE]:
-                self._whole = Status(*found)
+                self._whole = Status(*numbers)
                 break
         return self._whole
 

@@ -71,19 +71,19 @@ class OrderHandler:
         """
         if (not to and not by) or to.keys() & by.keys():
             raise ServiceError("a move needs a position or a distance for at least one axis, and one of them each")
-        asked = []
+        planned = []
         for name, text in (*to.items(), *by.items()):
             (axis,) = self.service.chosen(name) if name or len(self.service.axes) == 1 else (None,)
             if axis is None:
-                raise ServiceError(f"the move must name its axis; there are {', '.join(self.service.axes)}")
-            asked.append((axis, partial(self._planned, axis, (text, name in to), pace)))
-        await self._run(asked, wait)
+                raise ServiceError(f"the move must name its axis; the axes are: {', '.join(self.service.axes)}")
+            planned.append((axis, partial(self._planned, axis, (text, name in to), pace)))
+        await self._run(planned, wait)
 
     async def trajectory(self, name: str, text: tuple[str, str], wait: bool) -> None:
         """Run a trajectory of this (name, YAML)."""
         axes = self.service.chosen(name)
         if len(axes) != 1:
-            raise ServiceError(f"the trajectory must name its axis; there are {', '.join(self.service.axes)}")
+            raise ServiceError(f"the trajectory must name its axis; the axes are: {', '.join(self.service.axes)}")
         await self._run([(axes[0], partial(asyncio.to_thread, axes[0].trajectory, *text))], wait)
 
     async def change(self, name: str, values: dict[str, str]) -> None:
@@ -106,7 +106,7 @@ class OrderHandler:
             axis.board.order(Order(event))
         for axis in axes:
             if not await self.service.until(axis, lambda state: state in ends, _STANDS):
-                raise ServiceError(f"{axis.name}: it {axis.state.words} still")
+                raise ServiceError(f"{axis.name}: did not stop; state {axis.state.name.lower()}: see `stagectl status`")
 
     def _ready(self, axis: AxisController) -> None:
         if axis.state is not State.STANDING:
@@ -127,24 +127,24 @@ class OrderHandler:
         acceleration = _value(pace[1], f"{unit}/s^2") if pace[1] else None
         return await asyncio.to_thread(axis.move, distance, speed, acceleration)
 
-    async def _run(self, asked: Sequence[tuple[AxisController, Layout]], wait: bool) -> None:
-        stops = self._stops  # as it was asked for: a stop ends one that waits for its turn, too
+    async def _run(self, planned: Sequence[tuple[AxisController, Layout]], wait: bool) -> None:
+        stops = self._stops  # at the request: a stop also ends a motion that still waits for its turn
         async with self._begin:
-            motions = await self._begun(asked, stops)
+            motions = await self._begun(planned, stops)
         if wait:
             good = await asyncio.gather(*(self.service.settle(axis) for axis, _ in motions))
             for (axis, _), well in zip(motions, good, strict=True):
                 if not well:
-                    why = axis.board.words if axis.status.fault else "it was stopped, or does not stand in position"
+                    why = axis.board.words if axis.status.fault else "it was stopped, or did not settle in position"
                     raise ServiceError(f"{axis.name}: not in position: {why}")
 
     async def _begun(
-        self, asked: Sequence[tuple[AxisController, Layout]], stops: int
+        self, planned: Sequence[tuple[AxisController, Layout]], stops: int
     ) -> list[tuple[AxisController, Motion]]:
         """Lay all of them out, then begin them; none where a stop has been ordered since there were `stops`."""
-        for axis, _ in asked:
+        for axis, _ in planned:
             self._ready(axis)
-        laid_out = [(axis, await layout()) for axis, layout in asked]
+        laid_out = [(axis, await layout()) for axis, layout in planned]
         if self._stops != stops:
             raise ServiceError("stopped before it began: the motion was still being laid out")
         motions = [(axis, motion) for axis, motion in laid_out if motion is not None]

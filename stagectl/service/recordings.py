@@ -149,13 +149,13 @@ class Recordings:
         """All files there are, the newest first; one that is about to be written has no bytes."""
         going = {running.path for running in list(self._running.values())}
         there = {path for kind in KINDS for path in (self._state / kind).glob("*/*.h5")}
-        found = [_listed(path, path in going) for path in there | going]
-        return sorted((one for one in found if one), key=lambda one: -float(one["time"]))
+        entries = [_listed(path, path in going) for path in there | going]
+        return sorted((entry for entry in entries if entry), key=lambda entry: -float(entry["time"]))
 
     def path(self, kind: str, axis: str, file: str) -> Path:
         """A file of the list.  Raises ServiceError where it is none."""
-        there = [one for one in self.files() if one["bytes"]]
-        if not any((one["kind"], one["axis"], one["file"]) == (kind, axis, file) for one in there):
+        entries = [entry for entry in self.files() if entry["bytes"]]
+        if not any((entry["kind"], entry["axis"], entry["file"]) == (kind, axis, file) for entry in entries):
             raise ServiceError(f"no recording {kind}/{axis}/{file}")
         return self._state / kind / axis / file
 

@@ -104,11 +104,11 @@ def _with_learned(motion: Motion, path: Path) -> Motion:
 
     Raises LearnedError where it was learned on something else.
     """
-    found, here = load(path), blank(motion)
-    check(path, found, here)
-    about = {name: found.meta[name] for name in ("kept", "created")}
+    learned, expected = load(path), blank(motion)
+    check(path, learned, expected)
+    about = {name: learned.meta[name] for name in ("kept", "created")}
     meta = {**motion.meta, "layers": [*motion.meta["layers"], "ilc"], "learned": {"name": path.name, **about}}
-    return with_current(motion, found.current)._replace(meta=meta)
+    return with_current(motion, learned.current)._replace(meta=meta)
 
 
 def blank(motion: Motion) -> Learned:

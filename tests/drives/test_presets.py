@@ -58,8 +58,8 @@ def test_a_probe_reads_the_drive_and_proposes_its_family(bench: Workbench, tmp_p
     assert found.preset.name == "elmo-gold"
     assert found.rated == pytest.approx(3.2)
     assert found.values["command_scale"] == pytest.approx(3.2e-3)
-    assert found.reported["quick stop option (0x605A)"].startswith("2: slow down on the quick stop ramp")
-    assert found.reported["state"].startswith("Switch on disabled")
+    assert found.told["quick stop option (0x605A)"].startswith("2: slow down on the quick stop ramp")
+    assert found.told["state"].startswith("Switch on disabled")
     assert found.doubts == ()
     assert dict(node.objects.node.data_store) == before  # nothing was written
 

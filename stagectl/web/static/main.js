@@ -84,16 +84,16 @@ function numbers(data) {
   else scope.take(found);
 }
 
-function news(said) {
-  if (said.error) return scope.refused(said.error);
+function news(message) {
+  if (message.error) return scope.refused(message.error);
   since = performance.now();
-  const now = said.status.axes.find((one) => one.axis === axis);
+  const now = message.status.axes.find((one) => one.axis === axis);
   if (!now) return;
-  say(said.status.alive ? "live" : "the real-time process does not respond", !said.status.alive);
+  say(message.status.alive ? "live" : "the real-time process does not respond", !message.status.alive);
   state(now);
-  orders.take(now, said.status.axes);
-  records.take(now, said.status.faults);
-  health.take(now, said.status);
+  orders.take(now, message.status.axes);
+  records.take(now, message.status.faults);
+  health.take(now, message.status);
 }
 
 // Makes a sentence of the state: a verb takes "The axis", a condition "The axis is"; the rest is a sentence already.

@@ -47,7 +47,7 @@ export function axisLook() {
     font: "12px system-ui, sans-serif" };
 }
 
-// Ticks in a prefix that fits; the prefix is told by `said(unit)`.
+// Ticks in a prefix that fits; `said(unit)` receives the prefix.
 export function ticks(unit, said) {
   return (u, values) => {
     const scale = u.scales[u.axes[said.axis].scale];
