@@ -46,14 +46,14 @@ def commands(page: str, blocks: str = "sh") -> list[str]:
     return [line.strip() for block in found for line in block.splitlines() if line.strip()]
 
 
-class Deed(NamedTuple):
+class Outcome(NamedTuple):
     """What a line said and made."""
 
     outcome: subprocess.CompletedProcess[str]
     made: dict[Path, bytes]  # below the reader's folder
 
 
-_DONE: dict[tuple[str, ...], Deed] = {}
+_DONE: dict[tuple[str, ...], Outcome] = {}
 
 
 class Reader:
@@ -89,7 +89,7 @@ class Reader:
         )
         if outcome.returncode == 0 and not self._going:
             made = [path for path, state in self._files().items() if before.get(path) != state]
-            _DONE[key] = Deed(outcome, {path: (self.folder / path).read_bytes() for path in made})
+            _DONE[key] = Outcome(outcome, {path: (self.folder / path).read_bytes() for path in made})
         return outcome
 
     def _named(self, line: str) -> list[str]:

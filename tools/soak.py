@@ -95,14 +95,14 @@ class Soak:
         from stagectl.config.stage_file import load_stage
         from stagectl.realtime.axes import Post
         from stagectl.recording.recorder import Order
-        from stagectl.service.axis_controller import COLUMNS, Manned
+        from stagectl.service.axis_controller import COLUMNS, AxisController
         from stagectl.service.child_process import Child, start
 
         setup = load_stage(ROOT / "config" / "ball-screw.yaml")
         file = setup.file._replace(
             drive=setup.file.drive._replace(wire=InProcess()), simulation=setup.file.simulation._replace(substeps=1)
         )
-        self.axis = axis = Manned("axis", setup._replace(file=file))
+        self.axis = axis = AxisController("axis", setup._replace(file=file))
         self.path = folder / "soak.h5"
         alive, held = os.pipe()
         shared = (axis.ring.descriptor, axis.board.descriptor, held)

@@ -116,7 +116,7 @@ def compare(
     machine = Machine(setup, simulate, None if plant is None else as_stage(plant).setup)
     place = fresh_folder(f"compare-{source.name}") if folder is None else Path(folder)
     shown = Shown(say or (lambda _: None), partial(reported, progress))
-    asked = layer_comparison.Asked(source.bound(setup), list(variants), LAYERS, trials, paths_of(learned))
+    asked = layer_comparison.ComparisonRequest(source.bound(setup), list(variants), LAYERS, trials, paths_of(learned))
     ready, courses = layer_comparison.variants(machine, asked, shown, place)
     result = layer_comparison.compare(machine, ready, (repeats, seed), shown, place)
     notes = layer_comparison.course_words(courses)

@@ -61,7 +61,7 @@ class IdentifiedModel(ReportedResult):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What cannot be told apart, and what is doubtful."""
+        """Parameters that cannot be distinguished, and doubts."""
         return tuple(self.to_json()["notes"])
 
     def to_json(self) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def run(
 ) -> MotionRecord:
     """Run a trajectory on the drive that the stage names, and record it; without a `recording` into ``recordings/``.
 
-    On the embedded bus a virtual drive is started where none answers.  `twin` runs the model beside the axis, and
+    On the embedded bus a virtual drive is started where none answers.  `twin` runs the model next to the axis, and
     `twin_record` is where it writes its minutes.  `say` takes each message as it comes; the result's `notes` hold all.
 
     Raises DriveError where the drive cannot be reached or enabled, StageError where the motion is beyond a limit.

@@ -1,7 +1,7 @@
-"""The verbs, and what they have in common: errors in words, exit codes, ``--json``.
+"""The verbs and what they share: error messages, exit codes, ``--json``.
 
-Exit codes: 0 done; 1 a negative result (a fault, a limit reached in motion, a check that failed); 2 it was not begun
-(wrong arguments, a motion beyond a limit) or could not be done.
+Exit codes: 0 done; 1 a negative result (a fault, a limit reached in motion, a check that failed); 2 not started
+(wrong arguments, a motion beyond a limit) or impossible.
 Each verb imports what it needs itself, and only the module of the verb that was called is loaded: `stagectl status` is
 quick, and a process that needs no compiler has none in its memory.
 """
@@ -71,7 +71,7 @@ class Verbs(TyperGroup):
         commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
         with formatter.section("Commands"):
             formatter.write_dl(
-                [(name, inspect.cleandoc(one.help or "").split("\n\n")[0]) for name, one in commands if one]
+                [(name, inspect.cleandoc(command.help or "").split("\n\n")[0]) for name, command in commands if command]
             )
 
 
@@ -112,7 +112,7 @@ def main() -> None:
         _fail("interrupted")
     except SystemExit as ended:
         if ended.code == _INTERRUPTED:  # typer has taken the interrupt
-            _fail("interrupted: what was not written yet is not kept, and nothing else was changed")
+            _fail("interrupted: unwritten results are lost, nothing else has changed")
         raise
 
 

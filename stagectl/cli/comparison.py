@@ -42,10 +42,10 @@ def learn(
     channel: Channel = None,
     json: Json = None,
 ) -> None:
-    """Run a motion again and again, and learn the current that it lacks; `run --learned FILE` then uses it.
+    """Run a motion again and again, and learn the additional current that it needs; `run --learned FILE` then uses it.
 
-    It starts from the layers of the stage file: with friction compensation it learns what the friction model leaves
-    over; `--without friction` learns from nothing.
+    It starts from the layers of the stage file: with friction compensation it learns what the friction model does
+    not cover; with `--without friction` it learns all of it.
 
     Example: stagectl learn config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --trials 8 --simulate
     """
@@ -59,14 +59,14 @@ def learn(
     base = prepare(machine.setup, trajectory, switched_off(without or ()), folder / "trial-1.h5")
     path = output or folder / "learned.h5"
     learned_current.claim(path)
-    found = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
-    learned_current.save(path, found.pop("current"))
-    for line in many.convergence_words(found):
+    result = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
+    learned_current.save(path, result.pop("current"))
+    for line in many.convergence_words(result):
         console.print(line)
-    console.print(many.learned_words(found))
+    console.print(many.learned_words(result))
     console.print(f"learned: {path}")
-    emit({**found, "learned": str(path), "simulated": simulate}, json)
-    if found["stopped"]:
+    emit({**result, "learned": str(path), "simulated": simulate}, json)
+    if result["stopped"]:
         raise typer.Exit(1)
 
 
@@ -91,7 +91,7 @@ def compare(
     channel: Channel = None,
     json: Json = None,
 ) -> None:
-    """Run a motion with different layers, interleaved, and say which of them help, and how certain that is.
+    """Run a motion with different layers, interleaved, and report which of them help, and how certain that is.
 
     A variant is `off` (feedback alone) or layers joined by +: ptc, friction, observer, ilc.  The first variant is what
     the others are compared with.  What ilc needs is learned first, unless --learned gives it.
@@ -135,15 +135,15 @@ def engine(simulate: bool) -> None:
 
 
 def machine_of(stage: Path, simulate: bool, plant: Path | None, channel: str | None) -> Any:
-    """Where the runs take place.
+    """The machine of the runs.
 
-    Raises StageError for a plant beside a drive.
+    Raises StageError for a plant together with a drive.
     """
     from stagectl.config.stage_file import load_stage
     from stagectl.workflows.motion import on_channel
     from stagectl.workflows.trials import Machine
 
     if plant is not None and not simulate:
-        raise StageError(f"--plant {plant} without --simulate: a drive has its own machine; add --simulate")
+        raise StageError(f"--plant {plant} needs --simulate: on a drive the machine is real")
     setup = on_channel(load_stage(stage), channel)
     return Machine(setup, simulate, load_stage(plant) if plant else None)

@@ -14,14 +14,14 @@ _LANE = 6  # lines
 def lines(capture: Any, names: list[str], about: dict[str, Any], width: int) -> list[str]:
     """The lanes, then the axis of time with the trigger at 0."""
     size = (max(width - _MARGIN - 1, 10), _LANE if len(names) <= 4 else 3)
-    found = []
+    text = []
     for name, low, high in zip(names, capture.low, capture.high, strict=True):
         unit, bounds = about[name]["unit"], bounds_of(low.tolist(), high.tolist())
-        found.append(f"{name} {_value(float(low.min()), unit)} to {_value(float(high.max()), unit)}")
+        text.append(f"{name} {_value(float(low.min()), unit)} to {_value(float(high.max()), unit)}")
         lane = curve(low.tolist(), high.tolist(), bounds, size)
         marks = [_value(bounds[1], unit), *[""] * (len(lane) - 2), _value(bounds[0], unit)]
-        found += [f"{mark:>{_MARGIN - 1}} {line}" for mark, line in zip(marks, lane, strict=True)]
-    return [*found, _times(capture, size[0])]
+        text += [f"{mark:>{_MARGIN - 1}} {line}" for mark, line in zip(marks, lane, strict=True)]
+    return [*text, _times(capture, size[0])]
 
 
 def _times(capture: Any, width: int) -> str:

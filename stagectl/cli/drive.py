@@ -49,13 +49,13 @@ def probe(
 
     setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print) as (wire, line):
-        found = ask(wire, line, _chosen(preset), _current(rated))
-    _show(found)
-    changed = [str(one) for one in _written(stage, found.values)] if write and found.values else []
+        answers = ask(wire, line, _chosen(preset), _current(rated))
+    _show(answers)
+    changed = [str(change) for change in _written(stage, answers.values)] if write and answers.values else []
     for change in changed:
         console.print(f"written: {change}")
-    emit({**found._asdict(), "preset": found.preset.name, "written": changed}, json)
-    if found.doubts:
+    emit({**answers._asdict(), "preset": answers.preset.name, "written": changed}, json)
+    if answers.doubts:
         raise typer.Exit(1)
 
 
@@ -67,12 +67,12 @@ def presets(json: Json = None) -> None:
     """
     from stagectl.drives.canopen.presets import PRESETS
 
-    for one in PRESETS:
-        console.print(f"{one.name}: {one.family} ({one.standing})")
-        console.print(f"    rated current: {one.rated_words}")
-        for line in (*one.notes, *(f"source: {document}" for document in one.documents)):
+    for preset in PRESETS:
+        console.print(f"{preset.name}: {preset.family} ({preset.standing})")
+        console.print(f"    rated current: {preset.rated_words}")
+        for line in (*preset.notes, *(f"source: {document}" for document in preset.documents)):
             console.print(f"    {line}")
-    emit({"presets": [one._asdict() for one in PRESETS]}, json)
+    emit({"presets": [preset._asdict() for preset in PRESETS]}, json)
 
 
 def _chosen(name: str | None) -> Any:
@@ -99,19 +99,19 @@ def _current(text: str | None) -> float | None:
     return value
 
 
-def _show(found: Any) -> None:
-    width = max(map(len, found.answers))
-    for name, words in found.answers.items():
+def _show(result: Any) -> None:
+    width = max(map(len, result.answers))
+    for name, words in result.answers.items():
         console.print(f"{name:{width}}  {words}")
-    console.print(f"\npreset {found.preset.name}: {found.preset.family} ({found.preset.standing})")
-    for note in found.preset.notes:
+    console.print(f"\npreset {result.preset.name}: {result.preset.family} ({result.preset.standing})")
+    for note in result.preset.notes:
         console.print(f"  {note}")
-    if found.values:
+    if result.values:
         console.print("\nfor the stage file (--write puts it there):\n")
         console.print("drive:\n  wire:")
-        for name, value in found.values.items():
+        for name, value in result.values.items():
             console.print(f"    {name}: {_worded(name, value)}")
-    for doubt in found.doubts:
+    for doubt in result.doubts:
         console.print(f"look at: {doubt}")
 
 

@@ -36,28 +36,28 @@ def dump(
 
     setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print) as (wire, line), progress(f"node {wire.node}", 1) as update:
-        found = read(wire, line, update)
-    for one in found:
-        if not changed or one.changed:
-            print(_line(one))
-    refused = [one for one in found if one.value is None]
+        objects = read(wire, line, update)
+    for entry in objects:
+        if not changed or entry.changed:
+            print(_line(entry))
+    refused = [entry for entry in objects if entry.value is None]
     console.print(
-        f"{len(found) - len(refused)} objects of node {wire.node} read, {len(refused)} refused, "
-        f"{sum(one.changed for one in found)} not as the EDS' defaults"
+        f"{len(objects) - len(refused)} objects of node {wire.node} read, {len(refused)} refused, "
+        f"{sum(entry.changed for entry in objects)} not as the EDS' defaults"
     )
     if output is not None:
-        write_dcf(found, wire.eds, wire.node, output)
+        write_dcf(objects, wire.eds, wire.node, output)
         console.print(f"wrote {output}")
-    emit({"node": wire.node, "objects": [_told(one) for one in found]}, json)
+    emit({"node": wire.node, "objects": [_as_json(entry) for entry in objects]}, json)
 
 
-def _told(one: Any) -> dict[str, Any]:
-    told = one._asdict()
-    return {"index": told.pop("number"), **told, "changed": one.changed}  # a NamedTuple's own `index` is a method
+def _as_json(entry: Any) -> dict[str, Any]:
+    fields = entry._asdict()
+    return {"index": fields.pop("number"), **fields, "changed": entry.changed}  # a NamedTuple's own `index` is a method
 
 
-def _line(one: Any) -> str:
-    said = one.problem if one.value is None else one.value
-    number = f" (0x{one.value:X})" if isinstance(one.value, int) and one.value > 9 else ""
-    default = f", factory {one.default}" if one.changed else ""
-    return f"{one.number:04X}_{one.subindex:02X}  {one.name}: {said}{number}{default}"
+def _line(entry: Any) -> str:
+    value = entry.problem if entry.value is None else entry.value
+    number = f" (0x{entry.value:X})" if isinstance(entry.value, int) and entry.value > 9 else ""
+    default = f", factory {entry.default}" if entry.changed else ""
+    return f"{entry.number:04X}_{entry.subindex:02X}  {entry.name}: {value}{number}{default}"

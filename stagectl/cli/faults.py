@@ -124,7 +124,7 @@ def _checked(stage: Path) -> Any:
 def _show(json: str | None) -> None:
     from stagectl.report.fault_table import faults
 
-    found = list(faults())
-    for one in found if json != "-" else ():
-        print(f"{one['fault']}: {one['what happens']} ({one['component']}; {one['stop']})\n    {one['parameters']}")
-    emit({"faults": found}, json)
+    rows = list(faults())
+    for row in rows if json != "-" else ():
+        print(f"{row['fault']}: {row['what happens']} ({row['component']}; {row['stop']})\n    {row['parameters']}")
+    emit({"faults": rows}, json)

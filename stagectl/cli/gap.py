@@ -73,15 +73,15 @@ def record(
     motions = many.laid_out(machine, runs, folder)
     took = sum(run.experiment.duration for run in runs)
     console.print(f"{len(runs)} runs of {len(experiments)} experiments, {took / 60.0:.1f} min of motion, to {folder}")
-    found = many.record(
+    result = many.record(
         many.Campaign(machine, runs, motions, folder, chosen_seed, time.time), Shown(console.print, bar)
     )
     if repeats == 1:
-        console.print("one repeat only: what varies by chance cannot be told from the gap; take --repeats 3")
-    if not found["stopped"]:
+        console.print("one repeat only: chance variation cannot be separated from the gap; use --repeats 3")
+    if not result["stopped"]:
         console.print(f"recorded: {folder}; next: stagectl gap diagnose {folder}")
-    emit(found, json)
-    if found["stopped"]:
+    emit(result, json)
+    if result["stopped"]:
         raise typer.Exit(1)
 
 

@@ -65,21 +65,21 @@ def _lines(machines: Sequence[FleetMachine], scheduler: str | None) -> Iterable[
 
 
 def _counted(lines: Iterable[MachineSummary], whole: int, update: object) -> Iterator[MachineSummary]:
-    for done, one in enumerate(lines, 1):
+    for done, summary in enumerate(lines, 1):
         if callable(update):
             update(done, whole)
-        yield one
+        yield summary
 
 
-def _cells(one: MachineSummary) -> list[str]:
-    if not one.verdict:
-        return [one.machine, "not diagnosed", "", "", "", ""]
-    drift = "first" if one.drift is None else f"{100.0 * one.drift:+.0f} %"
+def _cells(machine: MachineSummary) -> list[str]:
+    if not machine.verdict:
+        return [machine.machine, "not diagnosed", "", "", "", ""]
+    drift = "first" if machine.drift is None else f"{100.0 * machine.drift:+.0f} %"
     return [
-        one.machine,
-        one.verdict,
-        ", ".join(one.named),
-        *(f"{x:.3g} {one.unit}" for x in (one.gap, one.left)),
+        machine.machine,
+        machine.verdict,
+        ", ".join(machine.named),
+        *(f"{x:.3g} {machine.unit}" for x in (machine.gap, machine.left)),
         drift,
     ]
 

@@ -66,10 +66,10 @@ def knock(
         plain = pipeline.diagnose(session, options, lambda _: None).found
         for done, one in enumerate(waiting, start=1):
             update(done, 1 + len(waiting))
-            told = knock_out.judged(one, pipeline.diagnose(one.session, options, lambda _: None).found, plain)
-            found.append(told._asdict())
-            said = ", ".join(" or ".join(each) for each in told.named)
-            table.add_row(told.name, told.way, said, told.verdict, "yes" if told.right else "no")
+            judged = knock_out.judged(one, pipeline.diagnose(one.session, options, lambda _: None).found, plain)
+            found.append(judged._asdict())
+            named = ", ".join(" or ".join(each) for each in judged.named)
+            table.add_row(judged.name, judged.way, named, judged.verdict, "yes" if judged.right else "no")
     console.print(table)
     before = ", ".join(one.name for one in plain.named) or "nothing"
     console.print(f"as it is the record shows {plain.verdict}: {before}; that counts for no knock")

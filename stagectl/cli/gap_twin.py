@@ -84,7 +84,7 @@ def _ended(now: dict[str, Any]) -> str:
         return f"the run has ended: {now['ended']}"
     silent = time.time() - now["written"]
     if silent > _SILENCE and not _lives(now["process"]):
-        return f"the twin's process {now['process']} has gone; its last word is {duration(silent)} old"
+        return f"the twin's process {now['process']} has ended; its last record is {duration(silent)} old"
     return ""
 
 
@@ -106,13 +106,13 @@ def _table(now: dict[str, Any]) -> Group:
     cuts = Table(
         title=f"{now['name']}: {now['time']:.1f} s of the run, last {now['covered']:.0f} s", title_justify="left"
     )
-    for title in ("cut", "residual", "what it is"):
+    for title in ("check", "residual", "meaning"):
         cuts.add_column(title)
-    found = now["residual"]
-    cuts.add_row("A controller", _number(found["controller"], "A"), "command - the law's answer, worst")
-    cuts.add_row("B drive", _number(found["drive"], "A"), "measured - expected current, rms")
-    cuts.add_row("C mechanics", _number(found["mechanics"], effort), "effort that the model lacks, rms")
-    cuts.add_row("D sensor, time", _number(found["sensor"], "s"), "position late against current")
+    residual = now["residual"]
+    cuts.add_row("A controller", _number(residual["controller"], "A"), "command - recomputed command, largest")
+    cuts.add_row("B drive", _number(residual["drive"], "A"), "measured - expected current, rms")
+    cuts.add_row("C mechanics", _number(residual["mechanics"], effort), "unexplained effort, rms")
+    cuts.add_row("D sensor, time", _number(residual["sensor"], "s"), "position late against current")
     return Group(cuts, _drifts(now), *_below(now))
 
 
@@ -122,13 +122,19 @@ def _drifts(now: dict[str, Any]) -> Table:
     table = Table(title="against the model", title_justify="left")
     for title in ("parameter", "now", "95 %", "model", "unit"):
         table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
-    for name, one in now["drift"].items():
-        if one["told"]:
+    for name, drift in now["drift"].items():
+        if drift["told"]:
             table.add_row(
-                name, f"{one['value']:.4g}", f"± {1.96 * one['error']:.2g}", f"{one['nominal']:.4g}", one["unit"]
+                name,
+                f"{drift['value']:.4g}",
+                f"± {1.96 * drift['error']:.2g}",
+                f"{drift['nominal']:.4g}",
+                drift["unit"],
             )
         else:
-            table.add_row(name, "-", "", f"{one['nominal']:.4g}", f"{one['unit']}  not told by this motion".strip())
+            table.add_row(
+                name, "-", "", f"{drift['nominal']:.4g}", f"{drift['unit']}  not determined by this motion".strip()
+            )
     return table
 
 
@@ -162,15 +168,17 @@ def drift(
     from stagectl.twin.drift import drift as found_in
     from stagectl.twin.record import read
 
-    found = found_in(read(file), axis)
+    drifts = found_in(read(file), axis)
     table = Table(title=f"{file}", title_justify="left")
     for title in ("parameter", "at first", "a day", "95 %", "unit", "lines", "days"):
         table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
-    for one in found.trends:
-        values = (f"{one.start:.4g}", f"{one.slope:+.3g}", f"± {one.half:.2g}", one.unit)
-        table.add_row(one.name, *values, str(one.lines), f"{one.days:.3g}", style="yellow" if one.drifts else "")
+    for trend in drifts.trends:
+        values = (f"{trend.start:.4g}", f"{trend.slope:+.3g}", f"± {trend.half:.2g}", trend.unit)
+        table.add_row(
+            trend.name, *values, str(trend.lines), f"{trend.days:.3g}", style="yellow" if trend.drifts else ""
+        )
     console.print(table)
-    console.print(found.sentence)
-    trends = {one.name: {**one._asdict(), "sure": one.sure, "drifts": one.drifts} for one in found.trends}
-    answer = {"named": list(found.named), "alternatives": list(found.alternatives), "sentence": found.sentence}
+    console.print(drifts.sentence)
+    trends = {trend.name: {**trend._asdict(), "sure": trend.sure, "drifts": trend.drifts} for trend in drifts.trends}
+    answer = {"named": list(drifts.named), "alternatives": list(drifts.alternatives), "sentence": drifts.sentence}
     emit({**answer, "trends": trends}, json)

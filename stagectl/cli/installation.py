@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stagectl.cli.motion import Json
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
+
+if TYPE_CHECKING:
+    from stagectl.service.doctor import Check
 
 Stages = Annotated[
     list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
@@ -42,16 +45,21 @@ def doctor(
     from stagectl.web.client import default_socket
 
     folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
-    found = list(examine(load_stage(stage), folder, default_socket().exists()))
-    for check in found:
+    checks = list(examine(load_stage(stage), folder, default_socket().exists()))
+    for check in checks:
         console.print(
             f"{'ok ' if check.good else 'BAD'}  {check.name}: {check.words}", style="green" if check.good else "red"
         )
         if not check.good:
-            console.print(f"       {check.mend}")
-    emit({"checks": [check._asdict() for check in found], "fit": all(check.good for check in found)}, json)
-    if not all(check.good for check in found):
+            console.print(f"       {check.fix}")
+    fit = all(check.good for check in checks)
+    emit({"checks": [_as_json(check) for check in checks], "fit": fit}, json)
+    if not fit:
         raise typer.Exit(1)
+
+
+def _as_json(check: Check) -> dict[str, Any]:
+    return {"name": check.name, "good": check.good, "words": check.words, "mend": check.fix}
 
 
 @service_app.command("install")
@@ -71,8 +79,8 @@ def install(
     from stagectl.service.machine import named, together
 
     read = tuple((name, path.absolute(), load_stage(path)) for name, path in named(stages).items())
-    wanted = systemd.Wanted(read, systemd.interpreter(), tcp, together(stages))
-    _tell(systemd.install(wanted, root, not no_start), json)
+    installation = systemd.Installation(read, systemd.interpreter(), tcp, together(stages))
+    _tell(systemd.install(installation, root, not no_start), json)
 
 
 @service_app.command("remove")

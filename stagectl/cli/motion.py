@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stagectl.cli.process import single_threaded_algebra, without_compiler
-from stagectl.cli.show import console, emit, said, stream, summary, tell, typed
+from stagectl.cli.show import console, emit, message_event, stream, summary, tell, typed
 from stagectl.cli.show import progress as bar
 from stagectl.extras import require
 
@@ -86,7 +86,7 @@ def run(
     console.print(f"recorded: {result['recording']}")
     emit(result, json)
     if result["fault"]:
-        console.print(f"when that is mended: {typed()}")
+        console.print(f"next, once that is fixed: {typed()}")
     if not result["in_position"]:
         raise typer.Exit(1)
 
@@ -98,7 +98,7 @@ def simulate(
     json: Json = None,
     output: Output = None,
     plant: Annotated[
-        Path | None, typer.Option(metavar="PLANT.yaml", help="The machine, where it is not as the model says.")
+        Path | None, typer.Option(metavar="PLANT.yaml", help="The machine, where it differs from the model.")
     ] = None,
     learned: Learned = None,
 ) -> None:
@@ -157,21 +157,21 @@ def virtual_drive(
         setup = reseeded(setup, seed)
     wire = setup.file.drive.wire
     if isinstance(wire, Odrive):
-        serve_odrive(setup, wire, _teller(json), lambda: bool(stopped))
+        serve_odrive(setup, wire, _reporter(json), lambda: bool(stopped))
     else:
-        serve(setup, canopen(setup), _teller(json), lambda: bool(stopped))
+        serve(setup, canopen(setup), _reporter(json), lambda: bool(stopped))
 
 
-def _teller(json: str | None) -> Callable[[str], None]:
-    """What tells one line in words, as an event of `json`, or both."""
+def _reporter(json: str | None) -> Callable[[str], None]:
+    """A function that reports a line as text, as an event of `json`, or both."""
     write = stream(json)
 
-    def told(words: str) -> None:
-        write(said(words))
+    def report(words: str) -> None:
+        write(message_event(words))
         if json != "-":
             tell(words)
 
-    return told
+    return report
 
 
 def demo(

@@ -46,12 +46,12 @@ def report(recording: RecordingArgument, output: Where = None, json: Json = None
     from stagectl.report.page import write
     from stagectl.report.run import page
 
-    made = page(open_recording(recording), [typed()])
+    run_page = page(open_recording(recording), [typed()])
     path = output or recording.with_suffix(".html")
     path.parent.mkdir(parents=True, exist_ok=True)
-    console.print(made.answer)
-    console.print(f"report: {write(made, path)}")
-    emit({"answer": made.answer, "report": str(path)}, json)
+    console.print(run_page.answer)
+    console.print(f"report: {write(run_page, path)}")
+    emit({"answer": run_page.answer, "report": str(path)}, json)
 
 
 def replay(recording: RecordingArgument, json: Json = None) -> None:
@@ -62,10 +62,10 @@ def replay(recording: RecordingArgument, json: Json = None) -> None:
     from stagectl.recording.hdf5 import open_recording
     from stagectl.recording.replay import replay as again
 
-    found = again(open_recording(recording))
-    console.print(found["words"])
-    emit(found, json)
-    if not found["identical"]:
+    comparison = again(open_recording(recording))
+    console.print(comparison["words"])
+    emit(comparison, json)
+    if not comparison["identical"]:
         raise typer.Exit(1)
 
 
@@ -82,7 +82,7 @@ def export(
     from stagectl.recording import exports
     from stagectl.recording.hdf5 import open_recording
 
-    written = exports.export([open_recording(one) for one in recordings], to.value, output)
+    written = exports.export([open_recording(path) for path in recordings], to.value, output)
     for path, notes in written:
         for note in notes:
             console.print(note)
@@ -110,13 +110,13 @@ def import_(
     from stagectl.recording.columns import split
     from stagectl.recording.imports import read, store
 
-    found = read(source, load_stage(stage) if stage else None, split(columns) if columns else None)
-    made = []
-    for recording, path in zip(found, store(found, source, output), strict=True):
-        made.append({"file": str(path), "rows": len(recording.samples), "notes": list(recording.meta["notes"])})
+    logs = read(source, load_stage(stage) if stage else None, split(columns) if columns else None)
+    written = []
+    for recording, path in zip(logs, store(logs, source, output), strict=True):
+        written.append({"file": str(path), "rows": len(recording.samples), "notes": list(recording.meta["notes"])})
         for note in recording.meta["notes"]:
             console.print(note)
         names = ", ".join(recording.samples.dtype.names or ())
         words = f"{len(recording.samples)} rows, {recording.meta['duration']:.4g} s, columns {names}"
         console.print(f"imported {path}: {words}")
-    emit({"imported": made}, json)
+    emit({"imported": written}, json)

@@ -53,7 +53,7 @@ def scope(
 
     names = channels or ["error", "measured_current"]
     once = once or json is not None
-    asked = {
+    request = {
         "axis": axis,
         "channels": names,
         "span": _number(span, "s", "--span"),
@@ -63,9 +63,9 @@ def scope(
         "mode": ("single" if trigger else "auto") if once else "normal" if trigger else "auto",
     }
     try:
-        _watched(captures(socket or default_socket(), asked), names, axis, once, json)
+        _watched(captures(socket or default_socket(), request), names, axis, once, json)
     except RefusedError as error:
-        console.print(f"no: {error}", style="red")
+        console.print(f"refused: {error}", style="red")
         raise typer.Exit(1) from error
 
 
@@ -79,7 +79,7 @@ def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | Non
         machine, capture = next(seen)
         axis, about = _about(machine, axis)
         console.print(Text("\n".join(lines(capture, names, about, terminal().width))))
-        emit(_told(capture, names, axis, about), json)
+        emit(_as_json(capture, names, axis, about), json)
         return
     with Live(Text("waiting for the trigger; Ctrl-C ends"), console=terminal(), refresh_per_second=10) as live:
         try:
@@ -92,11 +92,11 @@ def _watched(seen: Any, names: list[str], axis: str, once: bool, json: str | Non
 def _about(machine: dict[str, Any], axis: str) -> tuple[str, dict[str, Any]]:
     """Name of the axis and all channels; its own also by their full names."""
     name = axis or next(iter(machine))
-    found: dict[str, Any] = machine[name]["channels"]
-    return name, {**found, **{f"{name}.{channel}": about for channel, about in found.items()}}
+    channels: dict[str, Any] = machine[name]["channels"]
+    return name, {**channels, **{f"{name}.{channel}": about for channel, about in channels.items()}}
 
 
-def _told(capture: Any, names: list[str], axis: str, about: dict[str, Any]) -> dict[str, Any]:
+def _as_json(capture: Any, names: list[str], axis: str, about: dict[str, Any]) -> dict[str, Any]:
     def plain(values: Any) -> list[float | None]:
         return [None if value != value else value for value in values.tolist()]
 
@@ -109,12 +109,12 @@ def _told(capture: Any, names: list[str], axis: str, about: dict[str, Any]) -> d
 
 
 def _list(axis: str, socket: Path | None, json: str | None) -> None:
-    found = ask_service(socket, "GET", "/v1/channels")
-    for name, channels in found.items():
+    known = ask_service(socket, "GET", "/v1/channels")
+    for name, channels in known.items():
         if axis in ("", name):
             for channel, about in channels.items():
                 print(f"{name}  {channel:17} {about['unit'] or '-':6} {about['meaning']}")
-    emit(found, json)
+    emit(known, json)
 
 
 def record(
@@ -143,16 +143,16 @@ def record(
         _until_whole(begun, seconds if time_ else 0.0, socket)
     except KeyboardInterrupt:
         ask_service(socket, "POST", f"/v1/recordings/end?axis={begun['axis']}")
-    found = {"axis": begun["axis"], "recording": begun["path"]}
+    result = {"axis": begun["axis"], "recording": begun["path"]}
     if output is not None:
         from stagectl.web.client import default_socket, fetch
 
         what = f"/v1/recordings/recordings/{begun['axis']}/{begun['file']}"
         output.parent.mkdir(parents=True, exist_ok=True)
         fetch(socket or default_socket(), what, output)
-        found["recording"] = str(output)
-    console.print(f"recorded: {found['recording']}")
-    emit(found, json)
+        result["recording"] = str(output)
+    console.print(f"recorded: {result['recording']}")
+    emit(result, json)
 
 
 def _until_whole(begun: dict[str, str], seconds: float, socket: Path | None) -> None:
@@ -161,10 +161,10 @@ def _until_whole(begun: dict[str, str], seconds: float, socket: Path | None) -> 
     with progress(f"record {begun['file']}", max(round(10 * seconds), 1)) as update:
         while True:
             files = ask_service(socket, "GET", "/v1/recordings")
-            mine = [one for one in files if (one["axis"], one["file"]) == (begun["axis"], begun["file"])]
+            mine = [file for file in files if (file["axis"], file["file"]) == (begun["axis"], begun["file"])]
             if not mine:
-                said = f"no: nothing was recorded, {begun['axis']} gave no rows"
-                console.print(f"{said}: see `stagectl status` and `stagectl fault list`", style="red")
+                words = f"nothing was recorded: {begun['axis']} gave no rows"
+                console.print(f"{words}: see `stagectl status` and `stagectl fault list`", style="red")
                 raise typer.Exit(1)
             if not mine[0]["going_on"]:
                 return

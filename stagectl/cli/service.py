@@ -10,7 +10,7 @@ import typer
 
 from stagectl.cli.motion import Lines
 from stagectl.cli.process import without_compiler
-from stagectl.cli.show import console, emit, said, stream
+from stagectl.cli.show import console, emit, message_event, stream
 from stagectl.extras import require
 from stagectl.service import shutdown_signals
 from stagectl.units import StageError
@@ -70,7 +70,7 @@ def serve(
     require("service", "the service")
     from stagectl import design
     from stagectl.service.machine import machine, together, virtual
-    from stagectl.service.service import Service, Where
+    from stagectl.service.service import Service, ServicePaths
     from stagectl.web.client import own_socket
     from stagectl.web.server import run
 
@@ -82,12 +82,12 @@ def serve(
 
     def say(words: str) -> None:
         console.print(words)
-        write(said(words))
+        write(message_event(words))
 
     for name, axis in axes.items():
         if restless := design.limit_cycle_warning(axis.setup.stage, axis.control):
             say(f"{name}: {restless}")
-    service = Service(axes, Where(place, folder, _foxglove(foxglove)), coupled, say)
+    service = Service(axes, ServicePaths(place, folder, _foxglove(foxglove)), coupled, say)
     run(service, _port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
 
 
@@ -120,9 +120,9 @@ def page(socket: Socket = None, json: Json = None) -> None:
 
     Example: stagectl page
     """
-    found = ask_service(socket, "POST", "/v1/page")
-    console.print(found["address"])
-    emit(found, json)
+    result = ask_service(socket, "POST", "/v1/page")
+    console.print(result["address"])
+    emit(result, json)
 
 
 def status(socket: Socket = None, json: Json = None) -> None:
@@ -130,7 +130,7 @@ def status(socket: Socket = None, json: Json = None) -> None:
 
     Example: stagectl status
     """
-    _told(ask_service(socket, "GET", "/v1/status"), json)
+    _show(ask_service(socket, "GET", "/v1/status"), json)
 
 
 def enable(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
@@ -218,10 +218,10 @@ def parameters(
     if changes:
         body = {"control": dict(_named(text) for text in changes), "axis": axis}
         ask_service(socket, "PATCH", "/v1/parameters", body)
-    found = ask_service(socket, "GET", "/v1/parameters")
-    for name, values in found.items():
+    result = ask_service(socket, "GET", "/v1/parameters")
+    for name, values in result.items():
         console.print(f"{name}: " + ", ".join(f"{key} {value:g}" for key, value in values.items()))
-    emit(found, json)
+    emit(result, json)
 
 
 @fault_app.command("list")
@@ -230,12 +230,12 @@ def fault_list(socket: Socket = None, json: Json = None) -> None:
 
     Example: stagectl fault list
     """
-    found = ask_service(socket, "GET", "/v1/faults")
-    for entry in found:
+    result = ask_service(socket, "GET", "/v1/faults")
+    for entry in result:
         console.print(f"{entry['time']} {entry['axis'] or 'service'}: {entry['fault']}: {entry['words']}")
-    if not found:
+    if not result:
         console.print("no faults since the service started")
-    emit({"faults": found}, json)
+    emit({"faults": result}, json)
 
 
 @fault_app.command("reset")
@@ -253,29 +253,29 @@ def _named(text: str) -> tuple[str, str]:
 
 
 def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] | None = None) -> None:
-    _told(ask_service(socket, "POST", f"/v1/{what}", body), json)
+    _show(ask_service(socket, "POST", f"/v1/{what}", body), json)
 
 
 def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
-    """The answer; a refusal is exit code 1, no answer is 2."""
+    """The answer of the service; exit code 1 for a refusal, 2 without an answer."""
     from stagectl.web.client import RefusedError, ask, default_socket
 
     try:
         return ask(socket or default_socket(), method, what, body)
     except RefusedError as error:
-        console.print(f"no: {error}", style="red")
+        console.print(f"refused: {error}", style="red")
         raise typer.Exit(1) from error
 
 
-def _told(found: dict[str, Any], json: str | None) -> None:
+def _show(result: dict[str, Any], json: str | None) -> None:
     from stagectl.number_format import length
 
-    for axis in found["axes"]:
+    for axis in result["axes"]:
         place = "" if axis["position"] is None else f" at {length(axis['position'], axis['unit'])}"
         home = "" if axis["homed"] else ", not homed"
         console.print(f"{axis['axis']}: {axis['state_words']}{place}{home}; {axis['late_cycles']} late cycles")
         if axis["fault"]:
             console.print(f"  {axis['fault']}: {axis['words']}")
-    if not found["alive"]:
-        console.print("the real-time process gives no sign of life")
-    emit(found, json)
+    if not result["alive"]:
+        console.print("the real-time process does not respond; see `stagectl fault list`")
+    emit(result, json)

@@ -1,4 +1,4 @@
-"""How results appear: plain words on the terminal, JSON where it was asked for."""
+"""How results appear: text on the terminal, JSON on request."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 
 class _Plain:
-    """What is for people, on standard error: lines of text without rich, until something else needs it."""
+    """Messages on standard error: plain text without rich, until something else needs it."""
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print as rich would; once it is loaded, it prints, as a bar may be on the screen."""
-        if options or terminal.cache_info().currsize or not all(isinstance(one, str) for one in objects):
+        if options or terminal.cache_info().currsize or not all(isinstance(part, str) for part in objects):
             terminal().print(*objects, **options)
         else:
             print(*objects, file=sys.stderr)
 
     def status(self, words: str) -> Status:
-        """A sign of life beside `words` while something is computed."""
+        """Show `words` and a spinner during a computation."""
         return terminal().status(words)
 
 
@@ -55,7 +55,7 @@ def emit(result: dict[str, Any], target: str | None) -> None:
 
 
 def drawable(report: Path | None) -> bool:
-    """Whether pages can be drawn on this machine; where not, that is said, and the result comes without one.
+    """Whether pages can be drawn on this machine; where not, a message says why, and the result has no page.
 
     Raises MissingExtraError where the user asks for the page `report`.
     """
@@ -76,8 +76,8 @@ def typed() -> str:
 
 def typed_files() -> list[Path]:
     """The configuration files that the command names: a report holds their text."""
-    words = [Path(word) for word in sys.argv[1:] if word.endswith((".yaml", ".yml"))]
-    return list(dict.fromkeys(one for one in words if one.is_file()))
+    paths = [Path(word) for word in sys.argv[1:] if word.endswith((".yaml", ".yml"))]
+    return list(dict.fromkeys(path for path in paths if path.is_file()))
 
 
 def fresh_page(name: str) -> Path:
@@ -105,10 +105,10 @@ def show_changes(stage: Path, target: Path, fresh: bool, changes: Sequence[Chang
 
 
 def tell(line: str) -> None:
-    """One line, if anybody still reads them: a drive goes on without."""
+    """Print one line if anybody still reads; a drive continues anyway."""
     try:
         print(line, flush=True)
-    except BrokenPipeError:  # the next ones, and what is left of this one at exit, go nowhere
+    except BrokenPipeError:  # this line and later ones go nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -129,8 +129,8 @@ def stream(target: str | None) -> Callable[[dict[str, Any]], None]:
     return write
 
 
-def said(words: str) -> dict[str, Any]:
-    """A message of a verb that goes on, as an event."""
+def message_event(words: str) -> dict[str, Any]:
+    """A message as an event of a continuous verb."""
     return {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "words": words}
 
 
@@ -138,14 +138,14 @@ def summary(result: dict[str, Any]) -> str:
     """The run in plain words."""
     error, unit = result["tracking_error"], result["unit"]
     window = f"{result['steady'][0]:.3g} to {result['steady'][1]:.3g} s"
-    found = (
+    words = (
         f"tracking error peak {length(error['peak'], unit)}, rms {length(error['rms'], unit)} over {window} "
         f"(nd = {result['nd']})"
     )
     if result["open_loop"]:
         low, high = (length(end, unit) for end in result["travelled"])
-        found = f"the loop was open; the axis moved from {low} to {high}, peak current {result['peak_current']:.3g} A"
-    lines = [f"{result['stage']}, {result['trajectory']}: {found}"]
+        words = f"the loop was open; the axis moved from {low} to {high}, peak current {result['peak_current']:.3g} A"
+    lines = [f"{result['stage']}, {result['trajectory']}: {words}"]
     if result["fault"] and result["simulated"]:
         lines.append(result["fault"])
     if result["late_cycles"]:
@@ -153,5 +153,5 @@ def summary(result: dict[str, Any]) -> str:
     if result["saturated_cycles"]:
         lines.append(f"the current limit was reached in {result['saturated_cycles']} cycles")
     if not result["in_position"]:
-        lines.append("the axis did not come to stand in position")
+        lines.append("the axis did not settle in position")
     return "\n".join(lines)

@@ -33,7 +33,7 @@ class Branch(NamedTuple):
 
 
 class Rheology(NamedTuple):
-    """A nonlinear spring with hysteresis, and beside it a spring and a dashpot in series, which creep.
+    """A nonlinear spring with hysteresis, and next to it a spring and a dashpot in series, which creep.
 
     From a reversal at the force F_0, with ``xi = s / range`` up to 1 and never beyond +-T_c::
 

@@ -8,8 +8,8 @@
                                               ^                         (-)<-- logged position
                                               +---- correction <-- PID --+
 
-The correction, times Kt, is the effort that the model lacks.  The model stays on the measured path, so every
-friction force is that of the motion that was really made, and what the model lacks enters almost linearly: two
+The correction, times Kt, is the unexplained effort.  The model stays on the measured path, so every
+friction force is that of the motion that was really made, and the unexplained effort enters almost linearly: two
 candidates add up.  It is no open-loop replay, in which position would be a double integral of every error.  The
 same estimator with the same delays runs over data and over every candidate, so its own bias cancels.
 """

@@ -105,7 +105,7 @@ class Loop:
                 break
 
     def abandon(self) -> bool:
-        """Nobody gives orders any more: stop what moves; whether all of it stands without power."""
+        """No orders come any more: stop what moves; whether all axes are without power."""
         for axis in self.axes:
             if axis.powered:
                 axis.happen(Event.RAMP, Fault.OPERATOR if self._post.single else Fault.UNATTENDED)
@@ -175,7 +175,7 @@ class Loop:
     def _may(self, axis: Axis, order: Order) -> bool:
         connects = order.kind in (Event.CONNECT, Event.RESET)
         if connects and any(other.powered for other in self.axes):
-            axis.board.say("an axis has power: a drive can only be configured when all are disabled")
+            axis.board.say("a drive can only be configured while no axis has power: first run `stagectl disable`")
             return False
         return True
 
@@ -247,7 +247,7 @@ def _stops() -> list[int]:
 
 
 def _say(event: str, **facts: Any) -> None:
-    with contextlib.suppress(BrokenPipeError):  # nobody listens any more: the axis is stopped all the same
+    with contextlib.suppress(BrokenPipeError):  # nobody reads any more: the axis is stopped anyway
         print(json.dumps({"event": event, **facts}), flush=True)
 
 

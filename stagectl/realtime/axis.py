@@ -95,7 +95,7 @@ class Axis(AxisData):
         due = self.source.next(passed)
         asked = held(before.reference, before.friction) if due is None else due
         self.output, self.x = output, _ = law.step(self.law, self.x, asked, seen.position)
-        now = safety.Seen(seen, asked.reference, output.error, self.current, time)
+        now = safety.Observation(seen, asked.reference, output.error, self.current, time)
         limits = self.limits if self.search is None else self.search_limits
         fault, self.watch = safety.judge(limits, self.watch, now)
         self.current = current = output.current if fault is _NONE else 0.0

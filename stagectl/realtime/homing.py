@@ -1,4 +1,4 @@
-"""Finding the home: move slowly until switch, index or resistance is felt, come to rest, count from that place.
+"""Finding the home: move slowly to the switch, index or end stop, come to rest, count from that place.
 
 The host does it itself, in the same loop as every motion, so that no other controller's target fights the following
 error.  The place is that of the period in which the signal came: at 1 mm/s and 2 kHz within 0.5 um.
@@ -10,9 +10,9 @@ from stagectl.config.homing import Homing
 
 
 class Search:
-    """One search: told every period, it says when the home was passed."""
+    """One search: `look` runs every period and reports when the home was passed."""
 
-    FELT = 0.005  # s for which the current must stand
+    FELT = 0.005  # s for which the current must stay above its limit
 
     def __init__(self, p: Homing, start: float, dt: float) -> None:
         self._p, self._start, self._dt = p, start, dt
@@ -28,7 +28,7 @@ class Search:
         return False
 
     def too_far(self, position: float) -> bool:
-        """Whether the search has gone its longest way."""
+        """Whether the search has gone further than homing.distance."""
         return self.found is None and abs(position - self._start) > self._p.distance
 
     def _signal(self, current: float, statusword: int) -> bool:
@@ -39,4 +39,4 @@ class Search:
         self._before = on
         if self._p.method == "limit":
             return on
-        return on and before is False  # an edge: standing on the index does not tell where it begins
+        return on and before is False  # an edge: a start on the index does not show where it begins

@@ -60,7 +60,7 @@ class Watch(NamedTuple):
     heat: float = 0.0  # A^2, of the thermal model
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """One period, as the judge needs it."""
 
     feedback: Feedback
@@ -78,7 +78,7 @@ def words(fault: Fault) -> str:
     return STOPS[fault].words if fault in STOPS else ""
 
 
-def judge(p: Envelope, x: Watch, now: Seen) -> tuple[Fault, Watch]:
+def judge(p: Envelope, x: Watch, now: Observation) -> tuple[Fault, Watch]:
     """The drive's own fault first, then encoder, tracking, place and load."""
     feedback, reference, _, _, dt = now
     speed = abs(reference - x.reference) / dt  # NaN where it is not known yet: then the limit at standstill counts
@@ -90,7 +90,7 @@ def judge(p: Envelope, x: Watch, now: Seen) -> tuple[Fault, Watch]:
     return fault, new
 
 
-def watched(p: Envelope, x: Watch, now: Seen, limit: float) -> Watch:
+def watched(p: Envelope, x: Watch, now: Observation, limit: float) -> Watch:
     """The memory after this period, whose following error may be `limit` (rad | m)."""
     feedback, reference, error, command, dt = now
     position, current, _, _, _ = feedback
@@ -117,7 +117,7 @@ def jumped(p: Envelope, x: Watch, position: float, dt: float) -> bool:
     return before == before and not abs(position - before - speed * dt) <= explained
 
 
-def _sensed(p: Envelope, before: Watch, x: Watch, now: Seen, limit: float) -> Fault:
+def _sensed(p: Envelope, before: Watch, x: Watch, now: Observation, limit: float) -> Fault:
     """Encoder, and tracking with a following error of `limit` (rad | m)."""
     if jumped(p, before, x.position, now.time):
         return Fault.JUMP

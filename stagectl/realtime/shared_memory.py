@@ -3,7 +3,7 @@
 ::
 
     service  -- order ---->  16 slots, each with its number; the loop looks at one count a period
-             <-- verdict --  beside each order: taken, or why not
+             <-- verdict --  next to each order: taken or refused
              <-- status ---  one block, under a sequence count: at each change of state, and every 4 ms
              <-- words ----  why it stopped, as text, under a count of its own
              -- setpoints ->  a ring of rows; a motion may be longer than it, then it is filled up as it goes
@@ -143,9 +143,9 @@ class Board:
         """A status that was whole when it was read; the last such one where the writer died in the middle of it."""
         for _ in range(_LOOKS):
             before = self._counts[_SEQUENCE]
-            found = _PACKED.unpack_from(self.memory, _STATUS)
+            numbers = _PACKED.unpack_from(self.memory, _STATUS)
             if before % 2 == 0 and before == self._counts[_SEQUENCE]:
-                self._whole = Status(*found)
+                self._whole = Status(*numbers)
                 break
         return self._whole
 

@@ -41,6 +41,4 @@ class SingleAxis(Axis):
 
     def refusal(self, here: str, goes: str, travel: str) -> str:
         """Why the motion is not begun, and what to do."""
-        return (
-            f"the axis stands at {here}, from where the motion goes to {goes}; {travel}: move it back, then run again"
-        )
+        return f"the axis is at {here} and the motion would go to {goes}; {travel}: move the axis back, then run again"

@@ -49,7 +49,7 @@ def _without_power(axis: AxisData, _: State) -> None:
 
 def _enabling(axis: AxisData, _: State) -> None:
     axis.since, axis.fault = axis.cycles, Fault.NONE
-    axis.asked = held(axis.seen.position, 0.0)  # from where a jump is told: not from before a new connection
+    axis.asked = held(axis.seen.position, 0.0)  # a jump counts from here, not from before a new connection
     _ask(axis, Power.ON)
 
 

@@ -7,7 +7,7 @@
                              | reset              | done (it was an order)               `- STOPPING -'
                            FAULT <--failed-- QUICK_STOPPING, COASTING <--- a fault, by its stop category
 
-An event that is not in a state's row is an order that cannot be given there; faults stand in every row.
+An event that is not in a state's row is an order that cannot be given there; faults are in every row.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from stagectl.realtime.stops import STOPS, Category
 
 
 class State(enum.IntEnum):
-    """What the axis is about."""
+    """The state of one axis."""
 
     OFFLINE = 0
     CONNECTING = 1
@@ -35,12 +35,12 @@ class State(enum.IntEnum):
 
     @property
     def words(self) -> str:
-        """As a person says it."""
+        """The state as a phrase."""
         return _WORDS[self]
 
 
 class Event(enum.IntEnum):
-    """Orders first; then what happens by itself."""
+    """Orders first, then events that happen by themselves."""
 
     CONNECT = 1
     ENABLE = 2
@@ -58,7 +58,7 @@ class Event(enum.IntEnum):
 
 
 _WORDS = {
-    State.OFFLINE: "no drive on the bus",
+    State.OFFLINE: "no drive answers on the bus",
     State.CONNECTING: "the drive is being configured",
     State.DISABLED: "without power",
     State.ENABLING: "power is being switched on",
@@ -66,8 +66,8 @@ _WORDS = {
     State.MOVING: "moves",
     State.HOMING: "looks for its home",
     State.STOPPING: "brakes under control",
-    State.QUICK_STOPPING: "the drive brakes by its own ramp",
-    State.COASTING: "power is cut, the axis runs out",
+    State.QUICK_STOPPING: "the drive brakes on its own ramp",
+    State.COASTING: "power is off, the axis coasts",
     State.FAULT: "stopped by a fault, without power",
 }
 
@@ -131,9 +131,9 @@ def following(state: State, event: Event) -> State | None:
 
 def why_not(event: Event, state: State) -> str:
     """Why an order cannot be given in this state, and what can."""
-    wanted = {Event.ENABLE: "`stagectl fault reset` comes first", Event.MOVE: "`stagectl enable` comes first"}
-    wanted[Event.HOME] = wanted[Event.MOVE]
-    advice = wanted.get(event, "see `stagectl status`")
+    first = {Event.ENABLE: "first run `stagectl fault reset`", Event.MOVE: "first run `stagectl enable`"}
+    first[Event.HOME] = first[Event.MOVE]
+    advice = first.get(event, "see `stagectl status`")
     if state in (State.MOVING, State.HOMING, State.STOPPING):
-        advice = "wait for its end, or `stagectl stop`"
-    return f"{event.name.lower()} is not possible now: the axis {state.words}; {advice}"
+        advice = "wait for its end, or run `stagectl stop`"
+    return f"{event.name.lower()} is not possible in state {state.name.lower()} ({state.words}); {advice}"

@@ -1,4 +1,4 @@
-"""How the axis stops: one row a fault, with its stop category, its words and what to do next.
+"""How the axis stops: one row a fault, with its stop category, its words and the next command.
 
 Categories as in IEC 60204-1, which names what happens to the power; none of them is a safety function here.
 """
@@ -20,7 +20,7 @@ class Category(enum.IntEnum):
 
     @property
     def words(self) -> str:
-        """As a person says it."""
+        """The category in a sentence."""
         return _CATEGORIES[self]
 
 
@@ -32,12 +32,12 @@ _CATEGORIES = {
 
 
 class Stop(NamedTuple):
-    """What a fault leads to."""
+    """How the axis stops after a fault."""
 
     category: Category
     words: str  # what happened
     causes: str  # probable ones; empty where the drive explains itself
-    next: str  # what resumes
+    next: str  # the command that resumes
 
 
 _RESET = "`stagectl fault reset`, then `stagectl enable`"
@@ -47,17 +47,17 @@ STOPS: dict[Fault, Stop] = {
     Fault.DRIVE_FAULT: Stop(Category.RAMP, "the drive left Operation enabled", "", _RESET),
     Fault.EMERGENCY: Stop(Category.RAMP, "the drive sent an emergency message", "", _RESET),
     Fault.BUS: Stop(Category.RAMP, "the bus failed", "", _RESET),
-    Fault.REBOOTED: Stop(Category.RAMP, "the drive booted in mid operation", "", _RESET),
+    Fault.REBOOTED: Stop(Category.RAMP, "the drive restarted during operation", "", _RESET),
     Fault.FOLLOWING_ERROR: Stop(
         Category.RAMP,
         "the following error exceeds limits.following_error",
-        "Probable causes: a load or friction that the model does not know, gains, an obstacle",
+        "Probable causes: a load or friction that the model does not contain, wrong gains, an obstacle",
         _LOOK,
     ),
     Fault.TRAVEL: Stop(
         Category.RAMP,
         "the position left limits.travel",
-        "Probable causes: a trajectory from the wrong place, a home that is not true",
+        "Probable causes: a trajectory from the wrong start, a wrong home position",
         "move the axis back by hand, or widen limits.travel; then " + _RESET,
     ),
     Fault.SPEED: Stop(Category.RAMP, "the speed exceeds limits.speed", "Probable cause: an unstable loop", _LOOK),
@@ -70,8 +70,8 @@ STOPS: dict[Fault, Stop] = {
     Fault.OPERATOR: Stop(Category.HOLD, "stopped by the operator", "", "the next command"),
     Fault.BRAKING: Stop(
         Category.RAMP,
-        "braking now no longer ends within limits.travel",
-        "Probable causes: a trajectory from the wrong place, a runaway towards its end",
+        "the axis can no longer stop within limits.travel",
+        "Probable causes: a trajectory from the wrong start, a runaway",
         _LOOK,
     ),
     Fault.CURRENT: Stop(
@@ -83,13 +83,13 @@ STOPS: dict[Fault, Stop] = {
     Fault.OVERLOAD: Stop(
         Category.RAMP,
         "the motor's I2t exceeds limits.continuous_current",
-        "Probable causes: a jam, a brake that is on, too hard a duty",
+        "Probable causes: a jam, a closed brake, too high a duty cycle",
         "let it cool down for limits.thermal_time; then " + _RESET,
     ),
     Fault.STALE: Stop(
         Category.RAMP,
         "the position is older than realtime.feedback_age",
-        "Probable causes: a line that is too slow or busy",
+        "Probable cause: a serial line that is too slow or too busy",
         _RESET,
     ),
     Fault.JUMP: Stop(
@@ -100,14 +100,14 @@ STOPS: dict[Fault, Stop] = {
     ),
     Fault.FREEZE: Stop(
         Category.COAST,
-        "the position stands still although the axis must be moving",
+        "the position does not change although the axis must be moving",
         "Probable causes: the encoder froze, the coupling broke, or the axis is blocked",
         "check the encoder and the axis, then `stagectl fault reset`, `stagectl enable`, `stagectl home`",
     ),
     Fault.STARVED: Stop(
         Category.HOLD,
         "the setpoints ran out in mid motion",
-        "Probable cause: the service was held up for seconds",
+        "Probable cause: the service was blocked for seconds",
         "the next command",
     ),
     Fault.UNATTENDED: Stop(
@@ -116,7 +116,7 @@ STOPS: dict[Fault, Stop] = {
     Fault.HOMING: Stop(
         Category.RAMP,
         "no home was found within homing.distance",
-        "Probable causes: the wrong direction, a switch or index that is not connected",
+        "Probable causes: a wrong direction, an unconnected switch or index",
         _RESET,
     ),
     Fault.PARTNER: Stop(Category.RAMP, "another axis of the group has stopped by a fault", "", _RESET),

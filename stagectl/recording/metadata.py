@@ -1,4 +1,4 @@
-"""What a recording says about itself, besides its rows."""
+"""What a recording says about itself, in addition to its rows."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from stagectl.realtime.scheduling import Metronome
 from stagectl.realtime.shared_memory import Order
 from stagectl.realtime.states import STOPS_GOING_ON, Event, State
 from stagectl.selftest.limits import Limit, limit, ramp
-from stagectl.selftest.rig import Known, Sleepy, TriedLoop
+from stagectl.selftest.rig import BaseRig, OversleepingMetronome, RigLoop
 
 STATES = ("connecting", "enabling", "holding", "moving", "stopping", "faulted")
 BEFORE = 0.15  # s of holding or moving before the fault
@@ -25,7 +25,7 @@ TRIP = 0x2310
 class Case:
     """One fault in one state."""
 
-    def __init__(self, rig: Known, row: FaultType) -> None:
+    def __init__(self, rig: BaseRig, row: FaultType) -> None:
         self.setup, self.row, self.rig = rig.setup, row, rig
         self.block = faults.default(row.name)
         self.reason, self.begun, self.fault = "", math.nan, Fault.NONE
@@ -33,7 +33,7 @@ class Case:
         self.dead = False
         self.until = math.inf  # s, when what is judged of the motion ends
         self.wrong = ""  # what else is not as it must be, in words
-        self._loop: TriedLoop
+        self._loop: RigLoop
         self._axis: Axis
 
     def run(self, state: str) -> None:
@@ -62,7 +62,7 @@ class Case:
             self.dead = True
             self.rig.left_alone()
         elif name == "loop-stalled":
-            if isinstance(metronome, Sleepy):
+            if isinstance(metronome, OversleepingMetronome):
                 metronome.extra = self.block.delay
         else:
             self.rig.begin(self.block)

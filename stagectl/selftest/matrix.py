@@ -12,7 +12,7 @@ from stagectl.drives.faults import FaultType
 from stagectl.selftest import case, served
 from stagectl.selftest.case import Case
 from stagectl.selftest.limits import Limit
-from stagectl.selftest.rig import Known, Rig, Seen, motions
+from stagectl.selftest.rig import AxisSample, BaseRig, Rig, motions
 from stagectl.selftest.served import ServedCase
 
 STATES = (*case.STATES, *served.STATES)
@@ -42,7 +42,7 @@ class Outcome(NamedTuple):
 class Bench(NamedTuple):
     """What is tried, on what."""
 
-    rig: Callable[[], Known]  # a new one for each case
+    rig: Callable[[], BaseRig]  # a new one for each case
     rows: tuple[FaultType, ...]
     states: tuple[str, ...]
     speed: float  # rad/s | m/s
@@ -112,7 +112,7 @@ def _outcome(tried: Case, state: str, raised: str) -> Outcome:
     )
 
 
-def _judge(tried: Case, kind: str, seen: tuple[list[Seen], Limit | None, float | None, float, bool]) -> str:
+def _judge(tried: Case, kind: str, seen: tuple[list[AxisSample], Limit | None, float | None, float, bool]) -> str:
     """Why it did not pass; empty where it did."""
     after, bound, stop_time, way, goes_on = seen
     if goes_on:
@@ -127,7 +127,7 @@ def _judge(tried: Case, kind: str, seen: tuple[list[Seen], Limit | None, float |
     return late or (_wrongly(tried, after) if kind == "moving" else "") or _held(after) or tried.wrong
 
 
-def _late(after: list[Seen], bound: Limit, stop_time: float | None, way: float) -> str:
+def _late(after: list[AxisSample], bound: Limit, stop_time: float | None, way: float) -> str:
     if stop_time is None:
         return f"still moves at {abs(after[-1].velocity):.3g} axis units/s"
     if stop_time > bound.time:  # never where the end was not seen: NaN
@@ -135,7 +135,7 @@ def _late(after: list[Seen], bound: Limit, stop_time: float | None, way: float) 
     return "too far" if way > bound.distance else ""
 
 
-def _wrongly(tried: Case, after: list[Seen]) -> str:
+def _wrongly(tried: Case, after: list[AxisSample]) -> str:
     """Stopped in time, but not for the reason or not in the way that the table says."""
     must = tried.row.required
     if must.reasons and not tried.dead and tried.fault not in must.reasons:
@@ -144,7 +144,7 @@ def _wrongly(tried: Case, after: list[Seen]) -> str:
     return "the power was cut in motion, must be braked" if cut else ""
 
 
-def _held(after: list[Seen]) -> str:
+def _held(after: list[AxisSample]) -> str:
     return "the power is still on" if after[-1].powered else ""
 
 
@@ -152,7 +152,7 @@ def _standing(tried: Case) -> float:
     return tried.rig.settings.quick_stop_deceleration * _STANDING
 
 
-def _stop_time(tried: Case, after: list[Seen]) -> float | None:
+def _stop_time(tried: Case, after: list[AxisSample]) -> float | None:
     """From the fault to the last motion (s); None where it moves at the end, NaN where nobody saw it stop."""
     moving = [n for n, seen in enumerate(after) if abs(seen.velocity) > _standing(tried)]
     if not moving:
@@ -163,6 +163,6 @@ def _stop_time(tried: Case, after: list[Seen]) -> float | None:
     return math.nan if after[last + 1].time - after[last].time > UNSEEN else after[last].time - tried.begun
 
 
-def _category(tried: Case, after: list[Seen]) -> int:
+def _category(tried: Case, after: list[AxisSample]) -> int:
     """0 where the axis moved on without power."""
     return 0 if any(not seen.powered and abs(seen.velocity) > 2.0 * _standing(tried) for seen in after) else 1

@@ -33,7 +33,7 @@ from stagectl.drives.limits import STANDING
 from stagectl.kernels import stage
 from stagectl.selftest.limits import LONGEST
 from stagectl.selftest.matrix import UNSEEN, Bench
-from stagectl.selftest.rig import Known, Motions, Pace, Seen, TriedLoop, motions
+from stagectl.selftest.rig import AxisSample, BaseRig, Motions, Pace, RigLoop, motions
 from stagectl.units import StageError
 
 STATES = ("connecting", "enabling", "holding", "moving", "stopping")  # a real drive is not made to trip
@@ -90,7 +90,7 @@ class Listening:
         self._span, self._synced = max(_SPAN, 4.0 * self._step / slow), -math.inf
         self._window: collections.deque[tuple[float, float]] = collections.deque()
         self.inbox: collections.deque[bytes] = collections.deque(maxlen=_FRAMES)
-        self.trace: list[Seen] = []
+        self.trace: list[AxisSample] = []
         self.down = self.asking = False
 
     def send(self, raw: bytes) -> None:
@@ -141,7 +141,7 @@ class Listening:
             window.popleft()
         before, start = window[0]
         speed = (position - start) / (now - before) if now > before else 0.0
-        self.trace.append(Seen(now, position, speed, cia402.state(statusword) in _POWERED))
+        self.trace.append(AxisSample(now, position, speed, cia402.state(statusword) in _POWERED))
 
 
 class Attentive:
@@ -157,7 +157,7 @@ class Attentive:
             self._listening.hear(left)
 
 
-class Remote(Known):
+class Remote(BaseRig):
     """One case on the drive at the other end of a bus."""
 
     def __init__(self, setup: Setup, ways: tuple[Motions, Motions], bus: Bus, clock: Clock, home: list[float]) -> None:
@@ -197,7 +197,7 @@ class Remote(Known):
         """The controller is dead; only we still look."""
         self._listening.asking = True
 
-    def let_go(self, loop: TriedLoop) -> None:
+    def let_go(self, loop: RigLoop) -> None:
         """The end of a motion that went on: a real axis is stopped."""
         while not loop.abandon():
             loop.period()
@@ -212,7 +212,7 @@ class Remote(Known):
         self._listening.put(frame(0, bytes([cia402.NMT_PRE_OPERATIONAL, self.settings.node])))
 
     @property
-    def seen(self) -> Seen:
+    def seen(self) -> AxisSample:
         """The axis when it was last heard."""
         last = self.trace[-1]
         return last._replace(time=max(last.time, self.time.now())) if not self._listening.asking else last

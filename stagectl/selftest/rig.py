@@ -30,7 +30,7 @@ _ROWS = 1 << 10  # of a ring that nobody reads
 _SHARE = 0.1  # of limits.speed, and of the travel to one side
 
 
-class Seen(NamedTuple):
+class AxisSample(NamedTuple):
     """The axis as it truly is."""
 
     time: float  # s
@@ -50,7 +50,7 @@ class Motions(NamedTuple):
     speed: float  # rad/s | m/s
 
 
-class Sleepy(Metronome):
+class OversleepingMetronome(Metronome):
     """A metronome whose process can be made to oversleep."""
 
     extra = 0.0  # s, at each wait
@@ -96,30 +96,30 @@ def in_virtual_time(job: Orders, setup: Setup) -> Orders:
     return job._replace(by_clock=True, homing=Homing(), wire=wire, envelope=envelope(setup))
 
 
-class TriedLoop(axes.Loop):
+class RigLoop(axes.Loop):
     """The loop of the real-time process, on the bus of a rig and in its time."""
 
-    def __init__(self, rig: Known, job: Orders, ring: Ring, single: bool) -> None:
+    def __init__(self, rig: BaseRig, job: Orders, ring: Ring, single: bool) -> None:
         self._rig = rig
         super().__init__(job_from_stage.post(rig.setup, [job], ring, single=single), rig.time)
-        self._metronome = self.metronome = Sleepy(rig.setup.dt, rig.time)
+        self._metronome = self.metronome = OversleepingMetronome(rig.setup.dt, rig.time)
 
     def _connect(self, p: Orders) -> CanopenDrive:
         return self._rig.connect()
 
 
-class Known:
+class BaseRig:
     """What both rigs are: a stage, its motions, a time, and what was seen of the axis."""
 
     def __init__(self, setup: Setup, laid_out: Motions, time: Clock) -> None:
         wire = setup.file.drive.wire
         assert isinstance(wire, Canopen)
         self.setup, self.laid_out, self.settings, self.time = setup, laid_out, wire, time
-        self.trace: list[Seen] = []
+        self.trace: list[AxisSample] = []
 
-    def loop(self) -> TriedLoop:
+    def loop(self) -> RigLoop:
         """The loop of a single motion, not connected yet."""
-        return TriedLoop(self, self.laid_out.job, self.laid_out.ring, True)
+        return RigLoop(self, self.laid_out.job, self.laid_out.ring, True)
 
     def connect(self) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
@@ -140,19 +140,19 @@ class Known:
     def left_alone(self) -> None:
         """The controller is dead."""
 
-    def let_go(self, loop: TriedLoop) -> None:
+    def let_go(self, loop: RigLoop) -> None:
         """The end of a motion that went on."""
 
     def settle(self) -> None:
         """What must be done to see how it ended."""
 
     @property
-    def seen(self) -> Seen:
+    def seen(self) -> AxisSample:
         """The axis now."""
         raise NotImplementedError
 
 
-class Rig(Known):
+class Rig(BaseRig):
     """One virtual stage, powered off."""
 
     def __init__(self, setup: Setup, laid_out: Motions) -> None:
@@ -187,10 +187,10 @@ class Rig(Known):
         self.ours.down = True
 
     @property
-    def seen(self) -> Seen:
+    def seen(self) -> AxisSample:
         """The axis now."""
         axis = self.node.axis
-        return Seen(self.time.now(), axis.plant.state.position, axis.plant.state.velocity, axis.enabled)
+        return AxisSample(self.time.now(), axis.plant.state.position, axis.plant.state.velocity, axis.enabled)
 
     def _look(self) -> None:
         self.node.turn()

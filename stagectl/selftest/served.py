@@ -18,8 +18,8 @@ from stagectl.realtime.shared_memory import PENDING, TAKEN, Order
 from stagectl.realtime.states import STOPS_GOING_ON, Event, State
 from stagectl.selftest.case import AFTER, BEFORE, PATIENCE, TRIP, Case
 from stagectl.selftest.limits import Limit, coast, larger, limit, ramp, turned
-from stagectl.selftest.rig import Rig, TriedLoop, in_virtual_time, usual
-from stagectl.service.axis_controller import Manned, Motion
+from stagectl.selftest.rig import Rig, RigLoop, in_virtual_time, usual
+from stagectl.service.axis_controller import AxisController, Motion
 
 _MIDST = 0.005  # s after which a connection is in the middle of its requests
 _MARGIN, _CONTROLLED = 1.5, 0.15  # on braking under control, and s of it beyond its ramp
@@ -54,7 +54,7 @@ _ENDS = {  # where a fault may leave the axis, once it has been disabled if it s
 class Service(NamedTuple):
     """What is laid out once for all cases."""
 
-    manned: Manned
+    controller: AxisController
     motion: Motion
     orders: Orders
     searching: Orders  # for a home that does not come
@@ -62,10 +62,10 @@ class Service(NamedTuple):
 
 def laid_out(setup: Setup) -> Service:
     """The service's side of the stage, with the self-test's motion."""
-    manned, pace, scale = Manned("axis", setup), usual(setup), setup.file.axis.travel_per_unit
-    motion = manned.move(pace.distance * scale, pace.speed * scale, pace.acceleration * scale)
-    job = in_virtual_time(manned.orders(), setup)
-    return Service(manned, motion, job, job._replace(homing=Homing("limit", pace.speed, math.inf)))
+    controller, pace, scale = AxisController("axis", setup), usual(setup), setup.file.axis.travel_per_unit
+    motion = controller.move(pace.distance * scale, pace.speed * scale, pace.acceleration * scale)
+    job = in_virtual_time(controller.orders(), setup)
+    return Service(controller, motion, job, job._replace(homing=Homing("limit", pace.speed, math.inf)))
 
 
 class ServedCase(Case):
@@ -79,7 +79,7 @@ class ServedCase(Case):
         """Bring the axis there by orders, let the fault begin, and see what becomes of it."""
         wanted = STATES[state]
         orders = self._service.searching if wanted is State.HOMING else self._service.orders
-        self._loop = TriedLoop(self._virtual, orders, self._service.manned.ring, False)
+        self._loop = RigLoop(self._virtual, orders, self._service.controller.ring, False)
         self._axis = self._loop.axes[0]
         self._axis.show()
         self._to(wanted)
@@ -107,7 +107,7 @@ class ServedCase(Case):
 
     def _braking(self, speed: float) -> Limit:
         """Under control, or as the fault leaves it: from its speed on, or turned round; whichever allows most."""
-        calm, error = self._service.manned.calm, self.setup.file.limits.following_error
+        calm, error = self._service.controller.calm, self.setup.file.limits.following_error
         own = Limit(_MARGIN * speed / calm + _CONTROLLED, _MARGIN * speed * speed / (2.0 * calm) + error)
         if self.row.required.category is None:
             return own
@@ -154,7 +154,7 @@ class ServedCase(Case):
 
     def _move(self) -> Order:
         service = self._service
-        return service.manned.start(service.motion, 1)
+        return service.controller.start(service.motion, 1)
 
     # after the fault
 
@@ -186,9 +186,11 @@ class ServedCase(Case):
 
     def _check(self, state: State) -> None:
         """Whether it ended in a state that the table of states leads to."""
-        found, allowed = self._axis.state, _ENDS.get(state, _UNPOWERED)
-        if found not in allowed:
-            self.wrong = f"ended {found.words}; must be: " + " or ".join(each.words for each in allowed)
+        end, allowed = self._axis.state, _ENDS.get(state, _UNPOWERED)
+        if end not in allowed:
+            self.wrong = f"ended in state {_name(end)}; must be: " + " or ".join(
+                state.name.lower() for state in allowed
+            )
 
     # periods and orders
 
@@ -205,11 +207,11 @@ class ServedCase(Case):
 
     def _must_be(self, state: State) -> None:
         if self._axis.state is not state:
-            raise DriveError(f"the axis is {self._axis.state.words}, must be {state.words} before the fault")
+            raise DriveError(f"the axis is in state {_name(self._axis.state)}, must be {_name(state)} before the fault")
 
     def _order(self, order: Order) -> bool:
         """Give an order; whether it was taken."""
-        board = self._service.manned.board
+        board = self._service.controller.board
         number = board.order(order)
         while board.verdict(number) == PENDING:
             self._loop.period()
@@ -217,4 +219,8 @@ class ServedCase(Case):
 
     def _take(self, order: Order) -> None:
         if not self._order(order):
-            raise DriveError(f"{Event(order.kind).name.lower()} was not taken: the axis {self._axis.state.words}")
+            raise DriveError(f"{Event(order.kind).name.lower()} was refused in state {_name(self._axis.state)}")
+
+
+def _name(state: State) -> str:
+    return state.name.lower().replace("_", " ")

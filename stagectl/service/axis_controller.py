@@ -28,8 +28,8 @@ from stagectl.trajectories import Experiment, SCurve
 from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
 
 _JERK_TIME = 0.02  # s in which a move's acceleration rises, unless a jerk is asked for
-STARTING = "starting: its real-time process is coming up; nothing moves, no order is taken"
-RESTARTING = "restarting: its real-time process died, a new one is coming up; nothing moves, no order is taken"
+STARTING = "starting: the real-time process is not ready yet; nothing moves, orders are refused"
+RESTARTING = "restarting: the real-time process died and a new one is starting; nothing moves, orders are refused"
 BLACKBOX = 14.0  # s that the ring holds at least
 COLUMNS = (*rollout.COLUMNS, "state")
 
@@ -59,14 +59,14 @@ class Gains(NamedTuple):
         return Order(LAW, tuple(flattened(portable(self.controller.law))))
 
 
-class Manned:
+class AxisController:
     """The service's side of one axis."""
 
     def __init__(self, name: str, setup: Setup) -> None:
         self.name, self.setup = name, setup
         self.control = setup.file.control
         self.controller = setup.controller
-        self._silence = STARTING  # what its state is called as long as the real-time process has not told one
+        self._silence = STARTING  # the words of its state until the real-time process reports one
         self.begin()
 
     def begin(self) -> None:
@@ -79,14 +79,14 @@ class Manned:
         self._next_stops: Any = None
 
     def renew(self) -> None:
-        """The same after one that died; what it wrote stays in memory as long as somebody reads it."""
+        """New shared memory after a process died; the old one stays as long as somebody reads it."""
         for shared in (self.ring, self.board):
             os.close(shared.descriptor)
         self._silence = RESTARTING
         self.begin()
 
     def orders(self) -> Orders:
-        """What the real-time process must know."""
+        """The job of the real-time process."""
         friction = self.controller.feedforward.with_friction
         return orders(self.name, self.setup, self.controller.law, friction, self.ring, self.board)
 
@@ -97,12 +97,12 @@ class Manned:
 
     @property
     def effort(self) -> float:
-        """What the largest current leaves beside sliding friction and bias (N m | N)."""
+        """Effort at the largest current, less sliding friction and bias (N m | N)."""
         p = self.setup.stage
         return p.drive.current_limit * p.motor.force_constant - stage.sliding(p.friction) - abs(p.mechanics.bias)
 
     def pace(self, speed: float | None, acceleration: float | None) -> tuple[float, float]:
-        """Speed and acceleration of a move (axis units): as asked for, else what the current gives with ease.
+        """Speed and acceleration of a move (axis units): as requested, else what the current gives with ease.
 
         Raises ServiceError where the current does not carry the speed.
         """
@@ -131,7 +131,7 @@ class Manned:
         """Its state now."""
         return State(int(self.status.state))
 
-    def told(self) -> dict[str, Any]:
+    def status_json(self) -> dict[str, Any]:
         """The axis now, as JSON values; lengths in the unit of travel."""
         now = self.status
         scale, unit = self.setup.file.axis.travel_per_unit, self.setup.file.axis.travel_unit
@@ -168,7 +168,7 @@ class Manned:
         """
         scale = self.setup.file.axis.travel_per_unit
         if distance == 0.0:
-            raise ServiceError(f"{self.name}: a move of 0 is none")
+            raise ServiceError(f"{self.name}: a move of 0; the distance must not be 0")
         pace = self.pace(
             None if speed is None else speed / scale, None if acceleration is None else acceleration / scale
         )
@@ -219,14 +219,14 @@ class Manned:
         if motion is None or self._put >= motion.length:
             return
         done = min(int(self.status.row), self._put) if self.state is State.MOVING else 0
-        room = max(AHEAD - 2 - (self._put - done), 0)  # a motion that was stopped has left its rows
+        room = max(AHEAD - 2 - (self._put - done), 0)  # a stopped motion leaves its rows behind
         size = len(motion.rows) // motion.length
         end = min(self._put + room, motion.length)
         self.board.fill(motion.rows[self._put * size : end * size])
         self._put = end
 
     def finished(self, whole: bool) -> None:
-        """The motion is over; where it came to its end the friction is as its plan left it."""
+        """The motion is over; after a whole one the friction state is that at the end of its plan."""
         self._stops = self._next_stops if whole else None
         self.motion = None
 
@@ -238,12 +238,12 @@ class Manned:
 
     def _changeable(self) -> dict[str, Quantity]:
         hints = get_type_hints(type(self.control), include_extras=True)
-        found = {name: quantity_of(hint) for name, hint in hints.items() if name != "period"}
+        quantities = {name: quantity_of(hint) for name, hint in hints.items() if name != "period"}
         now = self.control
-        return {name: q for name, q in found.items() if q is not None and isinstance(getattr(now, name), float)}
+        return {name: q for name, q in quantities.items() if q is not None and isinstance(getattr(now, name), float)}
 
     def changed(self, values: dict[str, str]) -> Gains:
-        """Other gains, designed and not in force.
+        """Other gains, designed but not yet in force.
 
         Raises ServiceError for a value that cannot be, DesignError where the loop would not have its margin.
         """
@@ -251,7 +251,9 @@ class Manned:
         known = self._changeable()
         for name, text in values.items():
             if name not in known:
-                raise ServiceError(f"control.{name} cannot be changed while it runs; these can: {', '.join(known)}")
+                raise ServiceError(
+                    f"control.{name} cannot be changed while the service runs; these can: {', '.join(known)}"
+                )
             quantity = known[name]
             unit = quantity.unit_for(self.setup.file.axis.kind)
             try:
@@ -264,7 +266,7 @@ class Manned:
         return Gains(control, design.design(self.setup.stage, control))
 
     def adopt(self, gains: Gains) -> None:
-        """The real-time process has taken them."""
+        """Make `gains` the present ones: the real-time process has taken them."""
         self.control, self.controller = gains
 
 

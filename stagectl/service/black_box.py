@@ -30,7 +30,7 @@ UNFINISHED = ".unfinished"  # in place of .h5, until all rows are there
 _PATIENCE = 5.0  # s for the rows after the fault: a lost drive gives none
 
 
-class Box(NamedTuple):
+class BlackBoxOrder(NamedTuple):
     """What to watch, and where to keep it."""
 
     ring: int  # descriptors
@@ -48,7 +48,7 @@ class Box(NamedTuple):
 class Watcher:
     """Sees faults come, and writes them down."""
 
-    def __init__(self, p: Box) -> None:
+    def __init__(self, p: BlackBoxOrder) -> None:
         self.p = p
         self.ring, self.board = Ring(p.ring, p.width, p.capacity), Board(p.board)
         self.seen = p.faults
@@ -105,7 +105,7 @@ def _ended(alive: int, timeout: float) -> bool:
     return bool(readable) and os.read(alive, 1) == b""
 
 
-def watch(p: Box) -> None:
+def watch(p: BlackBoxOrder) -> None:
     """Look until the real-time process is gone."""
     watcher = Watcher(p)
     with contextlib.suppress(BrokenPipeError):  # the service may have died meanwhile: that is to be kept, too

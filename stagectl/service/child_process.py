@@ -1,4 +1,4 @@
-"""A process of our own that takes one pickled order and answers in lines."""
+"""A child process that takes one pickled order and answers in lines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import NamedTuple
 from stagectl.realtime.scheduling import PARENT
 from stagectl.recording.ring import Ring
 
-_PATIENCE = 180.0  # s for a companion to be ready: it may have to compile
+_PATIENCE = 180.0  # s for a companion to become ready: it may have to compile
 _LEAVE = 15.0  # s for it to end after the loop: it may be behind
 
 
@@ -27,7 +27,7 @@ class Child:
 
     def send(self, order: object) -> None:
         """Hand over the order."""
-        with contextlib.suppress(BrokenPipeError):  # it has died: the next line() tells
+        with contextlib.suppress(BrokenPipeError):  # it has died: the next line() is empty
             pickle.dump(order, self._in)
             self._in.flush()
 
@@ -38,11 +38,11 @@ class Child:
             self._in.flush()
 
     def line(self) -> str:
-        """The next line it says; empty where it has ended."""
+        """Its next line; empty where it has ended."""
         return self._out.readline().decode().strip()
 
     def readable(self, timeout: float) -> bool:
-        """Whether it has said something, or ended, within `timeout` (s)."""
+        """Whether it has written a line, or ended, within `timeout` (s)."""
         return bool(select.select([self._out], [], [], timeout)[0])
 
     def signal(self, number: int) -> None:
@@ -72,13 +72,13 @@ class Child:
         return self._process.poll()
 
     def terminate(self) -> None:
-        """Ask it to leave, if it has not left."""
+        """Ask it to end, if it has not ended."""
         if self._process.poll() is None:
             self._process.terminate()
 
 
 class Companion(NamedTuple):
-    """A process that reads the ring beside the recorder, compiled; the motion neither waits for it nor needs it."""
+    """A process that reads the ring next to the recorder, compiled; the motion neither waits for it nor needs it."""
 
     module: str
     order: Callable[[Ring, int], object]  # for the ring, and the pipe that ends when the loop does
@@ -97,8 +97,8 @@ def start(module: str, descriptors: tuple[int, ...], kernels: str) -> Child:
 
 
 @contextlib.contextmanager
-def beside(companion: Companion | None, ring: Ring, alive: int) -> Iterator[list[int]]:
-    """Run the companion, ready before anything moves; yields where its exit code will stand."""
+def running_companion(companion: Companion | None, ring: Ring, alive: int) -> Iterator[list[int]]:
+    """Run the companion, ready before anything moves; yields the list that will hold its exit code."""
     codes: list[int] = []
     if companion is None:
         yield codes

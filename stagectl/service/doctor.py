@@ -1,4 +1,4 @@
-"""Is this machine fit to run the stage?  One line a check, green or red; for what is red, the command that mends."""
+"""Can this computer run the stage?  One line a check, green or red; each red one with the command that fixes it."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ _SYS = Path("/sys/devices/system/cpu")
 
 
 class Check(NamedTuple):
-    """One finding."""
+    """The result of one check."""
 
     name: str
     good: bool
     words: str
-    mend: str = ""  # the command, where it is not good
+    fix: str = ""  # the command, where it is not good
 
 
 def examine(setup: Setup, folder: Path, served: bool) -> Iterator[Check]:
-    """All checks, one after the other; `served`: a service runs, and the bus is its own."""
+    """All checks, one after the other; `served`: a service runs and uses the bus."""
     yield _scheduling(setup.file.realtime.priority)
     yield _memory()
     yield _throttling()
@@ -55,26 +55,26 @@ def examine(setup: Setup, folder: Path, served: bool) -> Iterator[Check]:
 
 
 def _scheduling(priority: int) -> Check:
-    """Try it, in a process of its own: a cgroup without real-time time, or a seccomp filter, shows only then."""
+    """Try it in a child process: only this shows a cgroup without real-time budget, or a seccomp filter."""
     if priority == 0:
         return Check(
             "real-time class", False, "realtime.priority = 0: ordinary scheduling", "set realtime.priority: 80"
         )
     reading, writing = os.pipe()
     child = os.fork()
-    if child == 0:  # nothing but the measurement, and no way back into the parent's code
+    if child == 0:  # only the measurement: the child never returns into the parent's code
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
             os.write(writing, json.dumps(_wakes()).encode())
         os._exit(0)
     os.close(writing)
     with os.fdopen(reading, "rb") as pipe:
-        said = pipe.read()
+        answer = pipe.read()
     os.waitpid(child, 0)
-    if not said:
-        mend = "LimitRTPRIO=90 in the unit (`stagectl service install` does it), or `ulimit -r 90`"
-        return Check("real-time class", False, f"SCHED_FIFO {priority} is not permitted", mend)
-    p50, p99, worst = (1e6 * value for value in json.loads(said))
+    if not answer:
+        fix = "LimitRTPRIO=90 in the unit (`stagectl service install` does it), or `ulimit -r 90`"
+        return Check("real-time class", False, f"SCHED_FIFO {priority} is not permitted", fix)
+    p50, p99, worst = (1e6 * value for value in json.loads(answer))
     return Check(
         "real-time class", True, f"SCHED_FIFO {priority}; wakes p50 {p50:.0f}, p99 {p99:.0f}, max {worst:.0f} µs late"
     )
@@ -106,14 +106,14 @@ def _throttling() -> Check:
 
 def _kernel() -> Check:
     good = _text(Path("/sys/kernel/realtime")) == "1"
-    words = f"{os.uname().release}, {'PREEMPT_RT' if good else 'no PREEMPT_RT: late cycles by the kernel itself'}"
+    words = f"{os.uname().release}, {'PREEMPT_RT' if good else 'no PREEMPT_RT: the kernel itself causes late cycles'}"
     return Check("kernel", good, words, "apt install linux-image-rt-amd64, then boot it")
 
 
 def _governor() -> Check:
-    found = {_text(path) for path in _SYS.glob("cpu[0-9]*/cpufreq/scaling_governor")}
-    words = ", ".join(sorted(found)) or "no frequency scaling"
-    return Check("governor", found <= {"performance"}, words, "cpupower frequency-set -g performance")
+    governors = {_text(path) for path in _SYS.glob("cpu[0-9]*/cpufreq/scaling_governor")}
+    words = ", ".join(sorted(governors)) or "no frequency scaling"
+    return Check("governor", governors <= {"performance"}, words, "cpupower frequency-set -g performance")
 
 
 def _isolation(cpu: int | None) -> Check:
@@ -131,17 +131,17 @@ def _isolation(cpu: int | None) -> Check:
 
 def _listed(text: str) -> set[str]:
     """The numbers of a list such as ``1-3,7``."""
-    found: set[str] = set()
+    numbers: set[str] = set()
     for part in filter(None, text.split(",")):
         first, _, last = part.partition("-")
-        found |= {str(number) for number in range(int(first), int(last or first) + 1)}
-    return found
+        numbers |= {str(number) for number in range(int(first), int(last or first) + 1)}
+    return numbers
 
 
 def _sleep() -> Check:
     path = "/dev/cpu_dma_latency"
     good = os.access(path, os.W_OK)
-    words = "can be kept awake" if good else f"{path} is not writable: the CPU may sleep deeply"
+    words = "deep sleep can be prevented" if good else f"{path} is not writable: the CPU may enter deep sleep"
     return Check("CPU sleep", good, words, "`stagectl service install` (a udev rule), or chgrp the device")
 
 
@@ -150,13 +150,16 @@ def _disk(folder: Path) -> Check:
     free = shutil.disk_usage(there).free
     good = free >= _DISK and os.access(there, os.W_OK)
     return Check(
-        "disk", good, f"{free / 2**30:.1f} GiB free for {folder}", f"make room, or take another --state than {folder}"
+        "disk",
+        good,
+        f"{free / 2**30:.1f} GiB free for {folder}",
+        "free some space, or choose another folder with --state",
     )
 
 
 def _interface(wire: Canopen) -> Check:
     if wire.interface != "socketcan":
-        return Check("bus", True, f"{wire.interface} {wire.channel}: no kernel interface to look at")
+        return Check("bus", True, f"{wire.interface} {wire.channel}: no kernel interface to check")
     up = f"ip link set {wire.channel} up type can bitrate {wire.bitrate:.0f} restart-ms 100"
     ended = subprocess.run(
         ["ip", "-details", "-json", "link", "show", wire.channel], capture_output=True, text=True, check=False
@@ -176,15 +179,15 @@ def _load(setup: Setup, wire: Canopen) -> Check:
     return Check(
         "bus load",
         good,
-        f"{100 * share:.0f} % by the cycle, {100 * wire.bus_load_limit:.0f} % allowed",
-        "a longer control.period",
+        f"{100 * share:.0f} % from the cycle; at most {100 * wire.bus_load_limit:.0f} %",
+        "set a longer control.period",
     )
 
 
 def _drive(setup: Setup, wire: Canopen, served: bool) -> Iterator[Check]:
-    """What the drive says of its stops; read only, and not at all while a service has the bus."""
+    """The stop settings of the drive; read only, and skipped while a service uses the bus."""
     if served:
-        yield Check("drive", True, "a service runs and has the bus: `stagectl status`")
+        yield Check("drive", True, "not checked: a service uses the bus; see `stagectl status`")
         return
     try:
         if not virtual_drive.answers(wire):
@@ -192,7 +195,7 @@ def _drive(setup: Setup, wire: Canopen, served: bool) -> Iterator[Check]:
                 "drive",
                 False,
                 f"node {wire.node} does not answer",
-                "switch the drive on; check id, bit rate, termination",
+                "switch the drive on; check node id, bit rate and termination",
             )
             return
         joined = open_bus(wire.interface, wire.channel, wire.bitrate)
@@ -212,11 +215,11 @@ def _options(drive: DriveConfiguration) -> Iterator[Check]:
         try:
             code = drive.offered(index)
         except DriveError as error:
-            yield Check(name, False, str(error), "compare EDS and drive")
+            yield Check(name, False, str(error), "check that the EDS belongs to this drive")
             continue
         words = NOT_OFFERED if code is None else cia402.option(index, code)
         lost = index == cia402.ABORT_CONNECTION and code in (0, None)
-        yield Check(name, not lost, words, f"write 3 (quick stop) to 0x{index:04X}, and store it in the drive")
+        yield Check(name, not lost, words, f"write 3 (quick stop) to 0x{index:04X} and store it in the drive")
 
 
 def _text(path: Path) -> str:

@@ -56,8 +56,8 @@ class Topic:
 
     def send(self, now: float) -> None:
         """All rows since the last look, at `now` (s, wall clock); those before a viewer came are nobody's."""
-        first, found = self._ring.read(self._next, self._p.capacity)
-        rows = np.frombuffer(found).reshape(-1, self._p.width)[:, self._p.columns]
+        first, packed = self._ring.read(self._next, self._p.capacity)
+        rows = np.frombuffer(packed).reshape(-1, self._p.width)[:, self._p.columns]
         self._next = first + len(rows)
         if not len(rows):
             return
@@ -77,7 +77,7 @@ def serve(p: Feed) -> None:
         server = foxglove.start_server(name="stagectl", host=p.host, port=p.port, message_backlog_size=_BACKLOG)
     except RuntimeError as error:
         sys.exit(f"--foxglove {p.host}:{p.port}: {error}; take another port")
-    topics = [Topic(one, _channel(one)) for one in p.sources]
+    topics = [Topic(source, _channel(source)) for source in p.sources]
     print(f"ws://{p.host}:{server.port}", flush=True)
     while not select.select([p.alive], [], [], POLL)[0]:
         for topic in topics:

@@ -1,4 +1,4 @@
-"""Install and remove the service: what is written, and the commands that make it known, as one list."""
+"""Install and remove the systemd service: the files, and the commands that activate them."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ PLACES = {
 
 
 class InstallError(StageError):
-    """What could not be installed or removed, and what to do."""
+    """A file could not be installed or removed."""
 
 
-class Wanted(NamedTuple):
-    """What the service shall run."""
+class Installation(NamedTuple):
+    """The machine that the service runs, and how."""
 
     stages: tuple[tuple[str, Path, Setup], ...]  # name, file, set-up
     python: Path
@@ -40,15 +40,15 @@ class Wanted(NamedTuple):
     coupled: bool = True  # a fault of one axis stops all
 
 
-def contents(wanted: Wanted) -> dict[str, str]:
+def contents(installation: Installation) -> dict[str, str]:
     """The files by their place below the root."""
     texts = {name: (_templates() / name).read_text(encoding="utf-8") for name in PLACES}
-    found = {PLACES[name]: _filled(texts[name], _unit(wanted)) for name in (UNIT, USERS, RULES)}
-    wire = _socketcan(wanted)
+    files = {PLACES[name]: _filled(texts[name], _unit(installation)) for name in (UNIT, USERS, RULES)}
+    wire = _socketcan(installation)
     if wire is not None:
         values = {"CHANNEL": wire.channel, "BITRATE": f"{wire.bitrate:.0f}", "QUEUE": str(QUEUE)}
-        found |= {PLACES[name]: _filled(texts[name], values) for name in (NETWORK, LINK)}
-    return found
+        files |= {PLACES[name]: _filled(texts[name], values) for name in (NETWORK, LINK)}
+    return files
 
 
 def _templates() -> Path:
@@ -62,38 +62,38 @@ def _filled(text: str, values: dict[str, str]) -> str:
     return text
 
 
-def _socketcan(wanted: Wanted) -> Canopen | None:
-    wires = (setup.file.drive.wire for _, _, setup in wanted.stages)
+def _socketcan(installation: Installation) -> Canopen | None:
+    wires = (setup.file.drive.wire for _, _, setup in installation.stages)
     return next((wire for wire in wires if isinstance(wire, Canopen) and wire.interface == "socketcan"), None)
 
 
-def _unit(wanted: Wanted) -> dict[str, str]:
-    wire, cpu = _socketcan(wanted), wanted.stages[0][2].file.realtime.cpu
-    one = len(wanted.stages) == 1
-    stages = " ".join(f'"{path}"' if one else f'"{name}={path}"' for name, path, _ in wanted.stages)
-    stages += "" if wanted.coupled else " --uncoupled"
-    home = any(_under_home(path) for path in (wanted.python, *(path for _, path, _ in wanted.stages)))
+def _unit(installation: Installation) -> dict[str, str]:
+    wire, cpu = _socketcan(installation), installation.stages[0][2].file.realtime.cpu
+    single = len(installation.stages) == 1
+    stages = " ".join(f'"{path}"' if single else f'"{name}={path}"' for name, path, _ in installation.stages)
+    stages += "" if installation.coupled else " --uncoupled"
+    home = any(_under_home(path) for path in (installation.python, *(path for _, path, _ in installation.stages)))
     families = [
         "AF_UNIX",
         "AF_NETLINK",
         *(["AF_CAN"] if wire else []),
-        *(["AF_INET", "AF_INET6"] if wanted.tcp else []),
+        *(["AF_INET", "AF_INET6"] if installation.tcp else []),
     ]
     device = f"sys-subsystem-net-devices-{wire.channel}.device" if wire else ""
     return {
-        "NAME": ", ".join(setup.file.name for _, _, setup in wanted.stages),
+        "NAME": ", ".join(setup.file.name for _, _, setup in installation.stages),
         "README": str(Path(__file__).parents[2] / "README.md"),
         "AFTER": f"BindsTo={device}\nAfter={device} systemd-networkd.service" if wire else "After=local-fs.target",
-        "PYTHON": str(wanted.python),
-        "STAGES": stages + (f" --tcp {wanted.tcp}" if wanted.tcp else ""),
+        "PYTHON": str(installation.python),
+        "STAGES": stages + (f" --tcp {installation.tcp}" if installation.tcp else ""),
         "AFFINITY": ""
         if cpu is None
         else f"# The loop pins itself to CPU {cpu}; the rest of the service stays off it.",
         "HOME": "read-only" if home else "yes",
-        # A user namespace takes the real-time rights away: SCHED_FIFO is asked for in the first one.
+        # A user namespace takes the real-time rights away: SCHED_FIFO needs the first one.
         "USERS": "no",
         "FAMILIES": " ".join(families),
-        "NETWORK": "" if wanted.tcp else "any",
+        "NETWORK": "" if installation.tcp else "any",
     }
 
 
@@ -101,13 +101,13 @@ def _under_home(path: Path) -> bool:
     return path.absolute().parts[1:2] in (("home",), ("root",))
 
 
-def install(wanted: Wanted, root: Path, start: bool) -> list[str]:
-    """Write all files below `root` and make them known; what was done, in words.
+def install(installation: Installation, root: Path, start: bool) -> list[str]:
+    """Write all files below `root` and activate them; what was done, in words.
 
     Raises InstallError where that is not permitted.
     """
     done = []
-    for place, text in contents(wanted).items():
+    for place, text in contents(installation).items():
         path = root / place
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -117,11 +117,11 @@ def install(wanted: Wanted, root: Path, start: bool) -> list[str]:
                 f"{path}: {error.strerror}; run this as root: sudo stagectl service install ..."
             ) from error
         done.append(f"wrote {path}")
-    return done + _run(_known(_socketcan(wanted), start), root)
+    return done + _run(_known(_socketcan(installation), start), root)
 
 
 def remove(root: Path) -> list[str]:
-    """Stop the service and take away what `install` wrote; recordings and black boxes stay.
+    """Stop the service and remove what `install` wrote; recordings and black boxes stay.
 
     Raises InstallError where that is not permitted.
     """
@@ -152,18 +152,18 @@ def _known(wire: Canopen | None, start: bool) -> list[list[str]]:
 
 
 def _run(commands: list[list[str]], root: Path) -> list[str]:
-    """Run what makes the files known, where this root is the machine that runs."""
+    """Run `commands` where `root` is the root of this machine."""
     if root != Path("/"):
-        return [f"not run, as {root} is not this machine's root: {' '.join(command)}" for command in commands]
-    told = []
+        return [f"not run, {root} is not the root of this machine: {' '.join(command)}" for command in commands]
+    report = []
     for command in commands:
         line = " ".join(command)
         if shutil.which(command[0]) is None:
-            told.append(f"not run, as there is no {command[0]}: {line}")
+            report.append(f"not run, {command[0]} is not installed: {line}")
             continue
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
-        told.append(line if ended.returncode == 0 else f"failed: {line}: {ended.stderr.strip()}")
-    return told
+        report.append(line if ended.returncode == 0 else f"failed: {line}: {ended.stderr.strip()}")
+    return report
 
 
 def interpreter() -> Path:

@@ -1,4 +1,4 @@
-"""The axes of a machine, as `serve` is told them: one stage file, one with `axes`, or several that share one bus."""
+"""The axes of a machine, from the arguments of `serve`: one file, one with `axes`, or several on one bus."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from stagectl.config.stage_blocks import InProcess
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen
-from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.axis_controller import AxisController, ServiceError
 
 
 def named(stages: list[str]) -> dict[str, Path]:
@@ -17,16 +17,16 @@ def named(stages: list[str]) -> dict[str, Path]:
 
     Raises ConfigError, and ServiceError for names that cannot be.
     """
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for text in stages:
         name, equals, path = text.rpartition("=")
         references = [Path(path)] if equals else axes_of(Path(path))
         for reference in references:
             own = name.strip() if equals else split(reference)[1] or "axis"
-            if not own.isidentifier() or own in found:
-                raise ServiceError(f"{text}: several stages need names of their own: x={path} y=...")
-            found[own] = reference
-    return found
+            if not own.isidentifier() or own in files:
+                raise ServiceError(f"{text}: each stage needs a name of its own that is an identifier: x={path} y=...")
+            files[own] = reference
+    return files
 
 
 def together(stages: list[str]) -> bool:
@@ -34,17 +34,17 @@ def together(stages: list[str]) -> bool:
     return all(coupled(path) for path in named(stages).values())
 
 
-def machine(stages: list[str], channel: str | None) -> dict[str, Manned]:
+def machine(stages: list[str], channel: str | None) -> dict[str, AxisController]:
     """The axes by name; see `named`.
 
     Raises ConfigError for what is wrong with a file, ServiceError where the axes cannot share a bus.
     """
-    axes = {name: Manned(name, _on_channel(load_stage(path), channel)) for name, path in named(stages).items()}
+    axes = {name: AxisController(name, _on_channel(load_stage(path), channel)) for name, path in named(stages).items()}
     _check(axes)
     return axes
 
 
-def virtual(axes: dict[str, Manned]) -> bool:
+def virtual(axes: dict[str, AxisController]) -> bool:
     """Whether nothing real can be moved: all plants are in this machine's memory."""
     wires = [axis.setup.file.drive.wire for axis in axes.values()]
     return all(
@@ -60,7 +60,7 @@ def _on_channel(setup: Setup, channel: str | None) -> Setup:
     return setup._replace(file=setup.file._replace(drive=drive))
 
 
-def _check(axes: dict[str, Manned]) -> None:
+def _check(axes: dict[str, AxisController]) -> None:
     """What axes in one process and on one bus must have in common, and what they must not."""
     if len(axes) == 1:
         return
@@ -68,12 +68,12 @@ def _check(axes: dict[str, Manned]) -> None:
     if any(other != period for other in others):
         raise ServiceError(f"control.period is {sorted({period, *others})} s: axes of one SYNC need the same")
     wires = [axis.setup.file.drive.wire for axis in axes.values()]
-    found = [wire for wire in wires if isinstance(wire, Canopen)]
-    places = {(wire.interface, wire.channel, wire.node) for wire in found}
-    if len(places) < len(found):
-        raise ServiceError("two axes have the same drive.wire.node on one channel: give each its own")
-    for where in {(wire.interface, wire.channel) for wire in found}:
-        _check_load([wire for wire in found if (wire.interface, wire.channel) == where], period)
+    canopen = [wire for wire in wires if isinstance(wire, Canopen)]
+    places = {(wire.interface, wire.channel, wire.node) for wire in canopen}
+    if len(places) < len(canopen):
+        raise ServiceError("two axes have the same drive.wire.node on one channel: give each another number")
+    for where in {(wire.interface, wire.channel) for wire in canopen}:
+        _check_load([wire for wire in canopen if (wire.interface, wire.channel) == where], period)
 
 
 def _check_load(wires: list[Canopen], period: float) -> None:

@@ -1,4 +1,4 @@
-"""What systemd is told (sd_notify, systemd's own protocol): ready, alive, leaving; nothing where it does not ask."""
+"""Report to systemd by its sd_notify protocol: ready, alive, stopping; nothing where systemd did not start us."""
 
 from __future__ import annotations
 

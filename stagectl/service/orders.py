@@ -8,7 +8,7 @@ from functools import partial
 
 from stagectl.realtime.shared_memory import Order
 from stagectl.realtime.states import Event, State, why_not
-from stagectl.service.axis_controller import Manned, Motion, ServiceError
+from stagectl.service.axis_controller import AxisController, Motion, ServiceError
 from stagectl.service.service import Service
 from stagectl.units import UnitError, parse
 
@@ -17,7 +17,7 @@ Layout = Callable[[], Awaitable[Motion | None]]  # None: the axis is there alrea
 _UNPOWERED = (State.DISABLED, State.FAULT, State.OFFLINE)
 
 
-class Orderly:
+class OrderHandler:
     """Gives orders to a service's axes."""
 
     def __init__(self, service: Service) -> None:
@@ -25,7 +25,7 @@ class Orderly:
         self._begin = asyncio.Lock()  # one at a time lays its motion out from where the axes stand, and begins it
         self._stops = 0
 
-    async def enable(self, axes: list[Manned]) -> None:
+    async def enable(self, axes: list[AxisController]) -> None:
         """Switch power on; the axes then hold where they stand."""
         for axis in axes:
             if axis.state is State.OFFLINE:
@@ -37,25 +37,25 @@ class Orderly:
             if axis.state is not State.STANDING:
                 raise ServiceError(f"{axis.name}: {axis.board.words or 'it did not get power'}")
 
-    async def disable(self, axes: list[Manned]) -> None:
+    async def disable(self, axes: list[AxisController]) -> None:
         """Stop what moves, and switch power off."""
         await self._stop(axes, Event.DISABLE, _UNPOWERED)
 
-    async def stop(self, axes: list[Manned]) -> None:
+    async def stop(self, axes: list[AxisController]) -> None:
         """Stop category 2: brake under control, then hold."""
         await self._stop(axes, Event.STOP, (State.STANDING, *_UNPOWERED))
 
-    async def quick_stop(self, axes: list[Manned]) -> None:
+    async def quick_stop(self, axes: list[AxisController]) -> None:
         """Stop category 1: the drives brake on their own ramps, then power is cut."""
         await self._stop(axes, Event.QUICK_STOP, _UNPOWERED)
 
-    async def reset(self, axes: list[Manned]) -> None:
+    async def reset(self, axes: list[AxisController]) -> None:
         """Leave the fault: the drives are configured anew, and have no power yet."""
         for axis in axes:
             if axis.state is not State.DISABLED:
                 await self._connect(axis, Event.RESET)
 
-    async def home(self, axes: list[Manned]) -> None:
+    async def home(self, axes: list[AxisController]) -> None:
         """Find the home, one axis after the other."""
         for axis in axes:
             await self.service.order(axis, Order(Event.HOME))
@@ -71,19 +71,19 @@ class Orderly:
         """
         if (not to and not by) or to.keys() & by.keys():
             raise ServiceError("a move needs a position or a distance for at least one axis, and one of them each")
-        asked = []
+        planned = []
         for name, text in (*to.items(), *by.items()):
             (axis,) = self.service.chosen(name) if name or len(self.service.axes) == 1 else (None,)
             if axis is None:
-                raise ServiceError(f"the move must name its axis; there are {', '.join(self.service.axes)}")
-            asked.append((axis, partial(self._planned, axis, (text, name in to), pace)))
-        await self._run(asked, wait)
+                raise ServiceError(f"the move must name its axis; the axes are: {', '.join(self.service.axes)}")
+            planned.append((axis, partial(self._planned, axis, (text, name in to), pace)))
+        await self._run(planned, wait)
 
     async def trajectory(self, name: str, text: tuple[str, str], wait: bool) -> None:
         """Run a trajectory of this (name, YAML)."""
         axes = self.service.chosen(name)
         if len(axes) != 1:
-            raise ServiceError(f"the trajectory must name its axis; there are {', '.join(self.service.axes)}")
+            raise ServiceError(f"the trajectory must name its axis; the axes are: {', '.join(self.service.axes)}")
         await self._run([(axes[0], partial(asyncio.to_thread, axes[0].trajectory, *text))], wait)
 
     async def change(self, name: str, values: dict[str, str]) -> None:
@@ -93,27 +93,27 @@ class Orderly:
             await self.service.order(axis, gains.order)
             axis.adopt(gains)
 
-    async def _connect(self, axis: Manned, event: Event) -> None:
+    async def _connect(self, axis: AxisController, event: Event) -> None:
         await self.service.order(axis, Order(event))
         await self.service.until(axis, lambda state: state is not State.CONNECTING, _CONNECTED)
         if axis.state is not State.DISABLED:
             raise ServiceError(f"{axis.name}: {axis.board.words}")
 
-    async def _stop(self, axes: list[Manned], event: Event, ends: tuple[State, ...]) -> None:
+    async def _stop(self, axes: list[AxisController], event: Event, ends: tuple[State, ...]) -> None:
         """All at once; then wait for each."""
         self._stops += 1
         for axis in axes:
             axis.board.order(Order(event))
         for axis in axes:
             if not await self.service.until(axis, lambda state: state in ends, _STANDS):
-                raise ServiceError(f"{axis.name}: it {axis.state.words} still")
+                raise ServiceError(f"{axis.name}: did not stop; state {axis.state.name.lower()}: see `stagectl status`")
 
-    def _ready(self, axis: Manned) -> None:
+    def _ready(self, axis: AxisController) -> None:
         if axis.state is not State.STANDING:
             raise ServiceError(f"{axis.name}: {why_not(Event.MOVE, axis.state)}")
 
     async def _planned(
-        self, axis: Manned, where: tuple[str, bool], pace: tuple[str | None, str | None]
+        self, axis: AxisController, where: tuple[str, bool], pace: tuple[str | None, str | None]
     ) -> Motion | None:
         """The move to a position, or by a distance; None where the axis is there already."""
         unit, scale = axis.setup.file.axis.travel_unit, axis.setup.file.axis.travel_per_unit
@@ -127,22 +127,24 @@ class Orderly:
         acceleration = _value(pace[1], f"{unit}/s^2") if pace[1] else None
         return await asyncio.to_thread(axis.move, distance, speed, acceleration)
 
-    async def _run(self, asked: Sequence[tuple[Manned, Layout]], wait: bool) -> None:
-        stops = self._stops  # as it was asked for: a stop ends one that waits for its turn, too
+    async def _run(self, planned: Sequence[tuple[AxisController, Layout]], wait: bool) -> None:
+        stops = self._stops  # at the request: a stop also ends a motion that still waits for its turn
         async with self._begin:
-            motions = await self._begun(asked, stops)
+            motions = await self._begun(planned, stops)
         if wait:
             good = await asyncio.gather(*(self.service.settle(axis) for axis, _ in motions))
             for (axis, _), well in zip(motions, good, strict=True):
                 if not well:
-                    why = axis.board.words if axis.status.fault else "it was stopped, or does not stand in position"
+                    why = axis.board.words if axis.status.fault else "it was stopped, or did not settle in position"
                     raise ServiceError(f"{axis.name}: not in position: {why}")
 
-    async def _begun(self, asked: Sequence[tuple[Manned, Layout]], stops: int) -> list[tuple[Manned, Motion]]:
+    async def _begun(
+        self, planned: Sequence[tuple[AxisController, Layout]], stops: int
+    ) -> list[tuple[AxisController, Motion]]:
         """Lay all of them out, then begin them; none where a stop has been ordered since there were `stops`."""
-        for axis, _ in asked:
+        for axis, _ in planned:
             self._ready(axis)
-        laid_out = [(axis, await layout()) for axis, layout in asked]
+        laid_out = [(axis, await layout()) for axis, layout in planned]
         if self._stops != stops:
             raise ServiceError("stopped before it began: the motion was still being laid out")
         motions = [(axis, motion) for axis, motion in laid_out if motion is not None]

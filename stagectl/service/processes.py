@@ -1,4 +1,4 @@
-"""What the service's processes are told as they start, and what their ends mean."""
+"""The orders of the service's processes at their start, and the meaning of their exit codes."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 from stagectl.drives.drive import Canopen
 from stagectl.realtime.axes import Post
 from stagectl.service import job_from_stage
-from stagectl.service.axis_controller import COLUMNS, Manned
-from stagectl.service.black_box import Box
+from stagectl.service.axis_controller import COLUMNS, AxisController
+from stagectl.service.black_box import BlackBoxOrder
 from stagectl.service.child_process import Child, start
 from stagectl.service.foxglove_live import Feed, Source
 from stagectl.service.recordings import about
@@ -17,32 +17,34 @@ from stagectl.service.virtual_timeouts import patient
 _RAMP = 0.5  # s that a drive's own ramp may take
 
 
-def post(axes: list[Manned], coupled: bool) -> Post:
+def post(axes: list[AxisController], coupled: bool) -> Post:
     """The order of the real-time process."""
     first = axes[0]
     return job_from_stage.post(first.setup, [axis.orders() for axis in axes], first.ring, coupled)
 
 
-def box(axis: Manned, state: Path, alive: int) -> Child:
-    """A black box of this axis, started; `alive` is the pipe that the real-time process holds."""
+def start_black_box(axis: AxisController, state: Path, alive: int) -> Child:
+    """Start the black box of this axis; `alive` is the pipe that the real-time process holds."""
     meta = about(axis, "black box")
     folder = str(state / "blackbox" / axis.name)
     ring, board = axis.ring, axis.board.descriptor
-    found = start("stagectl.service.black_box", (ring.descriptor, board, alive), "interpreted")
+    child = start("stagectl.service.black_box", (ring.descriptor, board, alive), "interpreted")
     dt, faults = axis.setup.dt, int(axis.status.faults)
-    found.send(Box(ring.descriptor, ring.width, ring.capacity, board, alive, folder, meta, COLUMNS, dt, faults))
-    return found
+    child.send(
+        BlackBoxOrder(ring.descriptor, ring.width, ring.capacity, board, alive, folder, meta, COLUMNS, dt, faults)
+    )
+    return child
 
 
-def foxglove(axes: list[Manned], address: tuple[str, int], alive: int) -> Child:
-    """Foxglove's server for these axes at `address`, started."""
-    found = start("stagectl.service.foxglove_live", (*(axis.ring.descriptor for axis in axes), alive), "interpreted")
-    found.send(Feed(tuple(_source(axis) for axis in axes), *address, alive))
-    return found
+def start_foxglove(axes: list[AxisController], address: tuple[str, int], alive: int) -> Child:
+    """Start Foxglove's server for these axes at `address`."""
+    child = start("stagectl.service.foxglove_live", (*(axis.ring.descriptor for axis in axes), alive), "interpreted")
+    child.send(Feed(tuple(_source(axis) for axis in axes), *address, alive))
+    return child
 
 
-def _source(axis: Manned) -> Source:
-    from stagectl.recording.exports import described, units_of  # large, and seldom asked for
+def _source(axis: AxisController) -> Source:
+    from stagectl.recording.exports import described, units_of  # large imports, seldom needed
     from stagectl.recording.mcap_log import definition
 
     ring, fields = axis.ring, described(units_of(COLUMNS, axis.setup.file.axis.kind))
@@ -50,7 +52,7 @@ def _source(axis: Manned) -> Source:
     return Source(axis.name, ring.descriptor, ring.width, ring.capacity, places, definition(fields))
 
 
-def silence(axis: Manned) -> float:
+def silence(axis: AxisController) -> float:
     """Time (s) after which the drive has stopped by itself; sooner a new configuration would disturb its ramp."""
     wire = patient(axis.setup).file.drive.wire
     return max(wire.heartbeat_timeout, wire.rpdo_timeout) + _RAMP if isinstance(wire, Canopen) else 0.0

@@ -16,7 +16,7 @@ from stagectl.recording.file_lock import being_written, discard, sweep
 from stagectl.recording.hdf5 import RecordingError, repair
 from stagectl.recording.metadata import of_axis
 from stagectl.recording.recorder import ENOUGH, Order
-from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
+from stagectl.service.axis_controller import COLUMNS, AxisController, ServiceError
 from stagectl.service.black_box import UNFINISHED
 from stagectl.service.child_process import Child, start
 
@@ -26,7 +26,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.+-]{0,79}")
 _END = 60.0  # s that a recorder may take to finish its file: one that is killed leaves it cut off
 
 
-def about(axis: Manned, what: str) -> dict[str, Any]:
+def about(axis: AxisController, what: str) -> dict[str, Any]:
     """What a recording of an axis says about itself; `what` stands for the trajectory."""
     return {**of_axis(axis.setup, axis.controller, _loaded(axis.setup.path)), "trajectory": what}
 
@@ -44,7 +44,7 @@ class _Running(NamedTuple):
     pipe: int  # writing end: a byte says enough, its closing that the loop is gone
     first: int  # row
     until: float  # s, monotonic clock
-    told: bool = False  # that it is enough
+    asked_to_end: bool = False
 
 
 class Recordings:
@@ -54,7 +54,7 @@ class Recordings:
         self._state = state
         self._running: dict[str, _Running] = {}
 
-    def begin(self, axis: Manned, name: str, before: float, seconds: float) -> Path:
+    def begin(self, axis: AxisController, name: str, before: float, seconds: float) -> Path:
         """Record an axis from `before` (s) ago, as far as the ring goes back, until `end` or `seconds` from now.
 
         Raises ServiceError where it is being recorded, or the name will not do.
@@ -98,7 +98,7 @@ class Recordings:
         running = self._running.pop(name, None)
         if running is None:
             raise ServiceError(f"{name} is not being recorded")
-        _tell(running)
+        _ask_to_end(running)
         os.close(running.pipe)
         code = running.child.wait(_END)
         discard(running.path)
@@ -120,9 +120,9 @@ class Recordings:
                 if running.child.wait(_END):
                     discard(running.path)
                     failed.append(name)
-            elif time.monotonic() > running.until and not running.told:
-                _tell(running)
-                self._running[name] = running._replace(told=True)
+            elif time.monotonic() > running.until and not running.asked_to_end:
+                _ask_to_end(running)
+                self._running[name] = running._replace(asked_to_end=True)
         return failed
 
     def cut(self) -> list[tuple[Child, float]]:
@@ -133,7 +133,7 @@ class Recordings:
             os.close(running.pipe)
         return [(running.child, _END) for running in gone]
 
-    def told(self, axis: Manned) -> dict[str, Any] | None:
+    def status_json(self, axis: AxisController) -> dict[str, Any] | None:
         """The recording of an axis that goes on."""
         running = self._running.get(axis.name)
         if running is None:
@@ -149,13 +149,13 @@ class Recordings:
         """All files there are, the newest first; one that is about to be written has no bytes."""
         going = {running.path for running in list(self._running.values())}
         there = {path for kind in KINDS for path in (self._state / kind).glob("*/*.h5")}
-        found = [_listed(path, path in going) for path in there | going]
-        return sorted((one for one in found if one), key=lambda one: -float(one["time"]))
+        entries = [_listed(path, path in going) for path in there | going]
+        return sorted((entry for entry in entries if entry), key=lambda entry: -float(entry["time"]))
 
     def path(self, kind: str, axis: str, file: str) -> Path:
         """A file of the list.  Raises ServiceError where it is none."""
-        there = [one for one in self.files() if one["bytes"]]
-        if not any((one["kind"], one["axis"], one["file"]) == (kind, axis, file) for one in there):
+        entries = [entry for entry in self.files() if entry["bytes"]]
+        if not any((entry["kind"], entry["axis"], entry["file"]) == (kind, axis, file) for entry in entries):
             raise ServiceError(f"no recording {kind}/{axis}/{file}")
         return self._state / kind / axis / file
 
@@ -173,8 +173,8 @@ def _listed(path: Path, going: bool) -> dict[str, Any]:
     return {**place, "bytes": size, "time": when, "going_on": going}
 
 
-def _tell(running: _Running) -> None:
+def _ask_to_end(running: _Running) -> None:
     """Enough; one that has ended by itself does not hear it."""
-    if not running.told:
+    if not running.asked_to_end:
         with contextlib.suppress(BrokenPipeError):
             os.write(running.pipe, ENOUGH)

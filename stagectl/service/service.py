@@ -1,4 +1,4 @@
-"""The service: starts the real-time process and the black boxes, gives orders, and sees to it that both live.
+"""The service: starts the real-time process and the black boxes, gives orders, and restarts what dies.
 
 ::
 
@@ -9,7 +9,7 @@
                        setpoints ahead, faults into the list,      black box ---> *.h5 on each fault
                        dead processes, systemd's watchdog
 
-It comes up without power, whatever it was doing before; what ended it stands in the fault list.
+It comes up without power, whatever it did before.  The fault list names what ended it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from __future__ import annotations
 import asyncio
 import collections
 import contextlib
-import fcntl
 import json
 import os
 import time
@@ -29,59 +28,57 @@ from stagectl.drives.drive import Canopen, Fault
 from stagectl.evaluation import DWELL
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State, why_not
-from stagectl.service import processes, virtual_drive
-from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service import processes, single_instance, virtual_drive
+from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.child_process import Child, start
 from stagectl.service.notify import notify
 from stagectl.service.recordings import Recordings
 
 LOOK = 0.02  # s between two looks at the processes
 _ANSWER = 2.0  # s in which the loop takes an order; longer only while it configures a drive
-_LOCK = 20.0  # s to wait for an earlier process that still stops its axes
-_LEAVE, _WRITE = 15.0, 10.0  # s for the end of the real-time process, and of a black box
-_UP = 120.0  # s that a new real-time process may take to be there: import, and the drives' answers
+_LEAVE, _WRITE = 15.0, 10.0  # s that the real-time process, and a black box, may take to end
+_UP = 120.0  # s that a new real-time process may take to start: imports, and the drives' answers
 _SETTLE = 3.0  # s after a motion in which the axis must be in position
-_DEATHS, _DEATH_TIME = 5, 60.0  # as many ends of the real-time process within that time, s, and the service gives up
+_DEATHS, _DEATH_TIME = 5, 60.0  # more deaths of the real-time process within this time (s) end the service
 _KEPT = 200  # entries of the fault list
 
 
-class Where(NamedTuple):
-    """Places of a running service."""
+class ServicePaths(NamedTuple):
+    """Files and addresses of a running service."""
 
     socket: Path
     state: Path  # folder: black boxes, and the mark of a service that runs
-    foxglove: tuple[str, int] | None = None  # host and port of its live view; None: there is none
+    foxglove: tuple[str, int] | None = None  # host and port of its live view; None: no live view
 
 
 class Service:
     """All axes of one machine."""
 
-    def __init__(self, axes: dict[str, Manned], where: Where, coupled: bool, say: Callable[[str], None]) -> None:
-        self.axes, self.where, self.coupled, self.say = axes, where, coupled, say
+    def __init__(
+        self, axes: dict[str, AxisController], paths: ServicePaths, coupled: bool, say: Callable[[str], None]
+    ) -> None:
+        self.axes, self.paths, self.coupled, self.say = axes, paths, coupled, say
         self.faults: collections.deque[dict[str, Any]] = collections.deque(maxlen=_KEPT)
         self.refused: list[str] = []
         self._seen = dict.fromkeys(axes, 0)
         self._deaths: list[float] = []
         self._restarting: asyncio.Task[None] | None = None
-        self._ends = contextlib.ExitStack()  # of what has been begun, the last one first
-        self.recordings = Recordings(where.state)
+        self._ends = contextlib.ExitStack()  # undoes what has been begun, the last step first
+        self.recordings = Recordings(paths.state)
 
     # begin and end
 
     async def begin(self) -> None:
-        """Take the machine, start its processes; the drives are configured, nothing has power.
+        """Lock the machine and start its processes; the drives are configured, nothing has power.
 
-        It may be cancelled: `end` undoes what there is.  Raises ServiceError.
+        It may be cancelled: `end` undoes what was begun.  Raises ServiceError.
         """
-        self.where.state.mkdir(parents=True, exist_ok=True)
-        await self._take_lock()
-        mark = self.where.state / "running"
-        if mark.exists():
-            self.note("", "service_died", "the service ended without being told to; the axes were stopped without it")
-        mark.write_text(str(os.getpid()))
-        self._ends.callback(_unlink, mark)
+        self.paths.state.mkdir(parents=True, exist_ok=True)
+        self._lock = await single_instance.take_lock(self.paths.state, self._ends)
+        if single_instance.mark_running(self.paths.state, self._ends):
+            self.note("", "service_died", "the last service was killed; the real-time process stopped its axes")
         for name in self.recordings.tidy():
-            self.say(f"the black box {name} was cut off while it was written; the rows that it has are kept")
+            self.say(f"the writing of the black box {name} was interrupted; its rows so far are kept")
         self._present_drives()
         self._spawn()
         self._ends.callback(self._stop)
@@ -90,7 +87,7 @@ class Service:
             self.say(f"for Foxglove: {address}")
 
     def end(self) -> None:
-        """Stop what moves, end the processes, give the machine back."""
+        """Stop what moves, end the processes, release the machine."""
         if self._restarting is not None:
             self._restarting.cancel()
         self._ends.close()
@@ -102,28 +99,12 @@ class Service:
             child.wait(patience)
 
     def _companions(self) -> list[tuple[Child, float]]:
-        """All that lives by the real-time process, and how long (s) its end may take; recordings end here."""
+        """All processes that end with the real-time process, and how long (s) each may take; recordings end here."""
         live = [(self._live, _LEAVE)] if self._live else []
         return [*((box, _WRITE) for box in self._boxes.values()), *self.recordings.cut(), *live]
 
-    async def _take_lock(self) -> None:
-        """One service a machine; the processes of an earlier one hold the lock until their axes stand."""
-        self._lock = os.open(self.where.state / "lock", os.O_RDWR | os.O_CREAT, 0o600)
-        self._ends.callback(os.close, self._lock)
-        end = time.monotonic() + _LOCK
-        while True:
-            try:
-                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                return
-            except OSError as error:
-                if time.monotonic() > end:
-                    raise ServiceError(
-                        f"{self.where.state} belongs to another service that runs: stop it first"
-                    ) from error
-                await asyncio.sleep(0.1)
-
     def _present_drives(self) -> None:
-        """Virtual drives where the embedded bus has none."""
+        """Start virtual drives where the embedded bus has none."""
         for axis in self.axes.values():
             wire = axis.setup.file.drive.wire
             if isinstance(wire, Canopen) and wire.interface == "embedded" and not virtual_drive.answers(wire):
@@ -133,7 +114,7 @@ class Service:
                 self._ends.callback(drive.terminate)
 
     def _spawn(self) -> None:
-        """Start the real-time process and the black boxes: from this thread, whose end would be theirs."""
+        """Start the real-time process and the black boxes: from this thread, as they die with it."""
         self._alive, held = os.pipe()
         axes = list(self.axes.values())
         shared = [descriptor for axis in axes for descriptor in (axis.ring.descriptor, axis.board.descriptor)]
@@ -141,14 +122,14 @@ class Service:
         os.close(held)
         self._loop.send(processes.post(axes, self.coupled))
         self._boxes = {name: self._box(axis) for name, axis in self.axes.items()}
-        self._live = processes.foxglove(axes, self.where.foxglove, self._alive) if self.where.foxglove else None
+        self._live = processes.start_foxglove(axes, self.paths.foxglove, self._alive) if self.paths.foxglove else None
 
     async def _up(self) -> None:
-        """Wait until the real-time process has looked for its drives.  Raises ServiceError where it does not come."""
+        """Wait until the real-time process has looked for its drives.  Raises ServiceError where it does not start."""
         end = time.monotonic() + _UP
         while not self._loop.readable(0.0):
             if time.monotonic() > end:
-                raise ServiceError(f"the real-time process was not there after {_UP:.0f} s; see the messages above")
+                raise ServiceError(f"the real-time process did not start within {_UP:.0f} s; see the messages above")
             await asyncio.sleep(LOOK)
         line = self._loop.line()
         if not line:
@@ -158,14 +139,14 @@ class Service:
             if axis.state is State.OFFLINE:
                 self.say(f"{axis.name}: {axis.board.words}")
 
-    def _box(self, axis: Manned) -> Child:
-        return processes.box(axis, self.where.state, self._alive)
+    def _box(self, axis: AxisController) -> Child:
+        return processes.start_black_box(axis, self.paths.state, self._alive)
 
-    # what goes on by itself
+    # supervision
 
     async def watch(self) -> None:
-        """Look every 20 ms, until cancelled; raises ServiceError where the real-time process does not stay alive."""
-        petted = 0.0
+        """Look every 20 ms, until cancelled; raises ServiceError where the real-time process dies again and again."""
+        triggered = 0.0
         while True:
             await asyncio.sleep(LOOK)
             for axis in self.axes.values():
@@ -173,26 +154,28 @@ class Service:
                 self._notice(axis)
             self._revive()
             for name in self.recordings.look():
-                self.note(name, "recorder_died", "the recorder failed; see the messages above, and `df`")
-            if (self.alive() or self._restarting) and time.monotonic() - petted > 0.5:
-                petted = time.monotonic()
+                self.note(
+                    name, "recorder_died", "the recorder failed; see the messages above, then check the disk with `df`"
+                )
+            if (self.alive() or self._restarting) and time.monotonic() - triggered > 0.5:
+                triggered = time.monotonic()
                 notify("WATCHDOG=1", f"STATUS={self.words()}")
 
     def alive(self) -> bool:
-        """Whether the real-time process makes progress: its own sign of life, not ours."""
+        """Whether the real-time process makes progress: by its own sign of life, not by ours."""
         now = time.monotonic()
         return all(now - status.tick < status.patience for status in (axis.status for axis in self.axes.values()))
 
     def words(self) -> str:
-        """The machine in a line."""
+        """The states of all axes in one line."""
         return "; ".join(f"{axis.name} {axis.state.words}" for axis in self.axes.values())
 
     def note(self, axis: str, fault: str, words: str) -> None:
-        """An entry of the fault list."""
+        """Append to the fault list, and report it."""
         self.faults.append({"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "axis": axis, "fault": fault, "words": words})
         self.say(f"{axis or 'service'}: {words}")
 
-    def _notice(self, axis: Manned) -> None:
+    def _notice(self, axis: AxisController) -> None:
         status = axis.status
         if int(status.faults) != self._seen[axis.name]:
             self._seen[axis.name] = int(status.faults)
@@ -200,16 +183,16 @@ class Service:
             axis.finished(False)
 
     def _revive(self) -> None:
-        """Processes that died are started again; whoever asks meanwhile is answered, see `Manned.told`."""
+        """Start again what died; a status request in between is answered, see `AxisController.status_json`."""
         for name, box in self._boxes.items():
             if box.ended is not None and self._loop.ended is None:
-                self.note(name, "blackbox_died", f"the black box ended ({box.ended}); a new one watches")
-                box.wait()  # it has ended: its pipes go
+                self.note(name, "blackbox_died", f"the black box ended ({box.ended}); a new one was started")
+                box.wait()  # closes its pipes
                 self._boxes[name] = self._box(self.axes[name])
         if self._live is not None and self._live.ended is not None and self._loop.ended is None:
             self._live.wait()
             self._live = None
-            self.note("", "foxglove_ended", "Foxglove's server ended; see above, then start the service anew")
+            self.note("", "foxglove_ended", "Foxglove's server ended; see the messages above, then restart the service")
         if self._restarting is not None and self._restarting.done():
             self._restarting.result()
             self._restarting = None
@@ -220,11 +203,13 @@ class Service:
         """A new real-time process; the axes come back without power, after the drives have stopped."""
         now = time.monotonic()
         self._deaths = [when for when in self._deaths if now - when < _DEATH_TIME] + [now]
-        words = f"the real-time process died ({processes.ending(ended)}); the drive stops by its own time-outs"
-        self.note("", "process_died", f"{words}. A new one comes up after them; next: `stagectl enable`")
+        words = f"the real-time process died ({processes.ending(ended)}); the drive stops on its own time-outs"
+        self.note("", "process_died", f"{words}. A new process starts after them; next: `stagectl enable`")
         if len(self._deaths) > _DEATHS:
-            raise ServiceError(f"the real-time process died {len(self._deaths)} times in {_DEATH_TIME:.0f} s: given up")
-        for axis in self.axes.values():  # at once: what the dead one showed last is true no more
+            raise ServiceError(
+                f"the real-time process died {len(self._deaths)} times in {_DEATH_TIME:.0f} s; run `stagectl doctor`"
+            )
+        for axis in self.axes.values():  # at once: the last status of the dead process is no longer true
             axis.renew()
             axis.board.show(Status(state=State.CONNECTING))
             self._seen[axis.name] = 0
@@ -237,23 +222,23 @@ class Service:
 
     # orders
 
-    def chosen(self, name: str) -> list[Manned]:
-        """The axis of this name, all where there is none.
+    def chosen(self, name: str) -> list[AxisController]:
+        """The axis called `name`; all axes where it is empty.
 
         Raises ServiceError.
         """
         if name and name not in self.axes:
-            raise ServiceError(f"no axis {name}; there are {', '.join(self.axes)}")
+            raise ServiceError(f"no axis {name}; the axes are: {', '.join(self.axes)}")
         return [self.axes[name]] if name else list(self.axes.values())
 
-    async def order(self, axis: Manned, order: Order) -> None:
+    async def order(self, axis: AxisController, order: Order) -> None:
         """Give an order and wait until the loop has taken it.
 
         Raises ServiceError with the reason where it cannot be given now.
         """
         state, board = axis.state, axis.board
-        if not axis.status.tick:  # it would never see an order that was there before it
-            raise ServiceError(f"{axis.name}: the real-time process is being started; see `stagectl status`")
+        if not axis.status.tick:  # it would never see an order from before its start
+            raise ServiceError(f"{axis.name}: the real-time process is starting; see `stagectl status`")
         number = board.order(order)
         end = time.monotonic() + _ANSWER
         while (verdict := board.verdict(number)) == PENDING:
@@ -266,8 +251,8 @@ class Service:
             own = event is Event.MOVE and state is State.STANDING
             raise ServiceError(f"{axis.name}: {axis.board.words if own else why_not(event, state)}")
 
-    async def until(self, axis: Manned, wanted: Callable[[State], bool], timeout: float) -> bool:
-        """Wait until its state is as `wanted`; False where it is not within `timeout` (s)."""
+    async def until(self, axis: AxisController, wanted: Callable[[State], bool], timeout: float) -> bool:
+        """Wait until its state is as `wanted`; False where that takes longer than `timeout` (s)."""
         end = time.monotonic() + timeout
         while not wanted(axis.state):
             if time.monotonic() > end:
@@ -275,8 +260,8 @@ class Service:
             await asyncio.sleep(0.005)
         return True
 
-    async def settle(self, axis: Manned) -> bool:
-        """Wait for the end of the motion; whether the axis then stands in position, as long as the dwell asks."""
+    async def settle(self, axis: AxisController) -> bool:
+        """Wait for the end of the motion; whether the axis then stays in position for the dwell time."""
         motion, board = axis.motion, axis.board
         while axis.state in (State.MOVING, State.HOMING):
             await asyncio.sleep(0.005)
@@ -291,8 +276,3 @@ class Service:
                 return False
             await asyncio.sleep(0.005)
         return False
-
-
-def _unlink(path: Path) -> None:
-    with contextlib.suppress(OSError):
-        path.unlink()

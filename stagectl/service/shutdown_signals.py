@@ -1,4 +1,4 @@
-"""How the service is told to leave, from its first moment on.
+"""The signals that end the service, from its first moment on.
 
 It takes seconds to load, and then to start its processes; a signal must find it ready for an orderly end all that time.
 So the verb holds `STOPS` back at once, and the server lets them through as soon as it listens for them.
@@ -16,11 +16,11 @@ STOPS = (signal.SIGTERM, signal.SIGINT)
 
 
 def hold_back() -> None:
-    """Have these signals wait until `told` is called."""
+    """Have these signals wait until `stop_event` is called."""
     signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
 
 
-def told() -> asyncio.Event:
+def stop_event() -> asyncio.Event:
     """Set by one of these signals, also by one that has waited; within a running event loop."""
     import asyncio
 

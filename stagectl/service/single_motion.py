@@ -1,4 +1,4 @@
-"""One motion on a drive: start the loop and its recorder, watch them, tell how it went.
+"""One motion on a drive: start the loop and its recorder, watch them, report how it went.
 
 ::
 
@@ -32,7 +32,7 @@ from stagectl.realtime.shared_memory import Board, Move
 from stagectl.realtime.states import Event
 from stagectl.recording.recorder import Order
 from stagectl.recording.ring import Ring
-from stagectl.service.child_process import Child, Companion, beside, start
+from stagectl.service.child_process import Child, Companion, running_companion, start
 from stagectl.service.job_from_stage import orders, post
 
 Progress = Callable[[int, int], None]  # (cycles done, cycles in all)
@@ -65,15 +65,15 @@ class _Processes(NamedTuple):
 
 
 class Ended(NamedTuple):
-    """How the loop says it went."""
+    """The loop's report of the motion."""
 
     cycles: int
     late: int
     fault: int
     words: str
     reason: str
-    refused: list[str]  # what the kernel did not permit
-    recorded: bool  # whether the recorder saw it to the end
+    refused: list[str]  # what the kernel refused
+    recorded: bool  # whether the recorder wrote all of it
     companion: int | None = None  # exit code of the companion; None: there was none
 
 
@@ -87,7 +87,7 @@ def move(motion: Motion, progress: Progress) -> Ended:
     alive, held = os.pipe()
     with (
         _closed_after(shared.ring.descriptor, shared.board.descriptor, alive),
-        beside(motion.companion, shared.ring, alive) as codes,
+        running_companion(motion.companion, shared.ring, alive) as codes,
         _started("recorder", (shared.ring.descriptor, alive)) as recorder,
         _started("loop", (shared.ring.descriptor, shared.board.descriptor, held)) as loop,
     ):
@@ -106,7 +106,7 @@ def _watch(motion: Motion, processes: _Processes, shared: Shared, progress: Prog
         Order(ring.descriptor, ring.width, ring.capacity, alive, str(motion.recording), meta, rollout.COLUMNS)
     )
     if recorder.line() != "ready":
-        raise DriveError(f"the recorder cannot write {motion.recording}: nothing has moved; see the message above")
+        raise DriveError(f"the recorder cannot write {motion.recording}; nothing has moved; see the message above")
     shared.board.order(boards.Order(Event.ENABLE))
     shared.board.order(laid_on(shared.board, motion.plan.setpoints))
     loop.say("go")
@@ -152,10 +152,10 @@ def _event(process: Child, expected: str) -> dict[str, Any]:
     """
     line = process.line()
     if not line:
-        raise DriveError("the loop's process died; the drive stops by itself within its heartbeat time-out")
+        raise DriveError("the real-time process died; the drive stops by itself within its heartbeat time-out")
     event: dict[str, Any] = json.loads(line)
     if event["event"] != expected:
-        raise DriveError(event.get("reason", f"the loop said {event['event']} instead of {expected}"))
+        raise DriveError(event.get("reason", f"the real-time process reported {event['event']} instead of {expected}"))
     return event
 
 

@@ -1,4 +1,4 @@
-"""The virtual drive as a process of its own: started where the embedded bus has no drive yet."""
+"""The virtual drive as a separate process, started where the embedded bus has no drive yet."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ def answers(wire: Canopen, patience: float = 0.2) -> bool:
 def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
     """Start ``stagectl virtual-drive`` with noise of this `seed` and wait until it is on the bus.
 
-    Nobody reads what it says after that, so the pipe is closed: a full one would hold the drive up in mid motion.
+    Nobody reads its later messages, so the pipe is closed: a full one would block the drive in mid motion.
     Raises DriveError with what it printed where it is not.
     """
     options = ["--channel", channel, "--seed", str(seed), "--follow"]
     command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage_file), *options]
-    process = subprocess.Popen(  # a session of its own: a Ctrl-C is for the controller, which stops the axis
+    process = subprocess.Popen(  # a new session: Ctrl-C is for the controller, which stops the axis
         command,
         stdout=subprocess.PIPE,
         stdin=subprocess.DEVNULL,
@@ -71,12 +71,12 @@ def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
 
 
 def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Callable[[], bool]) -> None:
-    """Be the virtual drive of this stage until told otherwise, and without power.
+    """Be the virtual drive of this stage `until` it is to end and the axis has no power.
 
     Raises DriveError where there is one already, or the bus goes away.
     """
     if answers(wire):
-        raise DriveError(f"node {wire.node} is on {wire.interface} {wire.channel} already: one drive is enough")
+        raise DriveError(f"node {wire.node} is on {wire.interface} {wire.channel} already: stop it first")
     bus = open_bus(wire.interface, wire.channel, wire.bitrate)
     door = InjectionSocket(socket_path(wire.interface, wire.channel, wire.node))
     node = virtual_node(setup, wire, bus, report)
@@ -99,7 +99,7 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
 def virtual_node(
     setup: Setup, wire: Canopen, bus: Bus, report: Callable[[str], None], time: Clock | None = None
 ) -> VirtualNode:
-    """The virtual drive of a stage on `bus`, faults and all; with a `time` of its own its plant follows that."""
+    """The virtual drive of a stage on `bus`, faults and all; with a `time` the plant follows it."""
     p = setup.stage
     # The bus itself delays the command by one period; the plant's own delay line adds the rest of nd.
     inside = p._replace(drive=p.drive._replace(delay_samples=p.drive.delay_samples - 1))
@@ -121,7 +121,7 @@ def virtual_node(
 
 
 def serve_odrive(setup: Setup, wire: Odrive, report: Callable[[str], None], until: Callable[[], bool]) -> None:
-    """Be a virtual ODrive on a pty until told otherwise.  Raises DriveError where its port's name is taken."""
+    """Be a virtual ODrive on a pty `until` it is to end.  Raises DriveError where its port's name is taken."""
     p = setup.stage
     inside = p._replace(drive=p.drive._replace(delay_samples=0))  # the line itself is the delay
     drive = VirtualOdrive(wire, Plant(inside, setup.file.simulation, setup.dt))

@@ -2,11 +2,11 @@
 
 ::
 
-    rows --+--> law on the logged position --(-)-- logged current        cut A  controller
-           +--> drive model -----------------(-)-- measured current      cut B  drive
-           +--> model tracking the path -------> correction x Kt         cut C  mechanics: missing effort
+    rows --+--> law on the logged position --(-)-- logged current        command check
+           +--> drive model -----------------(-)-- measured current      unexplained current
+           +--> model tracking the path -------> correction x Kt         unexplained effort
            |    the same, each candidate off by 1 %  --> sensitivities
-           +--> the same, position late by 1 % of a period               cut D  sensor and time
+           +--> the same, position late by 1 % of a period               sensor and time
 
 The correction of a right model is noise.  To first order it is ``r = -S theta``, with S the difference that a candidate
 makes to it per unit of its size.  S is filtered by the tracker and curved by the friction like the residual itself, and

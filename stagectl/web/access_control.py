@@ -1,7 +1,8 @@
 """Who may do what over TCP: the token reads, the key moves; and no other site's page may speak for the user.
 
-On the Unix socket its permissions have decided already.  The key is told only there (`stagectl page`), so that who may
-move the axis from a browser is who may use the socket.  Both are files in the state folder and outlive the service.
+On the Unix socket its permissions have decided already.  Only there is the key given out (`stagectl page`), so that
+whoever may use the socket may move the axis from a browser.  Both are
+files in the state folder and outlive the service.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ _HOME = ("localhost", "127.0.0.1", "::1")
 _READING = ("GET", "HEAD", "OPTIONS")
 
 
-class May(enum.IntEnum):
-    """What somebody may do."""
+class Permission(enum.IntEnum):
+    """What a request may do."""
 
     NOTHING = 0
     READ = 1
@@ -33,22 +34,22 @@ class May(enum.IntEnum):
 
 
 class Keys(NamedTuple):
-    """What must be said at the door."""
+    """The two secrets of the TCP port."""
 
     token: str
     key: str
     token_moves: bool  # `--tcp-may-move`
 
-    def grant(self, said: str) -> May:
-        """What who says this may do."""
-        if hmac.compare_digest(said.encode(), self.key.encode()):
-            return May.MOVE
-        known = hmac.compare_digest(said.encode(), self.token.encode())
-        return (May.MOVE if self.token_moves else May.READ) if known else May.NOTHING
+    def grant(self, credential: str) -> Permission:
+        """The permission of who sends `credential`."""
+        if hmac.compare_digest(credential.encode(), self.key.encode()):
+            return Permission.MOVE
+        known = hmac.compare_digest(credential.encode(), self.token.encode())
+        return (Permission.MOVE if self.token_moves else Permission.READ) if known else Permission.NOTHING
 
 
 class Guard:
-    """TCP: lets a request through with what it may, or answers it; a live connection says its key itself."""
+    """TCP: attaches its permission to a request or refuses it; a live connection sends its key itself."""
 
     def __init__(self, app: Any, keys: Keys) -> None:
         self._app, self._keys = app, keys
@@ -58,13 +59,15 @@ class Guard:
         if scope["type"] == "websocket":
             scope["keys"] = self._keys
         elif scope["type"] == "http" and not _public(scope["path"]):
-            said = dict(scope["headers"]).get(b"authorization", b"").decode("latin-1")
-            scope["may"] = may = self._keys.grant(said.removeprefix("Bearer ")) if said else May.NOTHING
-            if may is May.NOTHING:
-                await _no(401, "this needs the header 'Authorization: Bearer TOKEN'")(scope, receive, send)
+            bearer = dict(scope["headers"]).get(b"authorization", b"").decode("latin-1")
+            scope["may"] = may = self._keys.grant(bearer.removeprefix("Bearer ")) if bearer else Permission.NOTHING
+            if may is Permission.NOTHING:
+                await _no(401, "the token is missing or wrong: send the header 'Authorization: Bearer TOKEN'")(
+                    scope, receive, send
+                )
                 return
-            if scope["method"] not in _READING and may is not May.MOVE:
-                words = "over TCP this service may only be read: use its Unix socket, or the key of `stagectl page`"
+            if scope["method"] not in _READING and may is not Permission.MOVE:
+                words = "this token only allows reading: use the Unix socket, or the key that `stagectl page` prints"
                 await _no(403, words)(scope, receive, send)
                 return
         await self._app(scope, receive, send)
@@ -85,7 +88,9 @@ class SameSite:
             if scope["type"] == "websocket":
                 await send({"type": "websocket.close", "code": 1008})
             else:
-                await _no(403, "this request comes from the page of another site")(scope, receive, send)
+                await _no(
+                    403, "the request comes from the page of another site: open the address that `stagectl page` prints"
+                )(scope, receive, send)
             return
         await self._app(scope, receive, send)
 
@@ -115,8 +120,10 @@ def secret(path: Path) -> str:
         with os.fdopen(descriptor, "w") as file:
             file.write(secrets.token_urlsafe(32) + "\n")
     if stat.S_IMODE(path.stat().st_mode) & 0o077:
-        raise ServiceError(f"{path} can be read by others: `chmod 600 {path}`, and take a new token")
-    found = path.read_text(encoding="utf-8").strip()
-    if len(found) < 16:
-        raise ServiceError(f"{path} holds {len(found)} characters; a token has 16 at least: remove it for a new one")
-    return found
+        raise ServiceError(f"other users can read {path}: remove it, and the next start writes a new one")
+    text = path.read_text(encoding="utf-8").strip()
+    if len(text) < 16:
+        raise ServiceError(
+            f"{path} holds {len(text)} characters; a token has at least 16: remove it, and restart the service"
+        )
+    return text

@@ -1,7 +1,7 @@
 """The page's plots: uPlot, one pinned release, brought by the build or on first use, never committed.
 
-The build (``tools/backend``) puts its two files beside the page, into wheel or checkout; where it could not, the
-service fetches them once into the user's cache.  Each file is taken only with the digest that stands here, wherever it
+The build (``tools/backend``) puts its files next to the page, into wheel or checkout; where it could not, the
+service fetches them once into the user's cache.  Each file is only accepted with its digest below, wherever it
 comes from.  Only the standard library: the build runs this without anything installed.
 """
 
@@ -32,13 +32,13 @@ FILES = {
         "8f989229699b4fe2f1a0432d0e9edc338a8a911e250e2d1b01ecd770a5f5b1bd",
     ),
 }
-BESIDE = Path(__file__).parent / "static" / "plots"
+BUNDLED = Path(__file__).parent / "static" / "plots"
 _LARGEST = 4_000_000  # bytes of the tarball
 _PATIENCE = 20.0  # s
 
 
 class AssetError(Exception):
-    """The plots cannot be had."""
+    """uPlot cannot be loaded."""
 
 
 def cache() -> Path:
@@ -47,9 +47,9 @@ def cache() -> Path:
     return Path(base) / "stagectl" / f"uplot-{VERSION}"
 
 
-def found() -> Path | None:
-    """The folder that holds all files as they must be; None where there is none."""
-    return next((folder for folder in (BESIDE, cache()) if whole(folder)), None)
+def available() -> Path | None:
+    """The folder that holds all files intact; None where there is none."""
+    return next((folder for folder in (BUNDLED, cache()) if whole(folder)), None)
 
 
 def whole(folder: Path) -> bool:
@@ -63,7 +63,7 @@ def whole(folder: Path) -> bool:
 def fetch(folder: Path) -> Path:
     """Download the release into `folder`, unless it is there already.
 
-    Raises AssetError with the reason where it cannot be had.
+    Raises AssetError with the reason where that fails.
     """
     if whole(folder):
         return folder
@@ -72,7 +72,7 @@ def fetch(folder: Path) -> Path:
         with urllib.request.urlopen(url, timeout=_PATIENCE) as answer:
             store(answer.read(_LARGEST), folder)
     except (OSError, ValueError, tarfile.TarError) as error:
-        raise AssetError(f"uPlot {VERSION} cannot be had from {url}: {error}") from error
+        raise AssetError(f"uPlot {VERSION} cannot be loaded from {url}: {error}") from error
     return folder
 
 
@@ -86,7 +86,7 @@ def store(tarball: bytes, folder: Path) -> None:
         contents = {name: member.read() for name, member in members.items() if member is not None}
     for name, (place, digest) in FILES.items():
         if _digest(contents.get(name, b"")) != digest:
-            raise AssetError(f"{place} of uPlot {VERSION} has not the digest that it must have: not taken")
+            raise AssetError(f"{place} of uPlot {VERSION} has a wrong digest: not used")
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in contents.items():
         fresh = folder / f"{name}.{os.getpid()}"

@@ -20,7 +20,7 @@ _TRIGGER = re.compile(r"\s*([\w.]+)\s*(>|<|=)\s*(.+?)\s*")
 _EDGES = {">": "rising", "<": "falling", "=": "both"}
 
 
-class Seen(NamedTuple):
+class ReceivedCapture(NamedTuple):
     """One capture."""
 
     time: NDArray[np.float64]  # (n,) s, from the trigger; of the first row of each bucket
@@ -41,8 +41,8 @@ def trigger(text: str) -> dict[str, str]:
     return {"channel": match[1], "edge": _EDGES[match[2]], "level": match[3]}
 
 
-def captures(path: Path, asked: dict[str, Any]) -> Iterator[tuple[dict[str, Any], Seen]]:
-    """The machine's description and each capture, without an end; `asked` as in `asked.Asked`.
+def captures(path: Path, request: dict[str, Any]) -> Iterator[tuple[dict[str, Any], ReceivedCapture]]:
+    """The machine's description and each capture, without an end; `request` as in `viewer_request.ScopeRequest`.
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask.
     """
@@ -55,12 +55,12 @@ def captures(path: Path, asked: dict[str, Any]) -> Iterator[tuple[dict[str, Any]
         ) as link:
             link.send("{}")
             machine = json.loads(link.recv())["machine"]
-            link.send(json.dumps({"scope": asked}))
+            link.send(json.dumps({"scope": request}))
             for message in link:
                 if isinstance(message, bytes):
                     yield machine, unpacked(message)
-                elif "error" in (said := json.loads(message)):
-                    raise RefusedError(said["error"])
+                elif "error" in (answer := json.loads(message)):
+                    raise RefusedError(answer["error"])
         raise ControlError("the service has ended")
     except ConnectionClosed as error:
         raise ControlError(f"the service has closed the connection: {error.reason or 'it has ended'}") from error
@@ -70,11 +70,11 @@ def captures(path: Path, asked: dict[str, Any]) -> Iterator[tuple[dict[str, Any]
         ) from error
 
 
-def unpacked(message: bytes) -> Seen:
+def unpacked(message: bytes) -> ReceivedCapture:
     """A message of numbers, see `live`."""
     numbers = np.frombuffer(message, dtype="<f8")
     kind, channels, buckets, size, start, period, at, _ = numbers[:HEAD]
     values = numbers[HEAD:].reshape(-1, int(channels), int(buckets))
     time = start - at + np.arange(int(buckets)) * size * period
     assert kind in (CAPTURE, FREE)
-    return Seen(time, values[0], values[-1], float(size * period), bool(kind == CAPTURE))
+    return ReceivedCapture(time, values[0], values[-1], float(size * period), bool(kind == CAPTURE))

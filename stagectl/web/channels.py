@@ -1,4 +1,4 @@
-"""What a scope can show of an axis: the columns of its ring, in travel, A and s."""
+"""The channels of a scope: the columns of its ring, in travel, A and s."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stagectl.units import Quantity, StageError, factor, quantity_of
 
 MOST = 16
 _HIDDEN = ("time", "true_position")  # the first is the axis of time, the second is not known on a machine
-_STATE = Quantity("", "[0, 10]", "state of the axis, see daemon.states.State")
+_STATE = Quantity("", "[0, 10]", "state of the axis, see realtime.states.State")
 
 
 class Channel(NamedTuple):
@@ -28,33 +28,33 @@ class Channel(NamedTuple):
 def channels(setup: Setup) -> dict[str, Channel]:
     """All channels of an axis by name."""
     axis = setup.file.axis
-    found = {}
+    known = {}
     for name, quantity in _quantities().items():
         unit, scale = quantity.unit_for(axis.kind), 1.0
         for angle in ("rad", "m"):
             if unit in (angle, f"{angle}/s"):
                 unit, scale = unit.replace(angle, axis.travel_unit, 1), axis.travel_per_unit
-        found[name] = Channel(name, COLUMNS.index(name), unit, scale, quantity.meaning)
-    return found
+        known[name] = Channel(name, COLUMNS.index(name), unit, scale, quantity.meaning)
+    return known
 
 
 def side_by_side(setups: Mapping[str, Setup]) -> dict[str, Channel]:
     """Channels of several axes by dotted names (``x.error``), of rows that hold one axis after the other."""
     return {
-        f"{name}.{one.name}": one._replace(name=f"{name}.{one.name}", column=place * len(COLUMNS) + one.column)
+        f"{name}.{own.name}": own._replace(name=f"{name}.{own.name}", column=place * len(COLUMNS) + own.column)
         for place, (name, setup) in enumerate(setups.items())
-        for one in channels(setup).values()
+        for own in channels(setup).values()
     }
 
 
 def chosen(known: dict[str, Channel], names: list[str]) -> list[Channel]:
     """The channels of these names.
 
-    Raises ServiceError where there is no such channel, or too many are asked for.
+    Raises ServiceError for an unknown channel, or too many of them.
     """
     for name in names:
         if name not in known:
-            raise ServiceError(f"no channel {name}; there are {', '.join(known)}")
+            raise ServiceError(f"no channel {name}; the channels are: {', '.join(known)}")
     if not 0 < len(names) <= MOST:
         raise ServiceError(f"{len(names)} channels; a scope shows 1 to {MOST}")
     return [known[name] for name in names]
@@ -83,4 +83,4 @@ def _quantities() -> dict[str, Quantity]:
         for name, hint in get_type_hints(block, include_extras=True).items()
     }
     hints["state"] = _STATE
-    return {name: found for name, found in hints.items() if found is not None and name not in _HIDDEN}
+    return {name: hint for name, hint in hints.items() if hint is not None and name not in _HIDDEN}

@@ -1,4 +1,4 @@
-"""The other end of the control socket: one request, one answer."""
+"""The client of the control socket: one request, one answer."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _MOTION_TIME, _ANSWER_TIME = 3600.0, 60.0  # s until an answer; everything but a
 
 
 class ControlError(StageError):
-    """A service that does not answer, or says no."""
+    """A service that does not answer, or refuses."""
 
 
 class RefusedError(ControlError):
-    """The service's no: it runs, and gives its reason."""
+    """The service refused the request, with its reason."""
 
 
 class _UnixConnection(http.client.HTTPConnection):
@@ -40,9 +40,9 @@ class _UnixConnection(http.client.HTTPConnection):
 
 def default_socket() -> Path:
     """Where the service of this machine is: $STAGECTL_SOCKET, the system's, or the user's own."""
-    given = os.environ.get("STAGECTL_SOCKET")
-    if given:
-        return Path(given)
+    chosen = os.environ.get("STAGECTL_SOCKET")
+    if chosen:
+        return Path(chosen)
     return SYSTEM if SYSTEM.exists() else own_socket()
 
 
@@ -72,15 +72,15 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None) 
         content = None if body is None else json.dumps(body)
         link.request(method, what, content, {"Content-Type": "application/json"} if content else {})
         answer = link.getresponse()
-        found = json.loads(answer.read())
+        result = json.loads(answer.read())
     except PermissionError as error:
         raise ControlError(
-            f"{path}: you may not use it, its group may: `sudo usermod -aG {_group(path)} $USER`, then log in again"
+            f"{path}: only its group may use it: `sudo usermod -aG {_group(path)} $USER`, then log in again"
         ) from error
     except TimeoutError as error:
         raise ControlError(
-            f"the service on {path} is there but has not answered for {patience:g} s: `systemctl restart stagectl`, "
-            "or kill it and start it again; either stops the axes"
+            f"the service on {path} has not answered for {patience:g} s: run `systemctl restart stagectl`, "
+            "or kill it and start it again; both stop the axes"
         ) from error
     except (OSError, http.client.HTTPException, ValueError) as error:
         raise ControlError(
@@ -90,8 +90,8 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None) 
     finally:
         link.close()
     if answer.status >= 400:
-        raise RefusedError(str(found.get("error", found)))
-    return found
+        raise RefusedError(str(result.get("error", result)))
+    return result
 
 
 def fetch(path: Path, what: str, target: Path) -> None:
@@ -108,6 +108,6 @@ def fetch(path: Path, what: str, target: Path) -> None:
         with target.open("wb") as file:
             shutil.copyfileobj(answer, file)
     except (http.client.HTTPException, ConnectionError) as error:
-        raise ControlError(f"the service on {path} has ended while it gave {what} ({error})") from error
+        raise ControlError(f"the service on {path} ended while it sent {what} ({error})") from error
     finally:
         link.close()

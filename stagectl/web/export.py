@@ -1,4 +1,4 @@
-"""A recording on its way to a browser; other formats are written by a process of their own, beside the service."""
+"""A recording on its way to a browser; another process writes other formats."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ async def exported(path: Path, to: str) -> FileResponse:
     os.close(descriptor)
     command = [sys.executable, "-m", "stagectl", "export", str(path), "--to", to, "-o", name]
     process = await asyncio.create_subprocess_exec(*command, stderr=asyncio.subprocess.PIPE)
-    _, said = await process.communicate()
+    _, errors = await process.communicate()
     if process.returncode:
         os.unlink(name)
-        raise ServiceError(said.decode(errors="replace").strip().removeprefix("error: "))
+        raise ServiceError(errors.decode(errors="replace").strip().removeprefix("error: "))
     return FileResponse(name, filename=f"{path.stem}.{to}", background=BackgroundTask(os.unlink, name))

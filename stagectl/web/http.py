@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.routing import Match, Route
 
 from stagectl.realtime.shared_memory import BoardFullError
-from stagectl.service.axis_controller import Manned, ServiceError
-from stagectl.service.orders import Orderly
+from stagectl.service.axis_controller import AxisController, ServiceError
+from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
@@ -110,9 +110,9 @@ class Parameters(Strict):
 
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {
-    400: {"model": Refusal, "description": "The body is no JSON."},
+    400: {"model": Refusal, "description": "The body is not JSON."},
     409: {"model": Refusal, "description": "It cannot be done now."},
-    422: {"model": Refusal, "description": "It cannot be done at all: a value, a limit."},
+    422: {"model": Refusal, "description": "It can never be done: a wrong value, a limit."},
 }
 _GUARDED: dict[int | str, dict[str, Any]] = {
     401: {"model": Refusal, "description": "TCP: the token is missing or wrong."},
@@ -121,7 +121,7 @@ _GUARDED: dict[int | str, dict[str, Any]] = {
 
 
 def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:  # noqa: B008  # a constant
-    """The whole interface; `port` is what the page tells of the TCP port."""
+    """The whole interface; `port` is the TCP port that the page reports."""
     app = FastAPI(title="stagectl", version="1", docs_url=None, redoc_url=None, responses=_GUARDED)
     app.add_exception_handler(ServiceError, _refusal(409))
     app.add_exception_handler(BoardFullError, _refusal(409))
@@ -131,7 +131,7 @@ def application(service: Service, port: routes.Port = routes.Port()) -> FastAPI:
     app.add_exception_handler(405, _not_allowed)
     app.add_exception_handler(RequestValidationError, _malformed)
     _reading(app, service)
-    _moving(app, Orderly(service))
+    _moving(app, OrderHandler(service))
     routes.add(app, service, port, _REFUSALS)
     return app
 
@@ -144,24 +144,28 @@ def _refusal(status: int) -> Callable[[Request, Exception], Awaitable[Response]]
 
 
 async def _not_allowed(request: Request, _: Exception) -> Response:
-    """405 with every method of the path, though each stands in a route of its own."""
+    """405 with every method of the path; each is a route."""
     fitting = [
-        one for one in request.app.routes if isinstance(one, Route) and one.matches(request.scope)[0] != Match.NONE
+        route
+        for route in request.app.routes
+        if isinstance(route, Route) and route.matches(request.scope)[0] != Match.NONE
     ]
-    methods = ", ".join(sorted({name for one in fitting for name in one.methods or ()}))
+    methods = ", ".join(sorted({name for route in fitting for name in route.methods or ()}))
     return JSONResponse({"error": f"{request.method} {request.url.path}: only {methods}"}, 405, {"Allow": methods})
 
 
 async def _malformed(_: Request, error: Exception) -> Response:
-    said = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in getattr(error, "errors", list)())
-    return JSONResponse({"error": said or str(error)}, 422)
+    details = getattr(error, "errors", list)()
+    words = "; ".join(f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in details)
+    return JSONResponse({"error": words or str(error)}, 422)
 
 
 def _reading(app: FastAPI, service: Service) -> None:
     @app.get("/v1/status", response_model=Machine)
     async def status() -> Response:
         """All axes, now."""
-        return Response(json.dumps(told(service)), media_type="application/json")  # unchecked: it is asked often
+        text = json.dumps(machine_status(service))
+        return Response(text, media_type="application/json")  # not validated: requested often
 
     @app.get("/v1/faults", response_model=list[Entry])
     async def faults() -> list[dict[str, Any]]:
@@ -174,11 +178,11 @@ def _reading(app: FastAPI, service: Service) -> None:
         return {name: axis.parameters() for name, axis in service.axes.items()}
 
 
-def _moving(app: FastAPI, orders: Orderly) -> None:
-    def verb(path: str, order: Callable[[list[Manned]], Awaitable[None]]) -> None:
+def _moving(app: FastAPI, orders: OrderHandler) -> None:
+    def verb(path: str, order: Callable[[list[AxisController]], Awaitable[None]]) -> None:
         async def do(axis: AxisName = "") -> dict[str, Any]:
             await order(orders.service.chosen(axis))
-            return told(orders.service)
+            return machine_status(orders.service)
 
         do.__name__ = path.replace("-", "_").replace("/", "_")
         app.post(f"/v1/{path}", response_model=Machine, responses=_REFUSALS, description=order.__doc__)(do)
@@ -194,25 +198,25 @@ def _moving(app: FastAPI, orders: Orderly) -> None:
     async def move(body: Move) -> dict[str, Any]:
         """Move axes to positions or by distances; with `wait` it answers when they stand in position."""
         await orders.move(body.to, body.by, (body.speed, body.acceleration), body.wait)
-        return told(orders.service)
+        return machine_status(orders.service)
 
     @app.post("/v1/trajectory", response_model=Machine, responses=_REFUSALS)
     async def trajectory(body: Upload) -> dict[str, Any]:
         """Run a trajectory file from where the axis stands."""
         await orders.trajectory(body.axis, (body.name, body.yaml), body.wait)
-        return told(orders.service)
+        return machine_status(orders.service)
 
     @app.patch("/v1/parameters", response_model=Machine, responses=_REFUSALS)
     async def change(body: Parameters) -> dict[str, Any]:
         """Change gains while it runs, without a jump of the current."""
         await orders.change(body.axis, body.control)
-        return told(orders.service)
+        return machine_status(orders.service)
 
 
-def told(service: Service) -> dict[str, Any]:
+def machine_status(service: Service) -> dict[str, Any]:
     """The machine as JSON values."""
     return {
-        "axes": [axis.told() for axis in service.axes.values()],
+        "axes": [axis.status_json() for axis in service.axes.values()],
         "alive": service.alive(),
         "refused": service.refused,
     }

@@ -29,9 +29,9 @@ class Lateness:
         self.ring, self._most = ring, round(KEPT / dt)
         self._done, self._rows = 0, 0
         self._parts: collections.deque[_Part] = collections.deque()
-        self._counts = np.zeros(len(EDGES) + 1, dtype=np.intp)  # of all parts: told ten times a second
+        self._counts = np.zeros(len(EDGES) + 1, dtype=np.intp)  # of all parts: reported ten times a second
 
-    def told(self) -> dict[str, Any]:
+    def histogram(self) -> dict[str, Any]:
         """Counts below the first edge, between two edges, and from the last one on; largest (s); rows counted."""
         self._count()
         return {

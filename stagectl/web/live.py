@@ -39,8 +39,8 @@ class Scale:
     """Rows of the ring in the units of some channels; thirty times a second, so its tables are made once."""
 
     def __init__(self, channels: tuple[Channel, ...]) -> None:
-        self._columns = np.array([one.column for one in channels], dtype=np.intp)
-        self._scales = np.array([one.scale for one in channels])
+        self._columns = np.array([channel.column for channel in channels], dtype=np.intp)
+        self._scales = np.array([channel.scale for channel in channels])
 
     def __call__(self, rows: Array) -> Array:
         """(n, channels) of rows (n, width)."""
@@ -73,12 +73,12 @@ class Strip:
         self._next = first + len(rows)
         if not len(rows):
             return None
-        found = extremes(self._scale(rows), first, self.size)
-        return packed(STRIP, found, self._dt, number)
+        extrema = extremes(self._scale(rows), first, self.size)
+        return packed(STRIP, extrema, self._dt, number)
 
 
-class Sight:
-    """A scope with what it has caught, which can be looked at again and closer."""
+class ScopeView:
+    """A scope with its last capture, which can be sent again at finer resolution."""
 
     def __init__(self, ring: Source, dt: float, window: Window, settings: Settings) -> None:
         self._ring, self._dt, self._points, self._scale = ring, dt, window.points, Scale(window.channels)
@@ -111,17 +111,17 @@ class Sight:
     def _shown(self, capture: Capture, part: tuple[int, int], points: int, what: tuple[float, int]) -> bytes:
         low, high = part
         size = max(1, -(-(high - low) // points))
-        found = extremes(self._scale(capture.rows[low:high]), capture.first + low, size)
+        extrema = extremes(self._scale(capture.rows[low:high]), capture.first + low, size)
         at = (capture.first + capture.at + 1) * self._dt
-        return packed(what[0], found, self._dt, what[1], at)
+        return packed(what[0], extrema, self._dt, what[1], at)
 
 
-def packed(kind: float, found: Extremes, dt: float, number: int, at: float = 0.0) -> bytes:
+def packed(kind: float, extrema: Extremes, dt: float, number: int, at: float = 0.0) -> bytes:
     """The message; row n is of the time (n + 1) dt, as the loop counts."""
-    channels, buckets = found.low.shape
-    parts = 1 if found.size == 1 else 2
+    channels, buckets = extrema.low.shape
+    parts = 1 if extrema.size == 1 else 2
     message = np.empty(HEAD + parts * channels * buckets, dtype="<f8")
-    message[:HEAD] = kind, channels, buckets, found.size, (found.first + 1) * dt, dt, at, number
+    message[:HEAD] = kind, channels, buckets, extrema.size, (extrema.first + 1) * dt, dt, at, number
     body = message[HEAD:].reshape(parts, channels, buckets)
-    body[0], body[-1] = found.low, found.high
+    body[0], body[-1] = extrema.low, extrema.high
     return message.tobytes()

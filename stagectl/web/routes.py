@@ -17,14 +17,14 @@ from stagectl.service.axis_controller import ServiceError
 from stagectl.service.recordings import LONGEST
 from stagectl.service.service import Service
 from stagectl.web import assets
-from stagectl.web.access_control import May
+from stagectl.web.access_control import Permission
 from stagectl.web.channels import channels
 from stagectl.web.export import exported
-from stagectl.web.status_feed import News
+from stagectl.web.status_feed import StatusFeed
 from stagectl.web.viewer import Viewer
 
 STATIC = Path(__file__).parent / "static"
-MOST = 8  # viewers at a time
+MOST = 8  # viewers at once
 _PATIENCE = 10.0  # s for a key
 _UNASKED = 1008, 1013  # close codes: who may not, too many
 _HEADERS = {
@@ -47,14 +47,14 @@ class Record(BaseModel):
 
 
 class Granted(BaseModel):
-    """What you may do here."""
+    """Your permissions."""
 
     read: bool
     move: bool
 
 
 class File(BaseModel):
-    """One file that can be had."""
+    """One file that can be downloaded."""
 
     kind: str
     axis: str
@@ -85,7 +85,7 @@ def add(app: FastAPI, service: Service, port: Port, refusals: Refusals) -> None:
     async def page() -> dict[str, str]:
         """The page's address, with the key that may move the axis."""
         if port.address is None:
-            raise ServiceError("the service has no TCP port: start it with `--tcp 127.0.0.1:8402`")
+            raise ServiceError("the service has no TCP port: start it with `stagectl serve ... --tcp 127.0.0.1:8402`")
         return {"address": f"{port.address}#{port.key}"}
 
 
@@ -106,22 +106,25 @@ def _files(app: FastAPI) -> None:
 
     @app.get("/page/plots/{name}", include_in_schema=False)
     async def plots(name: Part) -> Response:
-        folder = assets.found()
+        folder = assets.available()
         return sent(folder, name) if folder is not None and name in assets.FILES else Response(status_code=404)
 
 
 def _reading(app: FastAPI, service: Service) -> None:
     @app.get("/v1/me", response_model=Granted)
     async def me(request: Request) -> dict[str, bool]:
-        """What who asks may do."""
-        may = request.scope.get("may", May.MOVE)
-        return {"read": may >= May.READ, "move": may >= May.MOVE}
+        """The permissions of this request."""
+        may = request.scope.get("may", Permission.MOVE)
+        return {"read": may >= Permission.READ, "move": may >= Permission.MOVE}
 
     @app.get("/v1/channels", response_model=dict[str, dict[str, dict[str, str]]])
     async def known() -> dict[str, dict[str, dict[str, str]]]:
         """What a scope can show, by axis: unit and meaning."""
         return {
-            axis.name: {one.name: {"unit": one.unit, "meaning": one.meaning} for one in channels(axis.setup).values()}
+            axis.name: {
+                name: {"unit": channel.unit, "meaning": channel.meaning}
+                for name, channel in channels(axis.setup).items()
+            }
             for axis in service.axes.values()
         }
 
@@ -142,9 +145,9 @@ def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:
     @app.post("/v1/recordings/end", response_model=dict[str, str], responses=refusals)
     async def end(axis: Annotated[str, Query(max_length=64)] = "") -> dict[str, str]:
         """End the recording of an axis."""
-        (found,) = service.chosen(axis or next(iter(service.axes)))
-        path = await asyncio.to_thread(service.recordings.end, found.name)
-        return {"axis": found.name, "file": path.name, "path": str(path)}
+        (recorded,) = service.chosen(axis or next(iter(service.axes)))
+        path = await asyncio.to_thread(service.recordings.end, recorded.name)
+        return {"axis": recorded.name, "file": path.name, "path": str(path)}
 
     @app.get("/v1/recordings/{kind}/{axis}/{file}", response_class=FileResponse, responses=refusals)
     async def one(
@@ -157,36 +160,36 @@ def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:
 
 def _live(app: FastAPI, service: Service) -> None:
     viewers: set[Viewer] = set()
-    news = News(service)
+    feed = StatusFeed(service)
 
     @app.websocket("/v1/live")
     async def live(link: WebSocket) -> None:
         await link.accept()
         may = await _may(link)
-        if may is May.NOTHING or len(viewers) >= MOST:
-            words = "the key is missing or wrong" if may is May.NOTHING else f"{MOST} viewers are here already"
-            await link.close(_UNASKED[may is not May.NOTHING], words)
+        if may is Permission.NOTHING or len(viewers) >= MOST:
+            words = "the key is missing or wrong" if may is Permission.NOTHING else f"{MOST} viewers are connected"
+            await link.close(_UNASKED[may is not Permission.NOTHING], words)
             return
 
         async def say(what: str | bytes) -> None:
             await (link.send_bytes(what) if isinstance(what, bytes) else link.send_text(what))
 
-        viewer = Viewer(service, news.told, say)
+        viewer = Viewer(service, feed.status, say)
         viewers.add(viewer)
         try:
-            await say(json.dumps({"may": {"move": may is May.MOVE}, "machine": news.machine()}))
+            await say(json.dumps({"may": {"move": may is Permission.MOVE}, "machine": feed.machine()}))
             await _served(link, viewer)
         finally:
             viewers.discard(viewer)
 
 
-async def _may(link: WebSocket) -> May:
+async def _may(link: WebSocket) -> Permission:
     """What its first message grants; on the Unix socket, everything."""
     keys = link.scope.get("keys")
     with contextlib.suppress(WebSocketDisconnect, asyncio.TimeoutError, ValueError, AttributeError, KeyError):
-        said = json.loads(await asyncio.wait_for(link.receive_text(), _PATIENCE))
-        return May.MOVE if keys is None else May(keys.grant(str(said.get("key", ""))))
-    return May.NOTHING
+        message = json.loads(await asyncio.wait_for(link.receive_text(), _PATIENCE))
+        return Permission.MOVE if keys is None else Permission(keys.grant(str(message.get("key", ""))))
+    return Permission.NOTHING
 
 
 async def _served(link: WebSocket, viewer: Viewer) -> None:

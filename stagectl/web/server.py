@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import uvicorn
-import websockets  # noqa: F401  uvicorn asks for it by name, when nobody hears that it is not there
+import websockets  # noqa: F401  uvicorn imports it by name, and hides its absence
 
 from stagectl.service import shutdown_signals
 from stagectl.service.axis_controller import ServiceError
@@ -28,7 +28,7 @@ _OWNERS = 0o660  # of the socket: who is neither its owner nor in its group cann
 
 
 class Tcp(NamedTuple):
-    """A port beside the socket."""
+    """A TCP port in addition to the socket."""
 
     host: str
     port: int
@@ -39,7 +39,7 @@ class Tcp(NamedTuple):
 
 
 class _Server(uvicorn.Server):
-    """A server whose signals are ours."""
+    """A server that leaves the signals to us."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -56,8 +56,8 @@ def run(service: Service, tcp: Tcp | None) -> None:
 
 
 async def _run(service: Service, tcp: Tcp | None) -> None:
-    stopped = shutdown_signals.told()
-    listening = unix_socket(service.where.socket)
+    stopped = shutdown_signals.stop_event()
+    listening = unix_socket(service.paths.socket)
     ports = [listening]
     keys, address = None, None
     if tcp is not None:
@@ -77,17 +77,17 @@ async def _run(service: Service, tcp: Tcp | None) -> None:
     finally:
         notify("STOPPING=1")
         service.end()
-        service.say("stopped: all its processes have ended")
-        for one in ports:
-            one.close()
-        service.where.socket.unlink(missing_ok=True)
+        service.say("stopped: all processes have ended")
+        for port in ports:
+            port.close()
+        service.paths.socket.unlink(missing_ok=True)
 
 
 async def _begun(service: Service, stopped: asyncio.Event) -> bool:
-    """Begin; False where it was told to leave over it.  Raises ServiceError."""
+    """Begin; False where a signal ended it meanwhile.  Raises ServiceError."""
     beginning, waiting = asyncio.create_task(service.begin()), asyncio.create_task(stopped.wait())
     await asyncio.wait([beginning, waiting], return_when=asyncio.FIRST_COMPLETED)
-    if beginning.done() and beginning.exception():  # systemd tells all processes at once: a child may be the first
+    if beginning.done() and beginning.exception():  # systemd signals all processes at once: a child may be the first
         await asyncio.wait([waiting], timeout=_AT_ONCE)
     waiting.cancel()
     if stopped.is_set():
@@ -104,7 +104,7 @@ async def _until_stopped(
     serving = [asyncio.create_task(server.serve(sockets=sockets)) for server, sockets in servers]
     watching, waiting = asyncio.create_task(service.watch()), asyncio.create_task(stopped.wait())
     notify("READY=1", f"STATUS={service.words()}")
-    service.say(f"serving on {service.where.socket}, process {os.getpid()}: {service.words()}")
+    service.say(f"serving on {service.paths.socket}, process {os.getpid()}: {service.words()}")
     done, _ = await asyncio.wait([watching, waiting, *serving], return_when=asyncio.FIRST_COMPLETED)
     for server, _ in servers:
         server.should_exit = server.force_exit = True
@@ -114,7 +114,7 @@ async def _until_stopped(
     for ended in done:
         ended.result()
     if waiting not in done:
-        raise ServiceError("a server of the service ended by itself: start it again, and tell us of it")
+        raise ServiceError("a server of the service ended by itself: start the service again, and report this as a bug")
 
 
 def _server(app: Any) -> _Server:
@@ -139,18 +139,18 @@ def _port(tcp: Tcp) -> socket.socket:
         if tcp.any_port:
             return socket.create_server((tcp.host, 0))
         raise ServiceError(
-            f"--tcp {tcp.host}:{tcp.port}: {error.strerror}; take another port, or see who has it: "
+            f"--tcp {tcp.host}:{tcp.port}: {error.strerror}; choose another port, or see which program uses it: "
             f"`ss -ltnp 'sport = {tcp.port}'`"
         ) from error
 
 
 def _plots(say: Callable[[str], None]) -> None:
     """The page's plots, once, where the build could not bring them."""
-    if assets.found() is None:
+    if assets.available() is None:
         try:
             assets.fetch(assets.cache())
         except assets.AssetError as error:
-            say(f"the live page has no plots: {error}; it shows all else")
+            say(f"the live page has no plots: {error}; the rest of it works")
 
 
 def unix_socket(path: Path) -> socket.socket:
@@ -161,14 +161,14 @@ def unix_socket(path: Path) -> socket.socket:
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o755)
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.connect(os.fspath(path))
-        raise ServiceError(f"a service listens on {path} already: stop it first, or take another --socket")
+        raise ServiceError(f"a service listens on {path} already: stop it first, or choose another --socket")
     path.unlink(missing_ok=True)
     before = os.umask(0o777 & ~_OWNERS)
     try:
         listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         listening.bind(os.fspath(path))
     except OSError as error:
-        raise ServiceError(f"{path}: {error.strerror}; take another --socket") from error
+        raise ServiceError(f"{path}: {error.strerror}; choose another --socket") from error
     finally:
         os.umask(before)
     listening.listen(128)

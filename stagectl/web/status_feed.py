@@ -1,4 +1,4 @@
-"""The status as the page shows it; put together once for all viewers that ask within a tenth of a second."""
+"""The status as the page shows it, made once for all viewers within a tenth of a second."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen
-from stagectl.service.axis_controller import Manned
+from stagectl.service.axis_controller import AxisController
 from stagectl.service.service import Service
 from stagectl.web.channels import Channel, channels, side_by_side
 from stagectl.web.lateness import Lateness
@@ -16,8 +16,8 @@ _AGE = 0.09  # s
 _FAULTS = 20  # of the list, the newest
 
 
-class News:
-    """Of one service."""
+class StatusFeed:
+    """The status of one service."""
 
     def __init__(self, service: Service) -> None:
         self._service = service
@@ -36,47 +36,48 @@ class News:
                 "homing": axis.setup.file.homing.method,
                 "bus": _wire(axis),
                 "channels": {
-                    name: {"unit": one.unit, "meaning": one.meaning} for name, one in self._seen_from(axis).items()
+                    name: {"unit": channel.unit, "meaning": channel.meaning}
+                    for name, channel in self._seen_from(axis).items()
                 },
             }
             for axis in self._service.axes.values()
         }
 
-    def _seen_from(self, axis: Manned) -> dict[str, Channel]:
+    def _seen_from(self, axis: AxisController) -> dict[str, Channel]:
         """The axis' own channels, then those of the others."""
-        others = {name: one.setup for name, one in self._service.axes.items() if one is not axis}
+        others = {name: other.setup for name, other in self._service.axes.items() if other is not axis}
         return {**channels(axis.setup), **side_by_side(others)}
 
-    def told(self) -> dict[str, Any]:
+    def status(self) -> dict[str, Any]:
         """The machine now."""
         now = time.monotonic()
         if now - self._last[0] > _AGE:
-            self._last = now, self._told(now)
+            self._last = now, self._status(now)
         return self._last[1]
 
-    def _told(self, now: float) -> dict[str, Any]:
+    def _status(self, now: float) -> dict[str, Any]:
         service = self._service
         return {
             "alive": service.alive(),
             "refused": service.refused,
-            "axes": [{**axis.told(), **self._beside(axis, now)} for axis in service.axes.values()],
+            "axes": [{**axis.status_json(), **self._extras(axis, now)} for axis in service.axes.values()],
             "faults": list(service.faults)[-_FAULTS:],
         }
 
-    def _beside(self, axis: Manned, now: float) -> dict[str, Any]:
-        """What the page shows beside the status: lateness, bus load, recording."""
+    def _extras(self, axis: AxisController, now: float) -> dict[str, Any]:
+        """What the page shows in addition to the status: lateness, bus load, recording."""
         late = self._late.get(axis.name)
         if late is None or late.ring is not axis.ring:
             late = self._late[axis.name] = Lateness(axis.ring, axis.setup.dt)
         rate = self._rate(axis, now)
         return {
-            "lateness": late.told(),
+            "lateness": late.histogram(),
             "rate": rate,
             "bus_load": _load(axis, rate),
-            "recording": self._service.recordings.told(axis),
+            "recording": self._service.recordings.status_json(axis),
         }
 
-    def _rate(self, axis: Manned, now: float) -> float:
+    def _rate(self, axis: AxisController, now: float) -> float:
         """Cycles a second, over a second or more."""
         cycles = axis.status.cycles
         when, before, rate = self._rates.get(axis.name, (now, cycles, 0.0))
@@ -88,12 +89,12 @@ class News:
         return rate
 
 
-def _wire(axis: Manned) -> str:
+def _wire(axis: AxisController) -> str:
     wire = axis.setup.file.drive.wire
     return f"{wire.channel}, {wire.bitrate / 1e3:.0f} kbit/s" if isinstance(wire, Canopen) else ""
 
 
-def _load(axis: Manned, rate: float) -> float | None:
-    """Share of the bus that the cycles really take that this axis makes, stuffed as badly as can be."""
+def _load(axis: AxisController, rate: float) -> float | None:
+    """Share of the bus that this axis' cycles take, with worst-case bit stuffing."""
     wire = axis.setup.file.drive.wire
     return bus_load(rate, wire.bitrate) if isinstance(wire, Canopen) else None

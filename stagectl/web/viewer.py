@@ -1,15 +1,15 @@
-"""One viewer's live connection: what it asked for, and what goes out to it, frame by frame.
+"""One viewer's live connection: its requests, and what it gets, frame by frame.
 
 ::
 
     viewer --  {"key": ...}                                    first, over TCP
            --  {"strip": {"axis", "channels", "span", "points", "number"}}
-           --  {"scope": {... "before", "trigger", "mode"}}     see `Asked`
+           --  {"scope": {... "before", "trigger", "mode"}}     see `ScopeRequest`
            --  {"closer": {"start", "end", "points", "number"}}, {"hold": {"held"}}
            <-  {"status": ...}  ten times a second; {"error": ...}
            <-  numbers, see `live`
 
-It reads the ring, which costs the loop nothing; whoever reads slowly gets coarser news, and delays nobody.
+It reads the ring, which costs the loop nothing; a slow reader gets fewer frames, and delays nobody.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from typing import Any
 from stagectl.recording.joined_rings import Joined, Source
 from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Settings, Trigger
-from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.service import Service
 from stagectl.web.channels import Channel, channels, chosen, level, side_by_side
-from stagectl.web.live import Sight, Strip, Window
-from stagectl.web.viewer_request import Asked, Closer, Hold, Stripes, read
+from stagectl.web.live import ScopeView, Strip, Window
+from stagectl.web.viewer_request import DetailRequest, HoldRequest, ScopeRequest, StripRequest, read
 
 RATE = 30.0  # frames a second; the page draws what they hold with every picture of its screen
 _NEWS = 0.1  # s between two statuses
@@ -40,22 +40,22 @@ class Viewer:
 
     def __init__(self, service: Service, status: Callable[[], dict[str, Any]], say: Say) -> None:
         self._service, self._status, self._say = service, status, say
-        self._strip: tuple[Strip, Ring, Stripes] | None = None
-        self._sight: tuple[Sight, Source, Asked] | None = None
-        self._held, self._said = False, 0.0
+        self._strip: tuple[Strip, Ring, StripRequest] | None = None
+        self._view: tuple[ScopeView, Source, ScopeRequest] | None = None
+        self._held, self._last_status = False, 0.0
 
     async def hear(self, text: str) -> None:
-        """Something was asked for; what cannot be is answered in words."""
+        """Take a request; answer in words what cannot be done."""
         try:
-            wanted = read(text)
-            if isinstance(wanted, Closer):
-                await self._closer(wanted)
-            elif isinstance(wanted, Hold):
-                self._held = wanted.held
-            elif isinstance(wanted, Asked):
-                self._held, self._sight = False, None if wanted.mode == "off" else self._scope(wanted)
+            request = read(text)
+            if isinstance(request, DetailRequest):
+                await self._closer(request)
+            elif isinstance(request, HoldRequest):
+                self._held = request.held
+            elif isinstance(request, ScopeRequest):
+                self._held, self._view = False, None if request.mode == "off" else self._scope(request)
             else:
-                self._strip = self._stripes(wanted)
+                self._strip = self._stripes(request)
         except ServiceError as error:
             await self._say(json.dumps({"error": str(error)}))
 
@@ -67,26 +67,26 @@ class Viewer:
             await asyncio.sleep(max(1.0 / RATE - (time.monotonic() - began), 0.002))
 
     async def frame(self, now: float) -> None:
-        """What there is to say now."""
+        """Send what is new."""
         self._follow()
         if self._strip is not None:
-            strip, _, asked = self._strip
-            if (message := strip.look(asked.number)) is not None:
+            strip, _, request = self._strip
+            if (message := strip.look(request.number)) is not None:
                 await self._say(message)
-        if self._sight is not None and not self._held:
-            sight, _, wanted = self._sight
-            if (message := sight.look(wanted.number)) is not None:
+        if self._view is not None and not self._held:
+            view, _, scope = self._view
+            if (message := view.look(scope.number)) is not None:
                 await self._say(message)
-        if now - self._said >= _NEWS:
-            self._said = now
+        if now - self._last_status >= _NEWS:
+            self._last_status = now
             await self._say(json.dumps({"status": self._status()}))
 
     def _follow(self) -> None:
         """A new real-time process has a new ring."""
         if self._strip is not None and self._strip[1] is not self._axis(self._strip[2].axis).ring:
             self._strip = self._stripes(self._strip[2])
-        if self._sight is not None and not self._held and self._gone(self._sight[1]):
-            self._sight = self._scope(self._sight[2])
+        if self._view is not None and not self._held and self._gone(self._view[1]):
+            self._view = self._scope(self._view[2])
 
     def _gone(self, source: Source) -> bool:
         """Whether nobody writes there any more, or the axes began anew."""
@@ -94,17 +94,17 @@ class Viewer:
         looked_at = source.rings if isinstance(source, Joined) else (source,)
         return any(ring not in rings for ring in looked_at) or (isinstance(source, Joined) and source.apart)
 
-    def _axis(self, name: str) -> Manned:
+    def _axis(self, name: str) -> AxisController:
         if name and name not in self._service.axes:
-            raise ServiceError(f"no axis {name}; there are {', '.join(self._service.axes)}")
+            raise ServiceError(f"no axis {name}; the axes are: {', '.join(self._service.axes)}")
         return self._service.axes[name] if name else next(iter(self._service.axes.values()))
 
-    def _stripes(self, p: Stripes) -> tuple[Strip, Ring, Stripes]:
+    def _stripes(self, p: StripRequest) -> tuple[Strip, Ring, StripRequest]:
         axis = self._axis(p.axis)
         window = Window(tuple(chosen(channels(axis.setup), p.channels)), p.span, p.points)
         return Strip(axis.ring, axis.setup.dt, window), axis.ring, p
 
-    def _field(self, axis: Manned, names: list[str]) -> tuple[Source, dict[str, Channel]]:
+    def _field(self, axis: AxisController, names: list[str]) -> tuple[Source, dict[str, Channel]]:
         """Where a scope of `axis` reads, and what it finds there; another axis' channels have dotted names."""
         own = channels(axis.setup)
         others = {name.partition(".")[0] for name in names if "." in name and name not in own}
@@ -112,12 +112,12 @@ class Viewer:
             return axis.ring, own
         wanted = {self._axis(name).name for name in others}
         wanted |= {axis.name} if any(name in own for name in names) else set()
-        axes = {name: one for name, one in self._service.axes.items() if name in wanted}  # as they are served
-        found = side_by_side({name: one.setup for name, one in axes.items()})
-        plain = {name: found[f"{axis.name}.{name}"] for name in own if axis.name in axes}
-        return Joined([one.ring for one in axes.values()]), {**plain, **found}
+        axes = {name: served for name, served in self._service.axes.items() if name in wanted}  # as they are served
+        dotted = side_by_side({name: served.setup for name, served in axes.items()})
+        plain = {name: dotted[f"{axis.name}.{name}"] for name in own if axis.name in axes}
+        return Joined([served.ring for served in axes.values()]), {**plain, **dotted}
 
-    def _scope(self, p: Asked) -> tuple[Sight, Source, Asked]:
+    def _scope(self, p: ScopeRequest) -> tuple[ScopeView, Source, ScopeRequest]:
         axis = self._axis(p.axis)
         source, known = self._field(axis, [*p.channels, *([p.trigger.channel] if p.trigger else [])])
         dt = axis.setup.dt
@@ -133,11 +133,11 @@ class Viewer:
         mode = "single" if p.mode == "off" else p.mode
         settings = Settings(rows, min(round(p.before * rows), rows - 1), trigger, mode, pause, round(0.05 / dt))
         window = Window(tuple(chosen(known, p.channels)), p.span, p.points)
-        return Sight(source, dt, window, settings), source, p
+        return ScopeView(source, dt, window, settings), source, p
 
-    async def _closer(self, p: Closer) -> None:
-        if self._sight is None:
+    async def _closer(self, p: DetailRequest) -> None:
+        if self._view is None:
             return
-        message = self._sight[0].closer(p.start, p.end, p.points, p.number)
+        message = self._view[0].closer(p.start, p.end, p.points, p.number)
         if message is not None:
             await self._say(message)

@@ -1,4 +1,4 @@
-"""What a viewer may ask for, strictly read."""
+"""The requests of a viewer, strictly checked."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class Stripes(_Strict):
-    """Channels that go on."""
+class StripRequest(_Strict):
+    """Channels of a continuous strip chart."""
 
     axis: _Name = ""
     channels: list[_Name] = Field(max_length=64)
@@ -28,15 +28,15 @@ class Stripes(_Strict):
     number: _Number = 0  # comes back with each message
 
 
-class Event(_Strict):
-    """What a scope waits for."""
+class TriggerRequest(_Strict):
+    """The trigger of a scope."""
 
     channel: _Name
     level: str = Field(max_length=40, description="With its unit: '1 um'.")
     edge: Literal["rising", "falling", "both"] = "rising"
 
 
-class Asked(_Strict):
+class ScopeRequest(_Strict):
     """A scope; `off`: none."""
 
     axis: _Name = ""
@@ -44,13 +44,13 @@ class Asked(_Strict):
     span: float = Field(1.0, ge=1e-3, le=60.0, description="s of a capture.")
     before: float = Field(0.2, ge=0.0, le=1.0, description="Share of it before the trigger.")
     points: _Points = 1000
-    trigger: Event | None = None
+    trigger: TriggerRequest | None = None
     mode: Literal["auto", "normal", "single", "off"] = "auto"
     number: _Number = 0
 
 
-class Closer(_Strict):
-    """A part of what the scope holds, finer."""
+class DetailRequest(_Strict):
+    """A part of the held capture, at finer resolution."""
 
     start: float  # s, from the trigger
     end: float
@@ -58,16 +58,21 @@ class Closer(_Strict):
     number: _Number = 0
 
 
-class Hold(_Strict):
+class HoldRequest(_Strict):
     """Whether the scope stays with what it has; the next scope goes on."""
 
     held: bool = True
 
 
-_KINDS: dict[str, type[_Strict]] = {"strip": Stripes, "scope": Asked, "closer": Closer, "hold": Hold}
+_KINDS: dict[str, type[_Strict]] = {
+    "strip": StripRequest,
+    "scope": ScopeRequest,
+    "closer": DetailRequest,
+    "hold": HoldRequest,
+}
 
 
-def read(text: str) -> Stripes | Asked | Closer | Hold:
+def read(text: str) -> StripRequest | ScopeRequest | DetailRequest | HoldRequest:
     """One message.
 
     Raises ServiceError where it is none.
@@ -76,11 +81,11 @@ def read(text: str) -> Stripes | Asked | Closer | Hold:
         (kind, body), *more = json.loads(text).items()
         if more or kind not in _KINDS:
             raise ServiceError(f"a message has one key of {', '.join(_KINDS)}")
-        found = _KINDS[kind].model_validate(body)
+        request = _KINDS[kind].model_validate(body)
     except ValidationError as error:
-        said = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
-        raise ServiceError(said) from error
+        words = "; ".join(f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in error.errors())
+        raise ServiceError(words) from error
     except (ValueError, AttributeError) as error:
         raise ServiceError("a message is JSON with one key") from error
-    assert isinstance(found, Stripes | Asked | Closer | Hold)
-    return found
+    assert isinstance(request, StripRequest | ScopeRequest | DetailRequest | HoldRequest)
+    return request

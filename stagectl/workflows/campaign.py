@@ -69,26 +69,27 @@ def chosen(experiments: tuple[Experiment, ...], only: list[str], skip: list[str]
 
     Raises GapError for a name that is none of theirs, or where nothing is left.
     """
-    known = [one.name for one in experiments]
+    known = [experiment.name for experiment in experiments]
     for option, name in [("only", name) for name in only] + [("skip", name) for name in skip]:
         if name not in known:
-            raise GapError(f"--{option} {name}: no such experiment; there are {', '.join(known)}")
+            raise GapError(f"--{option} {name}: no such experiment; the experiments are: {', '.join(known)}")
     wanted = set(only or known) - set(skip)
     if not wanted:
         raise GapError("--skip leaves no experiment to record: skip fewer of them")
-    return tuple((number, one) for number, one in enumerate(experiments) if one.name in wanted)
+    return tuple((number, experiment) for number, experiment in enumerate(experiments) if experiment.name in wanted)
 
 
 def schedule(experiments: tuple[tuple[int, Experiment], ...], repeats: int) -> tuple[Run, ...]:
     """All runs in order: a whole round of every experiment, then the next, so that drift meets all alike."""
     order = [
-        (number, one, repeat)
+        (number, experiment, repeat)
         for repeat in range(1, repeats + 1)
-        for number, one in experiments
-        if repeat <= (HELD_OUT_REPEATS if one.use == HELD_OUT else repeats)
+        for number, experiment in experiments
+        if repeat <= (HELD_OUT_REPEATS if experiment.use == HELD_OUT else repeats)
     ]
-    starts = accumulate((one.duration + PAUSE for _, one, _ in order), initial=0.0)
-    return tuple(Run(one, number, repeat, start) for (number, one, repeat), start in zip(order, starts, strict=False))
+    starts = accumulate((experiment.duration + PAUSE for _, experiment, _ in order), initial=0.0)
+    timed = zip(order, starts, strict=False)
+    return tuple(Run(experiment, number, repeat, start) for (number, experiment, repeat), start in timed)
 
 
 def laid_out(machine: Machine, runs: tuple[Run, ...], folder: Path) -> dict[str, Motion]:
@@ -115,19 +116,22 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
 
     A fault or an interrupt ends it, with what is done kept.  Raises StageError where not even the first run was made.
     """
-    done = {run.name: found for run in campaign.runs if (found := _recorded(campaign, run))}
+    done = {run.name: recording for run in campaign.runs if (recording := _recorded(campaign, run))}
     left = [run for run in campaign.runs if run.name not in done]
     if done:
-        rest = f"going on with {left[0].name}" if left else "nothing is left to be made"
+        rest = f"going on with {left[0].name}" if left else "no run is left"
         shown.say(f"{len(done)} of {len(campaign.runs)} runs are in {campaign.folder} already: {rest}")
-    begun = min((_stamp(one) - one.meta["capture"]["start_s"] for one in done.values()), default=campaign.clock())
+    begun = min(
+        (_stamp(recording) - recording.meta["capture"]["start_s"] for recording in done.values()),
+        default=campaign.clock(),
+    )
     stopped = _made(campaign, left, begun, shown) if left else ""
-    made = len(left) if not stopped else next(k for k, run in enumerate(left) if not _place(campaign, run).is_file())
+    count = len(left) if not stopped else next(k for k, run in enumerate(left) if not _place(campaign, run).is_file())
     if stopped:
         shown.say(
-            f"{left[made].name}: {stopped}.  {len(done) + made} of {len(campaign.runs)} runs are kept in "
-            f"{campaign.folder}; the same command with -o {campaign.folder} goes on with {left[made].name}, and --skip "
-            f"{left[made].experiment.name} leaves that experiment out"
+            f"{left[count].name}: {stopped}.  {len(done) + count} of {len(campaign.runs)} runs are kept in "
+            f"{campaign.folder}; the same command with -o {campaign.folder} goes on with {left[count].name}; "
+            f"--skip {left[count].experiment.name} leaves that experiment out"
         )
     kept = [run for run in campaign.runs if _place(campaign, run).is_file()]
     notes = [] if stopped else _identical(campaign, kept)
@@ -136,7 +140,7 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
     return {
         "folder": str(campaign.folder),
         "stage": campaign.machine.setup.file.name,
-        "runs": [_told(campaign, run) for run in kept],
+        "runs": [_as_json(campaign, run) for run in kept],
         "left": [run.name for run in campaign.runs if run not in kept],
         "stopped": stopped,
         "notes": notes,
@@ -213,15 +217,15 @@ def _recorded(campaign: Campaign, run: Run) -> Recording | None:
     path = _place(campaign, run)
     if not path.is_file():
         return None
-    found, motion = open_recording(path, only=("time",)), campaign.motions[run.experiment.name]
+    recording, motion = open_recording(path, only=("time",)), campaign.motions[run.experiment.name]
     here = {**motion.meta, "campaign": _campaign(campaign)}
     for what in ("files", "layers", "campaign"):
-        if found.meta.get(what) != here[what]:
+        if recording.meta.get(what) != here[what]:
             raise GapError(
                 f"{path} was recorded with {_WHICH[what]} than this campaign has: runs of one folder belong together; "
                 "choose another folder with -o"
             )
-    return found if found.complete else None
+    return recording if recording.complete else None
 
 
 _WHICH = {
@@ -235,7 +239,7 @@ def _place(campaign: Campaign, run: Run) -> Path:
     return campaign.folder / f"{run.name}.h5"
 
 
-def _told(campaign: Campaign, run: Run) -> dict[str, Any]:
+def _as_json(campaign: Campaign, run: Run) -> dict[str, Any]:
     path = _place(campaign, run)
     return {**open_recording(path, only=("time",)).meta["capture"], "recording": str(path)}
 
@@ -246,7 +250,7 @@ def _stamp(recording: Recording) -> float:
 
 
 def _identical(campaign: Campaign, kept: list[Run]) -> list[str]:
-    """Repeats that are the same to the last bit: they know no chance, and no floor."""
+    """Repeats that are the same to the last bit: they show no chance, so no floor."""
     first: dict[str, Any] = {}
     same: dict[str, None] = {}
     for run in kept:
@@ -264,15 +268,15 @@ def _identical(campaign: Campaign, kept: list[Run]) -> list[str]:
 
 
 def _once(say: Say) -> Say:
-    """Say each thing once: what holds for all runs need not be read with each."""
-    said: set[str] = set()
+    """Report each message once, though it may hold for all runs."""
+    reported: set[str] = set()
 
-    def told(words: str) -> None:
-        if words not in said:
-            said.add(words)
+    def report(words: str) -> None:
+        if words not in reported:
+            reported.add(words)
             say(words)
 
-    return told
+    return report
 
 
 @contextlib.contextmanager

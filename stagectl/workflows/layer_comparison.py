@@ -24,7 +24,7 @@ from stagectl.workflows.trials import Machine, Result, Shown, TrialError, after,
 ILC, OFF = "ilc", "off"
 
 
-class Asked(NamedTuple):
+class ComparisonRequest(NamedTuple):
     """What the user wants compared."""
 
     trajectory: Commanded
@@ -55,37 +55,41 @@ def chosen(name: str, known: tuple[str, ...]) -> list[str]:
     return layers
 
 
-def variants(machine: Machine, asked: Asked, shown: Shown, folder: Path) -> tuple[list[Variant], list[Result]]:
+def variants(
+    machine: Machine, request: ComparisonRequest, shown: Shown, folder: Path
+) -> tuple[list[Variant], list[Result]]:
     """Each variant laid out, and how those with ``ilc`` learned; recordings of that go to `folder`.
 
     Raises TrialError where the names are wrong, LearnedError where a learned current fits no variant.
     """
-    if len(set(map(frozenset, (chosen(name, asked.layers) for name in asked.names)))) < max(2, len(asked.names)):
-        raise TrialError(f"{' '.join(asked.names)}: at least two variants, each once; for example off ptc ptc+friction")
-    laid_out = {name: _laid_out(machine.setup, asked, name, folder) for name in asked.names}
-    files = _matched(asked, laid_out)
-    found, courses = [], []
+    if len(set(map(frozenset, (chosen(name, request.layers) for name in request.names)))) < max(2, len(request.names)):
+        raise TrialError(
+            f"{' '.join(request.names)}: at least two variants, each once; for example off ptc ptc+friction"
+        )
+    laid_out = {name: _laid_out(machine.setup, request, name, folder) for name in request.names}
+    files = _matched(request, laid_out)
+    laid_out_variants, courses = [], []
     for name, motion in laid_out.items():
-        if ILC not in chosen(name, asked.layers):
-            found.append(Variant(name, motion))
+        if ILC not in chosen(name, request.layers):
+            laid_out_variants.append(Variant(name, motion))
         elif name in files:
-            found.append(Variant(name, _with(motion, files[name])))
+            laid_out_variants.append(Variant(name, _with(motion, files[name])))
         else:
             shown.say(f"{name} learns first")
-            course = learn(machine, motion, asked.trials, shown, folder / f"learn-{name}")
+            course = learn(machine, motion, request.trials, shown, folder / f"learn-{name}")
             current = course.pop("current")
             save(folder / f"learned-{name}.h5", current)
             courses.append({**course, "name": name})
-            found.append(Variant(name, _with(motion, current)))
-    return found, courses
+            laid_out_variants.append(Variant(name, _with(motion, current)))
+    return laid_out_variants, courses
 
 
-def _laid_out(setup: Setup, asked: Asked, name: str, folder: Path) -> Motion:
+def _laid_out(setup: Setup, request: ComparisonRequest, name: str, folder: Path) -> Motion:
     """The motion with the layers of `name`, whatever the stage file says; ``ilc`` comes later."""
-    layers = tuple(layer for layer in chosen(name, asked.layers) if layer != ILC)
+    layers = tuple(layer for layer in chosen(name, request.layers) if layer != ILC)
     control = setup.file.control._replace(layers=cast("tuple[Layer, ...]", layers))
     changed = setup._replace(file=setup.file._replace(control=control))
-    return lay_out(changed, asked.trajectory, frozenset(), folder / "run.h5")
+    return lay_out(changed, request.trajectory, frozenset(), folder / "run.h5")
 
 
 def _with(motion: Motion, current: Learned) -> Motion:
@@ -93,22 +97,24 @@ def _with(motion: Motion, current: Learned) -> Motion:
     return with_current(motion, current.current)._replace(meta=meta)
 
 
-def _matched(asked: Asked, laid_out: dict[str, Motion]) -> dict[str, Learned]:
+def _matched(request: ComparisonRequest, laid_out: dict[str, Motion]) -> dict[str, Learned]:
     """Which variant each learned current belongs to, by its layers."""
-    found: dict[str, Learned] = {}
-    for path in asked.learned:
+    matched: dict[str, Learned] = {}
+    for path in request.learned:
         current = load(path)
         fitting = [
             name
             for name, motion in laid_out.items()
-            if ILC in chosen(name, asked.layers) and motion.meta["layers"] == current.meta["layers"]
+            if ILC in chosen(name, request.layers) and motion.meta["layers"] == current.meta["layers"]
         ]
         if not fitting:
             layers = "+".join([*current.meta["layers"], ILC])
-            raise LearnedError(f"{path} was learned for {layers}, which is not among {', '.join(asked.names)}: add it")
+            raise LearnedError(
+                f"{path} was learned for {layers}, which is not among {', '.join(request.names)}: add it"
+            )
         check(path, current, blank(laid_out[fitting[0]]))
-        found[fitting[0]] = current
-    return found
+        matched[fitting[0]] = current
+    return matched
 
 
 def compare(machine: Machine, ready_to_run: list[Variant], plan: tuple[int, int], shown: Shown, folder: Path) -> Result:
@@ -116,18 +122,18 @@ def compare(machine: Machine, ready_to_run: list[Variant], plan: tuple[int, int]
 
     Raises TrialError where a run is stopped, or has no tracking error.
     """
-    names, motions = [one.name for one in ready_to_run], dict(ready_to_run)
+    names, motions = [variant.name for variant in ready_to_run], dict(ready_to_run)
     blocks = paired_comparison.order(names, *plan)
-    found: dict[str, list[Result]] = {name: [] for name in names}
+    runs: dict[str, list[Result]] = {name: [] for name in names}
     count = len(ready_to_run[0].motion.plan.setpoints)
     done, total = 0, len(blocks) * len(names) * count
     with ready(machine, shown), shown.bar(f"compare {len(names)} variants", total) as update:
         for number, block in enumerate(blocks, 1):
             for name in block:
                 motion = motions[name]._replace(recording=folder / f"repeat-{number}-{name}.h5")
-                found[name].append(_repeat(machine.noisy(number), motion, after(done, total, update)))
+                runs[name].append(_repeat(machine.noisy(number), motion, after(done, total, update)))
                 done += count
-    return _compared(found, blocks)
+    return _compared(runs, blocks)
 
 
 def _repeat(machine: Machine, motion: Motion, update: Progress) -> Result:
@@ -137,15 +143,17 @@ def _repeat(machine: Machine, motion: Motion, update: Progress) -> Result:
     return result
 
 
-def _compared(found: dict[str, list[Result]], blocks: list[list[str]]) -> Result:
-    figures = [paired_comparison.Figures(name, _each(runs, "peak"), _each(runs, "rms")) for name, runs in found.items()]
-    any_run = next(iter(found.values()))[0]
+def _compared(all_runs: dict[str, list[Result]], blocks: list[list[str]]) -> Result:
+    figures = [
+        paired_comparison.Figures(name, _each(runs, "peak"), _each(runs, "rms")) for name, runs in all_runs.items()
+    ]
+    any_run = next(iter(all_runs.values()))[0]
     unit, lowest = any_run["unit"], paired_comparison.best(figures)
     return {
         "stage": any_run["stage"],
         "trajectory": any_run["trajectory"],
         "unit": unit,
-        "variants": [_variant(one, found[one.name]) for one in figures],
+        "variants": [_variant(figure, all_runs[figure.name]) for figure in figures],
         "order": blocks,
         "identical": paired_comparison.identical(figures),
         "best": lowest.name,
@@ -159,19 +167,19 @@ def _each(runs: list[Result], measure: str) -> NDArray[np.float64]:
     return np.array([run["tracking_error"][measure] for run in runs])
 
 
-def _variant(one: paired_comparison.Figures, runs: list[Result]) -> Result:
-    measures = {"peak": one.peak, "rms": one.rms}
+def _variant(figure: paired_comparison.Figures, runs: list[Result]) -> Result:
+    measures = {"peak": figure.peak, "rms": figure.rms}
     figures = {name: {"mean": float(np.mean(x)), "values": x.tolist()} for name, x in measures.items()}
-    return {"name": one.name, **figures, "recordings": [run["recording"] for run in runs]}
+    return {"name": figure.name, **figures, "recordings": [run["recording"] for run in runs]}
 
 
 def _against(figures: list[paired_comparison.Figures], other: paired_comparison.Figures) -> Result:
     """Differences in both measures; None stands where repeats cannot tell."""
-    found: Result = {"other": other.name}
+    differences: Result = {"other": other.name}
     for measure in ("peak", "rms"):
         rows = paired_comparison.differences(figures, other, measure)
-        found[measure] = [{**_finite(row._asdict()), "certain": row.certain} for row in rows]
-    return found
+        differences[measure] = [{**_finite(row._asdict()), "certain": row.certain} for row in rows]
+    return differences
 
 
 def _finite(values: dict[str, Any]) -> dict[str, Any]:
@@ -180,4 +188,6 @@ def _finite(values: dict[str, Any]) -> dict[str, Any]:
 
 def course_words(courses: list[Result]) -> list[str]:
     """How each variant learned."""
-    return [f"{one['name']} learned from {len(one['trials'])} trials: {learned_words(one)}." for one in courses]
+    return [
+        f"{course['name']} learned from {len(course['trials'])} trials: {learned_words(course)}." for course in courses
+    ]

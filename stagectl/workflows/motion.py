@@ -105,11 +105,11 @@ def _with_learned(motion: Motion, path: Path) -> Motion:
 
     Raises LearnedError where it was learned on something else.
     """
-    found, here = load(path), blank(motion)
-    check(path, found, here)
-    about = {name: found.meta[name] for name in ("kept", "created")}
+    learned, expected = load(path), blank(motion)
+    check(path, learned, expected)
+    about = {name: learned.meta[name] for name in ("kept", "created")}
     meta = {**motion.meta, "layers": [*motion.meta["layers"], "ilc"], "learned": {"name": path.name, **about}}
-    return with_current(motion, found.current)._replace(meta=meta)
+    return with_current(motion, learned.current)._replace(meta=meta)
 
 
 def blank(motion: Motion) -> Learned:
@@ -218,25 +218,25 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     if lacks := _lacks(ended, recording):
         say(lacks)
     result = evaluate(recording.samples, recording.meta)
-    told = {"cycles": ended.cycles, "late_cycles": ended.late, "lost_rows": recording.lost_rows, "fault": fault}
-    return {**result, **told, "recording": str(motion.recording), "simulated": False}
+    counts = {"cycles": ended.cycles, "late_cycles": ended.late, "lost_rows": recording.lost_rows, "fault": fault}
+    return {**result, **counts, "recording": str(motion.recording), "simulated": False}
 
 
 def _lacks(ended: Ended, recording: Recording) -> str:
-    """What the disk did not take, in words."""
+    """Rows that were not recorded, in words."""
     if not ended.recorded:
-        return f"the recorder stopped before the motion did: {recording.path} lacks rows; is the disk full?"
+        return f"the recorder stopped before the motion did: {recording.path} is incomplete; check the disk with `df`"
     if recording.lost_rows:
-        lost = f"the disk took {recording.lost_rows} rows fewer than there were"
-        return f"{lost}: {recording.path} marks where they lack"
+        lost = f"the disk was too slow for {recording.lost_rows} rows"
+        return f"{lost}: {recording.path} marks the gaps"
     return ""
 
 
 def _conditions(ended: Ended) -> list[str]:
-    """What was not as it was asked for, in words."""
+    """Conditions that were not as requested, in words."""
     words = [f"not real time: {refusal}" for refusal in ended.refused]
     if ended.companion:
-        words.append(f"the process beside the loop ended early (exit {ended.companion}): the motion did not need it")
+        words.append(f"the companion process ended early (exit {ended.companion}): the motion is not affected")
     return words
 
 

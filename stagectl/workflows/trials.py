@@ -161,10 +161,10 @@ def _said(result: Result, state: Learning, number: int, shown: Shown) -> Result:
     if result["saturated_cycles"]:
         words += f"; the current limit was reached in {result['saturated_cycles']} cycles"
     shown.say(f"{words}{'; ' if trial.words else ''}{trial.words}")
-    found = {name: result[name] for name in ("tracking_error", "saturated_cycles", "recording")}
+    figures = {name: result[name] for name in ("tracking_error", "saturated_cycles", "recording")}
     return {
         "trial": number,
-        **found,
+        **figures,
         "whole": {"peak": trial.peak * scale, "rms": trial.rms * scale},
         "words": trial.words,
     }
@@ -174,9 +174,9 @@ def _learned(state: Learning, results: list[Result], stopped: str) -> Result:
     base, course = state.motion, state.course
     setup = base.setup
     kept = min(range(len(results)), key=lambda k: course.trials[k].rms)
-    seen = learning.plant_ratios(setup.stage, base.law, setup.dt)
-    found = blank(base)
-    meta = {**found.meta, "kept": kept + 1, "settings": state.settings._asdict()}
+    ratios = learning.plant_ratios(setup.stage, base.law, setup.dt)
+    learned = blank(base)
+    meta = {**learned.meta, "kept": kept + 1, "settings": state.settings._asdict()}
     return {
         "stage": setup.file.name,
         "trajectory": base.meta["trajectory"],
@@ -186,27 +186,29 @@ def _learned(state: Learning, results: list[Result], stopped: str) -> Result:
         "kept": kept + 1,
         "stopped": stopped,
         "settings": state.settings._asdict(),
-        "convergence": [one._asdict() for one in learning.convergence(seen, state.settings)],
-        "calmest_cutoff": learning.highest_convergent_cutoff(seen, state.settings),
-        "current": found._replace(current=course.best, meta=meta),
+        "convergence": [ratio._asdict() for ratio in learning.convergence(ratios, state.settings)],
+        "calmest_cutoff": learning.highest_convergent_cutoff(ratios, state.settings),
+        "current": learned._replace(current=course.best, meta=meta),
     }
 
 
 def convergence_words(result: Result) -> list[str]:
     """What a trial leaves of the error, in words; and where it would grow, what to do."""
     check, cutoff = result["convergence"], result["settings"]["cutoff"]
-    shown = ", ".join(f"{100.0 * one['most']:.0f} % ({one['plant']}, at {one['frequency']:.3g} Hz)" for one in check)
-    found = [f"by the model a trial leaves at most {shown} of the error"]
-    growing = [one for one in check if one["most"] >= 1.0]
+    shown = ", ".join(
+        f"{100.0 * ratio['most']:.0f} % ({ratio['plant']}, at {ratio['frequency']:.3g} Hz)" for ratio in check
+    )
+    sentences = [f"by the model a trial leaves at most {shown} of the error"]
+    growing = [ratio for ratio in check if ratio["most"] >= 1.0]
     if growing:
         calm = result["calmest_cutoff"]
         advice = f"with learning.cutoff at {calm:.3g} Hz it shrinks everywhere" if calm else "no cutoff prevents it"
-        found.append(
+        sentences.append(
             f"near {growing[0]['frequency']:.3g} Hz the error of an axis "
-            f"{' or '.join(one['plant'] for one in growing)} would grow; {advice}, at {cutoff:g} Hz trials that grow "
-            "are undone"
+            f"{' or '.join(ratio['plant'] for ratio in growing)} would grow; {advice}, at {cutoff:g} Hz "
+            "trials that grow are undone"
         )
-    return found
+    return sentences
 
 
 def fresh_folder(what: str) -> Path:

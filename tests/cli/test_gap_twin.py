@@ -57,7 +57,7 @@ def test_watch_says_that_a_twin_has_gone(command: Command, tmp_path: Path) -> No
     path = snapshot(tmp_path / "a.twin.json", ended="", process=2**22 + 1, written=time.time() - 60.0)
     code, _, said = command("gap", "watch", path)
     assert code == 0, said
-    assert "the twin's process 4194305 has gone; its last word is 60" in said
+    assert "the twin's process 4194305 has ended; its last record is 60" in said
 
 
 def test_watch_without_a_run_says_how_to_get_one(

@@ -14,7 +14,7 @@ from stagectl.drives.drive import Fault
 from stagectl.realtime.axes import Loop, Post
 from stagectl.realtime.shared_memory import PENDING, REFUSED, TAKEN, Order
 from stagectl.realtime.states import Event, State
-from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
+from stagectl.service.axis_controller import COLUMNS, AxisController, ServiceError
 from stagectl.service.machine import machine
 from tests.conftest import CONFIG, varied
 
@@ -29,7 +29,7 @@ class Group:
         monkeypatch.setattr(time, "monotonic", lambda: self.now)
         monkeypatch.setattr(time, "sleep", self._spend)
         setup = varied(setup, substeps=1)
-        self.manned = {name: Manned(name, setup) for name in "xy"}
+        self.manned = {name: AxisController(name, setup) for name in "xy"}
         orders = tuple(one.orders()._replace(wire=None) for one in self.manned.values())
         capacity = self.manned["x"].ring.capacity
         self.loop = Loop(Post(orders, setup.dt, 0, None, len(COLUMNS), capacity, coupled))

@@ -17,7 +17,7 @@ from stagectl.realtime.axis import Axis
 from stagectl.realtime.shared_memory import REFUSED, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State
 from stagectl.realtime.stops import STOPS, Category
-from stagectl.service.axis_controller import COLUMNS, Manned
+from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.trajectories.motion import TrajectoryError
 from tests.conftest import varied
 
@@ -51,7 +51,7 @@ class Bench:
 
     def __init__(self, setup: Setup, homing: Homing = ABSOLUTE) -> None:
         setup = varied(setup, substeps=1)
-        self.manned = Manned("axis", setup)
+        self.manned = AxisController("axis", setup)
         self.drive = Drive(Plant(setup.stage, setup.file.simulation, setup.dt))
         self.refuses = False
         orders = self.manned.orders()._replace(homing=homing)
@@ -363,7 +363,7 @@ def test_home_here_needs_no_motion(ball_screw: Setup) -> None:
 
 
 def test_a_move_may_use_the_travel_that_is_left_from_where_the_axis_stands(ball_screw: Setup) -> None:
-    manned, scale = Manned("axis", ball_screw), ball_screw.file.axis.travel_per_unit
+    manned, scale = AxisController("axis", ball_screw), ball_screw.file.axis.travel_per_unit
     manned.board.show(Status(reference=-0.04 / scale))  # of +-50 mm
     assert manned.move(0.08, 0.1, None).span[1] * scale == pytest.approx(0.08)
     assert manned.move(-0.009, 0.1, None).span[0] * scale == pytest.approx(-0.009)

@@ -14,7 +14,7 @@ from stagectl.drives.drive import Fault, Feedback
 from stagectl.kernels import rollout
 from stagectl.plan import plan
 from stagectl.realtime.envelope import acceleration, braking, envelope
-from stagectl.realtime.safety import FRESH, Envelope, Seen, Watch, judge, words
+from stagectl.realtime.safety import FRESH, Envelope, Observation, Watch, judge, words
 from stagectl.realtime.stops import STOPS, Category
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
@@ -24,13 +24,15 @@ DT = 1e-3
 P = Envelope(low=-1.0, high=2.0, speed=10.0, following_error=0.1, late_limit=5)
 
 
-def seen(position: float, error: float = 0.0, **changes: Any) -> Seen:
+def seen(position: float, error: float = 0.0, **changes: Any) -> Observation:
     feedback = Feedback(position, changes.get("current", 0.0), 0x27, changes.get("fault", Fault.NONE))
     feedback = feedback._replace(age=changes.get("age", 0.0))
-    return Seen(feedback, changes.get("reference", 0.0), error, changes.get("command", 0.0), changes.get("time", DT))
+    return Observation(
+        feedback, changes.get("reference", 0.0), error, changes.get("command", 0.0), changes.get("time", DT)
+    )
 
 
-def judged(p: Envelope, rows: list[Seen], x: Watch = FRESH) -> tuple[Fault, int]:
+def judged(p: Envelope, rows: list[Observation], x: Watch = FRESH) -> tuple[Fault, int]:
     """The first fault of these periods, and in which of them."""
     for k, now in enumerate(rows):
         fault, x = judge(p, x, now)
@@ -184,7 +186,7 @@ def test_nothing_stops_a_good_run(ball_screw: Setup, amplitude: float) -> None:
     assert len(rows) > 1000
     for row in rows:
         feedback = Feedback(row["measured"], row["measured_current"], 0x27, Fault.NONE)
-        fault, x = judge(p, x, Seen(feedback, row["reference"], row["error"], command, noisy.dt))
+        fault, x = judge(p, x, Observation(feedback, row["reference"], row["error"], command, noisy.dt))
         assert fault is Fault.NONE, row["time"]
         command = row["current"]
     assert np.ptp(rows["measured"]) * noisy.file.axis.travel_per_unit > 1.5 * amplitude

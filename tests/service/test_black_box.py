@@ -25,8 +25,8 @@ from stagectl.realtime.states import State
 from stagectl.recording.exports import FORMATS, export
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.recording.replay import replay
-from stagectl.service.axis_controller import COLUMNS, Manned
-from stagectl.service.black_box import AFTER, Box, Watcher
+from stagectl.service.axis_controller import COLUMNS, AxisController
+from stagectl.service.black_box import AFTER, BlackBoxOrder, Watcher
 from stagectl.service.recordings import about
 from stagectl.workflows.motion import prepare, pretend
 from tests.conftest import CONFIG
@@ -45,11 +45,13 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     setup = load_stage(folder / "stage.yaml")
     pretend(prepare(setup, folder / "sine.yaml", frozenset(), folder / "sine.h5"))
     rows = open_recording(folder / "sine.h5").samples[list(rollout.COLUMNS)]
-    axis = Manned("axis", setup)
+    axis = AxisController("axis", setup)
     alive, _ = os.pipe()
     board = axis.board.descriptor
     meta = about(axis, "black box")
-    p = Box(axis.ring.descriptor, axis.ring.width, axis.ring.capacity, board, alive, str(folder), meta, COLUMNS, 5e-4)
+    p = BlackBoxOrder(
+        axis.ring.descriptor, axis.ring.width, axis.ring.capacity, board, alive, str(folder), meta, COLUMNS, 5e-4
+    )
     watcher, fault = Watcher(p), len(rows) - round(AFTER / p.dt) // 10
     for row in rows[:fault].tolist():
         axis.ring.write((STARTED + row[0], *row[1:], float(State.MOVING)))
@@ -66,24 +68,24 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 def test_a_fault_while_it_starts_is_kept(tmp_path: Path) -> None:
     """The process takes a second to be there; the one before it was killed, and now the service dies, too."""
-    axis = Manned("axis", load_stage(CONFIG / "ball-screw.yaml"))
+    axis = AxisController("axis", load_stage(CONFIG / "ball-screw.yaml"))
     alive, _ = os.pipe()
     shared = (axis.ring.descriptor, axis.ring.width, axis.ring.capacity, axis.board.descriptor, alive)
     axis.board.show(Status(state=float(State.FAULT), fault=float(Fault.JUMP), faults=3.0))
     axis.ring.write((0.0,) * len(COLUMNS))
-    p = Box(*shared, str(tmp_path), about(axis, "black box"), COLUMNS, axis.setup.dt, faults=2)
+    p = BlackBoxOrder(*shared, str(tmp_path), about(axis, "black box"), COLUMNS, axis.setup.dt, faults=2)
     kept = Watcher(p).look(True)
     assert kept is not None and "jump" in kept.name
     assert Watcher(p._replace(faults=3)).look(True) is None
 
 
 def test_it_outlives_a_service_that_it_has_not_answered_yet(tmp_path: Path) -> None:
-    axis = Manned("axis", load_stage(CONFIG / "ball-screw.yaml"))
+    axis = AxisController("axis", load_stage(CONFIG / "ball-screw.yaml"))
     (alive, loop), (nobody, answer) = os.pipe(), os.pipe()
     shared = (axis.ring.descriptor, axis.ring.width, axis.ring.capacity, axis.board.descriptor, alive)
     axis.board.show(Status(state=float(State.FAULT), fault=float(Fault.JUMP), faults=3.0))
     axis.ring.write((0.0,) * len(COLUMNS))
-    p = Box(*shared, str(tmp_path), about(axis, "black box"), COLUMNS, axis.setup.dt, faults=2)
+    p = BlackBoxOrder(*shared, str(tmp_path), about(axis, "black box"), COLUMNS, axis.setup.dt, faults=2)
     for end in (nobody, loop):
         os.close(end)
     words = [sys.executable, "-m", "stagectl.service.black_box"]

@@ -1,4 +1,4 @@
-"""The doctor: what it finds on a machine that a test makes up, and that every finding in red says how to mend it."""
+"""The doctor: its findings on a machine that a test makes up, and that every finding in red says how to fix it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_the_machine_by_its_files(ball_screw: Setup, tmp_path: Path, monkeypatch
         assert checks["CPU"].good is good
     assert not checks["governor"].good
     assert checks["governor"].words == "performance, powersave"
-    assert checks["governor"].mend == "cpupower frequency-set -g performance"
+    assert checks["governor"].fix == "cpupower frequency-set -g performance"
     (tmp_path / "cpu1" / "cpufreq" / "scaling_governor").write_text("performance\n")
     assert found(ball_screw, tmp_path)["governor"].good
 
@@ -49,7 +49,7 @@ def test_the_real_time_class_is_tried_and_not_believed(
     check = found(ball_screw, tmp_path)["real-time class"]
     assert not check.good
     assert "SCHED_FIFO 80 is not permitted" in check.words
-    assert "LimitRTPRIO" in check.mend
+    assert "LimitRTPRIO" in check.fix
     monkeypatch.setattr(os, "sched_setscheduler", lambda *_: None)
     assert "µs late" in found(ball_screw, tmp_path)["real-time class"].words
 
@@ -60,7 +60,7 @@ def test_an_interface_that_is_not_there_is_red_with_its_command(ball_screw: Setu
     drive = ball_screw.file.drive._replace(wire=wire._replace(interface="socketcan", channel="nocan7"))
     check = found(ball_screw._replace(file=ball_screw.file._replace(drive=drive)), tmp_path)["bus"]
     assert not check.good
-    assert "ip link set nocan7 up type can bitrate 1000000" in check.mend
+    assert "ip link set nocan7 up type can bitrate 1000000" in check.fix
 
 
 def test_the_drives_stops_in_words(ball_screw: Setup, bench: Workbench, tmp_path: Path) -> None:
@@ -76,10 +76,10 @@ def test_the_drives_stops_in_words(ball_screw: Setup, bench: Workbench, tmp_path
     worst = found(setup, tmp_path, served=False)["abort connection option (0x6007)"]
     assert not worst.good
     assert "NO ACTION" in worst.words
-    assert "0x6007" in worst.mend
+    assert "0x6007" in worst.fix
 
 
-def test_everything_red_says_what_mends_it(command: Command, tmp_path: Path) -> None:
+def test_everything_red_says_what_fixes_it(command: Command, tmp_path: Path) -> None:
     code, out, _ = command("doctor", CONFIG / "ball-screw.yaml", "--state", tmp_path, "--json", "-")
     result = json.loads(out)
     assert code == (0 if result["fit"] else 1)

@@ -13,7 +13,7 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen
-from stagectl.service.install import PLACES, Wanted, contents, install, remove
+from stagectl.service.install import PLACES, Installation, contents, install, remove
 from stagectl.service.notify import notify
 from tests.conftest import CONFIG, Command
 
@@ -29,9 +29,9 @@ def on_can(ball_screw: Setup) -> Setup:
     return ball_screw._replace(file=ball_screw.file._replace(drive=drive))
 
 
-def wanted(*setups: Setup, tcp: str = "") -> Wanted:
+def wanted(*setups: Setup, tcp: str = "") -> Installation:
     named = tuple((name, STAGE, setup) for name, setup in zip("xyz", setups, strict=False))
-    return Wanted(named, Path("/opt/stagectl/bin/python"), tcp)
+    return Installation(named, Path("/opt/stagectl/bin/python"), tcp)
 
 
 def test_the_unit_says_what_the_stage_file_says(on_can: Setup, ball_screw: Setup) -> None:

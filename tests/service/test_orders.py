@@ -15,9 +15,9 @@ from stagectl.drives.bus.virtual_time import Timeline
 from stagectl.realtime.axes import Loop
 from stagectl.realtime.states import Event, State
 from stagectl.service import processes
-from stagectl.service.axis_controller import Manned, ServiceError
-from stagectl.service.orders import Orderly
-from stagectl.service.service import Service, Where
+from stagectl.service.axis_controller import AxisController, ServiceError
+from stagectl.service.orders import OrderHandler
+from stagectl.service.service import Service, ServicePaths
 from tests.conftest import varied
 
 CALM = (None, None)
@@ -30,8 +30,10 @@ class Bench:
     def __init__(self, setup: Setup, folder: Path) -> None:
         setup = varied(setup, substeps=1)
         setup = setup._replace(file=setup.file._replace(drive=setup.file.drive._replace(wire=InProcess())))
-        self.axis = Manned("axis", setup)
-        self.orderly = Orderly(Service({"axis": self.axis}, Where(folder / "s", folder), False, lambda _: None))
+        self.axis = AxisController("axis", setup)
+        self.orderly = OrderHandler(
+            Service({"axis": self.axis}, ServicePaths(folder / "s", folder), False, lambda _: None)
+        )
         self.loop = Loop(processes.post([self.axis], False), Timeline())
         self.loop.axes[0].happen(Event.CONNECT)
         self.travel = setup.file.axis.travel_per_unit

@@ -10,30 +10,30 @@ import pytest
 
 from stagectl.realtime.shared_memory import Order, Status
 from stagectl.realtime.states import Event, State
-from stagectl.service.axis_controller import Manned, ServiceError
+from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.machine import machine
-from stagectl.service.orders import Orderly
-from stagectl.service.service import Service, Where
+from stagectl.service.orders import OrderHandler
+from stagectl.service.service import Service, ServicePaths
 from tests.conftest import CONFIG
 
 
 @pytest.fixture
-def axis() -> Manned:
+def axis() -> AxisController:
     return machine([str(CONFIG / "ball-screw.yaml")], None)["axis"]
 
 
 @pytest.fixture
-def service(axis: Manned, tmp_path: Path) -> Service:
-    return Service({"axis": axis}, Where(tmp_path / "socket", tmp_path), False, lambda _: None)
+def service(axis: AxisController, tmp_path: Path) -> Service:
+    return Service({"axis": axis}, ServicePaths(tmp_path / "socket", tmp_path), False, lambda _: None)
 
 
-def test_before_the_process_is_there(service: Service, axis: Manned) -> None:
-    with pytest.raises(ServiceError, match="is being started"):
+def test_before_the_process_is_there(service: Service, axis: AxisController) -> None:
+    with pytest.raises(ServiceError, match="is starting"):
         asyncio.run(service.order(axis, Order(Event.ENABLE)))
     assert axis.board.ordered == 0  # nor does the new process find it when it comes up
 
 
-def test_the_process_dies_over_it(service: Service, axis: Manned) -> None:
+def test_the_process_dies_over_it(service: Service, axis: AxisController) -> None:
     axis.board.show(Status(state=State.DISABLED, tick=time.monotonic(), patience=1e6))
 
     async def died() -> None:
@@ -46,8 +46,8 @@ def test_the_process_dies_over_it(service: Service, axis: Manned) -> None:
         asyncio.run(died())
 
 
-def test_gains_that_were_not_taken_are_not_kept(service: Service, axis: Manned) -> None:
+def test_gains_that_were_not_taken_are_not_kept(service: Service, axis: AxisController) -> None:
     before = axis.control, axis.controller
-    with pytest.raises(ServiceError, match="is being started"):
-        asyncio.run(Orderly(service).change("axis", {"bandwidth": "25 Hz"}))
+    with pytest.raises(ServiceError, match="is starting"):
+        asyncio.run(OrderHandler(service).change("axis", {"bandwidth": "25 Hz"}))
     assert (axis.control, axis.controller) == before

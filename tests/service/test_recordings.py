@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.recording.file_lock import beginning, claimed
 from stagectl.recording.hdf5 import Writer, open_recording
-from stagectl.service.axis_controller import COLUMNS, Manned, ServiceError
+from stagectl.service.axis_controller import COLUMNS, AxisController, ServiceError
 from stagectl.service.machine import machine
 from stagectl.service.recordings import Recordings, about
 from tests.conftest import CONFIG
@@ -20,25 +20,25 @@ PATIENCE = 60.0  # s: the machine is shared
 
 
 @pytest.fixture
-def axis() -> Manned:
+def axis() -> AxisController:
     return machine([str(CONFIG / "ball-screw.yaml")], None)["axis"]
 
 
-def write(axis: Manned, count: int) -> None:
+def write(axis: AxisController, count: int) -> None:
     for _ in range(count):
         number = axis.ring.written
         axis.ring.write(((number + 1) * axis.setup.dt, *(float(number),) * (len(COLUMNS) - 1)))
 
 
-def until_ended(recordings: Recordings, axis: Manned) -> None:
+def until_ended(recordings: Recordings, axis: AxisController) -> None:
     end = time.monotonic() + PATIENCE
-    while recordings.told(axis) is not None and time.monotonic() < end:
+    while recordings.status_json(axis) is not None and time.monotonic() < end:
         assert recordings.look() == []
         time.sleep(0.02)
-    assert recordings.told(axis) is None
+    assert recordings.status_json(axis) is None
 
 
-def test_it_begins_before_it_was_asked_for_and_ends_when_told(axis: Manned, tmp_path: Path) -> None:
+def test_it_begins_before_it_was_asked_for_and_ends_when_asked(axis: AxisController, tmp_path: Path) -> None:
     recordings = Recordings(tmp_path)
     write(axis, 1000)
     path = recordings.begin(axis, "one", 0.1, 3600.0)
@@ -46,9 +46,9 @@ def test_it_begins_before_it_was_asked_for_and_ends_when_told(axis: Manned, tmp_
     with pytest.raises(ServiceError, match=r"axis is being recorded: one\.h5"):
         recordings.begin(axis, "two", 0.0, 1.0)
     write(axis, 600)
-    told = recordings.told(axis)
-    assert told is not None
-    assert told["seconds"] == pytest.approx(0.4)
+    status = recordings.status_json(axis)
+    assert status is not None
+    assert status["seconds"] == pytest.approx(0.4)
     assert recordings.end("axis") == path
     found = open_recording(path)
     assert found.complete
@@ -70,7 +70,7 @@ def test_it_begins_before_it_was_asked_for_and_ends_when_told(axis: Manned, tmp_
     assert recordings.path("recordings", "axis", "one.h5") == path
 
 
-def test_it_ends_by_itself(axis: Manned, tmp_path: Path) -> None:
+def test_it_ends_by_itself(axis: AxisController, tmp_path: Path) -> None:
     recordings = Recordings(tmp_path)
     write(axis, 10)
     path = recordings.begin(axis, "", 1.0, 0.01)
@@ -80,7 +80,7 @@ def test_it_ends_by_itself(axis: Manned, tmp_path: Path) -> None:
     assert open_recording(path).complete
 
 
-def test_the_end_of_the_real_time_process_is_written_down(axis: Manned, tmp_path: Path) -> None:
+def test_the_end_of_the_real_time_process_is_written_down(axis: AxisController, tmp_path: Path) -> None:
     recordings = Recordings(tmp_path)
     write(axis, 10)
     path = recordings.begin(axis, "cut", 1.0, 3600.0)
@@ -92,7 +92,7 @@ def test_the_end_of_the_real_time_process_is_written_down(axis: Manned, tmp_path
     assert len(found.samples) == 10
 
 
-def test_what_killed_processes_have_left_is_cleared_away_or_kept(axis: Manned, tmp_path: Path) -> None:
+def test_what_killed_processes_have_left_is_cleared_away_or_kept(axis: AxisController, tmp_path: Path) -> None:
     recordings, folder = Recordings(tmp_path), tmp_path / "blackbox" / "axis"
     folder.mkdir(parents=True)
     beginning(folder / "one.unfinished").write_bytes(bytes(100))
@@ -110,7 +110,7 @@ def test_what_killed_processes_have_left_is_cleared_away_or_kept(axis: Manned, t
     assert len(found.samples) == 3 and not found.complete
 
 
-def test_a_recorder_killed_before_its_file_can_be_read(axis: Manned, tmp_path: Path) -> None:
+def test_a_recorder_killed_before_its_file_can_be_read(axis: AxisController, tmp_path: Path) -> None:
     recordings = Recordings(tmp_path)
     path = recordings.begin(axis, "early", 0.0, 3600.0)
     running = recordings._running["axis"]
@@ -123,7 +123,7 @@ def test_a_recorder_killed_before_its_file_can_be_read(axis: Manned, tmp_path: P
     assert list(path.parent.iterdir()) == [] == recordings.files()
 
 
-def test_an_axis_that_gives_no_rows(axis: Manned, tmp_path: Path) -> None:
+def test_an_axis_that_gives_no_rows(axis: AxisController, tmp_path: Path) -> None:
     """Its file goes as it came: until then it is listed as going on, afterwards not at all."""
     recordings = Recordings(tmp_path)
     recordings.begin(axis, "none", 0.0, 0.01)
@@ -138,12 +138,12 @@ def test_an_axis_that_gives_no_rows(axis: Manned, tmp_path: Path) -> None:
     until_ended(recordings, axis)
     assert recordings.files() == []
     recordings.begin(axis, "none", 0.0, 3600.0)
-    with pytest.raises(ServiceError, match="nothing was recorded: axis gave no rows"):
+    with pytest.raises(ServiceError, match="nothing was recorded"):
         recordings.end("axis")
 
 
 @pytest.mark.parametrize("name", ["../one", "a/b", ".hidden", "x" * 81, "a\x00", "ü"])
-def test_names_that_will_not_do(axis: Manned, tmp_path: Path, name: str) -> None:
+def test_names_that_will_not_do(axis: AxisController, tmp_path: Path, name: str) -> None:
     with pytest.raises(ServiceError, match="must be letters, digits"):
         Recordings(tmp_path).begin(axis, name, 0.0, 1.0)
     assert list(tmp_path.iterdir()) == []

@@ -42,7 +42,7 @@ def disabled(machine: Served) -> None:
 
 def test_from_power_to_a_position_and_back(machine: Served, command: Command) -> None:
     assert machine.axis()["state"] == "disabled"
-    with pytest.raises(RefusedError, match="move is not possible now: the axis without power"):
+    with pytest.raises(RefusedError, match="state disabled"):
         machine.ask("POST", "move", to={"axis": "2 mm"})
     assert command("enable", "--socket", machine.socket)[0] == 0
     code, out, err = command("move", "2 mm", "--socket", machine.socket, "--json", "-")
@@ -70,7 +70,7 @@ def test_a_stop_comes_through_while_it_moves_and_gains_change_meanwhile(machine:
     assert machine.ask("GET", "parameters")["axis"]["bandwidth"] == 30.0
     with pytest.raises(RefusedError, match=r"(?s)margin"):
         machine.ask("PATCH", "parameters", control={"bandwidth": "300 Hz"})
-    with pytest.raises(RefusedError, match="cannot be changed while it runs"):
+    with pytest.raises(RefusedError, match="cannot be changed"):
         machine.ask("PATCH", "parameters", control={"period": "1 ms"})
     assert machine.ask("POST", "stop")["axes"][0]["state"] == "standing"
     assert machine.axis()["fault"] == ""
@@ -116,7 +116,7 @@ def test_the_interface_describes_itself_and_refuses_what_it_does_not_know(machin
     for what, body in (("move", {"to": {"axis": 3}}), ("move", {"speed": "1"}), ("trajectory", {"yaml": "type: none"})):
         with pytest.raises(RefusedError):
             ask(machine.socket, "POST", f"/v1/{what}", body)
-    with pytest.raises(RefusedError, match="no axis q; there are axis"):
+    with pytest.raises(RefusedError, match="axis q;"):
         machine.ask("POST", "enable?axis=q")
 
 

@@ -102,7 +102,7 @@ def test_it_answers_while_its_real_time_process_is_restarted(machine: Served) ->
             (axis,) = found["axes"]
             assert axis["state"] == "connecting" and not found["alive"]
             assert axis["state_words"].startswith("restarting") and axis["speed"] == 0.0
-        with pytest.raises(RefusedError, match="is being started"):
+        with pytest.raises(RefusedError, match="is starting"):
             machine.ask("POST", "enable")
     finally:
         os.kill(new, signal.SIGCONT)

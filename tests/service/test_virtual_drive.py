@@ -50,5 +50,5 @@ def test_a_drive_that_does_not_start_is_an_error_with_its_words(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     instead(monkeypatch, tmp_path, "print('node 5 is there already')")
-    with pytest.raises(DriveError, match="did not start: node 5 is there already"):
+    with pytest.raises(DriveError, match="node 5 is there already"):
         virtual_drive.start(tmp_path / "stage.yaml", "nowhere", 1)

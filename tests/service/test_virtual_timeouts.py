@@ -9,7 +9,7 @@ import pytest
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen
 from stagectl.realtime.envelope import envelope
-from stagectl.service.axis_controller import Manned
+from stagectl.service.axis_controller import AxisController
 from stagectl.service.virtual_timeouts import HELD_UP, patient, waits_for_sync
 
 
@@ -21,7 +21,7 @@ def wired(setup: Setup, clock: Any = "sync", **changes: Any) -> Setup:
 
 
 def test_silence_counts_late_where_the_plant_stands_still_meanwhile(ball_screw: Setup) -> None:
-    orders = Manned("axis", ball_screw).orders()
+    orders = AxisController("axis", ball_screw).orders()
     assert isinstance(orders.wire, Canopen) and not orders.by_clock
     waits = orders.wire.heartbeat_timeout, orders.wire.rpdo_timeout, orders.wire.feedback_timeout
     assert waits == (HELD_UP,) * 3
@@ -39,6 +39,6 @@ def test_a_plant_in_real_time_is_taken_at_its_word(ball_screw: Setup, change: di
     setup = wired(ball_screw, **change)
     assert not waits_for_sync(setup)
     assert patient(setup) is setup
-    orders = Manned("axis", setup).orders()
+    orders = AxisController("axis", setup).orders()
     assert orders.by_clock and orders.wire == setup.file.drive.wire
     assert orders.envelope == envelope(setup)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.service.axis_controller import COLUMNS, Manned
+from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.service.machine import machine
-from stagectl.service.service import Service, Where
+from stagectl.service.service import Service, ServicePaths
 from tests.conftest import CONFIG
 
 Write = Callable[..., None]
@@ -19,16 +19,16 @@ Write = Callable[..., None]
 @pytest.fixture
 def service(tmp_path: Path) -> Service:
     axes = machine([str(CONFIG / "ball-screw.yaml")], None)
-    return Service(axes, Where(tmp_path / "control.sock", tmp_path / "state"), True, lambda _: None)
+    return Service(axes, ServicePaths(tmp_path / "control.sock", tmp_path / "state"), True, lambda _: None)
 
 
 @pytest.fixture
-def axis(service: Service) -> Manned:
+def axis(service: Service) -> AxisController:
     return service.axes["axis"]
 
 
 @pytest.fixture
-def write(axis: Manned) -> Write:
+def write(axis: AxisController) -> Write:
     """``write(count, error=...)``: rows whose numbers tell which they are; one column may be said."""
 
     def rows(count: int, **columns: Callable[[int], float]) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from stagectl.service.axis_controller import ServiceError
-from stagectl.web.access_control import Guard, Keys, May, SameSite, secret
+from stagectl.web.access_control import Guard, Keys, Permission, SameSite, secret
 
 TOKEN, KEY = "t" * 43, "k" * 43
 KEYS = Keys(TOKEN, KEY, token_moves=False)
@@ -51,11 +51,11 @@ def guarded(inner: Any) -> Guard:
         ("Bearer ", 401, 401, None),
         ("Bearer " + "x" * 43, 401, 401, None),
         (f"Bearer {TOKEN[:-1]}", 401, 401, None),
-        (f"Bearer {TOKEN}", 200, 403, May.READ),
-        (f"Bearer {KEY}", 200, 200, May.MOVE),
+        (f"Bearer {TOKEN}", 200, 403, Permission.READ),
+        (f"Bearer {KEY}", 200, 200, Permission.MOVE),
     ],
 )
-def test_the_token_reads_and_the_key_moves(said: str, get: int, post: int, may: May | None) -> None:
+def test_the_token_reads_and_the_key_moves(said: str, get: int, post: int, may: Permission | None) -> None:
     header = {"authorization": said} if said else {}
     status, scope = asked(guarded, **header)
     assert status == get
@@ -76,8 +76,8 @@ def test_nothing_else_is(path: str) -> None:
 def test_a_live_connection_gets_the_keys_to_be_asked_for() -> None:
     _, scope = asked(guarded, kind="websocket", path="/v1/live")
     assert scope["keys"] is KEYS
-    assert Keys(TOKEN, KEY, token_moves=True).grant(TOKEN) is May.MOVE
-    assert KEYS.grant("ü") is May.NOTHING
+    assert Keys(TOKEN, KEY, token_moves=True).grant(TOKEN) is Permission.MOVE
+    assert KEYS.grant("ü") is Permission.NOTHING
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_a_secret_is_its_owners(tmp_path: Path) -> None:
     assert secret(path) == first
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     os.chmod(path, 0o640)
-    with pytest.raises(ServiceError, match="can be read by others"):
+    with pytest.raises(ServiceError, match="other users can read"):
         secret(path)
     path.write_text("short")
     os.chmod(path, 0o600)

@@ -34,7 +34,7 @@ SHOTS = os.environ.get("STAGECTL_SCREENSHOTS")  # a folder, for who wants to loo
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     with served(tmp_path_factory.mktemp("page"), "--tcp", f"127.0.0.1:{PORT}") as found:
         end = time.monotonic() + 30.0
-        while assets.found() is None and time.monotonic() < end:
+        while assets.available() is None and time.monotonic() < end:
             time.sleep(0.2)
         yield found
 

@@ -10,7 +10,7 @@ import pytest
 
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.machine import machine
-from stagectl.service.service import Service, Where
+from stagectl.service.service import Service, ServicePaths
 from stagectl.web import server
 from tests.conftest import CONFIG
 
@@ -26,16 +26,16 @@ class Ending:
             raise self.why
 
 
-@pytest.mark.parametrize(("why", "told"), [(OSError("no more files"), "no more files"), (None, "ended by itself")])
+@pytest.mark.parametrize(("why", "token"), [(OSError("no more files"), "no more files"), (None, "ended by itself")])
 def test_a_server_that_ends_does_not_end_the_service_in_silence(
-    tmp_path: Path, why: Exception | None, told: str
+    tmp_path: Path, why: Exception | None, token: str
 ) -> None:
     axes = machine([str(CONFIG / "ball-screw.yaml")], None)
-    service = Service(axes, Where(tmp_path / "control.sock", tmp_path / "state"), True, lambda _: None)
+    service = Service(axes, ServicePaths(tmp_path / "control.sock", tmp_path / "state"), True, lambda _: None)
 
     async def served() -> None:
         service.watch = asyncio.Event().wait  # type: ignore[method-assign, assignment]
         await server._until_stopped(service, [(Ending(why), [])], asyncio.Event())  # type: ignore[list-item]
 
-    with pytest.raises((OSError, ServiceError), match=told):
+    with pytest.raises((OSError, ServiceError), match=token):
         asyncio.run(served())

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.service.axis_controller import COLUMNS, STARTING, Manned
+from stagectl.service.axis_controller import COLUMNS, STARTING, AxisController
 from stagectl.service.machine import machine
-from stagectl.service.service import Service, Where
-from stagectl.web.capture_client import Seen, trigger, unpacked
-from stagectl.web.status_feed import News
+from stagectl.service.service import Service, ServicePaths
+from stagectl.web.capture_client import ReceivedCapture, trigger, unpacked
+from stagectl.web.status_feed import StatusFeed
 from stagectl.web.viewer import RATE, Viewer
 from tests.conftest import CONFIG
 from tests.web.conftest import Write
@@ -29,7 +29,7 @@ class Heard:
 
     def __init__(self, service: Service) -> None:
         self.said: list[str | bytes] = []
-        self.viewer = Viewer(service, News(service).told, self._say)
+        self.viewer = Viewer(service, StatusFeed(service).status, self._say)
 
     async def _say(self, what: str | bytes) -> None:
         self.said.append(what)
@@ -42,7 +42,7 @@ class Heard:
         asyncio.run(self.viewer.frame(now))
         return list(self.said)
 
-    def captures(self) -> list[Seen]:
+    def captures(self) -> list[ReceivedCapture]:
         return [unpacked(one) for one in self.frame() if isinstance(one, bytes)]
 
 
@@ -58,7 +58,7 @@ def test_the_status_says_how_the_machine_is(service: Service, write: Write) -> N
     assert len(heard.frame(1.11)) == 1
 
 
-def test_a_capture_reaches_the_terminal(service: Service, axis: Manned, write: Write) -> None:
+def test_a_capture_reaches_the_terminal(service: Service, axis: AxisController, write: Write) -> None:
     heard = Heard(service)
     condition = trigger("error > 1 um")
     heard.ask(
@@ -74,7 +74,7 @@ def test_a_capture_reaches_the_terminal(service: Service, axis: Manned, write: W
     assert heard.captures() == []  # a single one
 
 
-def test_a_new_real_time_process_is_followed(service: Service, axis: Manned, write: Write) -> None:
+def test_a_new_real_time_process_is_followed(service: Service, axis: AxisController, write: Write) -> None:
     heard = Heard(service)
     heard.ask(strip={"channels": ["error"], "span": 1.0, "points": 100, "number": 4})
     write(100)
@@ -88,7 +88,7 @@ def test_a_new_real_time_process_is_followed(service: Service, axis: Manned, wri
 @pytest.fixture
 def both(tmp_path: Path) -> Service:
     axes = machine([str(CONFIG / "xy.yaml")], None)
-    return Service(axes, Where(tmp_path / "control.sock", tmp_path / "state"), True, lambda _: None)
+    return Service(axes, ServicePaths(tmp_path / "control.sock", tmp_path / "state"), True, lambda _: None)
 
 
 def period(service: Service, names: str, number: float) -> None:
@@ -131,14 +131,12 @@ def test_an_axis_that_begins_anew_is_lined_up_anew(both: Service, monkeypatch: p
 
 
 def test_the_machine_tells_of_the_channels_of_other_axes(both: Service) -> None:
-    known = News(both).machine()["x"]["channels"]
+    known = StatusFeed(both).machine()["x"]["channels"]
     assert known["y.error"] == known["error"]
     assert "x.error" not in known
 
 
-@pytest.mark.parametrize(
-    ("name", "words"), [("q.error", "no axis q; there are x, y"), ("y.nothing", "no channel y.nothing; there are")]
-)
+@pytest.mark.parametrize(("name", "words"), [("q.error", "axis q;"), ("y.nothing", "channel y.nothing;")])
 def test_what_another_axis_has_not(both: Service, name: str, words: str) -> None:
     heard = Heard(both)
     heard.ask(scope={"channels": [name]})
@@ -167,7 +165,7 @@ def test_what_is_held_stays(service: Service, write: Write) -> None:
         ({"scope": {"channels": ["nothing"]}}, "no channel nothing"),
         ({"scope": {"channels": ["error"], "span": 30.0}}, "span 30 s; a capture of axis has 9.83 s at most"),
         ({"scope": {"channels": [], "span": 1.0}}, "0 channels"),
-        ({"scope": {"channels": ["error"], "axis": "q"}}, "no axis q; there are axis"),
+        ({"scope": {"channels": ["error"], "axis": "q"}}, "axis q;"),
         ({"scope": {"channels": ["error"], "trigger": {"channel": "error", "level": "1 A"}}}, "trigger level 1 A"),
         ({"scope": {"channels": ["error"], "color": 1}}, "color: Extra inputs"),
         ({"strip": {"channels": ["error"], "points": 1}}, "points: Input should be greater"),

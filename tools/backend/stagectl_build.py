@@ -34,7 +34,7 @@ def _fetch() -> None:
     """Bring the plots; without a network the page fetches them on first use."""
     assets = _assets()
     try:
-        assets.fetch(assets.BESIDE)
+        assets.fetch(assets.BUNDLED)
     except assets.AssetError as error:
         print(f"warning: {error}; the live page will fetch it on first use", file=sys.stderr)
 

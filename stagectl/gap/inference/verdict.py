@@ -95,7 +95,7 @@ def _effect(session: Session, selected: Selection, fitted: EffectValues, rule: N
 
 
 def _alternatives(name: str, rivals: Mapping[str, float]) -> tuple[str, ...]:
-    """What no data can tell apart first, then what explains these data nearly as well."""
+    """What no data can distinguish first, then what explains these data nearly as well."""
     exact = library.look_alikes(name, Data.ALL)
     close = [
         other
@@ -123,7 +123,7 @@ def clarity(selected: Selection, fitted: EffectValues, rule: NamingRule) -> floa
 
 
 def probability(doubt: float, rivals: Mapping[str, float], name: str) -> float:
-    """That this effect is there, and that it is this one and none of its rivals (gains relative to its own).
+    """That this effect is there, and that it is this one and none of its alternatives (gains relative to its own).
 
     The search takes the best, so that it keeps at least an even chance against them all.
     """

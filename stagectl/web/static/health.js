@@ -22,7 +22,7 @@ export class Health {
     at("refused").textContent = status.refused.length ? `Refused by the kernel: ${status.refused.join("; ")}` : "";
   }
 
-  // A bar a class, as long as the logarithm of its count: one late cycle in a minute must be seen.
+  // One bar a class, its length the logarithm of the count: one late cycle in a minute must be visible.
   bars(late) {
     const place = at("histogram");
     if (this.edges !== late.edges.length) {

@@ -1,28 +1,28 @@
-// The way to the service: one live connection that comes back by itself, and requests beside it.
+// The connection to the service: one live connection that reconnects by itself, and single requests.
 
 const place = sessionStorage;
 let key = "";
 
 export function takeKey() {
-  const said = decodeURIComponent(location.hash.slice(1));
-  if (said) {
-    place.setItem("stagectl-key", said);
-    history.replaceState(null, "", location.pathname);  // not to be seen, copied or kept
+  const fragment = decodeURIComponent(location.hash.slice(1));
+  if (fragment) {
+    place.setItem("stagectl-key", fragment);
+    history.replaceState(null, "", location.pathname);  // keeps the key out of sight and of the history
   }
   key = place.getItem("stagectl-key") || "";
   return key;
 }
 
-export function setKey(said) {
-  key = said;
-  place.setItem("stagectl-key", said);
+export function setKey(entered) {
+  key = entered;
+  place.setItem("stagectl-key", entered);
 }
 
 function headers() {
   return key ? { Authorization: `Bearer ${key}` } : {};
 }
 
-// An answer as JSON; what the service refuses is an Error with its words.
+// The answer as JSON; a refusal is thrown as an Error with the words of the service.
 export async function ask(method, what, body) {
   const about = { method, headers: headers() };
   if (body !== undefined) {
@@ -30,9 +30,9 @@ export async function ask(method, what, body) {
     about.body = JSON.stringify(body);
   }
   const answer = await fetch(what, about);
-  const found = await answer.json();
-  if (!answer.ok) throw new Error(found.error || `${answer.status}`);
-  return found;
+  const result = await answer.json();
+  if (!answer.ok) throw new Error(result.error || `${answer.status}`);
+  return result;
 }
 
 export async function download(what, name) {
@@ -64,15 +64,15 @@ export class Link {
     link.onopen = () => link.send(JSON.stringify({ key }));
     link.onmessage = (event) => {
       if (typeof event.data !== "string") return this.on.numbers(new Float64Array(event.data));
-      const said = JSON.parse(event.data);
-      if (said.machine) {
+      const message = JSON.parse(event.data);
+      if (message.machine) {
         this.wait = 250;
-        this.on.open(said);
-      } else this.on.news(said);
+        this.on.open(message);
+      } else this.on.news(message);
     };
     link.onclose = (event) => {
       this.on.closed(event.code);
-      if (event.code === 1008) return;  // the key: trying again does not help
+      if (event.code === 1008) return;  // a wrong key: another try does not help
       setTimeout(() => this.open(), this.wait);
       this.wait = Math.min(this.wait * 1.5, 3000);
     };

@@ -21,7 +21,7 @@ requestAnimationFrame(function draw() {
   requestAnimationFrame(draw);
 });
 setInterval(() => {
-  if (since && performance.now() - since > 2000) say(`no news for ${Math.round((performance.now() - since) / 1000)} s`, true);
+  if (since && performance.now() - since > 2000) say(`no data for ${Math.round((performance.now() - since) / 1000)} s`, true);
 }, 500);
 
 function say(words, lost) {
@@ -29,9 +29,9 @@ function say(words, lost) {
   at("link").className = lost ? "lost" : "";
 }
 
-function open(said) {
-  machine = said.machine;
-  may = said.may.move;
+function open(greeting) {
+  machine = greeting.machine;
+  may = greeting.may.move;
   at("door").hidden = true;
   at("content").hidden = false;
   at("orders").hidden = at("record").hidden = !may;
@@ -66,10 +66,10 @@ function closed(code) {
   if (code === 1008) {
     at("content").hidden = true;
     at("door").hidden = false;
-    at("door-words").textContent = sessionStorage.getItem("stagectl-key") ? "This key is not the service's." : "This page needs a key.";
+    at("door-words").textContent = sessionStorage.getItem("stagectl-key") ? "This key is wrong." : "This page needs a key.";
     say("no key", true);
     at("door-key").focus();
-  } else say(code === 1013 ? "too many viewers: trying again" : "the service does not answer: trying again", true);
+  } else say(code === 1013 ? "too many viewers; trying again" : "the service does not answer; trying again", true);
 }
 
 at("door").onsubmit = (event) => {
@@ -84,23 +84,23 @@ function numbers(data) {
   else scope.take(found);
 }
 
-function news(said) {
-  if (said.error) return scope.refused(said.error);
+function news(message) {
+  if (message.error) return scope.refused(message.error);
   since = performance.now();
-  const now = said.status.axes.find((one) => one.axis === axis);
+  const now = message.status.axes.find((one) => one.axis === axis);
   if (!now) return;
-  say(said.status.alive ? "live" : "the real-time process gives no sign of life", !said.status.alive);
+  say(message.status.alive ? "live" : "the real-time process does not respond", !message.status.alive);
   state(now);
-  orders.take(now, said.status.axes);
-  records.take(now, said.status.faults);
-  health.take(now, said.status);
+  orders.take(now, message.status.axes);
+  records.take(now, message.status.faults);
+  health.take(now, message.status);
 }
 
-// "moves" is said of the axis, "without power" is what it is; the rest stands for itself.
-function sentence(said) {
-  if (/^(holds|moves|looks|brakes)/.test(said)) return `The axis ${said}`;
-  if (/^(without|stopped)/.test(said)) return `The axis is ${said}`;
-  return said[0].toUpperCase() + said.slice(1);
+// Makes a sentence of the state: a verb takes "The axis", a condition "The axis is"; the rest is a sentence already.
+function sentence(state) {
+  if (/^(holds|moves|looks|brakes)/.test(state)) return `The axis ${state}`;
+  if (/^(without|stopped)/.test(state)) return `The axis is ${state}`;
+  return state[0].toUpperCase() + state.slice(1);
 }
 
 function words(element, text) {

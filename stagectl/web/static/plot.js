@@ -47,7 +47,7 @@ export function axisLook() {
     font: "12px system-ui, sans-serif" };
 }
 
-// Ticks in a prefix that fits; the prefix is told by `said(unit)`.
+// Ticks in a prefix that fits; `said(unit)` receives the prefix.
 export function ticks(unit, said) {
   return (u, values) => {
     const scale = u.scales[u.axes[said.axis].scale];
@@ -61,7 +61,7 @@ export function missing(place) {
   place.innerHTML = "";
   const words = document.createElement("p");
   words.className = "missing";
-  words.textContent = "uPlot is not here yet: the service fetches it once, with a network; load this page again then.";
+  words.textContent = "uPlot is not installed yet. The service downloads it once; connect it to a network, then reload this page.";
   place.append(words);
 }
 

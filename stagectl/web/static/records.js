@@ -58,7 +58,7 @@ export class Records {
 
   file(one) {
     const kind = one.kind === "blackbox" ? "black box, " : "";
-    const entry = item(one.file.replace(/\.h5$/, ""), `${kind}${one.going_on ? "going on" : `${(one.bytes / 1e6).toFixed(1)} MB`}`);
+    const entry = item(one.file.replace(/\.h5$/, ""), `${kind}${one.going_on ? "in progress" : `${(one.bytes / 1e6).toFixed(1)} MB`}`);
     if (one.going_on) return entry;
     for (const to of FORMATS) {
       const button = document.createElement("button");

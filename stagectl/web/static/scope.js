@@ -1,4 +1,4 @@
-// The scope: captures around a trigger, zoomed without losing a peak, two cursors, and what stands under them.
+// The scope: captures around a trigger, zoomed without losing a peak, two cursors, and the values under them.
 
 import { KIND, save } from "./link.js";
 import { axisLook, calm, css, look, missing, prefix, si } from "./plot.js";
@@ -80,7 +80,7 @@ export class Scope {
     this.shownPart = null;
     this.names = [...this.chosen];
     this.build();
-    this.tell(trigger ? "waiting for its trigger" : "");
+    this.tell(trigger ? "waiting for the trigger" : "");
     this.link.ask("scope", { axis: this.axis, channels: this.names, span: Number(at("scope-span").value), before: Number(at("scope-before").value) / 100,
       points: POINTS, trigger, mode: single ? "single" : at("scope-mode").value, number: ++this.number });
   }
@@ -107,7 +107,7 @@ export class Scope {
       at("scope-run").setAttribute("aria-pressed", false);
       at("scope-run").textContent = "Run";
     }
-    this.tell(found.kind === KIND.free && at("scope-source").value !== "none" ? "no trigger: what there is" : this.single ? "captured" : "");
+    this.tell(found.kind === KIND.free && at("scope-source").value !== "none" ? "no trigger: free run" : this.single ? "captured" : "");
   }
 
   detail(found) {
@@ -169,7 +169,7 @@ export class Scope {
     this.cursors();
   }
 
-  // One range a scale; in lanes each is so wide that its curve has a lane for itself.
+  // One range a scale; in lanes each range is so wide that its curve has its own lane.
   ranges() {
     const bounds = {};
     this.names.forEach((name, index) => {

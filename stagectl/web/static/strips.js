@@ -7,8 +7,8 @@ const PANELS = [
   { id: "error", names: ["error"], labels: ["tracking error"], least: 0 },
   { id: "current", names: ["current", "measured_current"], labels: ["current, command", "measured"], least: 0.02 },
 ];
-// s that two messages are apart at most.  The picture runs behind the newest bucket by this and a bucket: so it moves on
-// with every picture of the screen, and not with every message.
+// s between two messages at most.  The picture lags the newest bucket by this and one bucket, so it moves with every
+// frame of the screen, not with every message.
 const APART = 0.05;
 const NAMES = PANELS.flatMap((panel) => panel.names);
 
