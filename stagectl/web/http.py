@@ -155,7 +155,7 @@ async def _not_allowed(request: Request, _: Exception) -> Response:
 
 
 async def _malformed(_: Request, error: Exception) -> Response:
-    details = getattr(error, "errors", list)()
+    details: list[dict[str, Any]] = getattr(error, "errors", list)()
     words = "; ".join(f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in details)
     return JSONResponse({"error": words or str(error)}, 422)
 
