@@ -67,7 +67,7 @@ def test_ended_by_itself(tmp_path: Path, line: str, why: str) -> None:
 
 
 def test_one_that_takes_for_ever(tmp_path: Path) -> None:
-    """It counts, too; how far it has come within its time makes no difference."""
+    """It counts, too; its progress within that time makes no difference."""
     assert "more than 2 s" in ended(tmp_path, "while True: time.sleep(60)", 2.0)
 
 
@@ -120,11 +120,11 @@ def until(true: Callable[[], bool]) -> None:
 
 def patient_of(code: Path, exam_process: subprocess.Popen[bytes]) -> int:
     """Process id of the diagnosis, which it writes down; the exam must not end before."""
-    told = code / "process"
-    while not (told.exists() and told.read_text()):
+    note = code / "process"
+    while not (note.exists() and note.read_text()):
         assert exam_process.poll() is None
         time.sleep(0.05)
-    return int(told.read_text())
+    return int(note.read_text())
 
 
 def lives(process: int) -> bool:
