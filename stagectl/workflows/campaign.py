@@ -5,10 +5,9 @@
     repeat 1: sine-slow, stairs, ... check-scan    repeat 2: sine-slow, stairs, ...    repeat 3: ...
                   |
                   v
-    FOLDER/trajectories/sine-slow.yaml --> session.perform | pretend --> FOLDER/sine-slow-1.h5
+    FOLDER/trajectories/sine-slow.yaml --> motion.perform | pretend --> FOLDER/sine-slow-1.h5
 
-A run is recorded in ``FOLDER/unfinished`` and moved when it is whole: what lies in the folder is done, and the same
-command goes on with what does not.
+A run is recorded in ``FOLDER/unfinished`` and moved when it is complete.  The same command continues with the rest.
 """
 
 from __future__ import annotations
