@@ -9,7 +9,7 @@ With ``g(v) = T_c stribeck(v)``, the deflection z of the mean bristle and ``w = 
 The viscous part sigma_2 v is the mechanics' own.  A step is exact in z, however stiff: over a move dx with v held,
 w obeys ``dw/d|dx| = -(sigma_0 / g) |w|^n sgn(w)``, whose solution is an exponential (n = 1) or a power.
 
-With ``u = sigma_0 |z| / g`` the step takes ``|v| (g u^2 + sigma_1 |v| (1 - u))`` beside what the bristle stores: never
+With ``u = sigma_0 |z| / g`` the step takes ``|v| (g u^2 + sigma_1 |v| (1 - u))`` next to what the bristle stores: never
 less than nothing while u <= 1, so without a Stribeck rise.  With one u comes to 1 + rise, and fast after slow motion
 gives out energy; `passive_below` tells the speed up to which it cannot.
 

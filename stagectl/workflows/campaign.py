@@ -120,10 +120,8 @@ def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
     if done:
         rest = f"going on with {left[0].name}" if left else "no run is left"
         shown.say(f"{len(done)} of {len(campaign.runs)} runs are in {campaign.folder} already: {rest}")
-    begun = min(
-        (_stamp(recording) - recording.meta["capture"]["start_s"] for recording in done.values()),
-        default=campaign.clock(),
-    )
+    starts = (_stamp(log) - log.meta["capture"]["start_s"] for log in done.values())
+    begun = min(starts, default=campaign.clock())
     stopped = _made(campaign, left, begun, shown) if left else ""
     count = len(left) if not stopped else next(k for k, run in enumerate(left) if not _place(campaign, run).is_file())
     if stopped:

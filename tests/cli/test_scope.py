@@ -91,4 +91,4 @@ def test_a_recording_of_an_axis_that_gives_no_rows(command: Command, tmp_path: P
         machine.until(lambda axis: axis["state"] == "fault")
         code, _, err = command("record", "--for", "0.2 s", "--socket", machine.socket)
     assert code == 1
-    assert "nothing was recorded, axis gave no rows: see `stagectl status`" in " ".join(err.split())
+    assert "nothing was recorded: axis gave no rows: see `stagectl status`" in " ".join(err.split())

@@ -74,7 +74,7 @@ def test_a_signal_that_comes_early(tmp_path: Path, moment: str, number: int) -> 
     with begun(tmp_path, moment) as (machine, process):
         process.send_signal(number)
         assert process.wait(PATIENCE) == 0, machine.log
-    assert "stopped: all its processes have ended" in machine.log and "Traceback" not in machine.log
+    assert "stopped: all processes have ended" in machine.log and "Traceback" not in machine.log
     assert not machine.socket.exists() and not (tmp_path / "state" / "running").exists()
     assert within(PATIENCE, lambda: processes(tmp_path) == []), processes(tmp_path)
 
