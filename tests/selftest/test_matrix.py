@@ -88,7 +88,7 @@ def test_a_state_that_the_table_does_not_lead_to_is_found_out(ball_screw: Setup)
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(states.TABLE, (State.QUICK_STOPPING, Event.FAILED), State.DISABLED)  # a fault that is forgotten
         (found,) = matrix.matrix(bench)
-    assert not found.passed and found.words == "ended without power; must be: stopped by a fault, without power"
+    assert not found.passed and found.words == "ended in state disabled; must be: fault"
 
 
 def test_the_page_is_signed_and_shows_every_case(result: dict[str, Any], tmp_path: Path) -> None:
