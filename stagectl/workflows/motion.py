@@ -227,7 +227,7 @@ def _lacks(ended: Ended, recording: Recording) -> str:
     if not ended.recorded:
         return f"the recorder stopped before the motion did: {recording.path} is incomplete; check the disk with `df`"
     if recording.lost_rows:
-        lost = f"the disk was too slow for {recording.lost_rows} rows"
+        lost = f"the disk did not take {recording.lost_rows} rows"
         return f"{lost}: {recording.path} marks the gaps"
     return ""
 

@@ -224,5 +224,5 @@ def test_axes_that_cannot_share_are_refused_with_figures(tmp_path: Path) -> None
     other.write_text(slow.read_text().replace("node: 5", "node: 6"))
     assert list(machine([f"x={slow}", f"y={other}"], None)) == ["x", "y"]
     assert list(machine([str(STAGE)], None)) == ["axis"]
-    with pytest.raises(ServiceError, match="names of their own"):
+    with pytest.raises(ServiceError, match="a name of its own"):
         machine([str(slow), str(other)], None)
