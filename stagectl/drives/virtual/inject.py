@@ -67,7 +67,7 @@ class InjectionSocket:
 
 
 def socket_path(interface: str, channel: str, node: int) -> Path:
-    """Where the virtual drive of this node listens; on the embedded bus beside the bus itself."""
+    """Where the virtual drive of this node listens; on the embedded bus next to the bus itself."""
     if interface in ("embedded", "stagectl"):
         return folder_of(channel) / f"node-{node}.inject"
     folder = folder_of("inject-" + re.sub(r"[^A-Za-z0-9]+", "-", f"{interface}-{channel}")[-40:])
