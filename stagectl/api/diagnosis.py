@@ -70,7 +70,7 @@ class GapDiagnosis(ReportedResult):
 
     @property
     def where(self) -> GapLocation:
-        """GapLocation the gap lies."""
+        """Where the gap is: in the loop, over the motion, and in time."""
         return GapLocation(self.diagnosis.blocks, self.diagnosis.coordinates, self.diagnosis.captures)
 
     @property
