@@ -144,7 +144,7 @@ def test_without_a_key_it_asks_for_one(view: Any, machine: Served) -> None:
     assert page.is_hidden("#content")
     page.fill("#door-key", "x" * 43)
     page.keyboard.press("Enter")
-    shown.until("#door-words", "not the service's")
+    shown.until("#door-words", "is wrong")
     page.fill("#door-key", (machine.folder / "state" / "token").read_text().strip())
     page.keyboard.press("Enter")
     assert shown.live().is_visible("#strips")

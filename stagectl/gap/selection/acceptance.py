@@ -64,8 +64,8 @@ def simplest(better: Sequence[Fitted], floor: float) -> Fitted:
     """The best of these models, or a special case of it that leaves little more above `floor`."""
     best = min(better, key=lambda fitted: fitted.residual_sum_of_squares)
     wide = best.effects[-1].effect.name
-    special = [model for model in better if model.effects[-1].effect.name in generalisations(wide)]
+    special = [model for model in better if wide in generalisations(model.effects[-1].effect.name)]
     left = best.residual_sum_of_squares - floor
     return next(
-        (one for one in special if (1.0 - thresholds.OF_KIN) * (one.residual_sum_of_squares - floor) < left), best
+        (model for model in special if (1.0 - thresholds.OF_KIN) * (model.residual_sum_of_squares - floor) < left), best
     )

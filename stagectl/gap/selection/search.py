@@ -86,7 +86,7 @@ def _next(e: Evidence, library: Library, now: Fitted, gains: Mapping[str, float]
     if not good:
         return None
     rivals = [score for score in good if score.gain >= RIVAL * good[0].gain]
-    special = [score for score in rivals[2:] if name_of(score) in generalisations(name_of(rivals[0]))]
+    special = [score for score in rivals[2:] if name_of(rivals[0]) in generalisations(name_of(score))]
     refined = [(score, refine.refine(e, now.model, _joined(e, now, score))) for score in rivals[:2] + special]
     # What a simulation confirms counts, not what a linear estimate promised.
     before = now.residual_sum_of_squares
