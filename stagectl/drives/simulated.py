@@ -37,6 +37,13 @@ class Plant:
         self._powered = False
         self._noise, self._silent = stage.SILENT, True
 
+    def compile(self) -> None:
+        """Compile every kernel of a period, and restart: a controller does not wait for it in a motion."""
+        self.powered = True
+        self.advance(0.0)
+        _ = self.position, self.current
+        self.restart()
+
     @property
     def powered(self) -> bool:
         """Whether current can flow; without power the delay line is empty, too."""

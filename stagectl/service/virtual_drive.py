@@ -77,6 +77,7 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     """
     if answers(wire):
         raise DriveError(f"node {wire.node} is on {wire.interface} {wire.channel} already: stop it first")
+    _compile(setup)
     bus = open_bus(wire.interface, wire.channel, wire.bitrate)
     door = InjectionSocket(socket_path(wire.interface, wire.channel, wire.node))
     node = virtual_node(setup, wire, bus, report)
@@ -94,6 +95,11 @@ def serve(setup: Setup, wire: Canopen, report: Callable[[str], None], until: Cal
     finally:
         door.close()
         bus.close()
+
+
+def _compile(setup: Setup) -> None:
+    """Before the drive is on its bus: on a new machine compiling takes longer than a controller waits for an answer."""
+    Plant(setup.stage, setup.file.simulation, setup.dt).compile()
 
 
 def virtual_node(
@@ -124,6 +130,7 @@ def serve_odrive(setup: Setup, wire: Odrive, report: Callable[[str], None], unti
     """Be a virtual ODrive on a pty `until` it is to end.  Raises DriveError where its port's name is taken."""
     p = setup.stage
     inside = p._replace(drive=p.drive._replace(delay_samples=0))  # the line itself is the delay
+    _compile(setup)
     drive = VirtualOdrive(wire, Plant(inside, setup.file.simulation, setup.dt))
     pty = Pty(drive, wire.port, wire.baud)
     settle()
