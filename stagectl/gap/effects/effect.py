@@ -1,4 +1,4 @@
-"""One effect: what is known about it before any data are seen.
+"""One effect: what is known about it before any data are seen.  The records stand in effects.toml.
 
 An effect is written as amplitudes, which enter almost linearly and are zero when it is absent, and shapes, which do not
 and come from a grid.  It changes the stage model and nothing else: the same fields play it in the virtual drive and are
@@ -17,9 +17,6 @@ from stagectl.kernels.stage import Stage
 
 Values = Mapping[str, float]
 CONTROLLER, DRIVE, MECHANICS, SENSOR = "controller", "drive", "mechanics", "sensor"  # blocks of the signal chain
-SPEED, ACCELERATION, DIRECTION, POSITION = "speed", "acceleration", "direction", "position"  # coordinates of a residual
-SINCE_REVERSAL, TURN, CURRENT = "displacement_since_reversal", "position_mod_pitch", "current"
-TIME, FREQUENCY, NONE = "time", "frequency", "none"
 FAMILIES = (
     "parameters",
     "friction over speed",
@@ -103,18 +100,21 @@ class Parameters(NamedTuple):
     nonlinear: bool = False  # its columns hold at their typical sizes only
 
 
+ParametersOf = Callable[[Scales], Parameters | None]  # None: the effect is not searched for on this machine
+
+
 class Effect(NamedTuple):
     """One effect, or one parameter of every model, on any machine."""
 
     name: str  # as commands, JSON and stage files have it
-    label: str  # as texts have it
+    label: str  # as texts have it; unless given, the name with blanks
     family: str  # of FAMILIES, by which results are summed up
-    block: str  # of the signal chain
-    coordinate: str  # over which its residual is drawn
-    seen_over: tuple[str, ...]  # coordinates that may order its residual, this or another one
-    places: tuple[str, ...]  # fields of the stage model that it changes
-    experiments: tuple[str, ...]  # that excite it: their names or their families
-    parameters: Callable[[Scales], Parameters | None] = lambda _: None  # None: not searched for on this machine
+    coordinate: str  # over which its residual is drawn; unless given, the first of `seen_over`
+    block: str = MECHANICS  # of the signal chain
+    seen_over: tuple[str, ...] = ()  # coordinates that may order its residual, this or another one
+    places: tuple[str, ...] = ()  # fields of the stage model that it changes
+    experiments: tuple[str, ...] = ()  # that excite it: their names or their families
+    parameters: ParametersOf | None = None  # unless given, it is not searched for on any machine
     look_alikes: Mapping[str, Data] = MappingProxyType({})  # other effects, and the data that show both alike
     kin: tuple[str, ...] = ()  # groups whose errors of form resemble each other
     generalisations: tuple[str, ...] = ()  # effects of which this one is a special case
@@ -140,5 +140,5 @@ class Definition(NamedTuple):
 
 def definition(effect: Effect, scales: Scales) -> Definition | None:
     """The effect on a machine of these sizes; None where it has no parameters there."""
-    parameters = effect.parameters(scales)
+    parameters = effect.parameters(scales) if effect.parameters else None
     return None if parameters is None else Definition(effect.name, effect.block, effect.coordinate, *parameters)

@@ -3,35 +3,9 @@
 from __future__ import annotations
 
 from stagectl.gap.effects import grids
-from stagectl.gap.effects.effect import (
-    ACCELERATION,
-    CURRENT,
-    DIRECTION,
-    FREQUENCY,
-    MECHANICS,
-    NONE,
-    POSITION,
-    SINCE_REVERSAL,
-    SPEED,
-    TIME,
-    TURN,
-    Amplitude,
-    Data,
-    Effect,
-    Parameters,
-    Scales,
-    Shape,
-    TimeVariation,
-    Values,
-)
+from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
 from stagectl.gap.effects.stage_changes import added, decay, filled, harmonic_parameters, put
 from stagectl.kernels.stage import Stage
-
-_STRIBECK = ("friction.stribeck", "friction.bristle.stribeck")
-
-
-def _asymmetry(_: Scales) -> Parameters:
-    return Parameters((Amplitude("size", "", (0.03,), -0.9, 0.9),), (), added(size="friction.asymmetry"))
 
 
 def _stribeck(s: Scales) -> Parameters:
@@ -66,10 +40,6 @@ def _dwell(s: Scales) -> Parameters:
     )
 
 
-def _load(_: Scales) -> Parameters:
-    return Parameters((Amplitude("share", "", (0.03,), -0.2, 0.5),), (), added(share="friction.load"))
-
-
 def _position(s: Scales) -> Parameters:
     def apply(p: Stage, v: Values) -> Stage:
         along = p.friction.along._replace(slope=v["slope"], bow=v["bow"], centre=s.centre)
@@ -77,23 +47,6 @@ def _position(s: Scales) -> Parameters:
 
     slope = Amplitude("slope", "1/rad | 1/m", (0.1 / s.stroke,))
     return Parameters((slope, Amplitude("bow", "1/rad^2 | 1/m^2", (0.1 / s.stroke**2,))), (), apply)
-
-
-def _lead(s: Scales) -> Parameters:
-    return harmonic_parameters("friction.lead", "", 0.03, (1.0, *s.orders.get("lead_friction", ())))
-
-
-def _ball_pass(s: Scales) -> Parameters:
-    return harmonic_parameters("friction.ball_pass", "", 0.03, s.orders.get("ball_pass_ripple", ()))
-
-
-def _thermal_coulomb(_: Scales) -> Parameters:
-    return Parameters(
-        (Amplitude("rise", "", (0.1,), -0.9, 5.0),),
-        (Shape("time", "s", grids.WARMING_TIMES),),
-        filled("friction.warming", rise="rise", time="time"),
-        TimeVariation({"rise": "coulomb"}, decay),
-    )
 
 
 def _step(s: Scales) -> Parameters | None:
@@ -119,149 +72,28 @@ def _stepped(p: Stage, v: Values) -> Stage:
     return put(p, "mechanics.viscous_step", p.mechanics.viscous_step._replace(share=v["viscous"], at=v["at"]))
 
 
-EFFECTS = (
-    Effect(
-        "coulomb_asymmetry",
-        "Coulomb asymmetry",
-        "friction over speed",
-        MECHANICS,
-        DIRECTION,
-        seen_over=(DIRECTION, NONE, SINCE_REVERSAL),
-        places=("friction.asymmetry",),
-        experiments=("stairs", "stairs-wide", "stairs-fast", "reversals", "rest-at-places", "power-off reading"),
-        parameters=_asymmetry,
-        look_alikes={
-            "bias": Data.ONE_SPEED | Data.IN_OPERATION | Data.FEW_MOTIONS,
-            "current_offset": Data.FEW_MOTIONS,
-        },
+PARAMETERS: dict[str, ParametersOf] = {
+    "coulomb_asymmetry": lambda _: Parameters(
+        (Amplitude("size", "", (0.03,), -0.9, 0.9),), (), added(size="friction.asymmetry")
     ),
-    Effect(
-        "stribeck",
-        "Stribeck friction",
-        "friction over speed",
-        MECHANICS,
-        SPEED,
-        seen_over=(SPEED, DIRECTION, SINCE_REVERSAL),
-        places=_STRIBECK,
-        experiments=(
-            "stairs",
-            "steps",
-            "stairs-wide",
-            "stairs-creep",
-            "creep",
-            "dwells",
-            "dwells-short",
-            "swing-one-way",
-            "swing-three-rates",
-        ),
-        parameters=_stribeck,
-        look_alikes={"viscous_nonlinear": Data.FEW_MOTIONS},
-        kin=("speed",),
-        generalisations=("friction_lag",),
+    "stribeck": _stribeck,
+    "friction_lag": _lag,
+    "dwell": _dwell,
+    "load_friction": lambda _: Parameters(
+        (Amplitude("share", "", (0.03,), -0.2, 0.5),), (), added(share="friction.load")
     ),
-    Effect(
-        "friction_lag",
-        "friction lag",
-        "friction over speed",
-        MECHANICS,
-        ACCELERATION,
-        seen_over=(SPEED, DIRECTION, ACCELERATION, SINCE_REVERSAL),
-        places=(*_STRIBECK, "friction.lag"),
-        experiments=("stairs-creep", "micro-fast", "reversals", "swing-one-way", "swing-three-rates"),
-        parameters=_lag,
-        kin=("speed",),
-        extends="stribeck",
+    "position_friction": _position,
+    "lead_friction": lambda s: harmonic_parameters(
+        "friction.lead", "", 0.03, (1.0, *s.orders.get("lead_friction", ()))
     ),
-    Effect(
-        "dwell",
-        "friction that grows at rest",
-        "friction with memory",
-        MECHANICS,
-        TIME,
-        seen_over=(SINCE_REVERSAL, TIME),
-        places=("friction.dwell",),
-        experiments=("steps", "stairs-creep", "dwells", "dwells-short", "swing-one-way", "step-and-settle"),
-        parameters=_dwell,
-        kin=("reversal",),
+    "ball_pass_ripple": lambda s: harmonic_parameters(
+        "friction.ball_pass", "", 0.03, s.orders.get("ball_pass_ripple", ())
     ),
-    Effect(
-        "load_friction",
-        "friction that grows with the load",
-        "friction over speed",
-        MECHANICS,
-        CURRENT,
-        seen_over=(CURRENT, ACCELERATION),
-        places=("friction.load",),
-        experiments=("sine-strong", "scan-at-two-loads", "speeds-by-acceleration", "strong-sine"),
-        parameters=_load,
+    "thermal_coulomb": lambda _: Parameters(
+        (Amplitude("rise", "", (0.1,), -0.9, 5.0),),
+        (Shape("time", "s", grids.WARMING_TIMES),),
+        filled("friction.warming", rise="rise", time="time"),
+        TimeVariation({"rise": "coulomb"}, decay),
     ),
-    Effect(
-        "position_friction",
-        "friction that changes along the stroke",
-        "over position",
-        MECHANICS,
-        POSITION,
-        seen_over=(POSITION,),
-        places=("friction.along",),
-        experiments=("scan", "scan-slow", "scans-at-two-speeds", "rest-at-places"),
-        parameters=_position,
-        kin=("stroke",),
-    ),
-    Effect(
-        "lead_friction",
-        "friction once per revolution",
-        "over position",
-        MECHANICS,
-        TURN,
-        seen_over=(TURN,),
-        places=("friction.lead",),
-        experiments=(
-            "scan",
-            "constant-speed-long",
-            "constant-speed-fast",
-            "scan-slow",
-            "scans-at-two-speeds",
-            "second sensor",
-        ),
-        parameters=_lead,
-        kin=("angle",),
-        generalisations=("ball_pass_ripple",),
-    ),
-    Effect(
-        "ball_pass_ripple",
-        "ball-pass ripple",
-        "over position",
-        MECHANICS,
-        POSITION,
-        seen_over=(TURN, POSITION, FREQUENCY),
-        places=("friction.ball_pass",),
-        experiments=("constant-speed-long", "constant-speed-fast"),
-        parameters=_ball_pass,
-        kin=("angle",),
-    ),
-    Effect(
-        "thermal_coulomb",
-        "thermal Coulomb friction",
-        "over the session",
-        MECHANICS,
-        TIME,
-        seen_over=(TIME, SPEED, DIRECTION),
-        places=("friction.warming",),
-        experiments=("strokes", "warm-up"),
-        parameters=_thermal_coulomb,
-        look_alikes={"coulomb": Data.IN_OPERATION, "presliding": Data.FEW_MOTIONS},
-        kin=("session",),
-    ),
-    Effect(
-        "friction_step",
-        "step of the friction",
-        "over the session",
-        MECHANICS,
-        TIME,
-        seen_over=(TIME, SPEED, DIRECTION),
-        places=("friction.step", "mechanics.viscous_step"),
-        experiments=("warm-up",),
-        parameters=_step,
-        kin=("session",),
-    ),
-)
+    "friction_step": _step,
+}

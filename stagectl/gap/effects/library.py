@@ -3,14 +3,38 @@
 from __future__ import annotations
 
 import difflib
+import functools
+import operator
+import tomllib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 from stagectl.gap.effects import drive, friction, mechanics, parameters, sensor
 from stagectl.gap.effects.effect import Data, Definition, Effect, Scales, definition
 from stagectl.gap.logs.session import GapError
 
-_RECORDS = (parameters, drive, mechanics, friction, sensor)
-EFFECTS: Mapping[str, Effect] = {effect.name: effect for part in _RECORDS for effect in part.EFFECTS}
+_PARAMETERS = {
+    name: of for part in (parameters, drive, mechanics, friction, sensor) for name, of in part.PARAMETERS.items()
+}
+
+
+def _effect(name: str, record: dict[str, Any]) -> Effect:
+    """The effect of one record; raises TypeError where that has an entry that `Effect` does not know."""
+    fields: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in record.items()}
+    fields.setdefault("label", name.replace("_", " "))
+    if "coordinate" not in fields:
+        fields["coordinate"] = fields["seen_over"][0]
+    fields["look_alikes"] = {other: _data(names) for other, names in record.get("look_alikes", {}).items()}
+    return Effect(name, parameters=_PARAMETERS.get(name), **fields)
+
+
+def _data(names: Sequence[str]) -> Data:
+    return functools.reduce(operator.or_, (Data[name.upper()] for name in names))
+
+
+_RECORDS = tomllib.loads((Path(__file__).parent / "effects.toml").read_text(encoding="utf-8"))
+EFFECTS: Mapping[str, Effect] = {name: _effect(name, record) for name, record in _RECORDS.items()}
 FORCE_SCALED = tuple(effect.name for effect in EFFECTS.values() if effect.force_scaled)
 _COORDINATES: Mapping[str, str] = {
     "displacement_since_reversal": "displacement since the reversal",

@@ -3,38 +3,12 @@
 from __future__ import annotations
 
 from stagectl.gap.effects import grids
-from stagectl.gap.effects.effect import (
-    ACCELERATION,
-    CURRENT,
-    FREQUENCY,
-    MECHANICS,
-    POSITION,
-    SINCE_REVERSAL,
-    SPEED,
-    TIME,
-    TURN,
-    Amplitude,
-    Data,
-    Effect,
-    Parameters,
-    Scales,
-    Shape,
-    TimeVariation,
-    Values,
-)
+from stagectl.gap.effects.effect import Amplitude, Parameters, ParametersOf, Scales, Shape, TimeVariation, Values
 from stagectl.gap.effects.stage_changes import added, decay, filled, get, harmonic_parameters, put
 from stagectl.kernels.stage import Stage
 
 _EFFORT, _STIFFNESS = "N m | N", "N m/rad | N/m"
 _TRANSMISSION = ("load_share", "load_friction", "resonance", "damping")
-
-
-def _cogging(s: Scales) -> Parameters:
-    return harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, s.orders.get("cogging", ()))
-
-
-def _ripple(s: Scales) -> Parameters:
-    return harmonic_parameters("motor.ripple", "", 0.01, s.orders.get("current_ripple", ()))
 
 
 def _viscous_nonlinear(s: Scales) -> Parameters:
@@ -45,20 +19,6 @@ def _viscous_nonlinear(s: Scales) -> Parameters:
         return put(p, f"mechanics.{place}", get(p.mechanics, place) + effort / scale)
 
     return Parameters((Amplitude("size", "", (0.2,), -2.0, 2.0),), (Shape("root", "", (0.0, 1.0), False),), apply)
-
-
-def _viscous_asymmetry(_: Scales) -> Parameters:
-    size = Amplitude("size", "", (0.1,), -0.9, 0.9)
-    return Parameters((size,), (), added(size="mechanics.viscous_asymmetry"))
-
-
-def _thermal_viscous(_: Scales) -> Parameters:
-    return Parameters(
-        (Amplitude("rise", "", (0.2,), -0.9, 5.0),),
-        (Shape("time", "s", grids.WARMING_TIMES),),
-        filled("mechanics.viscous_warming", rise="rise", time="time"),
-        TimeVariation({"rise": "viscous"}, decay),
-    )
 
 
 def _cable_spring(s: Scales) -> Parameters:
@@ -122,149 +82,22 @@ def _base_vibration(s: Scales) -> Parameters:
     )
 
 
-EFFECTS = (
-    Effect(
-        "cogging",
-        "cogging",
-        "over position",
-        MECHANICS,
-        TURN,
-        seen_over=(TURN,),
-        places=("motor.cogging",),
-        experiments=(
-            "scan",
-            "constant-speed-long",
-            "constant-speed-fast",
-            "scan-slow",
-            "scans-at-two-speeds",
-            "scan-at-two-loads",
-            "second sensor",
-        ),
-        parameters=_cogging,
-        look_alikes={"encoder_eccentricity": Data.FEW_MOTIONS},
-        kin=("angle",),
+PARAMETERS: dict[str, ParametersOf] = {
+    "cogging": lambda s: harmonic_parameters("motor.cogging", _EFFORT, 0.02 * s.coulomb, s.orders.get("cogging", ())),
+    "current_ripple": lambda s: harmonic_parameters("motor.ripple", "", 0.01, s.orders.get("current_ripple", ())),
+    "viscous_nonlinear": _viscous_nonlinear,
+    "viscous_asymmetry": lambda _: Parameters(
+        (Amplitude("size", "", (0.1,), -0.9, 0.9),), (), added(size="mechanics.viscous_asymmetry")
     ),
-    Effect(
-        "current_ripple",
-        "current ripple",
-        "over position",
-        MECHANICS,
-        TURN,
-        seen_over=(TURN, CURRENT),
-        places=("motor.ripple",),
-        experiments=("constant-speed-long", "constant-speed-fast", "scan-at-two-loads"),
-        parameters=_ripple,
-        kin=("angle",),
+    "thermal_viscous": lambda _: Parameters(
+        (Amplitude("rise", "", (0.2,), -0.9, 5.0),),
+        (Shape("time", "s", grids.WARMING_TIMES),),
+        filled("mechanics.viscous_warming", rise="rise", time="time"),
+        TimeVariation({"rise": "viscous"}, decay),
     ),
-    Effect(
-        "viscous_nonlinear",
-        "nonlinear viscous friction",
-        "friction over speed",
-        MECHANICS,
-        SPEED,
-        seen_over=(SPEED,),
-        places=("mechanics.root", "mechanics.quadratic"),
-        experiments=("stairs", "stairs-wide", "stairs-creep", "stairs-fast", "fast-cruise"),
-        parameters=_viscous_nonlinear,
-        look_alikes={"stribeck": Data.FEW_MOTIONS},
-        kin=("speed",),
-    ),
-    Effect(
-        "viscous_asymmetry",
-        "viscous asymmetry",
-        "friction over speed",
-        MECHANICS,
-        SPEED,
-        seen_over=(SPEED,),
-        places=("mechanics.viscous_asymmetry",),
-        experiments=("stairs", "stairs-wide", "stairs-fast"),
-        parameters=_viscous_asymmetry,
-    ),
-    Effect(
-        "thermal_viscous",
-        "thermal viscous friction",
-        "over the session",
-        MECHANICS,
-        TIME,
-        seen_over=(TIME, SPEED),
-        places=("mechanics.viscous_warming",),
-        experiments=("warm-up",),
-        parameters=_thermal_viscous,
-        look_alikes={"viscous": Data.IN_OPERATION | Data.FEW_MOTIONS},
-        kin=("session",),
-    ),
-    Effect(
-        "cable_spring",
-        "cable spring",
-        "over position",
-        MECHANICS,
-        POSITION,
-        seen_over=(POSITION,),
-        places=("mechanics.cable",),
-        experiments=("scan", "scan-slow", "scans-at-two-speeds", "strokes", "rest-at-places"),
-        parameters=_cable_spring,
-        kin=("stroke",),
-    ),
-    Effect(
-        "cable_hysteresis",
-        "cable hysteresis",
-        "friction with memory",
-        MECHANICS,
-        SINCE_REVERSAL,
-        seen_over=(SINCE_REVERSAL, POSITION),
-        places=("mechanics.cable",),
-        experiments=("steps", "strokes", "micro-sweep"),
-        parameters=_cable_hysteresis,
-        kin=("stroke", "reversal"),
-    ),
-    Effect(
-        "backlash",
-        "backlash",
-        "friction with memory",
-        MECHANICS,
-        SINCE_REVERSAL,
-        seen_over=(SINCE_REVERSAL, FREQUENCY, ACCELERATION),
-        places=("mechanics.transmission",),
-        experiments=("micro", "micro-sweep", "micro-slow", "micro-fast", "reversals"),
-        parameters=_backlash,
-        kin=("reversal",),
-    ),
-    Effect(
-        "compliance",
-        "compliance",
-        "structure",
-        MECHANICS,
-        FREQUENCY,
-        seen_over=(FREQUENCY, ACCELERATION),
-        places=("mechanics.transmission",),
-        experiments=(
-            "multisine",
-            "sines-of-one-speed",
-            "micro-fast",
-            "resonance",
-            "resonance-of-the-base",
-            "step-and-settle",
-            "measured elsewhere on the base",
-        ),
-        parameters=_compliance,
-        kin=("reversal",),
-    ),
-    Effect(
-        "base_vibration",
-        "vibration of the base",
-        "structure",
-        MECHANICS,
-        FREQUENCY,
-        seen_over=(FREQUENCY, ACCELERATION),
-        places=("mechanics.base",),
-        experiments=(
-            "steps",
-            "speeds-by-acceleration",
-            "resonance",
-            "resonance-of-the-base",
-            "step-and-settle",
-            "measured elsewhere on the base",
-        ),
-        parameters=_base_vibration,
-    ),
-)
+    "cable_spring": _cable_spring,
+    "cable_hysteresis": _cable_hysteresis,
+    "backlash": _backlash,
+    "compliance": _compliance,
+    "base_vibration": _base_vibration,
+}
