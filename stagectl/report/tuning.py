@@ -250,8 +250,7 @@ def _note(axes: Axes, words: str, place: tuple[float, float], offset: tuple[int,
 
 
 def _db(values: Array) -> Array:
-    decibels: Array = 20.0 * np.log10(np.abs(values))
-    return decibels
+    return 20.0 * np.log10(np.abs(values))
 
 
 def _unwrapped(values: Array) -> Array:

@@ -144,5 +144,4 @@ def _near_corners(reference: Array) -> NDArray[np.bool_]:
     around = np.lib.stride_tricks.sliding_window_view(np.pad(bend, CORNER, mode="edge"), 2 * CORNER + 1)
     noise = REFERENCE_NOISE * float(np.abs(reference).max(initial=0.0))
     sharp = bend > SHARP * np.median(around, axis=1) + noise
-    near: NDArray[np.bool_] = np.convolve(sharp.astype(np.float64), np.ones(2 * CORNER + 1), mode="same") > 0.5
-    return near
+    return np.convolve(sharp.astype(np.float64), np.ones(2 * CORNER + 1), mode="same") > 0.5

@@ -64,8 +64,7 @@ def _scaled(name: str, place: str) -> Nuisance:
 
 
 def _added(p: Stage, place: str, amount: float) -> Stage:
-    changed: Stage = stage_changes.put(p, place, stage_changes.get(p, place) + amount)
-    return changed
+    return stage_changes.put(p, place, stage_changes.get(p, place) + amount)
 
 
 def _weights(p: Stage, coulomb: float) -> list[Nuisance]:

@@ -107,8 +107,7 @@ def _density(signals: Sequence[Array], dt: float, segment: int) -> Array:
 def _at_least(density: Array, white: float, dt: float) -> Array:
     """`density`, nowhere below that of a `white` noise of this standard deviation."""
     least = max(2.0 * dt * white * white, thresholds.LEAST_DENSITY * float(density.max(initial=0.0)), 1e-300)
-    raised: Array = np.maximum(density, least)
-    return raised
+    return np.maximum(density, least)
 
 
 def predict(p: PlannedRun, model: stage.Stage, shift: float = 0.0) -> Prediction:
@@ -133,8 +132,7 @@ def _whitened(p: PlannedRun, signal: Array, density: Array, late: float) -> Arra
     gain = np.sqrt(2.0 * KEPT * dt / np.interp(frequency, p.noise.frequency, density))
     gain = gain * (frequency <= BAND / dt) / whitening.roll_off(frequency, dt)
     turned = gain * np.exp(-2j * math.pi * late * frequency)
-    filtered: Array = np.fft.irfft(np.fft.rfft(signal) * turned, len(signal))[::KEPT]
-    return filtered
+    return np.fft.irfft(np.fft.rfft(signal) * turned, len(signal))[::KEPT]
 
 
 def shift_slope(p: PlannedRun, values: Array) -> Array:

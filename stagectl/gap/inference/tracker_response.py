@@ -26,8 +26,7 @@ def tracking(p: TrackedModel, lines: Array, dt: float) -> Response:
     controller = c.proportional + c.integral * (z + 1.0) / (z - 1.0) + c.derivative * (z - 1.0) / (z - c.decay)
     plant = _mass(p.stage.mechanics, z, dt)
     loop = controller * p.stage.motor.force_constant * plant * z ** -float(p.stage.encoder.delay_samples)
-    response: Response = loop / (1.0 + loop)
-    return response
+    return loop / (1.0 + loop)
 
 
 def _mass(m: Mechanics, z: Response, dt: float) -> Response:
@@ -38,8 +37,7 @@ def _mass(m: Mechanics, z: Response, dt: float) -> Response:
     a, gain = np.exp(-rate * dt), 1.0 / m.viscous
     velocity = (1.0 - a) / (z - a)  # times gain
     position: Response = (dt - (1.0 - a) / rate + (1.0 - a) / rate * velocity) / (z - 1.0)
-    mass: Response = gain * position
-    return mass
+    return gain * position
 
 
 def lines_of(count: int, dt: float) -> Array:
@@ -52,8 +50,7 @@ def filtered(signals: Array, response: Array | Response) -> Array:
     count, rows = signals.shape[-1], 2 * (len(response) - 1)
     padding = np.repeat(signals[..., :1], rows - 2 * count, axis=-1)
     mirrored = np.concatenate([signals, signals[..., ::-1], padding], axis=-1)
-    result: Array = fft.irfft(fft.rfft(mirrored) * response, rows)[..., :count]
-    return result
+    return fft.irfft(fft.rfft(mirrored) * response, rows)[..., :count]
 
 
 def untracked(effort: Array, p: TrackedModel, dt: float) -> Array:

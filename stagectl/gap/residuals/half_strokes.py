@@ -114,8 +114,7 @@ def without_drift_at_rest(signal: Array, rests: Sequence[tuple[int, int]]) -> Ar
 @functools.lru_cache(maxsize=64)
 def _cubic(count: int) -> Array:
     """(count, 4) orthonormal polynomials."""
-    basis: Array = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, count), 4))[0]
-    return basis
+    return np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, count), 4))[0]
 
 
 def half_strokes(position: Array, dt: float) -> NDArray[np.int64]:

@@ -30,8 +30,7 @@ def fit(g: Array, chosen: Sequence[int]) -> Fit:
 
 def ridge(diagonal: Array) -> Array:
     """(k, k) that is added to normal equations with this `diagonal` (k,): a trace of it."""
-    added: Array = np.diag(RIDGE * diagonal + 1e-300)
-    return added
+    return np.diag(RIDGE * diagonal + 1e-300)
 
 
 def column_lengths(a: Array) -> Array:
@@ -43,8 +42,7 @@ def column_lengths(a: Array) -> Array:
 def inverse(a: Array) -> Array:
     """Pseudo-inverse of normal equations (k, k) whose columns differ in unit."""
     scale = column_lengths(a)
-    scaled: Array = np.linalg.pinv(a / np.outer(scale, scale), rcond=FLAT, hermitian=True) / np.outer(scale, scale)
-    return scaled
+    return np.linalg.pinv(a / np.outer(scale, scale), rcond=FLAT, hermitian=True) / np.outer(scale, scale)
 
 
 def bounded(g: Array, chosen: Sequence[int], low: Array, high: Array) -> Array:
@@ -58,8 +56,7 @@ def bounded(g: Array, chosen: Sequence[int], low: Array, high: Array) -> Array:
     root = np.sqrt(np.maximum(q, FLAT))
     bounds = (np.minimum(low * scale, -1e-12), np.maximum(high * scale, 1e-12))
     solved = lsq_linear(root[:, None] * r.T, (r.T @ (b / scale)) / root, bounds, method="bvls")
-    amplitude: Array = solved.x / scale
-    return amplitude
+    return solved.x / scale
 
 
 def residual_sum_of_squares(g: Array, chosen: Sequence[int], amplitude: Array) -> float:

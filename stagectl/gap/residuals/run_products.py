@@ -64,8 +64,7 @@ class RunProducts(NamedTuple):
 
 def first_fold(stroke: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether half strokes (c,) belong to the first fold, by their numbers: in pairs, there and back together."""
-    first: NDArray[np.bool_] = stroke % 4 < 2
-    return first
+    return stroke % 4 < 2
 
 
 def fold_sums(strokes: Array) -> Array:

@@ -75,16 +75,14 @@ def density(signals: Sequence[Array], dt: float) -> tuple[Array, Array]:
 def smoothed(power: Array) -> Array:
     """`power` (f,) averaged over neighbouring lines."""
     lines = np.ones(thresholds.SMOOTHED_LINES) / thresholds.SMOOTHED_LINES
-    mean: Array = np.convolve(np.pad(power, thresholds.SMOOTHED_LINES // 2, mode="edge"), lines, mode="valid")
-    return mean
+    return np.convolve(np.pad(power, thresholds.SMOOTHED_LINES // 2, mode="edge"), lines, mode="valid")
 
 
 def _inverse_root(spectrum: Array) -> Array:
     largest = float(spectrum.max(initial=0.0))
     if largest == 0.0:
         return np.zeros_like(spectrum)
-    inverse: Array = 1.0 / np.sqrt(np.maximum(spectrum, thresholds.LEAST_DENSITY * largest))
-    return inverse
+    return 1.0 / np.sqrt(np.maximum(spectrum, thresholds.LEAST_DENSITY * largest))
 
 
 def whitened(p: Whitener, residual: ModelResidual, dt: float) -> Array:
@@ -130,5 +128,4 @@ def roll_off(lines: NDArray[np.floating[Any]], dt: float) -> Array:
 
 def _band_edge(lines: Array, limit: float) -> Array:
     """One within the band, falling to zero over its last tenth."""
-    edge: Array = np.clip((limit - lines) / (thresholds.BAND_EDGE * limit), 0.0, 1.0)
-    return edge
+    return np.clip((limit - lines) / (thresholds.BAND_EDGE * limit), 0.0, 1.0)

@@ -71,5 +71,4 @@ def _aging(p: stage.Stage) -> bool:
 
 def column(rows: Array, name: str) -> Array:
     """A column (n,) of simulated rows by its name in `rollout.COLUMNS`."""
-    values: Array = rows[:, rollout.COLUMNS.index(name)]
-    return values
+    return rows[:, rollout.COLUMNS.index(name)]
