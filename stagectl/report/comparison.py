@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from stagectl.evaluation import latched_reference, window
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, drawing, embedded
 from stagectl.report.page import Page, Picture
 from stagectl.report.tables.comparison import tables
 
@@ -75,8 +75,7 @@ def peaks(result: Result) -> Figure:
     """Peak error of each repeat, a row a variant."""
     rows = result["variants"]
     scale, unit = _scale([variant["peak"]["mean"] for variant in rows], result["unit"])
-    with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, 1.0 + 0.42 * len(rows)))
+    with drawing(figsize=(WIDTH, 1.0 + 0.42 * len(rows))) as (figure, axes):
         for place, variant in enumerate(rows):
             colour = _colour(result, variant["name"])
             values = scale * np.array(variant["peak"]["values"])
@@ -87,7 +86,6 @@ def peaks(result: Result) -> Figure:
         axes.set_xscale("log")
         _decades(axes, np.concatenate([scale * np.array(variant["peak"]["values"]) for variant in rows]))
         axes.set_xlabel(f"peak error [{unit}]")
-        figure.tight_layout()
     return figure
 
 
@@ -135,8 +133,7 @@ def _error(path: Path) -> tuple[Any, Any]:
 
 def courses(learned: list[Result]) -> Figure:
     """Error over the whole run of each trial, a line a learning."""
-    with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, 3.1))
+    with drawing(figsize=(WIDTH, 3.1)) as (figure, axes):
         values = [[trial["whole"]["rms"] for trial in course["trials"]] for course in learned]
         scale, unit = _scale(np.concatenate(values), learned[0]["unit"])
         for colour, course, rms in zip((WITH, TARGET, WITHOUT, "#7c3aed"), learned, values, strict=False):
@@ -150,8 +147,6 @@ def courses(learned: list[Result]) -> Figure:
         axes.yaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
         axes.xaxis.set_major_locator(mpl.ticker.MaxNLocator(integer=True))
-        axes.set_xlabel("trial (ring: the course that is kept)")
-        axes.set_ylabel(f"rms error [{unit}]")
+        axes.set(xlabel="trial (ring: the course that is kept)", ylabel=f"rms error [{unit}]")
         axes.legend(fontsize=8)
-        figure.tight_layout()
     return figure

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import io
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -33,6 +35,16 @@ STYLE: dict[Any, Any] = {
 }
 
 
+@contextlib.contextmanager
+def drawing(rows: int = 1, columns: int = 1, **options: Any) -> Iterator[tuple[Figure, Any]]:
+    """A figure in the style of the house, and its axes; laid out once they are drawn."""
+    with mpl.rc_context(STYLE):
+        figure, axes = plt.subplots(rows, columns, **options)
+        yield figure, axes
+        figure.align_ylabels()
+        figure.tight_layout()
+
+
 def effort_unit(axis: StageAxis) -> str:
     """N on a linear axis, N m on a rotary one."""
     return "N" if axis.kind == LINEAR else "N m"
@@ -47,10 +59,12 @@ def weights(axes: Axes, weight: NDArray[np.float64], slip: NDArray[np.float64], 
     """Stop operators as bars: `weight` (j,) over `slip` (j,); `units` are a slip's factor and unit, and the force's."""
     scale, unit, force = units
     axes.vlines(scale * slip, 0.0, weight, color=WITH, linewidth=3.0)
-    axes.set_xscale("log")
-    axes.set_ylim(0.0, 1.1 * float(np.max(weight, initial=1e-12)))
-    axes.set_xlabel(f"slip of the element [{unit}]")
-    axes.set_ylabel(f"weight [{force}]")
+    axes.set(
+        xscale="log",
+        ylim=(0.0, 1.1 * float(np.max(weight, initial=1e-12))),
+        xlabel=f"slip of the element [{unit}]",
+        ylabel=f"weight [{force}]",
+    )
 
 
 class Pair(NamedTuple):
@@ -65,14 +79,11 @@ class Pair(NamedTuple):
 
 def motion(pairs: list[Pair]) -> Figure:
     """One column a motion; rows: target, error without compensation, error with it, control input."""
-    with mpl.rc_context(STYLE):
-        figure, grid = plt.subplots(4, len(pairs), figsize=(3.6 * len(pairs) + 0.4, 8.2), squeeze=False, sharex="col")
+    with drawing(4, len(pairs), figsize=(3.6 * len(pairs) + 0.4, 8.2), squeeze=False, sharex="col") as (figure, grid):
         for column, pair in zip(grid.T, pairs, strict=True):
             _column(column, pair)
         for row in grid[:, 1:].flat:
             row.set_ylabel("")
-        figure.align_ylabels(grid[:, 0])
-        figure.tight_layout()
     return figure
 
 
@@ -92,8 +103,7 @@ def _column(axes: NDArray[Any], pair: Pair) -> None:
     compensated.set_ylabel("error with\ncompensation [nm]")
     _line(current, pair.without, pair.without["current"], WITHOUT)
     _line(current, pair.compensated, pair.compensated["current"], WITH)
-    current.set_ylabel("current [A]")
-    current.set_xlabel("time [s]")
+    current.set(ylabel="current [A]", xlabel="time [s]")
     for axis in axes:
         axis.axvspan(*pair.steady, color="#f1f5f9", zorder=-1)
 

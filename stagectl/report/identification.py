@@ -6,8 +6,6 @@ import importlib
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from stagectl.config.stage_file import Setup
@@ -15,7 +13,7 @@ from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.number_format import duration, length
 from stagectl.recording.metadata import versions
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, displacement_unit, effort_unit, embedded, weights
+from stagectl.report.figures import TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded, weights
 from stagectl.report.page import Page, Picture, Table
 from stagectl.report.tables.identification import parameters
 
@@ -110,15 +108,11 @@ def motion(capture: Capture, setup: Setup) -> Figure:
     axis = setup.file.axis
     scale, unit = (1e3 * axis.travel_per_unit, "mm") if axis.travel_unit == "m" else (1.0, "rad")
     step = max(1, len(capture.time) // MOST_POINTS)
-    with rc_context(STYLE):
-        figure, (above, below) = plt.subplots(2, 1, figsize=(5.6, 4.0), sharex=True)
+    with drawing(2, 1, figsize=(5.6, 4.0), sharex=True) as (figure, (above, below)):
         above.plot(capture.time[::step], scale * capture.position[::step], color=TARGET, linewidth=0.9)
         above.set_ylabel(f"position [{unit}]")
         below.plot(capture.time[::step], capture.current[::step], color=WITHOUT, linewidth=0.9)
-        below.set_ylabel(f"{capture.current_column.replace('_', ' ')} [A]")
-        below.set_xlabel("time [s]")
-        figure.align_ylabels([above, below])
-        figure.tight_layout()
+        below.set(ylabel=f"{capture.current_column.replace('_', ' ')} [A]", xlabel="time [s]")
     return figure
 
 
@@ -126,11 +120,8 @@ def characteristic(table: Characteristic, setup: Setup) -> Figure:
     """Friction over the displacement since a reversal, and its stop operators."""
     scale, unit = displacement_unit(setup.file.axis)
     force = effort_unit(setup.file.axis)
-    with rc_context(STYLE):
-        figure, (curve, bars) = plt.subplots(1, 2, figsize=(5.6, 4.0), width_ratios=(4, 3))
+    with drawing(1, 2, figsize=(5.6, 4.0), width_ratios=(4, 3)) as (figure, (curve, bars)):
         curve.plot(scale * table.displacement, table.force, color=WITH, linewidth=1.4)
-        curve.set_xlabel(f"displacement since the reversal [{unit}]")
-        curve.set_ylabel(f"friction [{force}]")
+        curve.set(xlabel=f"displacement since the reversal [{unit}]", ylabel=f"friction [{force}]")
         weights(bars, table.weight, table.slip, (scale, unit, force))
-        figure.tight_layout()
     return figure

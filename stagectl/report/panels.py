@@ -85,8 +85,7 @@ def _drawn(axes: Axes, lines: Sequence[Line], frame: Frame) -> None:
 
 
 def _around(axes: Axes, frame: Frame) -> None:
-    axes.set_xlabel(frame.x)
-    axes.set_ylabel(frame.y)
+    axes.set(xlabel=frame.x, ylabel=frame.y)
     axes.set_title(frame.title, loc="left", fontsize=9, fontweight="bold", color=TARGET)
     if frame.logarithmic:
         axes.set_xscale("log")

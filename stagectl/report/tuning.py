@@ -7,9 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
 from stagectl.recording.metadata import versions
-from stagectl.report.figures import FAINT, STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded
 from stagectl.report.page import Page, Picture
 from stagectl.report.tables.tuning import tables
 from stagectl.tuning.families import chosen, judged_loops
@@ -83,8 +81,7 @@ def _frequencies(loop: Loop, tuned: Tuned) -> Array:
 
 def bode(each: dict[str, Loop], tuned: Tuned) -> Figure:
     """Gain and phase of the open loops; the margins of the one that is cut at the current are marked."""
-    with rc_context(STYLE):
-        figure, (size, phase) = plt.subplots(2, 1, figsize=(WIDTH, HEIGHT), sharex=True)
+    with drawing(2, 1, figsize=(WIDTH, HEIGHT), sharex=True) as (figure, (size, phase)):
         for (name, loop), colour in zip(each.items(), COLOURS, strict=False):
             f = _frequencies(loop, tuned)
             values = loop.at(f)
@@ -94,15 +91,12 @@ def bode(each: dict[str, Loop], tuned: Tuned) -> Figure:
         size.axhline(0.0, color=FAINT, linewidth=0.8)
         size.set_ylim(-40.0, 60.0)
         phase.axhline(-180.0, color=FAINT, linewidth=0.8)
-        phase.set_ylim(-360.0, -45.0)
-        phase.set_yticks([-360, -270, -180, -90])
+        phase.set(ylim=(-360.0, -45.0), yticks=[-360, -270, -180, -90])
         size.set_ylabel("|L| [dB]")
         phase.set_ylabel("phase of L [deg]")
         _frequency_axis(phase)
         if len(each) > 1:
             size.legend(fontsize=8)
-        figure.align_ylabels([size, phase])
-        figure.tight_layout()
     return figure
 
 
@@ -120,8 +114,7 @@ def _mark(size: Axes, phase: Axes, loop: Robustness) -> None:
 def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
     """|S| and |T| of the loop that is cut at the current."""
     loop, margins_of_loop = next(iter(each.values())), next(iter(tuned.reached.values()))
-    with rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
+    with drawing(figsize=(WIDTH, HEIGHT)) as (figure, axes):
         f = _frequencies(loop, tuned)
         values = loop.at(f)
         axes.semilogx(f, _db(1.0 / (1.0 + values)), color=TARGET, linewidth=1.4, label="|S|")
@@ -139,19 +132,18 @@ def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
             bound = 20.0 * math.log10(tuned.demand.peak)
             axes.axhline(bound, color=WITHOUT, linewidth=1.0, linestyle="--", label=f"Ms = {tuned.demand.peak:g}")
         axes.axhline(0.0, color=FAINT, linewidth=0.8)
-        axes.set_ylim(-40.0, max(12.0, 20.0 * math.log10(margins_of_loop.sensitivity.value) + 4.0))
-        axes.set_ylabel("gain [dB]")
+        axes.set(
+            ylim=(-40.0, max(12.0, 20.0 * math.log10(margins_of_loop.sensitivity.value) + 4.0)), ylabel="gain [dB]"
+        )
         _frequency_axis(axes)
         axes.legend(fontsize=8, loc="lower left")
-        figure.tight_layout()
     return figure
 
 
 def nyquist(each: dict[str, Loop], tuned: Tuned) -> Figure:
     """The open loops near -1, with the circle of the modulus margin."""
     modulus = next(iter(tuned.reached.values())).modulus
-    with rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
+    with drawing(figsize=(WIDTH, HEIGHT)) as (figure, axes):
         for (name, loop), colour in zip(each.items(), COLOURS, strict=False):
             values = loop.at(_frequencies(loop, tuned))
             axes.plot(values.real, values.imag, color=colour, linewidth=1.3, label=name)
@@ -161,22 +153,18 @@ def nyquist(each: dict[str, Loop], tuned: Tuned) -> Figure:
         axes.plot(circle.real, circle.imag, color=WITHOUT, linewidth=1.0, linestyle="--")
         axes.plot(-1.0, 0.0, "+", color=WITHOUT, markersize=9, markeredgewidth=1.6)
         _note(axes, f"1/Ms {modulus:.2f}", (-1.0, modulus), (-20, 4))
-        axes.set_xlim(-2.6, 1.2)
-        axes.set_ylim(-1.6, 1.2)
+        axes.set(xlim=(-2.6, 1.2), ylim=(-1.6, 1.2))
         axes.set_aspect("equal", adjustable="box")
-        axes.set_xlabel("Re L")
-        axes.set_ylabel("Im L")
+        axes.set(xlabel="Re L", ylabel="Im L")
         if len(each) > 1:
             axes.legend(fontsize=8, loc="lower right")
-        figure.tight_layout()
     return figure
 
 
 def response(setup: Setup, tuned: Tuned, found: ClosedLoop) -> Figure:
     """Step of the target."""
     values = step(setup, tuned, 4.0)
-    with rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
+    with drawing(figsize=(WIDTH, HEIGHT)) as (figure, axes):
         time = 1e3 * setup.dt * np.arange(len(values))
         axes.axhspan(0.98, 1.02, color="#f1f5f9", zorder=-1)
         axes.step(time, values, where="post", color=WITH, linewidth=1.3)
@@ -184,10 +172,11 @@ def response(setup: Setup, tuned: Tuned, found: ClosedLoop) -> Figure:
         if found.settling <= time[-1] * 1e-3:
             axes.axvline(1e3 * found.settling, color=WITHOUT, linewidth=1.0, linestyle="--")
             _note(axes, f"within 2 % after {1e3 * found.settling:.3g} ms", (1e3 * found.settling, 0.1), (4, 0))
-        axes.set_xlabel("time [ms]")
-        axes.set_ylabel("position / step")
-        axes.set_ylim(min(-0.05, float(np.min(values)) - 0.05), max(1.2, float(np.max(values)) + 0.1))
-        figure.tight_layout()
+        axes.set(
+            xlabel="time [ms]",
+            ylabel="position / step",
+            ylim=(min(-0.05, float(np.min(values)) - 0.05), max(1.2, float(np.max(values)) + 0.1)),
+        )
     return figure
 
 
@@ -195,18 +184,15 @@ def dynamic_stiffness(setup: Setup, each: dict[str, Loop], found: ClosedLoop) ->
     """Dynamic stiffness over frequency."""
     loop, axis = next(iter(each.values())), setup.file.axis
     scale, unit = stiffness_unit(setup)
-    with rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT))
+    with drawing(figsize=(WIDTH, HEIGHT)) as (figure, axes):
         f = np.geomspace(min(1.0, 0.001 / loop.dt), 0.2 / loop.dt, 1500)  # above, the hold distorts it
         axes.loglog(f, scale * stiffness(setup.stage, loop, f) / axis.travel_per_unit**2, color=WITH, linewidth=1.4)
         least = scale * found.softest.value
         axes.plot(found.softest.frequency, least, "o", color=WITHOUT, markersize=4)
         place = (found.softest.frequency, least)
         _note(axes, f"{least:.3g} {unit} at {found.softest.frequency:.3g} Hz", place, (-40, -15))
-        axes.set_ylim(0.15 * least, None)
-        axes.set_ylabel(f"dynamic stiffness [{unit}]")
+        axes.set(ylim=(0.15 * least, None), ylabel=f"dynamic stiffness [{unit}]")
         _frequency_axis(axes)
-        figure.tight_layout()
     return figure
 
 
@@ -216,22 +202,16 @@ def other_bandwidths(tuned: Tuned) -> Figure:
     loops = [_first(tuned, float(bandwidth)) for bandwidth in f]
     phase = [math.degrees(loop.phase) if loop else math.nan for loop in loops]
     size = [loop.sensitivity.value if loop else math.nan for loop in loops]
-    with rc_context(STYLE):
-        figure, (above, below) = plt.subplots(2, 1, figsize=(WIDTH, HEIGHT), sharex=True)
+    with drawing(2, 1, figsize=(WIDTH, HEIGHT), sharex=True) as (figure, (above, below)):
         above.plot(f, phase, color=TARGET, linewidth=1.4)
         above.axhline(math.degrees(tuned.demand.margin), color=WITHOUT, linewidth=1.0, linestyle="--")
-        above.set_ylabel("phase margin [deg]")
-        above.set_ylim(0.0, None)
+        above.set(ylabel="phase margin [deg]", ylim=(0.0, None))
         below.plot(f, size, color=TARGET, linewidth=1.4)
         if math.isfinite(tuned.demand.peak):
             below.axhline(tuned.demand.peak, color=WITHOUT, linewidth=1.0, linestyle="--")
-        below.set_ylabel("Ms")
-        below.set_ylim(1.0, 5.0)
-        below.set_xlabel("bandwidth [Hz]")
+        below.set(ylabel="Ms", ylim=(1.0, 5.0), xlabel="bandwidth [Hz]")
         for axes in (above, below):
             axes.axvline(tuned.bandwidth, color=WITH, linewidth=1.0)
-        figure.align_ylabels([above, below])
-        figure.tight_layout()
     return figure
 
 

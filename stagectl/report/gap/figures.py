@@ -6,9 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, FoundEffect, Spans, Trace
 from stagectl.number_format import prefix
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT
+from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing
 from stagectl.report.panels import DPI as DPI
 
 Array = NDArray[np.float64]
@@ -52,18 +50,16 @@ def drawings(result: DiagnosisResult) -> dict[str, Callable[[], Figure]]:
 def coordinates(result: DiagnosisResult) -> Figure:
     """How much of the gap a smooth function of each coordinate alone explains."""
     rows = sorted(result.coordinates, key=lambda coordinate: coordinate.share)
-    with rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, 0.9 + 0.32 * max(len(rows), 3)))
+    with drawing(figsize=(WIDTH, 0.9 + 0.32 * max(len(rows), 3))) as (figure, axes):
         shares = [100.0 * max(row.share, 0.0) for row in rows]
         axes.barh([coordinate_label(row.name) for row in rows], shares, color=TARGET, height=0.6)
         for place, share in enumerate(shares):
             axes.text(share + 1.5, place, f"{share:.0f} %", va="center", fontsize=8, color=TARGET)
-        axes.set_xlim(0.0, 112.0)
-        axes.set_ylim(len(rows) - 0.5 - max(len(rows), 3), len(rows) - 0.5)
-        axes.set_xticks([0, 25, 50, 75, 100])
+        axes.set(
+            xlim=(0.0, 112.0), ylim=(len(rows) - 0.5 - max(len(rows), 3), len(rows) - 0.5), xticks=[0, 25, 50, 75, 100]
+        )
         _rows(axes)
         axes.set_xlabel("share of the gap that follows it [%]")
-        figure.tight_layout()
     return figure
 
 
@@ -88,8 +84,7 @@ def _open(capture: Spans) -> float:
 def spans(result: DiagnosisResult) -> Figure:
     """When the gap is open, a row a capture."""
     rows = most_open(result)
-    with rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, 0.9 + 0.26 * max(len(rows), 4)))
+    with drawing(figsize=(WIDTH, 0.9 + 0.26 * max(len(rows), 4))) as (figure, axes):
         for place, capture in enumerate(reversed(rows)):
             end = max(capture.duration, *(last for _, last in capture.spans), 0.0)
             axes.barh(place, end, color=_PALE, height=0.55)
@@ -98,7 +93,6 @@ def spans(result: DiagnosisResult) -> Figure:
         axes.set_yticks(range(len(rows)), [_short(capture.file) for capture in reversed(rows)], fontsize=8)
         _rows(axes)
         axes.set_xlabel("time in the capture [s]")
-        figure.tight_layout()
     return figure
 
 
@@ -111,8 +105,7 @@ def _short(name: str) -> str:
 
 def shares(result: DiagnosisResult) -> Figure:
     """The gap split into its parts, a step each; the steps end at 100 %."""
-    with rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, 0.9 + 0.36 * max(len(result.shares), 3)))
+    with drawing(figsize=(WIDTH, 0.9 + 0.36 * max(len(result.shares), 3))) as (figure, axes):
         begin = 0.0
         for place, (name, share) in enumerate(result.shares):
             axes.barh(-place, 100.0 * share, left=100.0 * begin, color=_colour(name), height=0.62)
@@ -124,11 +117,9 @@ def shares(result: DiagnosisResult) -> Figure:
         axes.set_yticks(
             [-place for place in range(len(result.shares))], [_share_label(name) for name, _ in result.shares]
         )
-        axes.set_xlim(min(0.0, axes.get_xlim()[0]), 114.0)
-        axes.set_xticks([0, 25, 50, 75, 100])
+        axes.set(xlim=(min(0.0, axes.get_xlim()[0]), 114.0), xticks=[0, 25, 50, 75, 100])
         _rows(axes)
         axes.set_xlabel("share of the squared gap [%]")
-        figure.tight_layout()
     return figure
 
 
@@ -177,8 +168,7 @@ def trace(run: Trace, result: DiagnosisResult) -> Figure:
     part = window(run)
     per = _Scale(result.travel_per_unit, result.travel_unit)
     where, size = _prefixed(run.reference[part], per), _prefixed(run.before[part], per)
-    with rc_context(STYLE):
-        figure, (above, below) = plt.subplots(2, 1, figsize=(8.6, 4.2), sharex=True, height_ratios=(1, 2.4))
+    with drawing(2, 1, figsize=(8.6, 4.2), sharex=True, height_ratios=(1, 2.4)) as (figure, (above, below)):
         above.plot(run.time[part], where.factor * run.reference[part], color=TARGET, linewidth=1.2)
         above.set_ylabel(f"reference [{where.unit}]")
         below.plot(run.time[part], size.factor * run.before[part], color=WITHOUT, linewidth=1.0, label="before")
@@ -186,11 +176,8 @@ def trace(run: Trace, result: DiagnosisResult) -> Figure:
         if math.isfinite(run.floor):
             floor = size.factor * run.floor
             below.axhspan(-floor, floor, color="#cbd5e1", alpha=0.7, zorder=-1, linewidth=0, label="noise floor (rms)")
-        below.set_ylabel(f"simulated − measured\nposition [{size.unit}]")
-        below.set_xlabel("time [s]")
+        below.set(ylabel=f"simulated − measured\nposition [{size.unit}]", xlabel="time [s]")
         _legend_above(below)
-        figure.align_ylabels([above, below])
-        figure.tight_layout()
     return figure
 
 
@@ -207,15 +194,13 @@ def signature(effect: FoundEffect, result: DiagnosisResult) -> Figure:
     unit = effect.curve_unit or effort(result)
     up = _prefixed(residual, _Scale(1.0, unit) if unit != "rad" else _Scale(result.travel_per_unit, result.travel_unit))
     kept = slice(None, None, max(1, len(x) // MOST_POINTS))
-    with rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, 3.3))
+    with drawing(figsize=(WIDTH, 3.3)) as (figure, axes):
         points = across.factor * x[kept], up.factor * residual[kept]
         axes.plot(*points, ".", color=_GREY, markersize=2.5, label="residual before")
         middle, mean = binned(x, model)
         axes.plot(across.factor * middle, up.factor * mean, color=WITH, linewidth=1.8, label=label(effect.name))
         _frame(axes, effect.coordinate, across, f"residual [{up.unit}]")
         _legend_above(axes)
-        figure.tight_layout()
     return figure
 
 
@@ -225,22 +210,19 @@ def unknown(result: DiagnosisResult) -> Figure:
     grid, force, drive = result.unknown.grid, result.unknown.force, result.unknown.block == "drive"
     across = coordinate_scale(result.unknown.coordinate, grid, result)
     up = _prefixed(force, _Scale(1.0, "A" if drive else effort(result)))
-    with rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(WIDTH, 3.3))
+    with drawing(figsize=(WIDTH, 3.3)) as (figure, axes):
         axes.axhline(0.0, color=_GREY, linewidth=0.8)
         if result.unknown.coordinate == "frequency":
             axes.set_xscale("log")
             axes.xaxis.set_major_formatter("{x:g}")
         axes.plot(across.factor * grid, up.factor * force, color=WITHOUT, linewidth=1.8)
         _frame(axes, result.unknown.coordinate, across, f"unexplained {'current' if drive else 'effort'} [{up.unit}]")
-        figure.tight_layout()
     return figure
 
 
 def _frame(axes: Axes, coordinate: str, across: _Scale, ylabel: str) -> None:
     unit = f" [{across.unit}]" if across.unit else ""
-    axes.set_xlabel(f"{coordinate_label(coordinate)}{unit}")
-    axes.set_ylabel(ylabel)
+    axes.set(xlabel=f"{coordinate_label(coordinate)}{unit}", ylabel=ylabel)
 
 
 def binned(x: Array, y: Array, bins: int = _BINS) -> tuple[Array, Array]:

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
-from stagectl.report.figures import FAINT, STYLE, TARGET, WITH, WITHOUT, embedded
+from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded
 from stagectl.report.page import Picture
 from stagectl.units import ROTARY
 
@@ -45,23 +43,19 @@ def figures(found: IdentificationResult, file: StageFile) -> dict[str, Figure]:
 
 def bode(found: IdentificationResult, file: StageFile) -> Figure:
     """Gain, phase and coherence of all conditions, and the fitted models (Figs 2 and 4)."""
-    with mpl.rc_context(STYLE):
-        figure, (gain, phase, coherence) = plt.subplots(
-            3, 1, figsize=(7.2, 7.4), sharex=True, height_ratios=[3.0, 2.2, 1.0]
-        )
+    with drawing(3, 1, figsize=(7.2, 7.4), sharex=True, height_ratios=[3.0, 2.2, 1.0]) as (
+        figure,
+        (gain, phase, coherence),
+    ):
         for curve, colour in zip(found.details["curves"], _colours(len(found.details["curves"])), strict=True):
             _response((gain, phase, coherence), curve, colour)
         _models(gain, phase, found, file)
         velocity = "rad/(s A)" if file.axis.kind == ROTARY else "m/(s A)"
         gain.set_ylabel(f"gain [dB re 1 {velocity}]")
         phase.set_ylabel("phase [deg]")
-        coherence.set_ylabel("coherence")
-        coherence.set_xlabel("frequency [Hz]")
-        coherence.set_ylim(-0.05, 1.08)
+        coherence.set(ylabel="coherence", xlabel="frequency [Hz]", ylim=(-0.05, 1.08))
         gain.set_xscale("log")
         gain.legend(loc="lower left", fontsize=8, ncols=2, columnspacing=1.2, handlelength=1.6)
-        figure.align_ylabels()
-        figure.tight_layout()
     return figure
 
 
@@ -123,8 +117,7 @@ def _models(gain: Axes, phase: Axes, found: IdentificationResult, file: StageFil
 
 def describing(found: IdentificationResult, file: StageFile) -> Figure:
     """Re(Kt/H) over the fundamental of the velocity's sign by its amplitude: slope Tc, intercept D."""
-    with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(7.2, 4.2))
+    with drawing(figsize=(7.2, 4.2)) as (figure, axes):
         rows = found.details["describing"]
         unit = "N m s/rad" if file.axis.kind == ROTARY else "N s/m"
         for row, colour in zip(rows, _colours(len(rows)), strict=True):
@@ -142,17 +135,17 @@ def describing(found: IdentificationResult, file: StageFile) -> Figure:
         )
         axes.set_ylabel(f"Re(Kt/H) [{unit}]")
         straight = [row for row in rows if not row["presliding"]] or rows
-        axes.set_xlim(0.0, 1.5 * max(max(row["relay_over_velocity"]) for row in straight))
-        axes.set_ylim(0.0, 1.5 * max(max(row["effort"]) for row in straight))
+        axes.set(
+            xlim=(0.0, 1.5 * max(max(row["relay_over_velocity"]) for row in straight)),
+            ylim=(0.0, 1.5 * max(max(row["effort"]) for row in straight)),
+        )
         axes.legend(fontsize=8, ncols=2, title="intercept D, slope Tc", title_fontsize=8)
-        figure.tight_layout()
     return figure
 
 
 def force_over_speed(found: IdentificationResult, file: StageFile) -> Figure:
     """Mean force of each span over its speed with the line, and the residual (Fig. 5)."""
-    with mpl.rc_context(STYLE):
-        figure, (force, residuals) = plt.subplots(2, 1, figsize=(7.2, 5.6), sharex=True, height_ratios=[2.6, 1.0])
+    with drawing(2, 1, figsize=(7.2, 5.6), sharex=True, height_ratios=[2.6, 1.0]) as (figure, (force, residuals)):
         spans, values = found.details["spans"], found.parameters
         speed = np.array([span["speed"] for span in spans])
         offset = values["offset"].value if "offset" in values else 0.0
@@ -177,17 +170,13 @@ def force_over_speed(found: IdentificationResult, file: StageFile) -> Figure:
             speed, residual, bars, color=WITH, linestyle="none", marker="o", markersize=4, elinewidth=0.8
         )
         residuals.axhline(0.0, color=TARGET, linewidth=0.8)
-        residuals.set_ylabel(f"residual [m{unit}]")
-        residuals.set_xlabel(f"speed [{'rad/s' if file.axis.kind == ROTARY else 'm/s'}]")
-        figure.align_ylabels()
-        figure.tight_layout()
+        residuals.set(ylabel=f"residual [m{unit}]", xlabel=f"speed [{'rad/s' if file.axis.kind == ROTARY else 'm/s'}]")
     return figure
 
 
 def rolling(found: IdentificationResult, table: Characteristic, file: StageFile) -> Figure:
     """Force along the direction over the travel since a reversal: measured strokes and the model (Fig. 6)."""
-    with mpl.rc_context(STYLE):
-        figure, (whole, near) = plt.subplots(1, 2, figsize=(7.4, 3.8), sharey=True, width_ratios=[1.3, 1.0])
+    with drawing(1, 2, figsize=(7.4, 3.8), sharey=True, width_ratios=[1.3, 1.0]) as (figure, (whole, near)):
         scale, unit = file.axis.travel_per_unit, file.axis.travel_unit
         offset = found.parameters["offset"].value
         for axes in (whole, near):
@@ -206,7 +195,6 @@ def rolling(found: IdentificationResult, table: Characteristic, file: StageFile)
         handles, labels = whole.get_legend_handles_labels()
         by_label = dict(zip(labels, handles, strict=True))
         whole.legend(by_label.values(), by_label.keys(), loc="lower right", fontsize=8, markerscale=3)
-        figure.tight_layout()
     return figure
 
 

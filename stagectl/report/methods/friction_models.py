@@ -15,7 +15,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction.members import FAMILY, Path
 from stagectl.identification.result import IdentificationResult
-from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, displacement_unit, effort_unit, embedded
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded
 from stagectl.report.page import Picture
 
 BARS = (
@@ -86,14 +86,11 @@ def reversal(rows: Sequence[Mapping[str, Any]], file: StageFile) -> Figure:
     scale, unit = displacement_unit(file.axis)
     longest = max([row["values"].get("range", 0.0) for row in rows if row["name"] in ("gms", "table")])
     s = SETTLED * 2.0 * longest * np.linspace(0.0, 1.0, POINTS)
-    with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(5.6, 4.0))
+    with drawing(figsize=(5.6, 4.0)) as (figure, axes):
         for row, colour in zip(rows, COLOURS, strict=True):
             axes.plot(scale * s, curve(row, s), color=colour, linewidth=1.3, label=row["words"])
-        axes.set_xlabel(f"displacement since the reversal [{unit}]")
-        axes.set_ylabel(f"friction [{effort_unit(file.axis)}]")
+        axes.set(xlabel=f"displacement since the reversal [{unit}]", ylabel=f"friction [{effort_unit(file.axis)}]")
         axes.legend(loc="lower right", fontsize=7.5)
-        figure.tight_layout()
     return figure
 
 

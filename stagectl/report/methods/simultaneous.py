@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -20,11 +18,11 @@ from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.report.figures import (
     FAINT,
-    STYLE,
     TARGET,
     WITH,
     WITHOUT,
     displacement_unit,
+    drawing,
     effort_unit,
     embedded,
     weights,
@@ -76,31 +74,25 @@ def force(p: _Curves) -> Figure:
     time = p.columns["time"]
     rows = time < time[0] + SHOWN
     measured, residual = p.columns["force"][rows], p.columns["residual"][rows]
-    with mpl.rc_context(STYLE):
-        figure, (above, below) = plt.subplots(2, 1, figsize=(7.2, 4.4), sharex=True, height_ratios=(2, 1))
+    with drawing(2, 1, figsize=(7.2, 4.4), sharex=True, height_ratios=(2, 1)) as (figure, (above, below)):
         above.plot(time[rows], measured, color=TARGET, linewidth=2.4, alpha=0.35, label="measured, Kt i")
         above.plot(time[rows], measured - residual, color=WITH, linewidth=1.0, label="model")
         above.plot(time[rows], p.columns["friction"][rows], color=WITHOUT, linewidth=1.0, label="its rolling friction")
         above.set_ylabel(f"force [{p.effort}]" if p.effort == "N" else f"torque [{p.effort}]")
         above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
         below.plot(time[rows], 1e3 * residual, color=TARGET, linewidth=0.7)
-        below.set_ylabel(f"residual [m{p.effort}]" if p.effort == "N" else "residual [mN m]")
-        below.set_xlabel("time [s]")
-        figure.align_ylabels([above, below])
-        figure.tight_layout()
+        below.set(ylabel=f"residual [m{p.effort}]" if p.effort == "N" else "residual [mN m]", xlabel="time [s]")
     return figure
 
 
 def loops(p: _Curves) -> Figure:
     """The paper's Fig. 9: the loop at J = D = 0, with D alone, and with both."""
     steps = ((0.0, 0.0, "J = D = 0"), (0.0, p.viscous, f"J = 0, D = {p.viscous:.3g}"), (p.inertia, p.viscous, ""))
-    with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(1, 3, figsize=(9.6, 3.2), sharey=True)
+    with drawing(1, 3, figsize=(9.6, 3.2), sharey=True) as (figure, axes):
         for axis, (inertia, viscous, title) in zip(axes, steps, strict=True):
             _loop(axis, p, inertia, viscous)
             axis.set_title(title or f"J = {inertia:.4g}, D = {viscous:.3g}", loc="left", color=TARGET)
         axes[0].set_ylabel(f"disturbance force [{p.effort}]" if p.effort == "N" else f"disturbance torque [{p.effort}]")
-        figure.tight_layout()
     return figure
 
 
@@ -115,18 +107,18 @@ def _loop(axis: Axes, p: _Curves, inertia: float, viscous: float) -> None:
 def reversal(table: Characteristic, p: _Curves) -> Figure:
     """Friction over the displacement since a reversal, with the motion's own reversals behind it."""
     end = float(table.displacement[-1])
-    with mpl.rc_context(STYLE):
-        figure, (curve, bars) = plt.subplots(1, 2, figsize=(7.6, 3.4), width_ratios=(3, 2))
+    with drawing(1, 2, figsize=(7.6, 3.4), width_ratios=(3, 2)) as (figure, (curve, bars)):
         for place, value in reversals(p, end):
             curve.plot(p.scale * place, value, color=FAINT, linewidth=0.6, alpha=0.5)
         curve.plot([], [], color=FAINT, linewidth=0.8, label="Kt i - J a - D w after each reversal")
         curve.plot(p.scale * table.displacement, table.force, color=WITH, linewidth=1.6, label="stop operators")
-        curve.set_xlim(0.0, p.scale * end)
-        curve.set_xlabel(f"displacement since the reversal [{p.unit}]")
-        curve.set_ylabel(f"friction [{p.effort}]")
+        curve.set(
+            xlim=(0.0, p.scale * end),
+            xlabel=f"displacement since the reversal [{p.unit}]",
+            ylabel=f"friction [{p.effort}]",
+        )
         curve.legend(loc="lower right", fontsize=8)
         weights(bars, table.weight, table.slip, (p.scale, p.unit, p.effort))
-        figure.tight_layout()
     return figure
 
 

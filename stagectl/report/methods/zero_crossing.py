@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -15,7 +13,7 @@ from stagectl.config.stage_blocks import Axis as StageAxis
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import IdentificationResult
-from stagectl.report.figures import FAINT, STYLE, TARGET, WITH, WITHOUT, effort_unit, embedded
+from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, effort_unit, embedded
 from stagectl.report.page import Picture
 
 NAMES = {
@@ -57,8 +55,7 @@ def forces_over(over: str, details: Mapping[str, Any], axis: StageAxis = SLIDER)
     near = np.abs(curves["time"]) <= NEAR
     unit = effort_unit(axis)
     x = 1e3 * curves[over][near] * (axis.travel_per_unit if over == "velocity" else 1.0)
-    with mpl.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(5.6, 4.4))
+    with drawing(figsize=(5.6, 4.4)) as (figure, axes):
         axes.plot(x, curves["friction"][near], color=TARGET, linewidth=2.2, alpha=0.55, label="measured: F - M a - D v")
         for name in SHOWN:
             line = "--" if name.endswith("-free") else "-"
@@ -66,10 +63,11 @@ def forces_over(over: str, details: Mapping[str, Any], axis: StageAxis = SLIDER)
             axes.plot(x, curves[name][near], line, color=COLOURS[name], linewidth=1.1, label=label)
         axes.axhline(0.0, color=FAINT, linewidth=0.6)
         axes.axvline(0.0, color=FAINT, linewidth=0.6)
-        axes.set_xlabel({"time": "time from the zero crossing [ms]"}.get(over, f"velocity [m{axis.travel_unit}/s]"))
-        axes.set_ylabel(f"friction [{unit}]")
+        axes.set(
+            xlabel={"time": "time from the zero crossing [ms]"}.get(over, f"velocity [m{axis.travel_unit}/s]"),
+            ylabel=f"friction [{unit}]",
+        )
         axes.legend(loc="lower center", bbox_to_anchor=(0.45, 1.0), ncols=2, fontsize=7.5, columnspacing=1.2)
-        figure.tight_layout()
     return figure
 
 
