@@ -56,14 +56,14 @@ def diagnosed(machine: FleetMachine) -> MachineSummary:
     last = _last_gap(folder)
     try:
         options = Options(machine.excluded, machine.full)
-        found = diagnose(load_session.load([folder]), options, lambda _: None).found
-        result_json.save(found, folder)
+        result = diagnose(load_session.load([folder]), options, lambda _: None).found
+        result_json.save(result, folder)
     except Exception as error:  # whatever one machine's logs cause
         words = str(error) if isinstance(error, StageError) else f"{type(error).__name__}: {error}"
         return MachineSummary(machine.name, "", (), math.nan, math.nan, "", None, words)
-    names, gap = tuple(effect.name for effect in found.named), found.gap
+    names, gap = tuple(effect.name for effect in result.named), result.gap
     change = drift(last, gap)
-    return MachineSummary(machine.name, found.verdict, names, gap.before, gap.after, gap.unit, change, found.sentence)
+    return MachineSummary(machine.name, result.verdict, names, gap.before, gap.after, gap.unit, change, result.sentence)
 
 
 def _last_gap(folder: Path) -> Gap | None:

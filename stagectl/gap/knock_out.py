@@ -135,9 +135,9 @@ def _pushed(log: Log, added: Array) -> Log:
     return log._replace(command=log.command + added, current=current, setpoints=None)
 
 
-def judged(knock: Knock, found: DiagnosisResult, before: DiagnosisResult | None = None) -> KnockResult:
+def judged(knock: Knock, result: DiagnosisResult, before: DiagnosisResult | None = None) -> KnockResult:
     """Whether the knocked term is named; an effect that the unchanged record shows already does not count."""
     known = {effect.name for effect in before.named if not effect.parameter} if before is not None else set[str]()
-    named = tuple((effect.name, *effect.alternatives) for effect in found.named)
+    named = tuple((effect.name, *effect.alternatives) for effect in result.named)
     right = knock.name not in known and any(knock.name in names for names in named)
-    return KnockResult(knock.name, knock.way, found.verdict, named, right, found.gap.closure)
+    return KnockResult(knock.name, knock.way, result.verdict, named, right, result.gap.closure)

@@ -40,14 +40,14 @@ def bounds_of(low: Sequence[float], high: Sequence[float]) -> tuple[float, float
 
 def _columns(low: Sequence[float], high: Sequence[float], count: int) -> list[tuple[float, float]]:
     """As many (lowest, highest) as there are columns; of each all that falls into it."""
-    found = []
+    extremes = []
     for column in range(count):
         start = column * len(low) // count
         end = max((column + 1) * len(low) // count, start + 1)
         bottoms = [value for value in low[start:end] if not math.isnan(value)]
         tops = [value for value in high[start:end] if not math.isnan(value)]
-        found.append((min(bottoms), max(tops)) if bottoms and tops else (math.nan, math.nan))
-    return found
+        extremes.append((min(bottoms), max(tops)) if bottoms and tops else (math.nan, math.nan))
+    return extremes
 
 
 def _row(value: float, bounds: tuple[float, float], rows: int) -> int:

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stagectl.evaluation import latched_reference, window
+from stagectl.number_format import prefix
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, drawing, embedded
@@ -66,9 +67,8 @@ def _colour(result: Result, name: str) -> str:
 
 def _scale(values: Any, unit: str) -> tuple[float, str]:
     """Factor and unit in which `values` (m or rad) read well."""
-    largest = float(np.max(np.abs(values), initial=0.0))
-    prefixes = ((1e3, "m"), (1e6, "µ"), (1e9, "n"))
-    return next(((k, f"{prefix}{unit}") for k, prefix in prefixes if largest * k >= 0.5), (1e9, f"n{unit}"))
+    letter, factor = prefix(float(np.max(np.abs(values), initial=0.0)))
+    return factor, f"{letter}{unit}"
 
 
 def peaks(result: Result) -> Figure:

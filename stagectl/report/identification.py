@@ -31,15 +31,15 @@ _FIGURES = {  # the module of `report.methods` that draws a method's figures; le
 
 def page(result: dict[str, Any], source: tuple[IdentificationResult, Sequence[Capture], Setup], command: str) -> Page:
     """The page of the JSON `result` of `methods.result`, and its `source`; `command` repeats the identification."""
-    found, captures, setup = source
-    pictures = _of_the_method(result["method"], found, captures, setup)
-    if found.table is not None and not pictures:
-        pictures.append(Picture(embedded(characteristic(found.table, setup)), "Friction after a reversal."))
+    identified, captures, setup = source
+    own = _module(result["method"])
+    pictures = [] if own is None else list(own.pictures(identified, list(captures), setup.file))
+    if identified.table is not None and not pictures:
+        pictures.append(Picture(embedded(characteristic(identified.table, setup)), "Friction after a reversal."))
     for capture in captures[:MOST_CAPTURES]:
         pictures.append(Picture(embedded(motion(capture, setup)), f"Position and current of {_name(capture)}."))
     title, notes = f"stagectl identify {result['method']}: {result['stage']}", [*result["notes"], *_notes(captures)]
-    own = _module(result["method"])
-    shown = [parameters(result), *(own.tables(found) if hasattr(own, "tables") else [])]
+    shown = [parameters(result), *(own.tables(identified) if hasattr(own, "tables") else [])]
     shown += [*_correlations(result), _captures(captures)]
     return Page(title, answer(result), notes, pictures, shown, [command], versions(), broad=True)
 
@@ -95,12 +95,6 @@ def _module(name: str) -> Any:
     """The method's report module: ``pictures(found, captures, file)``, and ``tables(found)`` if it has any."""
     module = _FIGURES.get(name)
     return importlib.import_module(f"stagectl.report.methods.{module}") if module else None
-
-
-def _of_the_method(name: str, found: IdentificationResult, captures: Sequence[Capture], setup: Setup) -> list[Picture]:
-    """The figures of the method's report module."""
-    own = _module(name)
-    return [] if own is None else list(own.pictures(found, list(captures), setup.file))
 
 
 def motion(capture: Capture, setup: Setup) -> Figure:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl import evaluation
+from stagectl.number_format import prefix
 from stagectl.recording.hdf5 import Recording
 from stagectl.report.figures import WITH, WITHOUT
 from stagectl.report.page import Page
@@ -25,7 +26,6 @@ _CURRENTS = (
     ("friction", "friction compensation", WITHOUT),
     ("feedforward", "feedforward", CONVENTIONAL),
 )
-_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 Array = NDArray[np.float64]
 
 
@@ -95,23 +95,17 @@ def _drawn(
     known = [(label, values, colour) for label, values, colour in curves if np.isfinite(values).any()]
     scaling = within if within is not None and np.isfinite(within).any() else np.concatenate([y for _, y, _ in known])
     largest = float(np.nanmax(np.abs(scaling), initial=0.0))
-    size, prefix = _prefix(largest)
+    letter, scale = prefix(largest)
     lines = []
     for label, values, colour in known:
-        time, extremes = thinned(samples["time"], values / size)
+        time, extremes = thinned(samples["time"], values * scale)
         lines.append(Line(time, extremes, label, colour, width=0.9))
     factor = 1.4 if within is None else 1.6  # room for the legend; for values outside the window
-    room = (-factor * largest / size, factor * largest / size) if largest else None
+    room = (-factor * largest * scale, factor * largest * scale) if largest else None
     frame = Frame(
-        "time [s]", f"{quantity} [{prefix}{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2
+        "time [s]", f"{quantity} [{letter}{unit}]", ylim=room, shaded=shaded, legend="upper center", columns=2
     )
     return lines, frame, f"{quantity.capitalize()} over time."
-
-
-def _prefix(largest: float) -> tuple[float, str]:
-    return next(
-        ((size, name) for size, name in _PREFIXES if largest >= size), _PREFIXES[-1] if largest else _PREFIXES[0]
-    )
 
 
 def thinned(time: Array, values: Array) -> tuple[Array, Array]:

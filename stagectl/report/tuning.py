@@ -64,13 +64,13 @@ _CAPTIONS = {
 def drawings(setup: Setup, tuned: Tuned) -> dict[str, Callable[[], Figure]]:
     """What draws each figure of the design, by its name."""
     loops = judged_loops(setup.stage, tuned.control)
-    found = functools.cache(lambda: closed(setup, tuned))
+    closed_loop = functools.cache(lambda: closed(setup, tuned))
     return {
         "bode": lambda: bode(loops, tuned),
         "sensitivities": lambda: sensitivities(loops, tuned),
         "nyquist": lambda: nyquist(loops, tuned),
-        "step": lambda: response(setup, tuned, found()),
-        "stiffness": lambda: dynamic_stiffness(setup, loops, found()),
+        "step": lambda: response(setup, tuned, closed_loop()),
+        "stiffness": lambda: dynamic_stiffness(setup, loops, closed_loop()),
         "bandwidths": lambda: other_bandwidths(tuned),
     }
 
@@ -89,11 +89,9 @@ def bode(each: dict[str, Loop], tuned: Tuned) -> Figure:
             phase.semilogx(f, _unwrapped(values), color=colour, linewidth=1.2)
         _mark(size, phase, next(iter(tuned.reached.values())))
         size.axhline(0.0, color=FAINT, linewidth=0.8)
-        size.set_ylim(-40.0, 60.0)
+        size.set(ylim=(-40.0, 60.0), ylabel="|L| [dB]")
         phase.axhline(-180.0, color=FAINT, linewidth=0.8)
-        phase.set(ylim=(-360.0, -45.0), yticks=[-360, -270, -180, -90])
-        size.set_ylabel("|L| [dB]")
-        phase.set_ylabel("phase of L [deg]")
+        phase.set(ylim=(-360.0, -45.0), yticks=[-360, -270, -180, -90], ylabel="phase of L [deg]")
         _frequency_axis(phase)
         if len(each) > 1:
             size.legend(fontsize=8)
@@ -104,37 +102,33 @@ def _mark(size: Axes, phase: Axes, loop: Robustness) -> None:
     degrees = math.degrees(loop.phase)
     phase.vlines(loop.crossover, -180.0, degrees - 180.0, color=WITHOUT, linewidth=2.0)
     _note(phase, f"PM {degrees:.1f}°", (loop.crossover, degrees - 180.0), (4, 6))
-    for peak, factor in ((loop.raised, loop.raised.value), (loop.lowered, loop.lowered.value)):
+    for peak in (loop.raised, loop.lowered):
         if peak.frequency > 0.0:
-            level = -20.0 * math.log10(factor)
+            level = -20.0 * math.log10(peak.value)
             size.vlines(peak.frequency, min(level, 0.0), max(level, 0.0), color=WITHOUT, linewidth=2.0)
             _note(size, f"GM {-level:+.1f} dB", (peak.frequency, max(level, 0.0)), (4, 4 if level < 0.0 else 0))
 
 
 def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
     """|S| and |T| of the loop that is cut at the current."""
-    loop, margins_of_loop = next(iter(each.values())), next(iter(tuned.reached.values()))
+    loop, reached = next(iter(each.values())), next(iter(tuned.reached.values()))
     with drawing(figsize=(WIDTH, HEIGHT)) as (figure, axes):
         f = _frequencies(loop, tuned)
         values = loop.at(f)
         axes.semilogx(f, _db(1.0 / (1.0 + values)), color=TARGET, linewidth=1.4, label="|S|")
         axes.semilogx(f, _db(values / (1.0 + values)), color=WITH, linewidth=1.4, label="|T|")
-        for peak, name, colour in (
-            (margins_of_loop.sensitivity, "Ms", TARGET),
-            (margins_of_loop.complementary, "Mt", WITH),
+        for peak, name, colour, offset in (
+            (reached.sensitivity, "Ms", TARGET, (6, 4)),
+            (reached.complementary, "Mt", WITH, (-44, 6)),
         ):
             level = 20.0 * math.log10(peak.value)
             axes.plot(peak.frequency, level, "o", color=colour, markersize=4)
-            _note(
-                axes, f"{name} {peak.value:.2f}", (peak.frequency, level), (6, 4) if name == "Ms" else (-44, 6), colour
-            )
+            _note(axes, f"{name} {peak.value:.2f}", (peak.frequency, level), offset, colour)
         if math.isfinite(tuned.demand.peak):
             bound = 20.0 * math.log10(tuned.demand.peak)
             axes.axhline(bound, color=WITHOUT, linewidth=1.0, linestyle="--", label=f"Ms = {tuned.demand.peak:g}")
         axes.axhline(0.0, color=FAINT, linewidth=0.8)
-        axes.set(
-            ylim=(-40.0, max(12.0, 20.0 * math.log10(margins_of_loop.sensitivity.value) + 4.0)), ylabel="gain [dB]"
-        )
+        axes.set(ylim=(-40.0, max(12.0, 20.0 * math.log10(reached.sensitivity.value) + 4.0)), ylabel="gain [dB]")
         _frequency_axis(axes)
         axes.legend(fontsize=8, loc="lower left")
     return figure
@@ -153,25 +147,24 @@ def nyquist(each: dict[str, Loop], tuned: Tuned) -> Figure:
         axes.plot(circle.real, circle.imag, color=WITHOUT, linewidth=1.0, linestyle="--")
         axes.plot(-1.0, 0.0, "+", color=WITHOUT, markersize=9, markeredgewidth=1.6)
         _note(axes, f"1/Ms {modulus:.2f}", (-1.0, modulus), (-20, 4))
-        axes.set(xlim=(-2.6, 1.2), ylim=(-1.6, 1.2))
+        axes.set(xlim=(-2.6, 1.2), ylim=(-1.6, 1.2), xlabel="Re L", ylabel="Im L")
         axes.set_aspect("equal", adjustable="box")
-        axes.set(xlabel="Re L", ylabel="Im L")
         if len(each) > 1:
             axes.legend(fontsize=8, loc="lower right")
     return figure
 
 
-def response(setup: Setup, tuned: Tuned, found: ClosedLoop) -> Figure:
+def response(setup: Setup, tuned: Tuned, closed_loop: ClosedLoop) -> Figure:
     """Step of the target."""
     values = step(setup, tuned, 4.0)
     with drawing(figsize=(WIDTH, HEIGHT)) as (figure, axes):
-        time = 1e3 * setup.dt * np.arange(len(values))
+        time, settled = 1e3 * setup.dt * np.arange(len(values)), 1e3 * closed_loop.settling
         axes.axhspan(0.98, 1.02, color="#f1f5f9", zorder=-1)
         axes.step(time, values, where="post", color=WITH, linewidth=1.3)
         axes.axhline(1.0, color=FAINT, linewidth=0.8)
-        if found.settling <= time[-1] * 1e-3:
-            axes.axvline(1e3 * found.settling, color=WITHOUT, linewidth=1.0, linestyle="--")
-            _note(axes, f"within 2 % after {1e3 * found.settling:.3g} ms", (1e3 * found.settling, 0.1), (4, 0))
+        if settled <= time[-1]:
+            axes.axvline(settled, color=WITHOUT, linewidth=1.0, linestyle="--")
+            _note(axes, f"within 2 % after {settled:.3g} ms", (settled, 0.1), (4, 0))
         axes.set(
             xlabel="time [ms]",
             ylabel="position / step",
@@ -180,17 +173,17 @@ def response(setup: Setup, tuned: Tuned, found: ClosedLoop) -> Figure:
     return figure
 
 
-def dynamic_stiffness(setup: Setup, each: dict[str, Loop], found: ClosedLoop) -> Figure:
+def dynamic_stiffness(setup: Setup, each: dict[str, Loop], closed_loop: ClosedLoop) -> Figure:
     """Dynamic stiffness over frequency."""
     loop, axis = next(iter(each.values())), setup.file.axis
     scale, unit = stiffness_unit(setup)
     with drawing(figsize=(WIDTH, HEIGHT)) as (figure, axes):
         f = np.geomspace(min(1.0, 0.001 / loop.dt), 0.2 / loop.dt, 1500)  # above, the hold distorts it
         axes.loglog(f, scale * stiffness(setup.stage, loop, f) / axis.travel_per_unit**2, color=WITH, linewidth=1.4)
-        least = scale * found.softest.value
-        axes.plot(found.softest.frequency, least, "o", color=WITHOUT, markersize=4)
-        place = (found.softest.frequency, least)
-        _note(axes, f"{least:.3g} {unit} at {found.softest.frequency:.3g} Hz", place, (-40, -15))
+        least = scale * closed_loop.softest.value
+        axes.plot(closed_loop.softest.frequency, least, "o", color=WITHOUT, markersize=4)
+        place = (closed_loop.softest.frequency, least)
+        _note(axes, f"{least:.3g} {unit} at {closed_loop.softest.frequency:.3g} Hz", place, (-40, -15))
         axes.set(ylim=(0.15 * least, None), ylabel=f"dynamic stiffness [{unit}]")
         _frequency_axis(axes)
     return figure

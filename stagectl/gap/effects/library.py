@@ -45,8 +45,8 @@ _COORDINATES: Mapping[str, str] = {
 
 def definitions(scales: Scales) -> list[Definition]:
     """All effects that can be searched for on a machine of these sizes."""
-    found = (definition(effect, scales) for effect in EFFECTS.values() if not effect.nominal)
-    return [effect for effect in found if effect is not None]
+    known = (definition(effect, scales) for effect in EFFECTS.values() if not effect.nominal)
+    return [effect for effect in known if effect is not None]
 
 
 def label(name: str) -> str:

@@ -63,17 +63,17 @@ class SimulatedExperiment(NamedTuple):
 
 
 def next_experiment(
-    session: Session, found: DiagnosisResult, selected: Selection, e: Evidence
+    session: Session, result: DiagnosisResult, selected: Selection, e: Evidence
 ) -> NextExperiment | None:
     """The experiment that separates the first ambiguous effect from its alternatives.
 
     Where no effect is ambiguous it shows what no run has shown.  Raises GapError where no experiment can be made.
     """
-    ambiguous = next((effect for effect in found.named if effect.alternatives and not effect.parameter), None)
+    ambiguous = next((effect for effect in result.named if effect.alternatives and not effect.parameter), None)
     models = {"nominal": session.stage}
     if ambiguous is not None:
         models = {ambiguous.name: selected.fitted.equipped.stage, **verdict.rivals(e, selected, ambiguous)}
-    return propose(session, models, found.gap.floor)
+    return propose(session, models, result.gap.floor)
 
 
 def propose(session: Session, models: Models, floor: float, seen: Collection[str] = ()) -> NextExperiment | None:

@@ -94,11 +94,11 @@ class Localisation(NamedTuple):
 
 
 def localise(
-    session: Session, e: Evidence, now: Fitted, found: Conclusions, functions: BasisColumns, parity: CommandCheck
+    session: Session, e: Evidence, now: Fitted, conclusions: Conclusions, functions: BasisColumns, parity: CommandCheck
 ) -> Localisation:
     """In which block of the loop, over which coordinate, and when in each log."""
-    off = [shift for shift in found.shifts if shift.probability >= NAMED]
-    acting = time_localisation.contributors(session, now, off, found.signatures)
+    off = [shift for shift in conclusions.shifts if shift.probability >= NAMED]
+    acting = time_localisation.contributors(session, now, off, conclusions.signatures)
     return Localisation(
         time_localisation.blocks(e, now, parity),
         coordinates(e, functions),

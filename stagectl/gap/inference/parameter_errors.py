@@ -62,8 +62,8 @@ def shifts(
     estimates = _estimates(session, now, deviation)
     estimates["coulomb"] = _coulomb(session, now, g, list(deviation))
     shares = {name: returned.get(name, 0.0) / before for name in estimates}
-    found = [_shift(name, estimate, shares[name], session.kind) for name, estimate in estimates.items()]
-    return [*found, *_presliding(session, now)]
+    known = [_shift(name, estimate, shares[name], session.kind) for name, estimate in estimates.items()]
+    return [*known, *_presliding(session, now)]
 
 
 def _estimates(session: Session, now: Fitted, deviation: Mapping[str, float]) -> dict[str, Estimate]:
@@ -170,13 +170,13 @@ def half_way(p: stage.Friction) -> float:
     return float(np.interp(0.5 * curve[-1], curve, grid))
 
 
-def shared(found: Sequence[Shift]) -> frozenset[str]:
+def shared(known: Sequence[Shift]) -> frozenset[str]:
     """Those of inertia, viscous and Coulomb friction that have shifted as another of them has.
 
     A force constant that is off shifts all three alike.  Where two agree and the third has changed by itself, the force
     constant and that third one explain the data as well.
     """
-    scaled = [shift for shift in found if shift.sure and shift.name in FORCE_SCALED and shift.change > thresholds.LOST]
+    scaled = [shift for shift in known if shift.sure and shift.name in FORCE_SCALED and shift.change > thresholds.LOST]
     logs = {shift.name: np.log1p(shift.change) for shift in scaled}
     return frozenset(
         name
@@ -185,12 +185,12 @@ def shared(found: Sequence[Shift]) -> frozenset[str]:
     )
 
 
-def common(found: Sequence[Shift]) -> Shift | None:
+def common(known: Sequence[Shift]) -> Shift | None:
     """A common shift of inertia, viscous and Coulomb friction: exactly that of the force constant, the other way.
 
     None where the three do not agree.
     """
-    by_name = {shift.name: shift for shift in found}
+    by_name = {shift.name: shift for shift in known}
     three = [by_name[name] for name in FORCE_SCALED if name in by_name]
     if len(three) < 3 or not all(
         abs(shift.change) > thresholds.COMMON_LEAST and shift.change > thresholds.LOST for shift in three

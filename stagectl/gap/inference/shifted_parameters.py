@@ -16,19 +16,19 @@ from stagectl.gap.selection.refine import Fitted
 COORDINATES = {"inertia": "acceleration", "viscous": "speed", "coulomb": "direction"}
 
 
-def shifted(session: Session, found: Sequence[Shift], now: Fitted) -> list[FoundEffect]:
+def shifted(session: Session, shifts: Sequence[Shift], now: Fitted) -> list[FoundEffect]:
     """The parameters that are off, the largest shares first.
 
     A common scale of inertia, viscous and Coulomb friction is that of the force constant, and replaces them.
     """
-    scale = common(found)
+    scale = common(shifts)
     if scale is not None:
-        rest = [shift for shift in found if shift.sure and shift.name not in library.FORCE_SCALED]
+        rest = [shift for shift in shifts if shift.sure and shift.name not in library.FORCE_SCALED]
         return [_force_constant(session, scale), *(_shifted(session, shift, now) for shift in rest)]
-    sure = sorted((shift for shift in found if shift.sure), key=lambda shift: -shift.share)
+    sure = sorted((shift for shift in shifts if shift.sure), key=lambda shift: -shift.share)
     effects = [_shifted(session, shift, now) for shift in sure]
     # The part that they share may as well be the force constant's.
-    alike = shared(found) | ({sure[0].name} if _same_sign(sure) else frozenset())
+    alike = shared(shifts) | ({sure[0].name} if _same_sign(sure) else frozenset())
     return [
         effect._replace(alternatives=(*effect.alternatives, "force_constant")) if effect.name in alike else effect
         for effect in effects

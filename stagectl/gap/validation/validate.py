@@ -33,11 +33,11 @@ class Validation(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def validate(session: Session, e: Evidence, selected: Selection, found: Conclusions) -> Validation:
+def validate(session: Session, e: Evidence, selected: Selection, conclusions: Conclusions) -> Validation:
     """The best of the models that were found, with the drive's signatures, on runs that chose nothing."""
-    best = _best_model(session, [*found.models, session.stage])
+    best = _best_model(session, [*conclusions.models, session.stage])
     improved = best
-    for signature in found.signatures:
+    for signature in conclusions.signatures:
         improved = signature.put_in(improved)
     lines = warnings(session, e, best)
     return Validation(improved, closure(session, e, selected, improved), tuple(lines))

@@ -22,34 +22,34 @@ from stagectl.units import ROTARY
 SHADES = ("#f59e0b", "#0ea5e9", "#8b5cf6", "#0f766e", "#be123c", "#334155")
 
 
-def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page; the `captures` are not drawn."""
-    return [Picture(embedded(figure), f"{caption}.") for caption, figure in figures(found, file).items()]
+    return [Picture(embedded(figure), f"{caption}.") for caption, figure in figures(result, file).items()]
 
 
-def figures(found: IdentificationResult, file: StageFile) -> dict[str, Figure]:
+def figures(result: IdentificationResult, file: StageFile) -> dict[str, Figure]:
     """All figures of a conventional method's result, by caption."""
     drawn: dict[str, Figure] = {}
-    if "curves" in found.details:
-        drawn["Frequency response from current to velocity"] = bode(found, file)
-        if found.details["describing"]:
-            drawn["Effort per velocity over 4/(π W): separates friction from damping"] = describing(found, file)
-    if "spans" in found.details:
-        drawn["Constant-speed examination"] = force_over_speed(found, file)
-    if "strokes" in found.details and found.table is not None:
-        drawn["Rolling-friction characteristic"] = rolling(found, found.table, file)
+    if "curves" in result.details:
+        drawn["Frequency response from current to velocity"] = bode(result, file)
+        if result.details["describing"]:
+            drawn["Effort per velocity over 4/(π W): separates friction from damping"] = describing(result, file)
+    if "spans" in result.details:
+        drawn["Constant-speed examination"] = force_over_speed(result, file)
+    if "strokes" in result.details and result.table is not None:
+        drawn["Rolling-friction characteristic"] = rolling(result, result.table, file)
     return drawn
 
 
-def bode(found: IdentificationResult, file: StageFile) -> Figure:
+def bode(result: IdentificationResult, file: StageFile) -> Figure:
     """Gain, phase and coherence of all conditions, and the fitted models (Figs 2 and 4)."""
     with drawing(3, 1, figsize=(7.2, 7.4), sharex=True, height_ratios=[3.0, 2.2, 1.0]) as (
         figure,
         (gain, phase, coherence),
     ):
-        for curve, colour in zip(found.details["curves"], _colours(len(found.details["curves"])), strict=True):
+        for curve, colour in zip(result.details["curves"], _colours(len(result.details["curves"])), strict=True):
             _response((gain, phase, coherence), curve, colour)
-        _models(gain, phase, found, file)
+        _models(gain, phase, result, file)
         velocity = "rad/(s A)" if file.axis.kind == ROTARY else "m/(s A)"
         gain.set_ylabel(f"gain [dB re 1 {velocity}]")
         phase.set_ylabel("phase [deg]")
@@ -97,13 +97,13 @@ def _response(axes: tuple[Axes, Axes, Axes], curve: dict[str, Any], colour: str)
         coherence.plot(*np.array(known).T, color=colour, **marks)
 
 
-def _models(gain: Axes, phase: Axes, found: IdentificationResult, file: StageFile) -> None:
+def _models(gain: Axes, phase: Axes, result: IdentificationResult, file: StageFile) -> None:
     """Kt/(J s + D) by the gain's curve fit, and by the fit that is taken."""
-    lowest = min(min(curve["frequency"]) for curve in found.details["curves"])
-    highest = max(max(curve["frequency"]) for curve in found.details["curves"])
+    lowest = min(min(curve["frequency"]) for curve in result.details["curves"])
+    highest = max(max(curve["frequency"]) for curve in result.details["curves"])
     frequency = np.geomspace(lowest, highest, 300)
-    fits = {row["name"]: row for row in found.details["fits"]}
-    shown = [("identified", found.details["fits"][-1], TARGET, "-")]
+    fits = {row["name"]: row for row in result.details["fits"]}
+    shown = [("identified", result.details["fits"][-1], TARGET, "-")]
     if "gain curve" in fits:
         amplitude = fits["gain curve"]["amplitude"]
         shown.append((f"curve fit at {amplitude:.3g} A", fits["gain curve"], FAINT, "--"))
@@ -115,10 +115,10 @@ def _models(gain: Axes, phase: Axes, found: IdentificationResult, file: StageFil
         phase.plot(frequency, np.degrees(np.angle(response)), **style)
 
 
-def describing(found: IdentificationResult, file: StageFile) -> Figure:
+def describing(result: IdentificationResult, file: StageFile) -> Figure:
     """Re(Kt/H) over the fundamental of the velocity's sign by its amplitude: slope Tc, intercept D."""
     with drawing(figsize=(7.2, 4.2)) as (figure, axes):
-        rows = found.details["describing"]
+        rows = result.details["describing"]
         unit = "N m s/rad" if file.axis.kind == ROTARY else "N s/m"
         for row, colour in zip(rows, _colours(len(rows)), strict=True):
             over, effort = np.array(row["relay_over_velocity"]), np.array(row["effort"])
@@ -143,10 +143,10 @@ def describing(found: IdentificationResult, file: StageFile) -> Figure:
     return figure
 
 
-def force_over_speed(found: IdentificationResult, file: StageFile) -> Figure:
+def force_over_speed(result: IdentificationResult, file: StageFile) -> Figure:
     """Mean force of each span over its speed with the line, and the residual (Fig. 5)."""
     with drawing(2, 1, figsize=(7.2, 5.6), sharex=True, height_ratios=[2.6, 1.0]) as (figure, (force, residuals)):
-        spans, values = found.details["spans"], found.parameters
+        spans, values = result.details["spans"], result.parameters
         speed = np.array([span["speed"] for span in spans])
         offset = values["offset"].value if "offset" in values else 0.0
         unit = values["coulomb"].unit
@@ -158,14 +158,14 @@ def force_over_speed(found: IdentificationResult, file: StageFile) -> Figure:
         force.set_ylabel(f"mean force [{unit}]")
         force.set_title(
             f"D = {values['viscous'].value:#.4g} {values['viscous'].unit}, "
-            f"intercepts +{found.details['coulomb_positive']:#.4g} and "
-            f"−{found.details['coulomb_negative']:#.4g} {unit}",
+            f"intercepts +{result.details['coulomb_positive']:#.4g} and "
+            f"−{result.details['coulomb_negative']:#.4g} {unit}",
             loc="left",
             fontsize=9,
             color=TARGET,
         )
         bars = [2.0 * span["deviation"] * 1e3 for span in spans]
-        residual = np.array(found.details["residual"]) * 1e3
+        residual = np.array(result.details["residual"]) * 1e3
         residuals.errorbar(
             speed, residual, bars, color=WITH, linestyle="none", marker="o", markersize=4, elinewidth=0.8
         )
@@ -174,24 +174,24 @@ def force_over_speed(found: IdentificationResult, file: StageFile) -> Figure:
     return figure
 
 
-def rolling(found: IdentificationResult, table: Characteristic, file: StageFile) -> Figure:
+def rolling(result: IdentificationResult, table: Characteristic, file: StageFile) -> Figure:
     """Force along the direction over the travel since a reversal: measured strokes and the model (Fig. 6)."""
     with drawing(1, 2, figsize=(7.4, 3.8), sharey=True, width_ratios=[1.3, 1.0]) as (figure, (whole, near)):
         scale, unit = file.axis.travel_per_unit, file.axis.travel_unit
-        offset = found.parameters["offset"].value
+        offset = result.parameters["offset"].value
         for axes in (whole, near):
-            for stroke in found.details["strokes"]:
+            for stroke in result.details["strokes"]:
                 colour, name = (WITH, "upwards") if stroke["direction"] > 0.0 else (WITHOUT, "downwards, mirrored")
                 force = np.array(stroke["force"]) - stroke["direction"] * offset
                 axes.plot(_micro(stroke["displacement"], scale), force, ".", color=colour, markersize=2, label=name)
-            longest = max(max(stroke["displacement"]) for stroke in found.details["strokes"])
+            longest = max(max(stroke["displacement"]) for stroke in result.details["strokes"])
             model = np.append(table.force, table.force[-1])
             way = np.append(table.displacement, max(longest, table.displacement[-1]))
             axes.plot(_micro(way, scale), model, color=TARGET, linewidth=1.3, label="stop operators")
             axes.set_xlabel(f"travel since the reversal [µ{unit}]")
         near.set_xlim(0.0, float(_micro([table.displacement[-1]], scale)[0]))
         near.set_title("where it bends", loc="left", fontsize=9, color=TARGET)
-        whole.set_ylabel(f"force without offset [{found.parameters['coulomb'].unit}]")
+        whole.set_ylabel(f"force without offset [{result.parameters['coulomb'].unit}]")
         handles, labels = whole.get_legend_handles_labels()
         by_label = dict(zip(labels, handles, strict=True))
         whole.legend(by_label.values(), by_label.keys(), loc="lower right", fontsize=8, markerscale=3)

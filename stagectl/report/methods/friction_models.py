@@ -28,15 +28,15 @@ POINTS = 400
 SETTLED = 1.1  # the curves are drawn until the slowest of them has come this far beyond its range
 
 
-def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page; none where one model alone was fitted."""
-    rows = found.details.get("models")
+    rows = result.details.get("models")
     if not rows:
         return []
     drawn = [Picture(embedded(residuals(rows)), "Residual of each model, of rows it was fitted to and rows held out.")]
     if all("closed_loop" in row for row in rows):
         words = "The record's reference simulated in closed loop on each model."
-        drawn.append(Picture(embedded(closed_loop(rows, found.details.get("published"))), words))
+        drawn.append(Picture(embedded(closed_loop(rows, result.details.get("published"))), words))
     return [
         *drawn,
         Picture(

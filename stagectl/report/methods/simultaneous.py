@@ -44,9 +44,9 @@ class _Curves(NamedTuple):
     effort: str
 
 
-def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page."""
-    curves = _curves(found, file)
+    curves = _curves(result, file)
     drawn = [
         Picture(embedded(force(curves)), "Measured force, model force and residual of the first capture."),
         Picture(
@@ -54,18 +54,18 @@ def pictures(found: IdentificationResult, captures: list[Capture], file: StageFi
             "Disturbance force over the position. Inertia and viscous friction are right where the loop lies flat.",
         ),
     ]
-    if found.table is not None:
+    if result.table is not None:
         drawn.append(
             Picture(
-                embedded(reversal(found.table, curves)), "Rolling friction after a reversal, and its stop operators."
+                embedded(reversal(result.table, curves)), "Rolling friction after a reversal, and its stop operators."
             )
         )
     return drawn
 
 
-def _curves(found: IdentificationResult, file: StageFile) -> _Curves:
-    columns = {name: np.asarray(values, dtype=np.float64) for name, values in found.details["curves"].items()}
-    inertia, viscous = (found.parameters[name].value for name in ("inertia", "viscous"))
+def _curves(result: IdentificationResult, file: StageFile) -> _Curves:
+    columns = {name: np.asarray(values, dtype=np.float64) for name, values in result.details["curves"].items()}
+    inertia, viscous = (result.parameters[name].value for name in ("inertia", "viscous"))
     return _Curves(columns, inertia, viscous, *displacement_unit(file.axis), effort_unit(file.axis))
 
 

@@ -35,7 +35,7 @@ NEAR = 0.13  # s either side of a crossing
 SLIDER = StageAxis("linear")
 
 
-def pictures(found: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
+def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
     """The figures of this method on an identification's page."""
     time = (
         "Friction at the first reversal, force minus M a and D v, and the fitted forms. After the crossing it assists "
@@ -44,7 +44,7 @@ def pictures(found: IdentificationResult, captures: list[Capture], file: StageFi
     )
     velocity = "The same over velocity: not symmetric about zero speed."
     return [
-        Picture(embedded(forces_over(over, found.details, file.axis)), caption)
+        Picture(embedded(forces_over(over, result.details, file.axis)), caption)
         for over, caption in (("time", time), ("velocity", velocity))
     ]
 

@@ -10,8 +10,12 @@ from stagectl.report.page import Table
 def parameters(result: dict[str, Any]) -> Table:
     """Values with their intervals."""
     rows = [
-        [f"{name.replace('_', ' ')} [{one['unit']}]".replace(" []", ""), _number(one["value"]), _interval(one)]
-        for name, one in result["parameters"].items()
+        [
+            f"{name.replace('_', ' ')} [{parameter['unit']}]".replace(" []", ""),
+            _number(parameter["value"]),
+            _interval(parameter),
+        ]
+        for name, parameter in result["parameters"].items()
     ]
     return Table("Parameters", ["parameter", "value", "95 % interval"], rows)
 
@@ -20,10 +24,10 @@ def _number(value: float | None) -> str:
     return "not known" if value is None else f"{value:.6g}"
 
 
-def _interval(one: dict[str, Any]) -> str:
-    if one["low"] is None or one["high"] is None:
+def _interval(parameter: dict[str, Any]) -> str:
+    if parameter["low"] is None or parameter["high"] is None:
         return "not known"
-    return f"{one['low']:.5g} to {one['high']:.5g}"
+    return f"{parameter['low']:.5g} to {parameter['high']:.5g}"
 
 
 def remarks(result: dict[str, Any]) -> list[str]:

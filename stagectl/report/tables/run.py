@@ -12,19 +12,19 @@ from stagectl.number_format import length
 from stagectl.report.page import Table
 
 
-def answer(found: dict[str, Any], samples: NDArray[Any]) -> str:
+def answer(result: dict[str, Any], samples: NDArray[Any]) -> str:
     """How it went, in a sentence."""
-    unit, error = found["unit"], found["tracking_error"]
+    unit, error = result["unit"], result["tracking_error"]
     fault = next((Fault(int(code)) for code in samples["fault"] if code != Fault.NONE), None)
     if fault is not None:
         at = float(samples["time"][np.flatnonzero(samples["fault"] != Fault.NONE)[0]])
         return f"Stopped after {at:.3g} s: {fault.name.lower().replace('_', ' ')}."
-    if found["open_loop"]:
-        low, high = (length(end, unit) for end in found["travelled"])
+    if result["open_loop"]:
+        low, high = (length(end, unit) for end in result["travelled"])
         return f"The loop was open; the axis moved from {low} to {high}."
     if error["peak"] is None:
         return "The run ended before the window in which its error is taken."
-    stands = "" if found["in_position"] else " At the end the axis did not come to stand in position."
+    stands = "" if result["in_position"] else " At the end the axis did not come to stand in position."
     return f"The stage tracks within {length(error['peak'], unit)}, rms {length(error['rms'], unit)}.{stands}"
 
 
@@ -33,23 +33,23 @@ def columns(rows: list[list[str]]) -> Table:
     return Table("", ["column", "lowest", "highest", "unit"], rows)
 
 
-def achieved(found: dict[str, Any], meta: dict[str, Any]) -> Table:
+def achieved(result: dict[str, Any], meta: dict[str, Any]) -> Table:
     """What `evaluate` has found, a figure a row."""
-    unit = found["unit"]
+    unit = result["unit"]
     rows = []
     for name, words in (
         ("tracking_error", "tracking error"),
         ("tracking_error_true", "of the simulated true position"),
     ):
-        error = found.get(name)
+        error = result.get(name)
         if error and error["peak"] is not None:
             rows += [[f"{words}, {kind}", length(error[kind], unit)] for kind in ("peak", "rms")]
-    low, high = (length(end, unit) for end in found["travelled"])
+    low, high = (length(end, unit) for end in result["travelled"])
     rows += [
         ["travelled", f"{low} to {high}"],
-        ["peak current", f"{found['peak_current']:.3g} A"],
-        ["cycles at the current limit", f"{found['saturated_cycles']} of {found['cycles']}"],
-        ["late cycles", f"{found['late_cycles']} of {found['cycles']}"],
-        ["duration", f"{found['cycles'] * meta['dt']:.4g} s"],
+        ["peak current", f"{result['peak_current']:.3g} A"],
+        ["cycles at the current limit", f"{result['saturated_cycles']} of {result['cycles']}"],
+        ["late cycles", f"{result['late_cycles']} of {result['cycles']}"],
+        ["duration", f"{result['cycles'] * meta['dt']:.4g} s"],
     ]
     return Table("In figures", ["", ""], rows)
