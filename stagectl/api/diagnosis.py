@@ -162,9 +162,9 @@ class GapDiagnosis(ReportedResult):
 
     def save_predictions(self, folder: PathLike) -> None:
         """Write a CSV for each held-out capture, from the improved model."""
-        from stagectl.gap.validation.predictions import write
+        from stagectl.gap.validation.rollouts import write_predictions
 
-        write(self.session, self.improved, Path(folder))
+        write_predictions(self.session, self.improved, Path(folder))
 
 
 def diagnose(

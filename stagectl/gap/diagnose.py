@@ -44,7 +44,6 @@ from stagectl.gap.selection import (
     baseline_fit,
     candidate_scores,
     candidates,
-    machine_scales,
     null_ensemble,
     refine,
     search,
@@ -136,7 +135,7 @@ def baseline(session: Session, excluded: Sequence[str]) -> Evidence:
 def scales_of(session: Session, e: Evidence) -> Scales:
     """Sizes of the machine, with the orders of the pitch and the frequencies that stand out of the residual."""
     found = orders(e.runs, e.base.after, session.stage.mechanics.pitch)
-    return machine_scales.scales(session, e.runs, found)._replace(modes=modes(e.runs, e.base.after))
+    return candidates.scales(session, e.runs, found)._replace(modes=modes(e.runs, e.base.after))
 
 
 def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from stagectl.gap.effects.effect import Amplitude, Definition
-from stagectl.gap.selection.acceptance import simplest, stands_out
 from stagectl.gap.selection.candidates import EffectValues, Form
 from stagectl.gap.selection.cross_validation import Score
 from stagectl.gap.selection.refine import Fitted
+from stagectl.gap.selection.search import simplest, stands_out
 
 
 def _effect(name: str) -> Definition:

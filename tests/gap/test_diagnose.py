@@ -19,7 +19,7 @@ from stagectl.gap.logs.session import Session
 from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.result.result_json import as_json
 from stagectl.gap.steps import BEGINS, Step
-from stagectl.gap.validation import predictions
+from stagectl.gap.validation import rollouts
 from tests.gap.captured import SINE, TRAPEZOID, exported, recorded
 
 
@@ -49,7 +49,7 @@ def test_one_hidden_effect(tmp_path: Path) -> None:
 
 def _check_predictions(session: Session, done: diagnose.Diagnosis, place: Path) -> None:
     """Anyone can recompute the gap from the files."""
-    paths = predictions.write(session, done.improved, place)
+    paths = rollouts.write_predictions(session, done.improved, place)
     held = [log for log in session.logs if log.held_out]
     assert [path.name for path in paths] == [log.name for log in held]
     first = pyarrow.csv.read_csv(paths[0]).to_pydict()

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stagectl.gap.residuals.gram_matrices import Grams
-from stagectl.gap.residuals.linear_fit import bounded_step, clustered_covariance, standard_deviations
+from stagectl.gap.residuals.gram_matrices import Grams, bounded_step, clustered_covariance, standard_deviations
 
 CLUSTERS, ROWS = 200, 10
 

@@ -8,7 +8,7 @@ import pytest
 from stagectl.gap.effects.effect import Amplitude, Definition
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.selection.candidates import Form
-from stagectl.gap.selection.stability_selection import inclusion
+from stagectl.gap.selection.swap_tests import inclusion
 
 CLUSTERS, EXPERIMENTS = 60, 5
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from stagectl.config.stage_file import Setup
-from stagectl.gap.experiment_design import experiment_motions as more
 from stagectl.gap.experiment_design import motions
 from stagectl.gap.experiment_design.experiment import Experiment, Recipe, made
 from stagectl.gap.experiment_design.motions import CarriedMultisine, carried, micro, steps
@@ -26,37 +25,37 @@ RECIPES = (
     Recipe(
         "sines-of-one-speed",
         "A slow and a fast sine of one peak speed: inertia acts in the fast one alone, friction in both.",
-        more.equal_speed_sines,
+        motions.equal_speed_sines,
     ),
     Recipe(
         "stairs-wide",
         _SPREAD.format("two decades") + "viscous friction, its curvature and the Stribeck rise.",
-        lambda p: more.speeds(p, 0.01, 1.0, 9, 0.8),
+        lambda p: motions.speeds(p, 0.01, 1.0, 9, 0.8),
     ),
     Recipe(
         "stairs-creep",
         _SPREAD.format("the slowest decade and a half") + "a Stribeck rise ends there, curvature has not begun.",
-        lambda p: more.speeds(p, 0.002, 0.06, 6, 1.5),
+        lambda p: motions.speeds(p, 0.002, 0.06, 6, 1.5),
     ),
     Recipe(
         "stairs-fast",
         _SPREAD.format("the fastest quarter") + "curvature of viscous friction, and its two sides.",
-        lambda p: more.speeds(p, 0.25, 1.0, 6, 0.8),
+        lambda p: motions.speeds(p, 0.25, 1.0, 6, 0.8),
     ),
     Recipe(
         "creep",
         "A slow creep: the encoder's periods and the steps of the command, one at a time.",
-        more.creep,
+        motions.creep,
     ),
     Recipe(
         "constant-speed-long",
         "Most of the stroke at constant speed: what does not repeat with the turn of the screw drifts relative to it.",
-        lambda p: more.constant(p, 0.2),
+        lambda p: motions.constant(p, 0.2),
     ),
     Recipe(
         "constant-speed-fast",
         "Most of the stroke at two speeds: errors of the encoder grow with speed squared, forces do not.",
-        lambda p: more.constant(p, 0.35, 0.9),
+        lambda p: motions.constant(p, 0.35, 0.9),
     ),
     Recipe(
         "scan-slow",
@@ -66,27 +65,27 @@ RECIPES = (
     Recipe(
         "scans-at-two-speeds",
         "The stroke at two speeds both ways: what stays in place, and what moves with speed.",
-        more.two_scans,
+        motions.two_scans,
     ),
     Recipe(
         "scan-at-two-loads",
         "A few pitches at little and at much current: ripple grows with current, cogging does not.",
-        more.two_loads,
+        motions.two_loads,
     ),
     Recipe(
         "speeds-by-acceleration",
         "One speed reached at accelerations over a decade: friction that follows the load is not inertia.",
-        more.accelerations,
+        motions.accelerations,
     ),
     Recipe(
         "strokes",
         "Three strokes of the millimetre range: a cable's hysteresis is longer than rolling friction's.",
-        more.strokes,
+        motions.strokes,
     ),
     Recipe(
         "micro-sweep",
         "Micro-sines, smaller and smaller: play is first slack and then stiff, rolling friction the opposite.",
-        lambda p: more.sizes(p, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.12),
+        lambda p: motions.sizes(p, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.12),
     ),
     Recipe(
         "micro-slow",
@@ -101,7 +100,7 @@ RECIPES = (
     Recipe(
         "reversals",
         "Turning round at rates over two decades: rolling friction follows displacement, a lag follows time.",
-        more.reversals,
+        motions.reversals,
     ),
     Recipe(
         "dwells",
@@ -116,12 +115,12 @@ RECIPES = (
     Recipe(
         "swing-one-way",
         "One way at a swinging speed: at one speed it passes accelerating and braking, so a lag opens a loop.",
-        lambda p: more.swings(p, 0.06, 2.0),
+        lambda p: motions.swings(p, 0.06, 2.0),
     ),
     Recipe(
         "swing-three-rates",
         "One way at a speed that swings at three rates: the loop of a lag grows with the rate.",
-        lambda p: more.swings(p, 0.1, 1.0, 3.0, 9.0),
+        lambda p: motions.swings(p, 0.1, 1.0, 3.0, 9.0),
     ),
     Recipe(
         "resonance-low",
@@ -149,7 +148,7 @@ RECIPES = (
     Recipe(
         "step-and-settle",
         "Stops from speed and time to ring out: the base goes on moving when the axis stands still.",
-        lambda p: more.settling(p, 0.75),
+        lambda p: motions.settling(p, 0.75),
     ),
     Recipe(
         "strong-sine",
@@ -159,27 +158,27 @@ RECIPES = (
     Recipe(
         "fast-cruise",
         "As fast as travel and current allow: a voltage limit shows with speed, a current limit does not.",
-        more.fast_cruise,
+        motions.fast_cruise,
     ),
     Recipe(
         "rest",
         "Standing still for 10 s: noise, steps of the command, limit cycles.",
-        more.rest(10.0),
+        motions.rest(10.0),
     ),
     Recipe(
         "rest-at-places",
         "Rest at seven places, reached from below and above: a constant force, a spring, and friction's two sides.",
-        more.places,
+        motions.places,
     ),
     Recipe(
         "one-stroke-again",
         "One stroke again and again for 40 s: a change from one moment to the next, within a run.",
-        lambda p: more.warm_up(p, 40.0),
+        lambda p: motions.warm_up(p, 40.0),
         family="warm-up",
     ),
     Recipe(
         "warm-up",
         "The same for 5 minutes; run it cold, and again after a break: what changes with time, and what does not.",
-        lambda p: more.warm_up(p, 300.0),
+        lambda p: motions.warm_up(p, 300.0),
     ),
 )

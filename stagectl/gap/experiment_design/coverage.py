@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.experiment_design import battery, stage_scale, thresholds
-from stagectl.gap.experiment_design.experiment import Experiment
+from stagectl.gap.experiment_design.experiment import Experiment, number
 from stagectl.gap.experiment_design.operating_range import OperatingRange
-from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals.half_strokes import standstills
 from stagectl.gap.residuals.thresholds import SHORTEST_REST

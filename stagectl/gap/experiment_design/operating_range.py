@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stagectl.gap.experiment_design import stage_scale, thresholds
-from stagectl.gap.experiment_design.experiment import Experiment
+from stagectl.gap.experiment_design.experiment import Experiment, number
 from stagectl.gap.experiment_design.stage_scale import StageScale
-from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs import deployed_controller, setpoints
 from stagectl.gap.logs.deployed_controller import DeployedController
 from stagectl.gap.logs.grid import LoggedReference

@@ -12,7 +12,7 @@ from stagectl.gap.controller_check.command_check import CommandCheck
 from stagectl.gap.inference import parameter_errors, shifted_parameters, time_localisation, verdict
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import coordinates
-from stagectl.gap.inference.residual_table import with_shape
+from stagectl.gap.inference.shape_fits import with_shape
 from stagectl.gap.inference.signatures import DriveSignature, signatures
 from stagectl.gap.inference.unknown import unknown
 from stagectl.gap.inference.verdict import NamingRule

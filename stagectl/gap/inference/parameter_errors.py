@@ -14,7 +14,7 @@ import numpy as np
 from stagectl.gap.effects.library import FORCE_SCALED
 from stagectl.gap.inference import thresholds
 from stagectl.gap.logs.session import Array, Session
-from stagectl.gap.residuals import friction_family, gram_matrices, least_squares, linear_fit
+from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
 from stagectl.gap.residuals.sensitivities import TrackedModel
 from stagectl.gap.result.diagnosis import Value
 from stagectl.gap.selection import baseline_fit, refine
@@ -85,7 +85,7 @@ def _estimates(session: Session, now: Fitted, deviation: Mapping[str, float]) ->
 def _coulomb(session: Session, now: Fitted, g: gram_matrices.Grams, names: list[str]) -> Estimate:
     """Coulomb friction, with the deviation of the sum of all weights of its law."""
     places = [names.index(name) for name in names if name.startswith("weight_")]
-    variance = linear_fit.clustered_covariance(g, names)[np.ix_(places, places)].sum()
+    variance = gram_matrices.clustered_covariance(g, names)[np.ix_(places, places)].sum()
     nominal, value = (stage.sliding(p.friction) for p in (session.stage, now.model.stage))
     return Estimate(value, nominal, float(np.sqrt(max(variance, 0.0))), friction_family.size(session.stage))
 

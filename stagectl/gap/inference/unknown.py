@@ -14,8 +14,7 @@ from stagectl.gap.effects.effect import Scales
 from stagectl.gap.inference import basis_functions, shape_fits, unstructured_residual
 from stagectl.gap.inference.basis_functions import BasisColumns
 from stagectl.gap.inference.coordinates import means
-from stagectl.gap.inference.residual_table import best_of, shape_of
-from stagectl.gap.inference.shape_fits import ShapeFit, floor_of, least_gain, repeats_of
+from stagectl.gap.inference.shape_fits import ShapeFit, best_of, floor_of, least_gain, repeats_of, shape_of
 from stagectl.gap.inference.thresholds import BEYOND_FRICTION_LAWS
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.residuals.gram_matrices import Columns, Grams, Products

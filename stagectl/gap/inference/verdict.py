@@ -11,7 +11,7 @@ from stagectl.gap.effects.effect import Amplitude, Data, Definition, Shape
 from stagectl.gap.inference import patch_fields, thresholds
 from stagectl.gap.inference.signatures import DriveSignature
 from stagectl.gap.logs.session import GapError, Session
-from stagectl.gap.residuals import friction_family, linear_fit
+from stagectl.gap.residuals import friction_family, gram_matrices
 from stagectl.gap.residuals.gram_matrices import Grams
 from stagectl.gap.result.diagnosis import NAMED, Fields, FoundEffect, Value
 from stagectl.gap.selection import refine
@@ -71,7 +71,7 @@ def with_signatures(effects: Sequence[FoundEffect], signatures: Sequence[DriveSi
 
 def deviations(e: Evidence, now: Fitted, g: Grams) -> dict[str, float]:
     """Standard deviations of all parameters, an effect's as ``effect.parameter``; `g` holds their columns."""
-    return linear_fit.standard_deviations(
+    return gram_matrices.standard_deviations(
         g, [*refine.nuisances(e), *(direction.name for direction in refine.parameters(now))]
     )
 

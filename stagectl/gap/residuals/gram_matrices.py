@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.gap.logs.session import Array
-from stagectl.gap.residuals import run_products
+from stagectl.gap.residuals import least_squares, run_products
 from stagectl.gap.residuals.half_strokes import Run, spans
 from stagectl.gap.residuals.run_products import RunProducts
 from stagectl.parallel import in_parallel
@@ -119,3 +119,29 @@ def fold_sums(p: Products, residuals: Sequence[Sequence[Array]]) -> Grams:
     sums = in_parallel(lambda run: of_run(*run), zip(p.parts, residuals, strict=True))
     square, floor = (np.sum([run[k] for run in sums], axis=0) for k in (0, 1))
     return Grams(p.names, square[0], square[1], floor.T, np.zeros(2, np.int64), np.array(FOLDS))
+
+
+def bounded_step(g: Grams, names: Sequence[str], low: Array, high: Array) -> dict[str, float]:
+    """Least squares of the columns `names` on all data, each amplitude within `low` and `high` (k,)."""
+    step = least_squares.bounded(g.both.sum(axis=0), g.places(names), low, high)
+    return dict(zip(names, step.tolist(), strict=True))
+
+
+def clustered_covariance(g: Grams, names: Sequence[str]) -> Array:
+    """Covariance (k, k) of the least-squares amplitudes of `names`, robust against correlation within half strokes.
+
+    The residual is not white, so it is the sandwich whose clusters are the half strokes (K.-Y. Liang, S. L. Zeger,
+    Biometrika 73(1), 1986).
+    """
+    places, summed = g.places(names), g.both.sum(axis=0)
+    inverse = least_squares.inverse(summed[np.ix_(places, places)])
+    best = inverse @ summed[places, -1]
+    scores = np.array([stroke[places, -1] - stroke[np.ix_(places, places)] @ best for stroke in g.both])
+    covariance: Array = inverse @ (scores.T @ scores) @ inverse
+    return covariance
+
+
+def standard_deviations(g: Grams, names: Sequence[str]) -> dict[str, float]:
+    """Standard deviations of the same amplitudes."""
+    variances = np.diag(clustered_covariance(g, names))
+    return dict(zip(names, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))

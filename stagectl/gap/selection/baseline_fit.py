@@ -15,8 +15,8 @@ import numpy as np
 
 from stagectl.gap.logs.session import Array, Session
 from stagectl.gap.residuals import friction_family, gram_matrices, least_squares
+from stagectl.gap.residuals.gram_matrices import bounded_step
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.linear_fit import bounded_step
 from stagectl.gap.residuals.model_tracking import ModelResidual
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
 from stagectl.gap.residuals.whitening import NoiseLevel, Whitener, single_noise, whitener

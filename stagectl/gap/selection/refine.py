@@ -10,8 +10,8 @@ import numpy as np
 from stagectl.gap.effects.effect import Shape, TimeVariation, Values
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
+from stagectl.gap.residuals.gram_matrices import bounded_step
 from stagectl.gap.residuals.half_strokes import Run
-from stagectl.gap.residuals.linear_fit import bounded_step
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel
 from stagectl.gap.selection import baseline_fit, thresholds
 from stagectl.gap.selection.baseline_fit import BaselineFit

@@ -8,15 +8,20 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from stagectl.gap.logs.session import Log, Session
+import numpy as np
+
+from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals import sensitivities
-from stagectl.gap.residuals.half_strokes import by_experiment, runs
+from stagectl.gap.residuals.half_strokes import Run, by_experiment, runs
 from stagectl.gap.residuals.sensitivities import TrackedModel
+from stagectl.gap.residuals.thresholds import BAND
+from stagectl.gap.residuals.whitening import Whitener
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, Gap, Trace
 from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.swap_tests import Selection
-from stagectl.gap.validation import effort_gap, held_out_gap, rollouts
+from stagectl.gap.validation import held_out_gap, rollouts
+from stagectl.gap.validation.held_out_gap import StrokeSums
 from stagectl.gap.validation.thresholds import OPEN_ABOVE_FLOOR, OPEN_CLOSURE
 from stagectl.kernels.stage import Stage
 
@@ -90,12 +95,12 @@ def along_the_path(session: Session, e: Evidence, selected: Selection, improved:
     now, dt, noise = selected.fitted.model, session.dt, e.base.noise
     paths = runs(session, any(log.held_out for log in session.logs))
     nominal, better = sensitivities.model_of(session, session.stage), now._replace(stage=improved)
-    before, after = (effort_gap.effort(model, paths, noise, dt) for model in (nominal, better))
-    least = effort_gap.effort_floor(now, paths, noise, dt)
+    before, after = (effort(model, paths, noise, dt) for model in (nominal, better))
+    least = effort_floor(now, paths, noise, dt)
     gap = held_out_gap.gap(before, after, least, "N" if session.kind == "linear" else "N m")
 
     def remaining(model: TrackedModel) -> float:
-        return float(effort_gap.effort(model, paths, noise, dt).squares.sum())
+        return float(effort(model, paths, noise, dt).squares.sum())
 
     return Closure(gap, {}, _shares(session, selected, remaining, gap), [])
 
@@ -146,3 +151,36 @@ def scaled(taken: dict[str, float], gap: Gap) -> dict[str, float]:
     shares = {name: value * scale / whole for name, value in taken.items()}
     noise = min(gap.floor**2 / whole, 1.0)
     return {**shares, UNEXPLAINED: 1.0 - noise - sum(shares.values()), NOISE: noise}
+
+
+def effort(p: TrackedModel, runs: Sequence[Run], noise: Whitener, dt: float) -> StrokeSums:
+    """Missing effort of the model along the runs, in the band of the cuts, over half strokes (N m | N)."""
+    scale = math.sqrt(BAND / dt)  # back from unit density to the signal's own size
+    residuals = _residuals(p, runs, noise)
+    return _by_stroke(runs, [[scale * residual for residual in repeats] for repeats in residuals])
+
+
+def effort_floor(p: TrackedModel, runs: Sequence[Run], noise: Whitener, dt: float) -> StrokeSums:
+    """What repeats differ by in that effort; zeros where nothing was repeated."""
+    deviations = []
+    for repeats in _residuals(p, runs, noise):
+        mean, count = np.mean(repeats, axis=0), len(repeats)
+        scale = math.sqrt(BAND / dt * count / max(count - 1, 1))
+        deviations.append([scale * (residual - mean) for residual in repeats])
+    return _by_stroke(runs, deviations)
+
+
+def _residuals(p: TrackedModel, runs: Sequence[Run], noise: Whitener) -> list[list[Array]]:
+    """Effort (m,) of each run and repeat, not weighted by frequency."""
+    flat = Whitener(noise.frequency, np.ones_like(noise.effort), np.zeros_like(noise.current))
+    return [[residual[:, 0] for residual in repeats] for repeats in sensitivities.residuals_of(p, runs, flat)]
+
+
+def _by_stroke(runs: Sequence[Run], signals: Sequence[Sequence[Array]]) -> StrokeSums:
+    squares, samples = [], []
+    for run, repeats in zip(runs, signals, strict=True):
+        strokes = [run.cluster == number for number in np.unique(run.cluster)]
+        for signal in repeats:
+            squares += [float(((signal * run.weight)[stroke] ** 2).sum()) for stroke in strokes]
+            samples += [float(run.weight[stroke].sum()) for stroke in strokes]
+    return StrokeSums(np.array(squares), np.array(samples))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from stagectl.gap.validation.thresholds import SUBSTEPS
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.law import Law
 from stagectl.parallel import in_parallel
+from stagectl.recording.exports import write_columns
 
 
 class Rollout(NamedTuple):
@@ -72,3 +74,29 @@ def _aging(p: stage.Stage) -> bool:
 def column(rows: Array, name: str) -> Array:
     """A column (n,) of simulated rows by its name in `rollout.COLUMNS`."""
     return rows[:, rollout.COLUMNS.index(name)]
+
+
+def write_predictions(session: Session, improved: stage.Stage, folder: Path) -> list[Path]:
+    """A CSV of the name of each held-out capture, as `improved` predicts it: time, position and current.
+
+    Anyone can check the closure with these files.
+
+    Raises GapError where nothing is held out, or no loop can be simulated.
+    """
+    held = [log for log in session.logs if log.held_out]
+    if not held:
+        raise GapError("no log is held out: there is nothing to predict; mark some `use: held-out` in captures.yaml")
+    rows = simulated_logs(session, improved, held)
+    folder.mkdir(parents=True, exist_ok=True)
+    name = "position_m" if session.kind == "linear" else "position_rad"
+    paths = []
+    for log, simulated in zip(held, rows, strict=True):
+        path = folder / Path(log.name).with_suffix(".csv").name
+        columns = {
+            "time_s": session.dt * np.arange(log.rows),
+            name: column(simulated, "measured")[: log.rows],
+            "current_A": column(simulated, "measured_current")[: log.rows],
+        }
+        write_columns(path, columns)
+        paths.append(path)
+    return paths

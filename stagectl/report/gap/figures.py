@@ -1,4 +1,4 @@
-"""The figures of a diagnosis: coordinates, spans of time, shares, a held-out run before and after, signatures."""
+"""The figures of a diagnosis: coordinates, spans of time, shares, and a held-out run before and after."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.gap.effects.library import coordinate_label, label
-from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, FoundEffect, Spans, Trace
+from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, Spans, Trace
 from stagectl.number_format import prefix
 from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing
 from stagectl.report.panels import DPI as DPI
@@ -20,11 +20,9 @@ from stagectl.report.panels import DPI as DPI
 Array = NDArray[np.float64]
 WIDTH = 5.4  # inch: two fit side by side
 MOST_ROWS = 24  # of the map of spans
-MOST_POINTS = 3000  # of a cloud
 WINDOW = 1.0  # s of a held-out run
 _GREY, _PALE = "#94a3b8", "#e2e8f0"
 _LONGEST = 30  # characters of a row's label
-_BINS = 60
 _FLAT = 1e-15
 
 
@@ -186,24 +184,6 @@ def _legend_above(axes: Axes) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=8, borderaxespad=0.0)
 
 
-def signature(effect: FoundEffect, result: DiagnosisResult) -> Figure:
-    """Residual over the coordinate of the effect, and what the effect explains of it."""
-    assert effect.curve is not None  # the page checks
-    x, residual, model = effect.curve
-    across = coordinate_scale(effect.coordinate, x, result)
-    unit = effect.curve_unit or effort(result)
-    up = _prefixed(residual, _Scale(1.0, unit) if unit != "rad" else _Scale(result.travel_per_unit, result.travel_unit))
-    kept = slice(None, None, max(1, len(x) // MOST_POINTS))
-    with drawing(figsize=(WIDTH, 3.3)) as (figure, axes):
-        points = across.factor * x[kept], up.factor * residual[kept]
-        axes.plot(*points, ".", color=_GREY, markersize=2.5, label="residual before")
-        middle, mean = binned(x, model)
-        axes.plot(across.factor * middle, up.factor * mean, color=WITH, linewidth=1.8, label=label(effect.name))
-        _frame(axes, effect.coordinate, across, f"residual [{up.unit}]")
-        _legend_above(axes)
-    return figure
-
-
 def unknown(result: DiagnosisResult) -> Figure:
     """The unexplained effort or current over its coordinate."""
     assert result.unknown is not None  # the page checks
@@ -223,13 +203,6 @@ def unknown(result: DiagnosisResult) -> Figure:
 def _frame(axes: Axes, coordinate: str, across: _Scale, ylabel: str) -> None:
     unit = f" [{across.unit}]" if across.unit else ""
     axes.set(xlabel=f"{coordinate_label(coordinate)}{unit}", ylabel=ylabel)
-
-
-def binned(x: Array, y: Array, bins: int = _BINS) -> tuple[Array, Array]:
-    """Means of `x` and `y` (n,) in bins of equally many points, empty ones left out."""
-    order = np.argsort(x, kind="stable")
-    groups = [part for part in np.array_split(order, min(bins, len(x))) if len(part)]
-    return np.array([np.mean(x[part]) for part in groups]), np.array([np.mean(y[part]) for part in groups])
 
 
 def effort(result: DiagnosisResult) -> str:

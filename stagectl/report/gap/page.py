@@ -6,10 +6,9 @@ import re
 
 from matplotlib.figure import Figure
 
-from stagectl.gap.effects.library import label
 from stagectl.gap.result import verdict_text
-from stagectl.gap.result.diagnosis import BLOCKS, DiagnosisResult, FoundEffect
-from stagectl.number_format import interval, percent
+from stagectl.gap.result.diagnosis import BLOCKS, DiagnosisResult
+from stagectl.number_format import percent
 from stagectl.recording.metadata import versions
 from stagectl.report.figures import embedded
 from stagectl.report.gap import figures
@@ -17,13 +16,12 @@ from stagectl.report.gap.chain import SIGNALS, chain
 from stagectl.report.page import Page, Picture, Section
 from stagectl.report.tables import gap as tables
 
-MOST_SIGNATURES = 6
 _UNIT = re.compile(r"([0-9]) (%|[nµm]?(?:m|rad|A|N|s)\b)")
 
 
 def page(result: DiagnosisResult, place: str, commands: list[str]) -> Page:
     """The page of the diagnosis of the folder `place`; `commands` do it again."""
-    parts = (_loop, _motion, _shares, _distance, _signatures, _unknown, _following, _parameters, _limits)
+    parts = (_loop, _motion, _shares, _distance, _unknown, _following, _parameters, _limits)
     sections = [part(result, place) for part in parts]
     return Page(
         f"stagectl gap diagnose: {place}",
@@ -115,27 +113,6 @@ def _predicted(result: DiagnosisResult) -> list[str]:
         f"Predicted from the data that selected the effects: {percent(result.gap.predicted)} of the closable gap "
         f"closes. Measured on the held-out runs: {percent(result.gap.closure)}."
     ]
-
-
-def _signatures(result: DiagnosisResult, _place: str) -> Section | None:
-    drawn = [effect for effect in result.named if effect.curve is not None][:MOST_SIGNATURES]
-    pictures = [
-        _picture(figures.signature(effect, result), f"{_title(effect)}: {_values(effect, result)}") for effect in drawn
-    ]
-    return Section("Residual of each effect", [], pictures, []) if pictures else None
-
-
-def _title(effect: FoundEffect) -> str:
-    name = label(effect.name)
-    return name[:1].upper() + name[1:]
-
-
-def _values(effect: FoundEffect, result: DiagnosisResult) -> str:
-    shown = [
-        f"{name.replace('_', ' ')} {interval(name, estimate, result.travel)}"
-        for name, estimate in effect.parameters.items()
-    ]
-    return f"{', '.join(shown)}." if shown else "no parameters."
 
 
 _UNKNOWN_TITLE = "Unexplained"

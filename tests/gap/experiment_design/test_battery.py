@@ -13,11 +13,10 @@ from stagectl.config.stage_file import Setup, load_stage
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.gap.experiment_design.battery import battery, held_out
 from stagectl.gap.experiment_design.catalogue import library
-from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, yaml_of
+from stagectl.gap.experiment_design.experiment import HELD_OUT, Experiment, number, yaml_of
 from stagectl.gap.experiment_design.manual_experiments import MANUAL
 from stagectl.gap.experiment_design.motions import wavering
 from stagectl.gap.experiment_design.stage_scale import presliding, scale_of
-from stagectl.gap.experiment_design.trajectory_text import number
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels import friction, friction_bristle, stage
 from stagectl.kernels.law import Setpoint

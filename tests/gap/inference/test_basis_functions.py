@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stagectl.gap.inference import basis_functions, coordinates, residual_table
+from stagectl.gap.inference import basis_functions, coordinates, shape_fits
 from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection.cross_validation import partialled_out
 from stagectl.kernels import effects
@@ -60,7 +60,7 @@ def test_a_function_that_is_not_there_predicts_nothing() -> None:
 def test_the_table_opposes_what_the_force_drives(coordinate: str, code: int) -> None:
     grid = np.linspace(-2.0, 2.0, 9)
     shape = UnknownTerm(coordinate, grid, 0.3 * grid**2 + grid, 0.8, (("residual.coordinate", "any"),))
-    p = residual_table.as_table(shape)
+    p = shape_fits.as_table(shape)
     assert p.coordinate == code
     for x, force in zip(grid.tolist(), shape.force.tolist(), strict=True):
         assert effects.looked_up(p, x) == pytest.approx(-force)
@@ -69,8 +69,8 @@ def test_the_table_opposes_what_the_force_drives(coordinate: str, code: int) -> 
 def test_a_speed_without_sign_goes_into_the_table_of_speeds() -> None:
     grid = np.linspace(0.0, 2.0, 9)
     shape = UnknownTerm("speed", grid, grid, 0.8, (("residual.coordinate", "speed"),))
-    assert residual_table.as_table(shape).coordinate == effects.SPEED
+    assert shape_fits.as_table(shape).coordinate == effects.SPEED
 
 
 def test_what_no_table_holds_stays_neutral() -> None:
-    assert residual_table.as_table(UnknownTerm("acceleration", np.arange(3.0), np.ones(3), 0.8)) == effects.NO_TABLE
+    assert shape_fits.as_table(UnknownTerm("acceleration", np.arange(3.0), np.ones(3), 0.8)) == effects.NO_TABLE

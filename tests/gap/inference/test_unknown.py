@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.gap.inference import residual_table, shape_fits, unknown
+from stagectl.gap.inference import shape_fits, unknown
 from stagectl.gap.inference.basis_functions import EVEN, INERTIAL, ODD, CoordinateBasis, hats
 from stagectl.gap.inference.shape_fits import ShapeFit
 from stagectl.gap.inference.unknown import Explained
@@ -43,17 +43,17 @@ def test_an_error_in_the_form_of_an_effect_is_no_unknown_over_its_coordinate() -
 
 def test_a_shape_that_the_model_can_hold_is_taken_before_a_richer_one() -> None:
     richer = FIT._replace(parts=(EVEN, ODD, INERTIAL), gain=105.0)
-    assert residual_table.best_of([richer, FIT]) is FIT
-    assert residual_table.best_of([richer._replace(gain=120.0), FIT]).gain == 120.0
+    assert shape_fits.best_of([richer, FIT]) is FIT
+    assert shape_fits.best_of([richer._replace(gain=120.0), FIT]).gain == 120.0
 
 
 def test_the_force_of_a_shape_is_even_plus_odd_in_the_direction() -> None:
     """Even: 1 at standstill, 3 at top speed; odd: 2 at top speed."""
     amplitudes = {EVEN: np.array([1.0, 2.0, 3.0]), ODD: np.array([0.0, 1.0, 2.0])}
-    grid, force = residual_table._force(SPEED, amplitudes)
+    grid, force = shape_fits._force(SPEED, amplitudes)
     assert grid[[0, -1]].tolist() == [-2.0, 2.0] and len(grid) % 2 == 1
     assert force[[0, len(grid) // 2, -1]] == pytest.approx([1.0, 1.0, 5.0])
-    grid, force = residual_table._force(PLACE, {EVEN: np.array([1.0, 2.0, 3.0])})
+    grid, force = shape_fits._force(PLACE, {EVEN: np.array([1.0, 2.0, 3.0])})
     assert grid[0] == 0.0 and force == pytest.approx(1.0 + grid)
 
 

@@ -11,7 +11,7 @@ import pytest
 from stagectl.gap.residuals import sensitivities
 from stagectl.gap.residuals.thresholds import BAND
 from stagectl.gap.residuals.whitening import Whitener
-from stagectl.gap.validation import effort_gap
+from stagectl.gap.validation import closure
 
 DT = 1e-3
 FLAT = Whitener(np.arange(2.0), np.ones(2), np.ones(2))
@@ -28,7 +28,7 @@ def repeats(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("repeats")
 def test_squares_in_the_band_over_half_strokes() -> None:
-    sums = effort_gap.effort(NOTHING, [RUN], FLAT, DT)
+    sums = closure.effort(NOTHING, [RUN], FLAT, DT)
     band = BAND / DT
     assert sums.squares == pytest.approx(band * np.array([2.0, 1.0, 18.0, 9.0]))
     assert sums.samples.tolist() == [2.0, 1.0, 2.0, 1.0]
@@ -37,5 +37,5 @@ def test_squares_in_the_band_over_half_strokes() -> None:
 @pytest.mark.usefixtures("repeats")
 def test_the_floor_is_the_variance_of_a_single_repeat() -> None:
     """Of 1 and 3: 2 a sample."""
-    sums = effort_gap.effort_floor(NOTHING, [RUN], FLAT, DT)
+    sums = closure.effort_floor(NOTHING, [RUN], FLAT, DT)
     assert sums.squares == pytest.approx(BAND / DT * 2.0 * np.array([2.0, 1.0, 2.0, 1.0]))

@@ -10,7 +10,7 @@ import pytest
 
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.logs.session import GapError
-from stagectl.gap.validation import predictions, rollouts
+from stagectl.gap.validation import rollouts
 from tests.conftest import CONFIG
 
 STAGE = load_stage(CONFIG / "ball-screw.yaml").stage
@@ -49,4 +49,4 @@ def test_a_loop_that_is_not_known_is_refused(law: Any) -> None:
 def test_nothing_can_be_predicted_where_nothing_is_held_out(tmp_path: Any) -> None:
     session: Any = SimpleNamespace(logs=(log("a"),))
     with pytest.raises(GapError, match="use: held-out"):
-        predictions.write(session, STAGE, tmp_path)
+        rollouts.write_predictions(session, STAGE, tmp_path)

@@ -60,11 +60,11 @@ def answer(folder: Path, out: Path, names: Sequence[str], lists: tuple[tuple[str
 
 def _predict(session: Session, found: Answer, folder: Path) -> None:
     """A CSV for each held-out capture, as `gap diagnose --predictions` writes them."""
-    from stagectl.gap.validation.predictions import write
+    from stagectl.gap.validation.rollouts import write_predictions
     from stagectl.recording.exports import write_columns
 
     if found.improved is not None:
-        write(session, found.improved, folder)
+        write_predictions(session, found.improved, folder)
         return
     folder.mkdir(exist_ok=True)
     held = [log for log in session.logs if log.held_out]
