@@ -31,7 +31,7 @@ SEARCHED = {one.name for one in definitions(SIZES)}
 
 
 def test_records_name_only_what_exists() -> None:
-    recipes = {recipe.family or recipe.name for recipe in catalogue.RECIPES}
+    recipes = {recipe.family or name for name, recipe in catalogue.RECIPES.items()}
     experiments = OF_BATTERY | recipes | {manual.name for manual in MANUAL}
     for effect in EFFECTS.values():
         assert effect.family in FAMILIES and effect.block in BLOCKS

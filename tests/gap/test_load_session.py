@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from stagectl.config.stage_file import load_stage
 from stagectl.gap.logs.load_session import load
-from stagectl.gap.logs.nominal_model import trusted
 from stagectl.gap.logs.session import GapError, LogError, NominalValueError
 from stagectl.gap.validation import rollouts
 from tests.gap.captured import CONFIG, SINE, TRAPEZOID, Columns, edit, exported, recorded, rewrite
@@ -114,7 +113,7 @@ def test_a_foreign_model_with_defaults_in_the_notes(tmp_path: Path) -> None:
     assert session.stage.friction.bristle[:3] == (4.0, 1e5, 1.0)
     assert session.stage.drive[1:4] == (2, math.inf, 2e-4)
     assert session.stage.mechanics[:3] == (3.0, 0.0, 0.0)
-    assert session.trusted == {"force_constant"} and session.law is None and session.dt == pytest.approx(1e-3)
+    assert session.law is None and session.dt == pytest.approx(1e-3)
     notes = " ".join(session.notes)
     for default in ("stage.viscous (0 N s/m)", "stage.bias (0 N)", "drive.current_limit_A (no limit)"):
         assert default in notes
@@ -124,17 +123,6 @@ def test_a_foreign_model_with_defaults_in_the_notes(tmp_path: Path) -> None:
         assert token in sentence
     with pytest.raises(GapError, match="controller"):
         rollouts.simulated_log(session, session.stage, session.logs[0])
-
-
-def test_what_the_owner_trusts() -> None:
-    assert trusted("nominal values may be off by 10 to 15 percent; the force constant is meant to be right") == {
-        "force_constant"
-    }
-    assert trusted("inertia and viscous friction are exact, but the force constant is not known") == {
-        "inertia",
-        "viscous",
-    }
-    assert trusted("how true they are of the machine is not known") == frozenset()
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ def test_a_sound_log_counts_as_a_whole() -> None:
 def test_a_fault_ends_the_log() -> None:
     fault = np.zeros(ROWS)
     fault[600] = 3.0
-    valid = row_validity(columns(fault=fault), DT, 5.0, 1e-6).valid
+    valid, _ = row_validity(columns(fault=fault), DT, 5.0, 1e-6)
     assert valid[:600].all() and not valid[600:].any()
 
 
@@ -33,22 +33,22 @@ def test_a_long_gap_of_the_reference_costs_the_rows_until_the_loop_has_settled()
     reference = columns()["reference"].copy()
     reference[100:110] = np.nan  # 10 ms: a spline bridges it
     reference[300:330] = np.nan
-    valid = row_validity(columns(reference=reference), DT, 5.0, 1e-6).valid
+    valid, _ = row_validity(columns(reference=reference), DT, 5.0, 1e-6)
     assert stretches(~valid) == [(300, 530)]
 
 
 def test_a_command_that_no_drive_follows_ends_the_log() -> None:
     command = columns()["command"].copy()
     command[700] = 6.0
-    valid = row_validity(columns(command=command), DT, 10.0, 1e-6).valid
+    valid, _ = row_validity(columns(command=command), DT, 10.0, 1e-6)
     assert valid[:700].all() and not valid[700:].any()
 
 
 def test_a_plateau_below_the_known_limit_is_noted_and_counts() -> None:
     current = np.clip(columns()["current"], -0.5, 0.5)
-    validity = row_validity(columns(current=current), DT, 5.0, 1e-6)
-    assert validity.valid.all() and len(validity.notes) == 1 and "0.5 A" in validity.notes[0]
-    assert not row_validity(columns(current=current), DT, 0.5, 1e-6).notes[1:]
+    valid, notes = row_validity(columns(current=current), DT, 5.0, 1e-6)
+    assert valid.all() and len(notes) == 1 and "0.5 A" in notes[0]
+    assert not row_validity(columns(current=current), DT, 0.5, 1e-6)[1][1:]
 
 
 def test_stretches_and_bridged_gaps() -> None:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stagectl.gap.controller_check import thresholds
 from stagectl.gap.controller_check.recomputed_command import Comparison
@@ -46,21 +47,14 @@ class Cause(NamedTuple):
         return f"{self.words} (explains {100.0 * (1.0 - min(self.left, 1.0)):.3g} % of the difference)"
 
 
-class _Terms(NamedTuple):
-    """The parts of the recomputed commands of all logs, and their differences, in the rows that count."""
-
-    parts: dict[str, Array]  # (n,) A, those that are not zero
-    difference: Array  # (n,) A
-
-
 def probable(session: Session, comparisons: Sequence[Comparison], allowed: float) -> Cause:
     """The most probable cause of a difference above `allowed` (A); its kind is "none" where none explains it."""
     worst = max(comparisons, key=lambda comparison: comparison.worst[0])
     causes = [
         *_factors(session, comparisons),
         *_model_errors(session, worst),
-        *_shifts(session, worst),
-        *_poles(session, worst),
+        *_shifts(worst),
+        *_poles(worst, session.dt),
         _limit(worst),
     ]
     best = min(causes, key=lambda cause: cause.left)
@@ -88,7 +82,7 @@ def within_limit(session: Session, comparisons: Sequence[Comparison]) -> Cause |
 def unexplained(session: Session, comparisons: Sequence[Comparison]) -> bool:
     """Whether no cause explains any of the difference: it is noise, such as that of rounding."""
     worst = max(comparisons, key=lambda comparison: _rms(comparison.difference))
-    causes = [*_factors(session, comparisons), *_model_errors(session, worst), *_shifts(session, worst)]
+    causes = [*_factors(session, comparisons), *_model_errors(session, worst), *_shifts(worst)]
     return min(cause.left for cause in (*causes, _several(session, comparisons))) > thresholds.NOISE
 
 
@@ -96,26 +90,31 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values * values)))
 
 
-def _terms(session: Session, comparison: Comparison) -> dict[str, Array]:
+def _left(comparison: Comparison, command: Array, rows: NDArray[np.bool_] | None = None) -> float:
+    """Share of the difference's rms that is left where the recomputed command were `command` (n,) A."""
+    rows = np.isfinite(comparison.difference) if rows is None else rows
+    return _rms((comparison.logged - command)[rows]) / _rms(comparison.difference)
+
+
+def _terms(comparison: Comparison) -> dict[str, Array]:
     """The parts (n,) A of one recomputed command."""
-    setpoints = comparison.log.setpoints
-    assert setpoints is not None
-    known = {name: setpoints[:, j] for name, j in law.SETPOINT_COLUMNS.items()}
+    known = {name: comparison.setpoints[:, j] for name, j in law.SETPOINT_COLUMNS.items()}
     feedback = ("proportional", "integral", "derivative", "observer")
     parts = {name: comparison.terms[:, law.OUTPUT_COLUMNS[name]] for name in feedback}
     parts |= {"feedforward": known["feedforward"], "friction": known["friction"]}
     return parts | {"added": known["learned"] + known["injection"]}
 
 
-def _joined(session: Session, comparisons: Sequence[Comparison]) -> _Terms:
+def _joined(comparisons: Sequence[Comparison]) -> tuple[dict[str, Array], Array]:
+    """The parts (n,) A of all recomputed commands that are not zero, and the differences (n,) A, where rows count."""
     counting = [np.isfinite(comparison.difference) for comparison in comparisons]
-    terms = [_terms(session, comparison) for comparison in comparisons]
+    terms = [_terms(comparison) for comparison in comparisons]
     parts = {
         name: np.concatenate([part[name][rows] for part, rows in zip(terms, counting, strict=True)])
         for name in terms[0]
     }
     differences = [comparison.difference[rows] for comparison, rows in zip(comparisons, counting, strict=True)]
-    return _Terms({name: part for name, part in parts.items() if np.any(part)}, np.concatenate(differences))
+    return {name: part for name, part in parts.items() if np.any(part)}, np.concatenate(differences)
 
 
 def _name(session: Session, term: str) -> str:
@@ -125,19 +124,15 @@ def _name(session: Session, term: str) -> str:
 
 def _factors(session: Session, comparisons: Sequence[Comparison]) -> Iterator[Cause]:
     """A factor on one term, on all feedback or on the whole command; a constant that was added."""
-    parts, difference = _joined(session, comparisons)
-    size, terms = _rms(difference), dict(parts)
+    parts, difference = _joined(comparisons)
+    size, terms = _rms(difference), {**parts, "command": np.sum(list(parts.values()), axis=0)}
     feedback = [part for name, part in parts.items() if name in _PID]
     if len(feedback) > 1:
         terms["feedback"] = np.sum(feedback, axis=0)
     for term, part in terms.items():
         more = _share(difference, part)
-        left = _rms(difference - more * part) / size
-        yield Cause("factor", term, 1.0 + more, left, _factor_words(_name(session, term), 1.0 + more))
-    whole = np.sum(list(parts.values()), axis=0)
-    more = _share(difference, whole)
-    left = _rms(difference - more * whole) / size
-    yield Cause("command_factor", "command", 1.0 + more, left, _command_words(session, 1.0 + more))
+        kind, words = "command_factor" if term == "command" else "factor", _factor_words(session, term, 1.0 + more)
+        yield Cause(kind, term, 1.0 + more, _rms(difference - more * part) / size, words)
     mean = float(np.mean(difference))
     words = f"a constant {mean:.4g} A is added to the logged command"
     yield Cause("constant", "command", mean, _rms(difference - mean) / size, words)
@@ -148,14 +143,12 @@ def _share(difference: Array, part: Array) -> float:
     return float(difference @ part) / float(part @ part)
 
 
-def _factor_words(name: str, factor: float) -> str:
-    if abs(factor) < thresholds.MISSING_TERM:
-        return f"{name} seems to be missing from the logged command"
-    return f"{name} seems to be {factor:.3g} of the nominal one"
-
-
-def _command_words(session: Session, factor: float) -> str:
-    """A factor on the whole command is often a unit."""
+def _factor_words(session: Session, term: str, factor: float) -> str:
+    """A factor on a term is a gain; one on the whole command is often a unit."""
+    if term != "command":
+        missing = abs(factor) < thresholds.MISSING_TERM
+        seems = "missing from the logged command" if missing else f"{factor:.3g} of the nominal one"
+        return f"{_name(session, term)} seems to be {seems}"
     words = f"the logged command is about {factor:.4g} times the recomputed one"
     constant = session.stage.motor.force_constant
     for value, unit in ((constant, "an effort instead of a current"), (1e3, "mA"), (-1.0, "of the opposite sign")):
@@ -166,7 +159,7 @@ def _command_words(session: Session, factor: float) -> str:
 
 def _several(session: Session, comparisons: Sequence[Comparison]) -> Cause:
     """Factors on all terms at once."""
-    parts, difference = _joined(session, comparisons)
+    parts, difference = _joined(comparisons)
     table = np.column_stack(list(parts.values()))
     size = np.sqrt(np.mean(table * table, axis=0))
     factors = np.linalg.lstsq(table / size, difference, rcond=thresholds.SINGULAR)[0] / size
@@ -180,11 +173,9 @@ def _several(session: Session, comparisons: Sequence[Comparison]) -> Cause:
     return Cause("several", "command", float(np.abs(factors).max(initial=0.0)), left, words)
 
 
-def _shifts(session: Session, comparison: Comparison) -> Iterator[Cause]:
+def _shifts(comparison: Comparison) -> Iterator[Cause]:
     """Reference, position or command shifted by some rows."""
-    log, p = comparison.log, session.law
-    assert log.setpoints is not None and log.command is not None and p is not None
-    position, setpoints, own = log.position, log.setpoints, comparison.recomputed
+    p, position, setpoints, own = comparison.law, comparison.log.position, comparison.setpoints, comparison.recomputed
     inside = np.isfinite(comparison.difference)
     inside[: thresholds.LARGEST_SHIFT] = inside[len(inside) - thresholds.LARGEST_SHIFT :] = False
     ahead = setpoints[:, law.SETPOINT_COLUMNS["feedforward"]] + setpoints[:, law.SETPOINT_COLUMNS["friction"]]
@@ -196,8 +187,8 @@ def _shifts(session: Session, comparison: Comparison) -> Iterator[Cause]:
             ("command", "the command is logged", _shifted(own, n)),
             ("feedforward", "feedforward and friction compensation act", own + _shifted(ahead, n) - ahead),
         ):
-            left = _rms((log.command - again)[inside]) / _rms(comparison.difference)
-            yield Cause("shift", column, n, left, f"{acts} {rows} than the description says")
+            words = f"{acts} {rows} than the description says"
+            yield Cause("shift", column, n, _left(comparison, again, inside), words)
 
 
 def _command(p: law.Law, setpoints: Array, position: Array) -> Array:
@@ -210,20 +201,17 @@ def _shifted(values: Array, n: int) -> Array:
     return values[np.clip(np.arange(len(values)) - n, 0, len(values) - 1)]
 
 
-def _poles(session: Session, comparison: Comparison) -> Iterator[Cause]:
+def _poles(comparison: Comparison, dt: float) -> Iterator[Cause]:
     """Another pole of the derivative's filter."""
-    p, log, dt = session.law, comparison.log, session.dt
-    assert p is not None and log.setpoints is not None and log.command is not None
+    p = comparison.law
     if p.cascaded or p.feedback.derivative == 0.0:
         return
     pole = 2.0 * (1.0 - p.feedback.decay) / (dt * (1.0 + p.feedback.decay))
     gain = p.feedback.derivative * (2.0 + pole * dt) / (2.0 * pole)
-    rows = np.isfinite(comparison.difference)
     for factor in thresholds.POLE_FACTORS:
         a = factor * pole
         other = p.feedback._replace(derivative=2.0 * gain * a / (2.0 + a * dt), decay=(2.0 - a * dt) / (2.0 + a * dt))
-        again = _command(p._replace(feedback=other), log.setpoints, log.position)
-        left = _rms((log.command - again)[rows]) / _rms(comparison.difference)
+        left = _left(comparison, _command(p._replace(feedback=other), comparison.setpoints, comparison.log.position))
         words = f"the pole of the derivative's filter seems to be {factor:.2g} of the nominal one"
         yield Cause("pole", "derivative", factor, left, words)
 
@@ -253,10 +241,7 @@ def _model_errors(session: Session, comparison: Comparison) -> Iterator[Cause]:
 
 def _limit(comparison: Comparison) -> Cause:
     """A limit that was active in the logged command."""
-    command = comparison.log.command
-    assert command is not None
-    rows = np.isfinite(comparison.difference)
-    high, low = float(command[rows].max()), float(command[rows].min())
-    left = _rms((command - np.clip(comparison.recomputed, low, high))[rows]) / _rms(comparison.difference)
+    counting = comparison.logged[np.isfinite(comparison.difference)]
+    high, low = float(counting.max()), float(counting.min())
     words = f"a limit is active: the logged command stays within [{low:.4g}, {high:.4g}] A"
-    return Cause("limit", "command", high, left, words)
+    return Cause("limit", "command", high, _left(comparison, np.clip(comparison.recomputed, low, high)), words)

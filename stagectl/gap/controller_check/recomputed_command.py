@@ -27,6 +27,9 @@ class Comparison(NamedTuple):
     """One log's command, logged and recomputed."""
 
     log: Log
+    law: law.Law
+    logged: Array  # (n,) A, command
+    setpoints: Array  # (n, 8)
     terms: Array  # (n, 7) of law.Output
     difference: Array  # (n,) A, logged minus recomputed; NaN in rows that do not count
     harmless: tuple[Harmless, ...]
@@ -46,11 +49,7 @@ class Comparison(NamedTuple):
         return self.terms[:, law.OUTPUT_COLUMNS["command"]]
 
 
-class _Remaining(NamedTuple):
-    """A difference (n,) A without harmless rows, and what these were; None where there were none."""
-
-    difference: Array
-    harmless: Harmless | None = None
+_Remaining = tuple[Array, Harmless | None]  # a difference (n,) A without harmless rows, and what these were
 
 
 def comparable(session: Session) -> list[Log]:
@@ -70,22 +69,23 @@ def compared(session: Session, allowed: float) -> list[Comparison]:
 def _compared(p: law.Law, log: Log, dt: float, allowed: float) -> Comparison:
     assert log.setpoints is not None and log.command is not None
     terms = recomputed(p, log.setpoints, log.position)
-    first = _after_gaps(log.command - terms[:, law.OUTPUT_COLUMNS["command"]], log, dt)
-    steps = [first]
+    difference, gaps = _after_gaps(log.command - terms[:, law.OUTPUT_COLUMNS["command"]], log, dt)
+    harmless = [gaps]
     for without in (_beginning, _corners):
-        if np.nanmax(np.abs(steps[-1].difference), initial=0.0) > allowed:
-            steps.append(without(steps[-1].difference, log, dt, allowed))
-    harmless = tuple(step.harmless for step in steps if step.harmless is not None)
-    return Comparison(log, terms, steps[-1].difference, harmless)
+        if np.nanmax(np.abs(difference), initial=0.0) > allowed:
+            difference, kind = without(difference, log, dt, allowed)
+            harmless.append(kind)
+    rows = tuple(kind for kind in harmless if kind is not None)
+    return Comparison(log, p, log.command, log.setpoints, terms, difference, rows)
 
 
 def _after_gaps(difference: Array, log: Log, dt: float) -> _Remaining:
     """Without rows that do not count; the integrator's state after each gap is taken from the log."""
     if np.all(log.valid):
-        return _Remaining(difference)
+        return difference, None
     levelled, largest = _levelled(difference, log.valid, round(FORGOTTEN / dt))
     words = f"after gaps the integrator's state is taken from the log ({largest:.2g} A at most)"
-    return _Remaining(levelled, Harmless("gap", words) if largest else None)
+    return levelled, Harmless("gap", words) if largest else None
 
 
 def _levelled(difference: Array, counts: NDArray[np.bool_], forgotten: int) -> tuple[Array, float]:
@@ -114,28 +114,28 @@ def _beginning(difference: Array, log: Log, dt: float, allowed: float) -> _Remai
     wrong = np.flatnonzero(np.abs(np.nan_to_num(left)) > allowed)
     until = int(wrong[-1]) + 1 if wrong.size else 0
     if until > BEGINNING * rows:
-        return _Remaining(difference)
+        return difference, None
     left[:until] = np.nan
     words = f"it begins while the controller runs: {offset:.3g} A are in its integrator"
     if until:
         words += f", and the first {duration(until * dt)} do not count"
-    return _Remaining(left, Harmless("beginning", words))
+    return left, Harmless("beginning", words)
 
 
 def _corners(difference: Array, log: Log, dt: float, allowed: float) -> _Remaining:
     """Without the corners of the reference's acceleration, which the controller may have known better than a log."""
     if log.reference is None or len(log.reference) < 4 * CORNER:
-        return _Remaining(difference)
+        return difference, None
     near = _near_corners(log.reference)
     left, _ = _levelled(difference, ~near & np.isfinite(difference), 0)
     if np.nanmax(np.abs(left), initial=0.0) > allowed:  # it is not the corners
-        return _Remaining(difference)
+        return difference, None
     worst = float(np.nanmax(np.abs(difference)))
     words = (
         f"around {len(stretches(near))} corners of its reference the command differs by up to {worst:.2g} A, because "
         "the samples do not resolve them: these rows do not count"
     )
-    return _Remaining(left, Harmless("corner", words))
+    return left, Harmless("corner", words)
 
 
 def _near_corners(reference: Array) -> NDArray[np.bool_]:

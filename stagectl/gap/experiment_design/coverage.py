@@ -25,13 +25,6 @@ class ReferenceMotion(NamedTuple):
     dt: float  # s
 
 
-class CoverageCheck(NamedTuple):
-    """Something that logs may never show."""
-
-    missing: Callable[[Session, list[ReferenceMotion]], str]  # in words; empty where it was shown
-    experiment: str  # of the battery
-
-
 def uncovered(session: Session) -> tuple[str, ...]:
     """What no log to find effects from has shown, in words, the most informative first."""
     return tuple(words for words, _ in _gaps(session))
@@ -49,7 +42,7 @@ def advised(session: Session, within: OperatingRange) -> tuple[Experiment, str] 
 
 def _gaps(session: Session) -> list[tuple[str, str]]:
     motions = [_motion(log, session.dt) for log in session.logs if not log.held_out]
-    checked = [(check.missing(session, motions), check.experiment) for check in CHECKS]
+    checked = [(missing(session, motions), experiment) for missing, experiment in CHECKS]
     return [(words, name) for words, name in checked if words]
 
 
@@ -159,10 +152,11 @@ def _frequencies(session: Session, motions: list[ReferenceMotion]) -> str:
     return "no current was injected: resonances, delays and the current loop lie above what the motions excite"
 
 
-CHECKS = (
-    CoverageCheck(_speeds, "stairs"),
-    CoverageCheck(_dwells, "steps-large"),
-    CoverageCheck(_reversals, "micro-within"),
-    CoverageCheck(_frequencies, "multisine-middle"),
-    CoverageCheck(_scanned, "scan"),
+# What logs may never show, each in words that are empty where it was shown, and the experiment of the battery for it.
+CHECKS: tuple[tuple[Callable[[Session, list[ReferenceMotion]], str], str], ...] = (
+    (_speeds, "stairs"),
+    (_dwells, "steps-large"),
+    (_reversals, "micro-within"),
+    (_frequencies, "multisine-middle"),
+    (_scanned, "scan"),
 )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import textwrap
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from stagectl import trajectories
 from stagectl.config.stage_file import Setup
 from stagectl.gap.effects.library import excited_by
-from stagectl.gap.experiment_design.motions import preconditioned
+from stagectl.gap.experiment_design.motions import CarriedMultisine, carried, preconditioned
 from stagectl.gap.experiment_design.stage_scale import StageScale
 from stagectl.plan import SETTLE, plan
 from stagectl.trajectories import CURRENTS, TYPES, Excited, Sequence, Sum, Trajectory, phases
@@ -47,20 +48,29 @@ class Experiment(NamedTuple):
 class Recipe(NamedTuple):
     """An experiment before it is made for a stage."""
 
-    name: str
-    separates: str
+    separates: str  # in words, for its user
     motion: Callable[[StageScale], tuple[Trajectory, ...] | Excited]
     family: str = ""  # the name by which the records of the effects list it; empty: its own
 
 
-def made(p: StageScale, recipes: Iterable[Recipe], use: str = DIAGNOSE) -> tuple[Experiment, ...]:
+def made(p: StageScale, recipes: Mapping[str, Recipe], use: str = DIAGNOSE) -> tuple[Experiment, ...]:
     """Experiments for a stage of this scale; motions without a current begin with a preconditioning reversal."""
     experiments = []
-    for name, separates, motion, family in recipes:
+    for name, (separates, motion, family) in recipes.items():
         parts = motion(p)
         trajectory = parts if isinstance(parts, Excited) else preconditioned(p, *parts)
         experiments.append(Experiment(name, separates, excited_by(family or name), trajectory, p.unit, use))
     return tuple(experiments)
+
+
+def multisines(name: str, words: str, seed: int, periods: float) -> dict[str, Recipe]:
+    """A multisine on a moving axis at three places of the stroke, each with phases of its own from `seed` on."""
+    places = (("low", "low end", 0.05), ("middle", "middle", 0.375), ("high", "high end", 0.7))
+    injections = [CarriedMultisine(place, seed + k, periods=periods) for k, (_, _, place) in enumerate(places)]
+    return {
+        f"{name}-{end}": Recipe(words.format(where), functools.partial(carried, injection=injection), name)
+        for (end, where, _), injection in zip(places, injections, strict=True)
+    }
 
 
 def yaml_of(experiment: Experiment) -> str:

@@ -12,6 +12,7 @@ First all promising experiments with the nuisances taken as linear, then the bes
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -19,6 +20,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from stagectl.gap.effects.stage_changes import put
 from stagectl.gap.experiment_design import (
     catalogue,
     coverage,
@@ -98,7 +100,7 @@ def _best(
 ) -> SimulatedExperiment | None:
     noise = prediction_distance.noise_of(session, floor)
     smooth = _without_steps(models)
-    recipes = [recipe for recipe in catalogue.RECIPES if recipe.name not in known]
+    recipes = {name: recipe for name, recipe in catalogue.RECIPES.items() if name not in known}
     chosen = promising(made(within.scale, recipes), tuple(models))
     simulated = in_parallel(
         lambda chosen: _simulated(planned_run(session, within, noise, chosen), chosen, smooth), chosen
@@ -110,20 +112,13 @@ def _best(
 def _without_steps(models: Models) -> dict[str, Stage]:
     """Without the steps of command and encoder that all share: two simulations that round apart differ by chance.
 
-    Those that are quick to simulate come first, as they are refitted.
+    Those that are quick to simulate, without a resonance within the axis, come first: they are refitted.
     """
-    shared = len({(p.drive.current_quantum, p.encoder.step) for p in models.values()}) == 1
-    names = sorted(models, key=lambda name: _slow(models[name]))
-    return {name: _smooth(models[name]) if shared else models[name] for name in names}
-
-
-def _smooth(p: Stage) -> Stage:
-    return p._replace(drive=p.drive._replace(current_quantum=0.0), encoder=p.encoder._replace(step=0.0))
-
-
-def _slow(p: Stage) -> bool:
-    """Whether a resonance within the axis makes its simulation slow: such a model is not the one that is refitted."""
-    return p.mechanics.transmission.load_share > 0.0
+    names = sorted(models, key=lambda name: models[name].mechanics.transmission.load_share > 0.0)
+    if len({(p.drive.current_quantum, p.encoder.step) for p in models.values()}) > 1:
+        return {name: models[name] for name in names}
+    changes = {"drive.current_quantum": 0.0, "encoder.step": 0.0}
+    return {name: functools.reduce(lambda p, change: put(p, *change), changes.items(), models[name]) for name in names}
 
 
 def promising(known: Sequence[Experiment], names: Collection[str]) -> list[Experiment]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from collections.abc import Sequence as Many
 from typing import NamedTuple
 
@@ -25,7 +24,7 @@ def preconditioned(p: StageScale, *parts: Trajectory) -> Sequence:
         4.0 * p.short / (thresholds.PRECONDITIONING_TIME * thresholds.PRECONDITIONING_TIME),
         largest_acceleration(p, thresholds.FIRM),
     )
-    return Sequence((move(p.short, largest_speed(p, thresholds.GENTLE), acceleration), *parts))
+    return Sequence((move(p.short, largest_speed(p, GENTLE), acceleration), *parts))
 
 
 def move(
@@ -43,7 +42,7 @@ def sine(p: StageScale, amplitude: float, frequency: float, periods: float = 3.0
 
 def at_speed(p: StageScale, speed: float, frequency: float, periods: float = 3.0) -> Sine:
     """A sine of this peak speed (m/s), where reach and current allow it."""
-    return sine(p, min(speed / (2.0 * math.pi * frequency), thresholds.GENTLE * p.reach), frequency, periods)
+    return sine(p, min(speed / (2.0 * math.pi * frequency), GENTLE * p.reach), frequency, periods)
 
 
 def strong(p: StageScale, share: float, frequency: float, periods: float = 4.0) -> Sine:
@@ -53,7 +52,7 @@ def strong(p: StageScale, share: float, frequency: float, periods: float = 4.0) 
 
 def ramp(p: StageScale, speed: float) -> float:
     """Acceleration (m/s^2) to `speed` (m/s): in a tenth of a second, or as the current beyond friction allows."""
-    return min(speed / 0.1, thresholds.GENTLE * p.acceleration, largest_acceleration(heavier(p), 0.95, speed))
+    return min(speed / 0.1, GENTLE * p.acceleration, largest_acceleration(heavier(p), 0.95, speed))
 
 
 def heavier(p: StageScale) -> StageScale:
@@ -121,7 +120,7 @@ def steps(p: StageScale, distance: float, dwells: Many[float], share: float = 0.
     """There and back by `distance` (m), as sharply as this share of the current allows, after each of `dwells` (s)."""
     shortest = max(thresholds.SHORTEST_STEP, thresholds.FEWEST_PERIODS * p.dt)
     a = min(largest_acceleration(p, share), 4.0 * distance / (shortest * shortest))
-    return tuple(move(distance, largest_speed(p, thresholds.GENTLE), a, dwell) for dwell in dwells)
+    return tuple(move(distance, largest_speed(p, GENTLE), a, dwell) for dwell in dwells)
 
 
 class CarriedMultisine(NamedTuple):
@@ -194,11 +193,6 @@ def constant(p: StageScale, *shares: float) -> tuple[Trajectory, ...]:
     return start, *passes, start._replace(distance=-start.distance)
 
 
-def two_scans(p: StageScale) -> tuple[Trajectory, ...]:
-    """The stroke both ways at two speeds."""
-    return *scan(p, 8.0), *scan(p, 3.0)
-
-
 def two_loads(p: StageScale) -> tuple[Trajectory, ...]:
     """A few pitches at little current, then the same ones while accelerating hard."""
     way = min(3.0 * p.pitch, 0.6 * p.high)
@@ -254,11 +248,6 @@ def warm_up(p: StageScale, seconds: float) -> tuple[Trajectory, ...]:
     """Reversals at a brisk speed for `seconds`, as a machine at work makes them."""
     stroke = there_and_back(p, 0.6 * top_speed(p), 0.8, 0.8 * p.high)
     return (stroke._replace(cycles=max(1, round(seconds / stroke.duration))),)
-
-
-def rest(seconds: float) -> Callable[[StageScale], tuple[Trajectory, ...]]:
-    """Standing still for `seconds`, whatever the stage."""
-    return lambda _: (Dwell(seconds),)
 
 
 def fast_cruise(p: StageScale) -> tuple[Trajectory, ...]:

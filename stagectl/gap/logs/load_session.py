@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,13 +26,6 @@ from stagectl.gap.logs.sources import RawLog, read_logs
 from stagectl.gap.logs.thresholds import LEAST_SPLINE, SAME_PERIOD
 from stagectl.parallel import in_parallel
 from stagectl.recording.columns import WITHOUT
-
-
-class _Finished(NamedTuple):
-    """A log of the session, and the notes on it."""
-
-    log: Log
-    notes: list[str]
 
 
 def load(paths: Sequence[Path], stage: Setup | None = None) -> Session:
@@ -61,7 +53,6 @@ def load(paths: Sequence[Path], stage: Setup | None = None) -> Session:
         law=machine.law,
         logs=tuple(log for log, _ in finished),
         notes=(*machine.notes, *repeat_notes, *gathered(notes, len(finished))),
-        trusted=machine.trusted,
         nominal=machine.nominal,
     )
     return session._replace(cannot_tell=undetermined(session, [repeat.log.start is not None for repeat in repeats]))
@@ -137,10 +128,11 @@ def _setpoint_key(repeat: Repeat) -> tuple[bytes, ...]:
     return (str(grid.rows).encode(), *(part.tobytes() for part in (*grid.reference, injection)))
 
 
-def _finished(repeat: Repeat, known: Array | None, machine: NominalSetup, dt: float) -> _Finished:
+def _finished(repeat: Repeat, known: Array | None, machine: NominalSetup, dt: float) -> tuple[Log, list[str]]:
+    """A log of the session, and the notes on it."""
     log, grid = repeat
     limit = min(machine.stage.drive.current_limit, machine.law.current_limit if machine.law else math.inf)
-    validity = row_validity.row_validity(grid.columns, dt, limit, machine.stage.encoder.step)
+    valid, notes = row_validity.row_validity(grid.columns, dt, limit, machine.stage.encoder.step)
     columns = {name: row_validity.filled(column) for name, column in grid.columns.items()}
     finished = Log(
         name=log.name,
@@ -153,11 +145,11 @@ def _finished(repeat: Repeat, known: Array | None, machine: NominalSetup, dt: fl
         current=columns.get("current"),
         reference=columns.get("reference"),
         injection=columns.get("injection"),
-        valid=validity.valid,
+        valid=valid,
         setpoints=known,
         exact=grid.exact,
     )
-    return _Finished(finished, [*grid.notes, *validity.notes])
+    return finished, [*grid.notes, *notes]
 
 
 def _setpoints(repeat: Repeat, machine: NominalSetup) -> Array | None:

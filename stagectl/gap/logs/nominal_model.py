@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
-from typing import NamedTuple
 
 from stagectl.gap.logs.nominal_values import Block, block, quantity
 from stagectl.gap.logs.session import NominalValueError
@@ -22,19 +20,9 @@ _KEYS = {
     "drive": "current_loop_s delay_samples resistance_ohm back_emf_V_per_unit_s current_limit_A voltage_limit_V "
     "amplifier_A_per_V current_quantum_A",
 }
-_TRUSTED = {"force_constant": r"force[ _]constant|torque[ _]constant", "inertia": r"inertia|mass", "viscous": "viscous"}
-_RIGHT = re.compile(r"\b(right|exact|correct|true|trusted|calibrated|accurate|certain|known)\b")
-_NOT = re.compile(r"\b(not|un\w+|may|might|off|roughly|about|except)\b")
 
 
-class NominalModel(NamedTuple):
-    """The machine as its owner describes it."""
-
-    stage: stage.Stage
-    trusted: frozenset[str]  # fields that the owner calls right
-
-
-def read(file: Block) -> NominalModel:
+def read(file: Block) -> stage.Stage:
     """The model in a nominal.yaml; defaults taken and doubts are added to the block's `defaults` and `notes`.
 
     Raises NominalValueError where a value is missing, not physical or contradicts another.
@@ -43,21 +31,13 @@ def read(file: Block) -> NominalModel:
     for part in (body, rubbing, drive):
         part.ignore_others(_KEYS[part.name].split())
     _check_units(body)
-    model = stage.Stage(
+    return stage.Stage(
         _drive(drive),
         stage.Motor(body.number("force_constant", quantity(stage.Motor, "force_constant"))),
         _mechanics(body),
         _friction(rubbing),
         _encoder(body, _late(file)),
     )
-    return NominalModel(model, trusted(str(body.values.get("accuracy") or "")))
-
-
-def trusted(words: str) -> frozenset[str]:
-    """Parameters that the owner's words call right: "..., the force constant is meant to be right"."""
-    clauses = [clause.lower() for clause in re.split(r"[.;,]|\bbut\b", words)]
-    sure = [clause for clause in clauses if _RIGHT.search(clause) and not _NOT.search(clause)]
-    return frozenset(name for name, pattern in _TRUSTED.items() if any(re.search(pattern, clause) for clause in sure))
 
 
 def _check_units(body: Block) -> None:

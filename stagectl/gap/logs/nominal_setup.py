@@ -29,7 +29,6 @@ class NominalSetup(NamedTuple):
     law: Law | None
     dt: float  # s, control period; 0: not known
     deployed: deployed_controller.DeployedController | None  # for setpoints that were not recorded
-    trusted: frozenset[str]
     nominal: dict[str, Any]
     notes: tuple[str, ...]
 
@@ -86,7 +85,7 @@ def _of_ours(logs: list[RawLog], axis: dict[str, Any], setup: Setup | None) -> N
     place = Path(first.meta["files"]["stage"]["name"])
     used = setup or setup_of(place, carried_stage(first))
     notes = () if setup is None else (f"the model is that of {setup.path.name}, not the one in the recordings",)
-    return NominalSetup(axis, used.stage, law, float(first.meta["dt"]), None, frozenset(), nominal_of(first), notes)
+    return NominalSetup(axis, used.stage, law, float(first.meta["dt"]), None, nominal_of(first), notes)
 
 
 def _of_others(logs: list[RawLog], axis: dict[str, Any], setup: Setup | None) -> NominalSetup:
@@ -97,11 +96,10 @@ def _of_others(logs: list[RawLog], axis: dict[str, Any], setup: Setup | None) ->
         place = logs[0].recording.path
     file = of_file(values, place, axis["kind"])
     running = deployed_controller.read(file)
-    trusted: frozenset[str] = frozenset()
     if setup is None:
         if not values.get("stage"):
             raise LogError("model", (logs[0].name,), f"{logs[0].name} comes without a model; {_MODEL}")
-        model, trusted = nominal_model.read(file)
+        model = nominal_model.read(file)
     else:
         model = setup.stage
         if values:
@@ -110,4 +108,4 @@ def _of_others(logs: list[RawLog], axis: dict[str, Any], setup: Setup | None) ->
         defaults = ", ".join(dict.fromkeys(file.defaults))
         file.notes.append(f"{place.name} does not give {defaults}: the values in brackets are taken")
     known = running.law if running else None
-    return NominalSetup(axis, model, known, running.dt if running else 0.0, running, trusted, values, tuple(file.notes))
+    return NominalSetup(axis, model, known, running.dt if running else 0.0, running, values, tuple(file.notes))

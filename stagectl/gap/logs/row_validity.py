@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,24 +12,14 @@ from stagectl.gap.logs.session import Array
 from stagectl.number_format import duration
 
 Rows = NDArray[np.bool_]
+Excluded = tuple[Rows, str]  # rows (n,) that do not count, and why
 
 
-class RowValidity(NamedTuple):
-    """Rows (n,) that count, and notes on the others."""
+def row_validity(columns: dict[str, Array], dt: float, limit: float, step: float) -> tuple[Rows, list[str]]:
+    """The rows (n,) of a log that count, and notes on the others.
 
-    valid: Rows
-    notes: list[str]
-
-
-class _Excluded(NamedTuple):
-    """Rows (n,) that do not count, and why."""
-
-    rows: Rows
-    words: str
-
-
-def row_validity(columns: dict[str, Array], dt: float, limit: float, step: float) -> RowValidity:
-    """The rows of a log that count; `limit` (A) is the largest known current, `step` the encoder's (rad | m)."""
+    `limit` (A) is the largest known current, `step` that of the encoder (rad | m).
+    """
     valid = np.ones(len(columns["position"]), dtype=np.bool_)
     notes: list[str] = []
     for rows, words in _exclusions(columns, dt, limit, step):
@@ -38,18 +27,18 @@ def row_validity(columns: dict[str, Array], dt: float, limit: float, step: float
             share = 100.0 * float(np.mean(rows))
             notes.append(f"{words} (from {float(np.argmax(rows)) * dt:.6g} s, {share:.2g} % of it): not used")
             valid &= ~rows
-    return RowValidity(valid, notes + _plateau(columns, limit))
+    return valid, notes + _plateau(columns, limit)
 
 
-def _exclusions(columns: dict[str, Array], dt: float, limit: float, step: float) -> Iterator[_Excluded]:
+def _exclusions(columns: dict[str, Array], dt: float, limit: float, step: float) -> Iterator[Excluded]:
     count = len(columns["position"])
     yield _missing(columns)
     if "reference" in columns:
         yield _reference_gap(columns["reference"], dt)
     command = columns.get("command", np.zeros(count))
-    yield _Excluded(np.abs(command) > limit, f"the command exceeds the limit of {limit:g} A")
+    yield (np.abs(command) > limit, f"the command exceeds the limit of {limit:g} A")
     fault = columns.get("fault", np.zeros(count))
-    yield _Excluded(np.cumsum(np.nan_to_num(fault) != 0.0) > 0, "a fault stopped the run")
+    yield (np.cumsum(np.nan_to_num(fault) != 0.0) > 0, "a fault stopped the run")
     if "command" in columns and "current" in columns:
         yield _switched_off(columns, dt)
     if "reference" in columns:
@@ -63,7 +52,7 @@ def _sizes(columns: dict[str, Array]) -> tuple[Array, Array]:
     return np.abs(np.nan_to_num(columns["command"])), np.abs(np.nan_to_num(columns["current"]))
 
 
-def _missing(columns: dict[str, Array]) -> _Excluded:
+def _missing(columns: dict[str, Array]) -> Excluded:
     """Rows without a number in a column that has some."""
     absent = np.zeros(len(columns["position"]), dtype=np.bool_)
     empty = []
@@ -71,19 +60,19 @@ def _missing(columns: dict[str, Array]) -> _Excluded:
         if name in columns and np.any(lost := np.isnan(columns[name])):
             absent |= lost
             empty.append(name)
-    return _Excluded(absent, f"rows without {' and '.join(empty)}")
+    return absent, f"rows without {' and '.join(empty)}"
 
 
-def _reference_gap(reference: Array, dt: float) -> _Excluded:
+def _reference_gap(reference: Array, dt: float) -> Excluded:
     """A longer gap: neither the reference in it is known, nor the loop's state after it."""
     rows = np.zeros(len(reference), dtype=np.bool_)
     for begin, end in stretches(np.isnan(reference)):
         if (end - begin) * dt > thresholds.BRIDGED:
             rows[begin : end + round(thresholds.LOOP_SETTLED / dt)] = True
-    return _Excluded(rows, f"a gap of the reference, and {duration(thresholds.LOOP_SETTLED)} after it")
+    return rows, f"a gap of the reference, and {duration(thresholds.LOOP_SETTLED)} after it"
 
 
-def _switched_off(columns: dict[str, Array], dt: float) -> _Excluded:
+def _switched_off(columns: dict[str, Array], dt: float) -> Excluded:
     """No current under a command, to the end."""
     command, current = _sizes(columns)
     rows = np.zeros(len(command), dtype=np.bool_)
@@ -93,10 +82,10 @@ def _switched_off(columns: dict[str, Array], dt: float) -> _Excluded:
         command[begin:]
     ) > thresholds.COMMANDED * command.max():
         rows[begin:] = True
-    return _Excluded(rows, "no current flows although the controller commands it, as after a fault of the drive")
+    return rows, "no current flows although the controller commands it, as after a fault of the drive"
 
 
-def _frozen(columns: dict[str, Array], dt: float, step: float) -> _Excluded:
+def _frozen(columns: dict[str, Array], dt: float, step: float) -> Excluded:
     """The position does not change while the reference moves far."""
     position, reference = columns["position"], columns["reference"]
     rows = np.zeros(len(position), dtype=np.bool_)
@@ -110,15 +99,15 @@ def _frozen(columns: dict[str, Array], dt: float, step: float) -> _Excluded:
             and np.nanmax(part) - np.nanmin(part) > far > 0
         ):
             rows[begin - 1 : end] = True
-    return _Excluded(rows, "the position stays the same while the reference moves")
+    return rows, "the position stays the same while the reference moves"
 
 
-def _run_away(columns: dict[str, Array]) -> _Excluded:
+def _run_away(columns: dict[str, Array]) -> Excluded:
     """A command far beyond any measured current: control is lost, and the motion is no longer that of the loop."""
     command, current = _sizes(columns)
     largest = float(current.max(initial=0.0))
     words = f"the command exceeds {thresholds.RUN_AWAY:g} times the largest current: the loop has lost control"
-    return _Excluded(np.cumsum((command > thresholds.RUN_AWAY * largest) & (largest > 0.0)) > 0, words)
+    return np.cumsum((command > thresholds.RUN_AWAY * largest) & (largest > 0.0)) > 0, words
 
 
 def _plateau(columns: dict[str, Array], limit: float) -> list[str]:

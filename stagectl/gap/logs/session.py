@@ -80,5 +80,4 @@ class Session(NamedTuple):
     logs: tuple[Log, ...]
     notes: tuple[str, ...] = ()  # what was done to the data, and what is doubtful
     cannot_tell: tuple[str, ...] = ()  # what is missing, and what cannot be determined because of it
-    trusted: frozenset[str] = frozenset()  # nominal values that their owner calls right, e.g. force_constant
     nominal: Any = None  # nominal.yaml as read, for what only a report needs

@@ -48,4 +48,4 @@ def test_each_check_leads_to_an_experiment_of_the_battery(ball_screw: object) ->
     from stagectl.gap.experiment_design.battery import battery
 
     assert isinstance(ball_screw, Setup)
-    assert {check.experiment for check in coverage.CHECKS} <= {experiment.name for experiment in battery(ball_screw)}
+    assert {experiment for _, experiment in coverage.CHECKS} <= {experiment.name for experiment in battery(ball_screw)}
