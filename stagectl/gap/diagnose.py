@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from stagectl.gap.controller_check.command_check import CommandCheck, check_command
+from stagectl.gap.controller_check.command_check import check_command
 from stagectl.gap.effects.effect import Scales
 from stagectl.gap.effects.library import definitions
 from stagectl.gap.experiment_design.experiment_proposal import next_experiment
@@ -87,9 +87,9 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     timer.begin(Step.CONTROLLER)
     agreement = check_command(session)
     if agreement.checked and not agreement.agrees:
-        return Diagnosis(_wrong_controller(session, agreement), session.stage)
+        return Diagnosis(_unsearched(session, "controller", agreement.words), session.stage)
     if reason := unidentifiable(session):
-        return Diagnosis(_without_effects(session, "not-identifiable", reason), session.stage)
+        return Diagnosis(_unsearched(session, "not-identifiable", reason), session.stage)
     timer.begin(Step.BASELINE)
     evidence = baseline(session, options.excluded)
     timer.begin(Step.SENSITIVITIES)
@@ -105,12 +105,12 @@ def _diagnosed(session: Session, options: Options, timer: StepTimer, progress: P
     location = localise(session, evidence, selected.fitted, conclusions, functions, agreement)
     timer.begin(Step.VALIDATION)
     validation = validate(session, evidence, selected, conclusions)
-    found = _answer(session, conclusions, location, validation)
+    result = _answer(session, conclusions, location, validation)
     timer.begin(Step.EXPERIMENT)
     if options.advice:
-        found = _advised(session, found, selected, evidence)
-    found = found._replace(seconds=timer.seconds)
-    return Diagnosis(found._replace(sentence=sentence(found)), validation.improved)
+        result = _advised(session, result, selected, evidence)
+    result = result._replace(seconds=timer.seconds)
+    return Diagnosis(result._replace(sentence=sentence(result)), validation.improved)
 
 
 def unidentifiable(session: Session) -> str:
@@ -134,8 +134,8 @@ def baseline(session: Session, excluded: Sequence[str]) -> Evidence:
 
 def scales_of(session: Session, e: Evidence) -> Scales:
     """Sizes of the machine, with the orders of the pitch and the frequencies that stand out of the residual."""
-    found = orders(e.runs, e.base.after, session.stage.mechanics.pitch)
-    return candidates.scales(session, e.runs, found)._replace(modes=modes(e.runs, e.base.after))
+    of_pitch = orders(e.runs, e.base.after, session.stage.mechanics.pitch)
+    return candidates.scales(session, e.runs, of_pitch)._replace(modes=modes(e.runs, e.base.after))
 
 
 def candidates_of(e: Evidence, size: Scales, options: Options) -> Library:
@@ -159,9 +159,8 @@ def _answer(
     closure = validation.closure
     shape = conclusions.unknown or (UNORDERED if closure.open else None)
     effects = with_shares(conclusions.effects(shape is not None), closure.shares)
-    return DiagnosisResult(
-        verdict=verdict_of([effect for effect in effects if effect.probability >= NAMED], shape),
-        sentence="",
+    verdict = verdict_of([effect for effect in effects if effect.probability >= NAMED], shape)
+    return _empty(session, verdict)._replace(
         effects=tuple(effects),
         gap=closure.gap,
         gaps=closure.gaps,
@@ -172,10 +171,6 @@ def _answer(
         unknown=shape,
         traces=tuple(closure.traces),
         notes=(*session.notes, *validation.warnings),
-        cannot_tell=session.cannot_tell,
-        kind=session.kind,
-        travel_per_unit=session.travel_per_unit,
-        travel_unit=session.travel_unit,
     )
 
 
@@ -203,24 +198,27 @@ def with_shares(effects: Sequence[FoundEffect], shares: dict[str, float]) -> lis
     return [effect._replace(share=share(effect)) for effect in effects]
 
 
-def _advised(session: Session, found: DiagnosisResult, selected: Selection, e: Evidence) -> DiagnosisResult:
+def _advised(session: Session, result: DiagnosisResult, selected: Selection, e: Evidence) -> DiagnosisResult:
     """The answer with the next experiment; where none can be made, a note says why."""
     try:
-        return found._replace(next_experiment=next_experiment(session, found, selected, e))
+        return result._replace(next_experiment=next_experiment(session, result, selected, e))
     except GapError as error:
-        return found._replace(notes=(*found.notes, f"no next experiment: {error}"))
+        return result._replace(notes=(*result.notes, f"no next experiment: {error}"))
 
 
-def _wrong_controller(session: Session, agreement: CommandCheck) -> DiagnosisResult:
-    found = _without_effects(session, "controller", agreement.words)
-    return found._replace(blocks={**dict.fromkeys(BLOCKS, 0.0), "controller": 1.0})
-
-
-def _without_effects(session: Session, name: str, reason: str) -> DiagnosisResult:
+def _unsearched(session: Session, verdict: str, reason: str) -> DiagnosisResult:
     """The answer where the search cannot begin."""
+    result = _empty(session, verdict)._replace(reason=reason)
+    if verdict == "controller":
+        result = result._replace(blocks={block: float(block == "controller") for block in BLOCKS})
+    return result._replace(sentence=sentence(result))
+
+
+def _empty(session: Session, verdict: str) -> DiagnosisResult:
+    """An answer that says nothing but its verdict: where the search cannot begin, and before it is filled."""
     unit = "m" if session.kind == "linear" else "rad"
-    found = DiagnosisResult(
-        name,
+    return DiagnosisResult(
+        verdict,
         "",
         effects=(),
         gap=Gap(np.nan, np.nan, np.nan, unit, np.nan, np.nan, np.nan),
@@ -229,11 +227,9 @@ def _without_effects(session: Session, name: str, reason: str) -> DiagnosisResul
         coordinates=(),
         captures=(),
         shares=(),
-        reason=reason,
         notes=session.notes,
         cannot_tell=session.cannot_tell,
         kind=session.kind,
         travel_per_unit=session.travel_per_unit,
         travel_unit=session.travel_unit,
     )
-    return found._replace(sentence=sentence(found))

@@ -22,6 +22,7 @@ from stagectl.gap.result.diagnosis import DiagnosisResult
 from stagectl.gap.thresholds import KEPT_COULOMB, KNOCKED_INERTIA, MOTION_CUTOFF, SIGN_SPEED, STEP_TIME
 from stagectl.kernels import stage
 from stagectl.kernels.stage import Stage
+from stagectl.problem import Problem, ProblemKind
 
 
 class LoggedMotion(NamedTuple):
@@ -94,9 +95,9 @@ def into(session: Session, names: Sequence[str], share: float) -> list[Knock]:
     Raises GapError where a log holds no command, or a name is none of `FORCES`.
     """
     if any(log.command is None for log in session.logs):
-        raise GapError("a log holds no command: no force can be added to it")
+        raise GapError(Problem("a log holds no command: no force can be added to it", ProblemKind.MISSING))
     if unknown := [name for name in names if name not in FORCES]:
-        raise GapError(f"--into {unknown[0]}: no such force; must be one of {', '.join(FORCES)}")
+        raise GapError(Problem("no such force", ProblemKind.UNKNOWN, "--into", unknown[0], choices=tuple(FORCES)))
     return [Knock(name, "in", _with_force(session, FORCES[name], share)) for name in names]
 
 

@@ -64,8 +64,10 @@ def test_a_force_is_one_law_over_all_logs(session: Session) -> None:
 
 
 def test_unknown_force(session: Session) -> None:
-    with pytest.raises(GapError, match="--into wind"):
+    with pytest.raises(GapError) as refused:
         knock_out.into(session, ["wind"], 0.1)
+    (problem,) = refused.value.problems
+    assert (problem.key, problem.value) == ("--into", "wind") and "cable_spring" in problem.choices
 
 
 def test_right(session: Session) -> None:

@@ -18,7 +18,7 @@ from stagectl.report.gap import page as gap
 from stagectl.report.gap.chain import chain, drawing
 from stagectl.report.gap.page import page, typeset
 from stagectl.report.page import write
-from tests.gap.examples import ASYMMETRY, BLOCKS, COGGING, MICRON, PER_UNIT, every, found
+from tests.gap.examples import BLOCKS, COGGING, MICRON, PER_UNIT, every, found
 
 FOUND = every()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -143,14 +143,11 @@ def test_a_run_is_drawn_in_micrometres_of_the_table() -> None:
     np.testing.assert_allclose(reference, 1e3 * PER_UNIT * run.reference[part], rtol=1e-9)
 
 
-def test_a_signature_shows_residual_and_model_over_the_coordinate() -> None:
-    (axes,) = figures.signature(ASYMMETRY, FOUND["effects"]).axes
-    assert axes.get_xlabel() == "speed [mm/s]" and axes.get_ylabel() == "residual [mN m]"
-    speed, model = (np.asarray(one) for one in axes.lines[1].get_data())
-    assert np.max(np.abs(speed)) == pytest.approx(60.0 * 0.012 / (2.0 * math.pi) * 1e3, rel=0.02)
-    np.testing.assert_allclose(model, 2.5 * np.abs(speed) / (1e3 * PER_UNIT), atol=2.0)  # 0.0025 N m s/rad
-    (turn,) = figures.signature(COGGING, FOUND["effects"]).axes
-    assert turn.get_xlabel() == "position modulo the pitch [deg of the motor]"
+def test_a_coordinate_is_drawn_as_travel() -> None:
+    speed = figures.coordinate_scale("speed", np.array([60.0]), FOUND["effects"])
+    assert speed.unit == "mm/s" and speed.factor == pytest.approx(1e3 * PER_UNIT)
+    turn = figures.coordinate_scale("position_mod_pitch", np.array([1.0]), FOUND["effects"])
+    assert turn.unit == "deg of the motor" and turn.factor == pytest.approx(180.0 / math.pi)
 
 
 def test_coordinates_stand_largest_first() -> None:

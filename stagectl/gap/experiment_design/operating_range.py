@@ -22,6 +22,7 @@ from stagectl.gap.residuals.thresholds import TRACKER_BANDWIDTH
 from stagectl.kernels import feedback, feedforward, stage
 from stagectl.kernels.law import Law
 from stagectl.plan import SETTLE
+from stagectl.problem import Problem, ProblemKind
 from stagectl.trajectories import phases
 
 
@@ -75,10 +76,8 @@ def extremes_of(session: Session) -> LoggedExtremes:
     rates = np.array([_rates(log, session.dt) for log in session.logs])
     speed, acceleration = (float(rate) for rate in rates.max(axis=0))
     if not (high > low and speed > 0.0):
-        raise GapError(
-            f"no log of {session.place} moves, so no experiment can be scaled to the machine; record one sine that "
-            "moves it first"
-        )
+        reason = f"no log of {session.place} moves, so no experiment can be scaled to the machine"
+        raise GapError(Problem(reason, ProblemKind.MISSING, remedy="record one sine that moves it first"))
     current = max(float(np.abs(_current(log)).max()) for log in session.logs)
     return LoggedExtremes(low, high, begins, speed, acceleration, current)
 

@@ -11,6 +11,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.gap.experiment_design import thresholds
 from stagectl.gap.logs.session import GapError
 from stagectl.kernels.stage import Friction, Stage
+from stagectl.problem import Problem, ProblemKind
 
 
 class StageScale(NamedTuple):
@@ -81,18 +82,21 @@ def checked(scale: StageScale, place: str) -> StageScale:
     """
     least = max(thresholds.LEAST_REACH * scale.span, thresholds.LEAST_REACH_LENGTHS * scale.presliding)
     if not scale.reach > least:
-        raise GapError(
-            f"limits.travel = [{scale.low:g}, {scale.high:g}] {scale.unit} in {place}; the experiments move both ways "
-            f"from the initial position, so both ends must be at least {least:.3g} {scale.unit} away from 0: count the "
-            "travel from a place within the stroke, and start there"
+        value = f"[{scale.low:g}, {scale.high:g}] {scale.unit}"
+        reason = (
+            f"in {place} the experiments move both ways from the initial position, so both ends must be at least "
+            f"{least:.3g} {scale.unit} away from 0"
         )
+        remedy = "count the travel from a place within the stroke, and start there"
+        raise GapError(Problem(reason, ProblemKind.RANGE, "limits.travel", value, scale.unit, remedy=remedy))
     if not thresholds.WORKING_EFFORT * scale.effort > scale.resisting:
-        raise GapError(
-            f"drive.current_limit = {scale.current_limit:g} A in {place} gives an effort of {scale.effort:g}; "
-            f"friction and bias alone take {scale.resisting:g}, and at least "
-            f"{scale.resisting / thresholds.WORKING_EFFORT:.3g} is needed to move freely: raise the limit, or correct "
-            "the model's friction"
+        needed = scale.resisting / thresholds.WORKING_EFFORT
+        reason = (
+            f"in {place} it gives an effort of {scale.effort:g}; friction and bias alone take {scale.resisting:g}, and "
+            f"at least {needed:.3g} is needed to move freely"
         )
+        value, remedy = f"{scale.current_limit:g} A", "raise the limit, or correct the model's friction"
+        raise GapError(Problem(reason, ProblemKind.RANGE, "drive.current_limit", value, "A", remedy=remedy))
     return scale
 
 

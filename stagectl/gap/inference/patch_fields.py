@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 from stagectl.gap.effects.library import EFFECTS
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result.diagnosis import Fields, Setting
 from stagectl.kernels import effects
-from stagectl.kernels.friction import Stribeck
 from stagectl.kernels.friction_bristle import Bristle
 from stagectl.kernels.stage import Friction, Stage
 
@@ -33,28 +32,29 @@ def fields_of(before: Stage, after: Stage) -> Fields:
     """
     fields: list[tuple[str, Setting]] = []
     for block in ("drive", "motor", "mechanics", "encoder"):
-        fields += _differences(block, getattr(before, block), getattr(after, block))
+        fields += _within(block, getattr(before, block), getattr(after, block))
     rest = {name: getattr(before.friction, name) for name in _OF_LAW}
     fields += [*_law(before.friction, after.friction), *_stribeck(before.friction, after.friction)]
-    fields += _differences("friction", before.friction, after.friction._replace(**rest))
+    fields += _within("friction", before.friction, after.friction._replace(**rest))
     if not _same(before.residual, after.residual):
-        fields += _table(after.residual)
+        fields += table_fields(after.residual)
     return tuple((name, value) for name, value in fields if name not in _PLACELESS)
 
 
-def _differences(place: str, old: Any, new: Any) -> Iterator[tuple[str, Setting]]:
-    """The leaves below `place` that differ; all leaves of a block that was neutral."""
+def _within(place: str, old: Any, new: Any) -> Iterator[tuple[str, Setting]]:
+    """What differs in the fields of the block at `place`."""
     for name in new._fields:
-        before, after = getattr(old, name), getattr(new, name)
-        if _same(before, after):
-            continue
-        inner = f"{place}.{name}"
-        if not hasattr(after, "_fields"):
-            yield inner, after
-        elif _neutral(before):
-            yield from _leaves(inner, after)
-        else:
-            yield from _differences(inner, before, after)
+        yield from _differences(f"{place}.{name}", getattr(old, name), getattr(new, name))
+
+
+def _differences(place: str, old: Any, new: Any) -> Iterator[tuple[str, Setting]]:
+    """The leaves at `place` and below that differ; all leaves of a block that was neutral."""
+    if _same(old, new):
+        return
+    if not hasattr(new, "_fields"):
+        yield place, new
+    else:
+        yield from _leaves(place, new) if _neutral(old) else _within(place, old, new)
 
 
 def _neutral(block: Any) -> bool:
@@ -89,13 +89,7 @@ def _stribeck(old: Friction, new: Friction) -> Iterator[tuple[str, Setting]]:
     if _has_bristle(new) and not _damped(new.bristle):
         return
     before, after = (p.bristle.stribeck if _has_bristle(p) else p.stribeck for p in (old, new))
-    yield from _differences("friction", _Curve(before), _Curve(after))
-
-
-class _Curve(NamedTuple):
-    """The part of a friction block that holds Stribeck's curve."""
-
-    stribeck: Stribeck
+    yield from _differences("friction.stribeck", before, after)
 
 
 def _damped(p: Bristle) -> bool:
@@ -116,7 +110,8 @@ def _bristle(p: Bristle) -> Iterator[tuple[str, Setting]]:
     yield ("friction.damping", p.damping) if _damped(p) else ("friction.exponent", p.exponent)
 
 
-def _table(p: effects.Table) -> Iterator[tuple[str, Setting]]:
+def table_fields(p: effects.Table) -> Iterator[tuple[str, Setting]]:
+    """The data-based term `p`."""
     yield "residual.coordinate", effects.COORDINATES[p.coordinate]
     yield "residual.start", p.start
     yield "residual.step", p.step

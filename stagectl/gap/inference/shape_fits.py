@@ -14,6 +14,7 @@ import numpy as np
 from stagectl.gap.inference import basis_functions, coordinates
 from stagectl.gap.inference.basis_functions import ALL, EVEN, INERTIAL, LOOP, ODD, BasisColumns, CoordinateBasis
 from stagectl.gap.inference.coordinates import means, predicted_squares, ridge_fit
+from stagectl.gap.inference.patch_fields import table_fields
 from stagectl.gap.inference.thresholds import (
     ENSEMBLE_QUANTILE,
     NEARLY_BEST_SHAPE,
@@ -24,7 +25,7 @@ from stagectl.gap.inference.thresholds import (
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, sensitivities
 from stagectl.gap.residuals.gram_matrices import Columns, Products
-from stagectl.gap.result.diagnosis import Fields, UnknownTerm
+from stagectl.gap.result.diagnosis import UnknownTerm
 from stagectl.gap.selection import candidate_scores, null_ensemble, refine
 from stagectl.gap.selection.cross_validation import against, folds, partialled_out
 from stagectl.gap.selection.refine import Evidence, Fitted
@@ -159,7 +160,7 @@ def shape_of(e: Evidence, now: Fitted, products: Products, fit: ShapeFit) -> Unk
     by_part = dict(zip(fit.parts, np.split(amplitudes, len(fit.parts)), strict=True))
     grid, force = _force(fit.basis, by_part)
     shape = UnknownTerm(fit.basis.coordinate, grid, force, min(fit.share, 1.0))
-    return shape._replace(fields=_fields(shape)) if _tabled(fit) else shape
+    return shape._replace(fields=tuple(table_fields(_table(shape)))) if _tabled(fit) else shape
 
 
 def _force(basis: CoordinateBasis, amplitudes: dict[str, Array]) -> tuple[Array, Array]:
@@ -169,16 +170,6 @@ def _force(basis: CoordinateBasis, amplitudes: dict[str, Array]) -> tuple[Array,
     values = basis.basis(np.abs(grid) if signed else grid)
     side, none = np.sign(grid) if signed else np.ones(TABLE_ROWS), np.zeros(len(values))
     return grid, amplitudes.get(EVEN, none) @ values + side * (amplitudes.get(ODD, none) @ values)
-
-
-def _fields(shape: UnknownTerm) -> Fields:
-    p = _table(shape)
-    return (
-        ("residual.coordinate", effects.COORDINATES[p.coordinate]),
-        ("residual.start", p.start),
-        ("residual.step", p.step),
-        ("residual.values", tuple(float(value) for value in p.values)),
-    )
 
 
 def with_shape(e: Evidence, now: Fitted, shape: UnknownTerm) -> Fitted:

@@ -12,6 +12,7 @@ import numpy as np
 from stagectl.config.stage_file import Setup
 from stagectl.gap.logs.session import Array, LogError
 from stagectl.kernels.law import Setpoint
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.units import StageError
 
@@ -149,4 +150,5 @@ def _created(log: RawLog) -> float | None:
     try:
         return datetime.datetime.strptime(log.recording.meta["created"], "%Y-%m-%dT%H:%M:%S%z").timestamp()
     except (KeyError, ValueError) as error:
-        raise StageError(f"{log.recording.path} does not hold the date of its recording: {error}") from error
+        reason = f"{log.recording.path} does not hold the date of its recording: {error}"
+        raise StageError(Problem(reason, ProblemKind.MISSING, file=log.recording.path)) from error

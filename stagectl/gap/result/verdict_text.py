@@ -31,22 +31,6 @@ def _none(result: DiagnosisResult) -> str:
     return "The model agrees with the machine: these logs show no missing effect and no parameter error."
 
 
-def _parameters(result: DiagnosisResult) -> str:
-    return f"No effect is missing, but parameters of the model are off: {_causes(result, result.named)}."
-
-
-def _effects(result: DiagnosisResult) -> str:
-    return f"{_capital(_missing(result))}."
-
-
-def _partly(result: DiagnosisResult) -> str:
-    return f"{_capital(_missing(result))}. {_capital(_unknown(result))}."
-
-
-def _unexplained(result: DiagnosisResult) -> str:
-    return f"No effect of the library explains the gap. {_capital(_unknown(result))}."
-
-
 def _controller(result: DiagnosisResult) -> str:
     verdict = "The controller that ran is not the one described, so the blocks after it are not judged."
     return " ".join(filter(None, [verdict, result.reason, "Correct its description, then diagnose again."]))
@@ -63,10 +47,10 @@ def _unidentifiable(result: DiagnosisResult) -> str:
 
 _VERDICTS: Mapping[str, Callable[[DiagnosisResult], str]] = {
     "none": _none,
-    "parameters": _parameters,
-    "effects": _effects,
-    "effects+unknown": _partly,
-    "unknown": _unexplained,
+    "parameters": lambda r: f"No effect is missing, but parameters of the model are off: {_causes(r, r.named)}.",
+    "effects": lambda r: f"{_capital(_missing(r))}.",
+    "effects+unknown": lambda r: f"{_capital(_missing(r))}. {_capital(_unknown(r))}.",
+    "unknown": lambda r: f"No effect of the library explains the gap. {_capital(_unknown(r))}.",
     "controller": _controller,
     "not-identifiable": _unidentifiable,
 }
@@ -134,13 +118,12 @@ def _joined(names: Sequence[str], last: str) -> str:
 
 def _unknown(result: DiagnosisResult) -> str:
     """How much repeats and is unexplained, and over which coordinate."""
-    share = dict(result.shares).get(UNEXPLAINED, 0.0)
-    size = f"{percent(share)} of the gap" if share > _SMALL else "a part of the gap"
-    if result.unknown is None:
-        return f"{size} repeats and is unexplained"
-    if result.unknown.coordinate == "none":
-        return f"{size} repeats and is unexplained; no coordinate predicts most of it"
-    return f"{size} repeats and is unexplained; {where_unknown(result.unknown)}"
+    share, term = dict(result.shares).get(UNEXPLAINED, 0.0), result.unknown
+    text = f"{f'{percent(share)} of' if share > _SMALL else 'a part of'} the gap repeats and is unexplained"
+    if term is None:
+        return text
+    ordered = term.coordinate != "none"
+    return f"{text}; {where_unknown(term) if ordered else 'no coordinate predicts most of it'}"
 
 
 def where_unknown(term: UnknownTerm) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from stagectl.gap.selection.candidates import equipped
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.swap_tests import Selection
 from stagectl.gap.validation import held_out_gap, rollouts
-from stagectl.gap.validation.held_out_gap import StrokeSums
+from stagectl.gap.validation.held_out_gap import JudgedLog, StrokeSums
 from stagectl.gap.validation.thresholds import OPEN_ABOVE_FLOOR, OPEN_CLOSURE
 from stagectl.kernels.stage import Stage
 
@@ -50,13 +50,7 @@ def in_closed_loop(session: Session, selected: Selection, improved: Stage, logs:
     """The gap of the position of `logs` in closed loop; further channels where they were measured."""
     judged = held_out_gap.judged_logs(session, logs)
     before, after = (rollouts.simulated_logs(session, p, logs) for p in (session.stage, improved))
-    expected = _expected(session, improved)
-    gaps = {}
-    for channel in held_out_gap.CHANNELS:
-        unit = "A" if channel == "current" else ("m" if session.kind == "linear" else "rad")
-        first, last = (held_out_gap.squares(judged, rows, channel) for rows in (before, after))
-        least = held_out_gap.floor(judged, after, channel)
-        gaps[channel] = held_out_gap.gap(first, last, least, unit, expected[channel])
+    gaps = _gaps(session, judged, (before, after), _expected(session, improved))
     position = gaps.pop("position")
 
     def remaining(model: TrackedModel) -> float:
@@ -68,16 +62,25 @@ def in_closed_loop(session: Session, selected: Selection, improved: Stage, logs:
     return Closure(position, measured, shares, traces, stays_open(position, logs))
 
 
-def _expected(session: Session, improved: Stage) -> dict[str, float]:
-    """Closure of each channel on the runs that chose the effects."""
+def _expected(session: Session, improved: Stage) -> Mapping[str, Gap]:
+    """The gap of each channel on the runs that chose the effects."""
     logs = [log for log in session.logs if not log.held_out]
     judged = held_out_gap.judged_logs(session, logs)
     before, after = (rollouts.simulated_logs(session, p, logs) for p in (session.stage, improved))
-    expected = {}
-    for channel in held_out_gap.CHANNELS:
-        first, last = (held_out_gap.squares(judged, rows, channel) for rows in (before, after))
-        expected[channel] = held_out_gap.gap(first, last, held_out_gap.floor(judged, after, channel), "").closure
-    return expected
+    return _gaps(session, judged, (before, after), {})
+
+
+def _gaps(
+    session: Session, judged: Sequence[JudgedLog], rows: tuple[list[Array], list[Array]], expected: Mapping[str, Gap]
+) -> dict[str, Gap]:
+    """The gap of each channel of the simulated `rows` before and after, with the closure that was `expected`."""
+    gaps = {}
+    for channel, unit in (("position", "m" if session.kind == "linear" else "rad"), ("current", "A")):
+        before, after = (held_out_gap.squares(judged, simulated, channel) for simulated in rows)
+        least = held_out_gap.floor(judged, rows[1], channel)
+        closing = expected[channel].closure if channel in expected else None
+        gaps[channel] = held_out_gap.gap(before, after, least, unit, closing)
+    return gaps
 
 
 def stays_open(gap: Gap, judged: Sequence[Log]) -> bool:

@@ -19,8 +19,6 @@ from stagectl.gap.result.diagnosis import Gap, Trace
 from stagectl.gap.validation.rollouts import column
 from stagectl.gap.validation.thresholds import BOOTSTRAP_RESAMPLES
 
-CHANNELS = ("position", "current")  # of the tracking error it is that of the position: the reference is known
-
 
 class JudgedLog(NamedTuple):
     """A log, and the half strokes over which its gap is summed."""

@@ -13,6 +13,7 @@ from stagectl.gap.validation.thresholds import SUBSTEPS
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.law import Law
 from stagectl.parallel import in_parallel
+from stagectl.problem import Problem, ProblemKind
 from stagectl.recording.exports import write_columns
 
 
@@ -41,8 +42,9 @@ def of_log(session: Session, log: Log) -> Rollout:
     Raises GapError where the controller or the reference of the log is not known.
     """
     if session.law is None or log.setpoints is None:
-        missing = "the deployed controller" if session.law is None else "its reference"
-        raise GapError(f"{log.name} cannot be simulated in closed loop: {missing} is not known; see `cannot_tell`")
+        missing = "controller" if session.law is None else "reference"
+        reason = f"is not known, so {log.name} cannot be simulated in closed loop"
+        raise GapError(Problem(reason, ProblemKind.MISSING, missing, remedy="see `cannot_tell`"))
     return Rollout(log.setpoints[: log.rows], session.law, float(log.position[0]), log.start, session.dt)
 
 
@@ -85,7 +87,10 @@ def write_predictions(session: Session, improved: stage.Stage, folder: Path) -> 
     """
     held = [log for log in session.logs if log.held_out]
     if not held:
-        raise GapError("no log is held out: there is nothing to predict; mark some `use: held-out` in captures.yaml")
+        remedy = "mark some `use: held-out` in captures.yaml"
+        raise GapError(
+            Problem("no log is held out, so there is nothing to predict", ProblemKind.MISSING, remedy=remedy)
+        )
     rows = simulated_logs(session, improved, held)
     folder.mkdir(parents=True, exist_ok=True)
     name = "position_m" if session.kind == "linear" else "position_rad"
