@@ -132,4 +132,4 @@ def test_what_is_faint_on_all_data_is_clear_where_one_experiment_says_so(
     gain = 250.0 if block == "mechanics" else 40.0
     selected = _selected({name: gain}, {name: 1.0})._replace(unexplained=10_000.0, clarity={name: Clarity(0.1, 0.6)})
     one = EffectValues(EFFECT._replace(name=name, block=block), {"time": 1e-4})
-    assert verdict.clarity(selected, one, verdict.NamingRule({"dead_time.time": 0.0}, apart)) == pytest.approx(clear)
+    assert verdict.clarity(selected, one, {"dead_time.time": 0.0}, apart) == pytest.approx(clear)

@@ -5,7 +5,7 @@ Held-out runs have no part in it; `validation` judges it afterwards.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from stagectl.gap.controller_check.command_check import CommandCheck
@@ -15,7 +15,6 @@ from stagectl.gap.inference.coordinates import coordinates
 from stagectl.gap.inference.shape_fits import with_shape
 from stagectl.gap.inference.signatures import DriveSignature, signatures
 from stagectl.gap.inference.unknown import unknown
-from stagectl.gap.inference.verdict import NamingRule
 from stagectl.gap.logs.session import Session
 from stagectl.gap.residuals import gram_matrices
 from stagectl.gap.result.diagnosis import NAMED, Coordinate, FoundEffect, Spans, UnknownTerm
@@ -23,13 +22,6 @@ from stagectl.gap.selection import refine
 from stagectl.gap.selection.refine import Evidence, Fitted
 from stagectl.gap.selection.swap_tests import Selection
 from stagectl.kernels.stage import Stage
-
-
-class ParameterErrors(NamedTuple):
-    """How surely all parameters are known, and which of the model's are off."""
-
-    deviation: Mapping[str, float]  # standard deviations, an effect's as ``effect.parameter``
-    shifts: tuple[FoundEffect, ...]
 
 
 class Conclusions(NamedTuple):
@@ -48,14 +40,17 @@ class Conclusions(NamedTuple):
         return [*verdict.with_signatures(named, self.signatures), *self.shifts]
 
 
+ParameterErrors = tuple[Mapping[str, float], Sequence[FoundEffect]]
+
+
 def parameter_errors_of(session: Session, e: Evidence, selected: Selection) -> ParameterErrors:
-    """Deviations and shifts of all parameters of the selected model."""
+    """Standard deviations of all parameters, an effect's as ``effect.parameter``, and the model's that are off."""
     now = selected.fitted
     g = gram_matrices.grams(refine.tangent(e, now, refine.parameters(now)), now.residuals)
     deviation = verdict.deviations(e, now, g)
     before = max(refine.total(e, list(e.base.before)) - refine.floor(e), 1e-300)
     shifts = parameter_errors.shifts(session, e, now, g, deviation, before)
-    return ParameterErrors(deviation, tuple(shifted_parameters.shifted(session, shifts, now)))
+    return deviation, shifted_parameters.shifted(session, shifts, now)
 
 
 def conclude(
@@ -67,10 +62,9 @@ def conclude(
     excluded: tuple[str, ...],
 ) -> Conclusions:
     """Names, values and the unknown, without the effects that are `excluded`."""
-    now = selected.fitted
+    now, (deviation, shifts) = selected.fitted, errors
     cautious, confident = (
-        verdict.named_effects(session, selected, NamingRule(errors.deviation, by_experiment))
-        for by_experiment in (False, True)
+        verdict.named_effects(session, selected, deviation, by_experiment) for by_experiment in (False, True)
     )
     sure = verdict.only_named(e, selected, cautious)
     shape = unknown(e, sure, functions)
@@ -78,7 +72,7 @@ def conclude(
     return Conclusions(
         tuple(effect for effect in confident if effect.name not in excluded),
         tuple(effect for effect in cautious if effect.name not in excluded),
-        tuple(shift for shift in errors.shifts if shift.name not in excluded),
+        tuple(shift for shift in shifts if shift.name not in excluded),
         tuple(signatures(session, e, richest, excluded)),
         shape,
         tuple(fitted.equipped.stage for fitted in (richest, now)),

@@ -46,14 +46,6 @@ class MissingCurrent(NamedTuple):
     answer: Array  # A/s, of the model's current to a longer dead time
 
 
-class SpectralLine(NamedTuple):
-    """A line in the spectrum of the missing current over the command."""
-
-    step: float  # A, its period
-    power: float  # in units of the mean power of noise
-    width: float  # A, half the width of the line
-
-
 def signatures(session: Session, e: Evidence, now: Fitted, excluded: tuple[str, ...]) -> list[DriveSignature]:
     """The drive's effects on single commands; none where no current is measured along with the command."""
     if not np.isfinite(e.runs[0].mean.rows[:, 2]).all() or not all(log.exact for run in e.runs for log in run.logs):
@@ -93,7 +85,7 @@ def quantised(delay: int, logs: list[MissingCurrent]) -> DriveSignature | None:
     lines = [line for shift in range(delay, delay + 3) if (line := _line(logs, shift)) is not None]
     if not lines:
         return None
-    step, _, width = max(lines, key=lambda line: line.power)
+    _, step, width = max(lines, key=lambda line: line[0])
     return _signature("current_quantisation", "step", Value(step, step - width, step + width, "A"))
 
 
@@ -109,8 +101,11 @@ def _signature(name: str, parameter: str, value: Value) -> DriveSignature:
     return DriveSignature(effect, place, value.value)
 
 
-def _line(logs: list[MissingCurrent], shift: int) -> SpectralLine | None:
-    """The strongest line; None where none stands out.  `shift` rows lie between a command and its current."""
+def _line(logs: list[MissingCurrent], shift: int) -> tuple[float, float, float] | None:
+    """The strongest line: its power over that of noise, its period (A) and half its width (A).
+
+    None where none stands out.  `shift` rows lie between a command and its current.
+    """
     command = np.concatenate([log.command[: len(log.command) - shift] for log in logs])
     current = np.concatenate([log.current[shift:] for log in logs])
     current = current - np.polynomial.Polynomial.fit(command, current, 3)(command)
@@ -131,7 +126,7 @@ def _line(logs: list[MissingCurrent], shift: int) -> SpectralLine | None:
         or not thresholds.SAW_TOOTH[0] < amplitude * math.pi / step < thresholds.SAW_TOOTH[1]
     ):
         return None
-    return SpectralLine(step, float(power[best]), step * step * 0.5 / (count * width))
+    return float(power[best]), step, step * step * 0.5 / (count * width)
 
 
 def _stands_out(power: Array, best: int) -> bool:

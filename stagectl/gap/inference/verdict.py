@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 from stagectl.gap.effects import library
 from stagectl.gap.effects.effect import Amplitude, Data, Definition, Shape
@@ -23,19 +22,17 @@ from stagectl.kernels.stage import Stage
 DELAYS = {"dead_time": "time", "current_loop": "lag"}  # effects of the drive that delay, and their parameter
 
 
-class NamingRule(NamedTuple):
-    """What decides how sure an effect is."""
+def named_effects(
+    session: Session, selected: Selection, deviation: Mapping[str, float], by_experiment: bool
+) -> list[FoundEffect]:
+    """The effects of the search, those with the largest gains first.
 
-    deviation: Mapping[str, float]  # standard deviations of all parameters
-    # Whether what one experiment shows clearly counts, whatever is unexplained in the others.  It does where only the
-    # form of friction is left; where there is an unknown, an effect may be a part of it.
-    by_experiment: bool
-
-
-def named_effects(session: Session, selected: Selection, rule: NamingRule) -> list[FoundEffect]:
-    """The effects of the search, those with the largest gains first."""
+    `deviation` holds the standard deviations of all parameters.  With `by_experiment` what one experiment shows clearly
+    counts, whatever is unexplained in the others.  It does where only the form of friction is left; where there is an
+    unknown, an effect may be a part of it.
+    """
     now = selected.fitted
-    effects = [_effect(session, selected, fitted, rule) for fitted in now.effects]
+    effects = [_effect(session, selected, fitted, deviation, by_experiment) for fitted in now.effects]
     ranked = sorted(effects, key=lambda effect: -selected.gains[effect.name])
     return [part for effect in ranked for part in _split(effect)]
 
@@ -76,7 +73,9 @@ def deviations(e: Evidence, now: Fitted, g: Grams) -> dict[str, float]:
     )
 
 
-def _effect(session: Session, selected: Selection, fitted: EffectValues, rule: NamingRule) -> FoundEffect:
+def _effect(
+    session: Session, selected: Selection, fitted: EffectValues, deviation: Mapping[str, float], by_experiment: bool
+) -> FoundEffect:
     name, now = fitted.effect.name, selected.fitted
     rivals = {other: share for other, share in selected.alternatives[name].items() if share > 0.0}
     rest = [other for other in now.effects if other is not fitted]
@@ -84,10 +83,10 @@ def _effect(session: Session, selected: Selection, fitted: EffectValues, rule: N
         name=name,
         alternatives=_alternatives(name, rivals),
         probability=min(selected.inclusion[name] / thresholds.STABLE_INCLUSION, 1.0)
-        * clarity(selected, fitted, rule)
+        * clarity(selected, fitted, deviation, by_experiment)
         * probability(selected.clarity[name].doubt, rivals, name),
         share=0.0,
-        parameters=parameters(fitted, rule.deviation, session.kind),
+        parameters=parameters(fitted, deviation, session.kind),
         block=fitted.effect.block,
         fields=changed(equipped(now.model, rest).stage, now.equipped.stage),
         coordinate=fitted.effect.coordinate,
@@ -105,7 +104,7 @@ def _alternatives(name: str, rivals: Mapping[str, float]) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*exact, *close, *library.look_alikes(name, Data.ONE_SPEED)]))
 
 
-def clarity(selected: Selection, fitted: EffectValues, rule: NamingRule) -> float:
+def clarity(selected: Selection, fitted: EffectValues, deviation: Mapping[str, float], by_experiment: bool) -> float:
     """Factor below 1 where so much of the mechanics stays unexplained that the effect may be a part of it.
 
     Of the drive's effects that concerns the delays alone: a nonlinearity of the base's time shift imitates one.
@@ -113,13 +112,13 @@ def clarity(selected: Selection, fitted: EffectValues, rule: NamingRule) -> floa
     name = fitted.effect.name
     if fitted.effect.block == "drive" and name not in DELAYS:
         return 1.0
-    width = rule.deviation[f"{name}.{DELAYS[name]}"] if name in DELAYS else 0.0
+    width = deviation[f"{name}.{DELAYS[name]}"] if name in DELAYS else 0.0
     if width > 0.0:
         return min(abs(fitted.values[DELAYS[name]]) / (thresholds.DELAY_SIGMA[name] * width), 1.0)
     share = selected.gains[name] / max(selected.unexplained, 1e-300)
     if name in DELAYS:
         return min(share / thresholds.FAINT_SHARE_OF_DELAY, 1.0)
-    return min(max(share, selected.clarity[name].share if rule.by_experiment else 0.0) / thresholds.FAINT_SHARE, 1.0)
+    return min(max(share, selected.clarity[name].share if by_experiment else 0.0) / thresholds.FAINT_SHARE, 1.0)
 
 
 def probability(doubt: float, rivals: Mapping[str, float], name: str) -> float:

@@ -15,7 +15,7 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,13 +27,6 @@ from stagectl.gap.residuals import thresholds
 from stagectl.gap.residuals.model_tracking import ModelResidual
 
 
-class NoiseLevel(NamedTuple):
-    """Standard deviations of noise."""
-
-    effort: float  # N m | N
-    current: float  # A
-
-
 @dataclass(frozen=True, eq=False)
 class Whitener:
     """1/sqrt(noise density) of both residuals over frequency; a diagnosis makes one, known by its identity."""
@@ -43,10 +36,10 @@ class Whitener:
     current: Array  # (f,) per A; zero where no current is measured
 
 
-def whitener(noise: Sequence[ModelResidual], least: NoiseLevel, dt: float) -> Whitener:
+def whitener(noise: Sequence[ModelResidual], least: tuple[float, float], dt: float) -> Whitener:
     """The filter from `noise` records of single repeats, sampled every `dt` (s).
 
-    Noise below `least` is not believed: a simulated drive has none.
+    Noise below `least` (N m | N, and A rms) is not believed: a simulated drive has none.
     """
     frequency, effort = density([record.effort for record in noise], dt)
     current = density([record.current for record in noise], dt)[1]

@@ -19,7 +19,7 @@ from stagectl.gap.residuals.gram_matrices import bounded_step
 from stagectl.gap.residuals.half_strokes import Run
 from stagectl.gap.residuals.model_tracking import ModelResidual
 from stagectl.gap.residuals.sensitivities import Direction, TrackedModel, all_columns, model_residual, residuals_of
-from stagectl.gap.residuals.whitening import NoiseLevel, Whitener, single_noise, whitener
+from stagectl.gap.residuals.whitening import Whitener, single_noise, whitener
 from stagectl.gap.selection import thresholds
 from stagectl.kernels import friction_bristle, stage
 from stagectl.parallel import in_parallel
@@ -143,10 +143,10 @@ def _is_measured(runs: Sequence[Run]) -> bool:
     return bool(np.isfinite(runs[0].mean.rows[:, 2]).all())
 
 
-def _least_noise(runs: Sequence[Run], model: TrackedModel) -> NoiseLevel:
+def _least_noise(runs: Sequence[Run], model: TrackedModel) -> tuple[float, float]:
     current = np.concatenate([run.mean.rows[:, 0] for run in runs])
     rms = thresholds.LEAST_NOISE * float(np.sqrt(np.nanmean(current * current)))
-    return NoiseLevel(rms * model.stage.motor.force_constant, rms if _is_measured(runs) else 0.0)
+    return rms * model.stage.motor.force_constant, rms if _is_measured(runs) else 0.0
 
 
 def _deviations(repeats: Sequence[ModelResidual]) -> list[ModelResidual]:

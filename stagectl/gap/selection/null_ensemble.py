@@ -9,7 +9,6 @@ counts as found only where its gain exceeds all gains that the ensemble gives th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -20,15 +19,6 @@ from stagectl.gap.selection import thresholds
 from stagectl.kernels import friction, friction_bristle, stage
 
 PREFIX = "null_"
-
-
-class BristleShape(NamedTuple):
-    """A bristle by what a reversal shows of it."""
-
-    coulomb: float  # N m | N
-    zone: float  # rad | m, after which 95 % have reversed
-    exponent: float  # Dahl's
-    damping: float  # in units of twice the root of its stiffness times 1e-6
 
 
 def members(model: TrackedModel, count: int, seed: int, usual: float) -> list[Direction]:
@@ -53,7 +43,7 @@ def _law(p: stage.Friction, coulomb: float, number: int, source: Generator) -> s
     lugre = number % 3 == 1
     exponent = 1.0 if lugre else float(source.uniform(*thresholds.EXPONENT_RANGE))
     damping = float(source.uniform(*thresholds.DAMPING_RANGE)) if lugre else 0.0
-    return _bristle(p, BristleShape(coulomb, zone, exponent, damping))
+    return _bristle(p, coulomb, zone, exponent, damping)
 
 
 def _maxwell(p: stage.Friction, coulomb: float, zone: float, source: Generator) -> stage.Friction:
@@ -64,10 +54,11 @@ def _maxwell(p: stage.Friction, coulomb: float, zone: float, source: Generator) 
     return p._replace(operators=friction.bundle(weight, np.sort(slip)), bristle=friction_bristle.NEUTRAL)
 
 
-def _bristle(p: stage.Friction, shape: BristleShape) -> stage.Friction:
-    stiffness = shape.coulomb * _reach(shape.exponent) / shape.zone
-    micro = shape.damping * 2.0 * np.sqrt(stiffness * 1e-6)  # small: it damps, it does not carry
-    bristle = friction_bristle.Bristle(shape.coulomb, stiffness, shape.exponent, float(micro), p.stribeck)
+def _bristle(p: stage.Friction, coulomb: float, zone: float, exponent: float, damping: float) -> stage.Friction:
+    """A bristle that has reversed by 95 % after `zone`; `damping` is in twice the root of its stiffness times 1e-6."""
+    stiffness = coulomb * _reach(exponent) / zone
+    micro = damping * 2.0 * np.sqrt(stiffness * 1e-6)  # small: it damps, it does not carry
+    bristle = friction_bristle.Bristle(coulomb, stiffness, exponent, float(micro), p.stribeck)
     return p._replace(operators=friction.bundle([0.0], [1.0]), bristle=bristle)
 
 
