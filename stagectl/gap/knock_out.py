@@ -60,7 +60,7 @@ def out(session: Session) -> list[Knock]:
     """The session with a model without viscous friction, Coulomb friction, its bias, a fifth of its inertia."""
     models = {
         "viscous": _with(session.stage, "viscous", 0.0),
-        "coulomb": _without_coulomb(session.stage),
+        "coulomb": put(session.stage, "friction", stage.scaled_friction(session.stage.friction, KEPT_COULOMB)),
         "bias": _with(session.stage, "bias", 0.0),
         "inertia": _with(session.stage, "inertia", (1.0 - KNOCKED_INERTIA) * session.stage.mechanics.inertia),
     }
@@ -74,10 +74,6 @@ def out(session: Session) -> list[Knock]:
 def _with(p: Stage, name: str, value: float) -> Stage:
     """`p` with another value of its mechanics; `p` itself where it has that value already."""
     return p if getattr(p.mechanics, name) == value else put(p, f"mechanics.{name}", value)
-
-
-def _without_coulomb(p: Stage) -> Stage:
-    return p._replace(friction=stage.scaled_friction(p.friction, KEPT_COULOMB))
 
 
 FORCES: Mapping[str, Force] = {

@@ -45,6 +45,18 @@ def drawing(rows: int = 1, columns: int = 1, **options: Any) -> Iterator[tuple[F
         figure.tight_layout()
 
 
+def note(
+    axes: Axes,
+    words: str,
+    place: tuple[float, float],
+    offset: tuple[int, int],
+    colour: str = WITHOUT,
+    align: str = "baseline",
+) -> None:
+    """`words` next to a `place` of the data, by an `offset` in points."""
+    axes.annotate(words, place, xytext=offset, textcoords="offset points", va=align, fontsize=8, color=colour)
+
+
 def effort_unit(axis: StageAxis) -> str:
     """N on a linear axis, N m on a rotary one."""
     return "N" if axis.kind == LINEAR else "N m"

@@ -44,7 +44,17 @@ def page(result: dict[str, Any], path: Path, files: Sequence[Path] = ()) -> Path
             [],
             [
                 _signed(result),
-                *([Table("Not passed", ["fault", "state", "why"], [_why(case) for case in failed])] if failed else []),
+                *(
+                    [
+                        Table(
+                            "Not passed",
+                            ["fault", "state", "why"],
+                            [[case["name"], case["state"], case["words"]] for case in failed],
+                        )
+                    ]
+                    if failed
+                    else []
+                ),
             ],
             [result["command"]],
             versions(),
@@ -69,10 +79,6 @@ def _signed(result: dict[str, Any]) -> Table:
         ["signed off by", result["signed"] or "nobody yet: --signed NAME, or by hand: ______________________"],
     ]
     return Table("Signed off", ["", ""], rows)
-
-
-def _why(case: dict[str, Any]) -> list[str]:
-    return [case["name"], case["state"], case["words"]]
 
 
 def _row(case: dict[str, Any], unit: str, scale: float) -> list[str]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
 from stagectl.recording.metadata import versions
-from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded
+from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded, note
 from stagectl.report.page import Page, Picture
 from stagectl.report.tables.tuning import tables
 from stagectl.tuning.families import chosen, judged_loops
@@ -101,12 +101,12 @@ def bode(each: dict[str, Loop], tuned: Tuned) -> Figure:
 def _mark(size: Axes, phase: Axes, loop: Robustness) -> None:
     degrees = math.degrees(loop.phase)
     phase.vlines(loop.crossover, -180.0, degrees - 180.0, color=WITHOUT, linewidth=2.0)
-    _note(phase, f"PM {degrees:.1f}°", (loop.crossover, degrees - 180.0), (4, 6))
+    note(phase, f"PM {degrees:.1f}°", (loop.crossover, degrees - 180.0), (4, 6))
     for peak in (loop.raised, loop.lowered):
         if peak.frequency > 0.0:
             level = -20.0 * math.log10(peak.value)
             size.vlines(peak.frequency, min(level, 0.0), max(level, 0.0), color=WITHOUT, linewidth=2.0)
-            _note(size, f"GM {-level:+.1f} dB", (peak.frequency, max(level, 0.0)), (4, 4 if level < 0.0 else 0))
+            note(size, f"GM {-level:+.1f} dB", (peak.frequency, max(level, 0.0)), (4, 4 if level < 0.0 else 0))
 
 
 def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
@@ -123,7 +123,7 @@ def sensitivities(each: dict[str, Loop], tuned: Tuned) -> Figure:
         ):
             level = 20.0 * math.log10(peak.value)
             axes.plot(peak.frequency, level, "o", color=colour, markersize=4)
-            _note(axes, f"{name} {peak.value:.2f}", (peak.frequency, level), offset, colour)
+            note(axes, f"{name} {peak.value:.2f}", (peak.frequency, level), offset, colour)
         if math.isfinite(tuned.demand.peak):
             bound = 20.0 * math.log10(tuned.demand.peak)
             axes.axhline(bound, color=WITHOUT, linewidth=1.0, linestyle="--", label=f"Ms = {tuned.demand.peak:g}")
@@ -146,7 +146,7 @@ def nyquist(each: dict[str, Loop], tuned: Tuned) -> Figure:
         circle = -1.0 + modulus * np.exp(1j * turn)
         axes.plot(circle.real, circle.imag, color=WITHOUT, linewidth=1.0, linestyle="--")
         axes.plot(-1.0, 0.0, "+", color=WITHOUT, markersize=9, markeredgewidth=1.6)
-        _note(axes, f"1/Ms {modulus:.2f}", (-1.0, modulus), (-20, 4))
+        note(axes, f"1/Ms {modulus:.2f}", (-1.0, modulus), (-20, 4))
         axes.set(xlim=(-2.6, 1.2), ylim=(-1.6, 1.2), xlabel="Re L", ylabel="Im L")
         axes.set_aspect("equal", adjustable="box")
         if len(each) > 1:
@@ -164,7 +164,7 @@ def response(setup: Setup, tuned: Tuned, closed_loop: ClosedLoop) -> Figure:
         axes.axhline(1.0, color=FAINT, linewidth=0.8)
         if settled <= time[-1]:
             axes.axvline(settled, color=WITHOUT, linewidth=1.0, linestyle="--")
-            _note(axes, f"within 2 % after {settled:.3g} ms", (settled, 0.1), (4, 0))
+            note(axes, f"within 2 % after {settled:.3g} ms", (settled, 0.1), (4, 0))
         axes.set(
             xlabel="time [ms]",
             ylabel="position / step",
@@ -183,7 +183,7 @@ def dynamic_stiffness(setup: Setup, each: dict[str, Loop], closed_loop: ClosedLo
         least = scale * closed_loop.softest.value
         axes.plot(closed_loop.softest.frequency, least, "o", color=WITHOUT, markersize=4)
         place = (closed_loop.softest.frequency, least)
-        _note(axes, f"{least:.3g} {unit} at {closed_loop.softest.frequency:.3g} Hz", place, (-40, -15))
+        note(axes, f"{least:.3g} {unit} at {closed_loop.softest.frequency:.3g} Hz", place, (-40, -15))
         axes.set(ylim=(0.15 * least, None), ylabel=f"dynamic stiffness [{unit}]")
         _frequency_axis(axes)
     return figure
@@ -218,10 +218,6 @@ def _first(tuned: Tuned, bandwidth: float) -> Robustness | None:
     return margins if margins.stable else None
 
 
-def _note(axes: Axes, words: str, place: tuple[float, float], offset: tuple[int, int], colour: str = WITHOUT) -> None:
-    axes.annotate(words, place, xytext=offset, textcoords="offset points", fontsize=8, color=colour)
-
-
 def _db(values: Array) -> Array:
     return 20.0 * np.log10(np.abs(values))
 
@@ -229,8 +225,7 @@ def _db(values: Array) -> Array:
 def _unwrapped(values: Array) -> Array:
     """Phase (deg), at low frequency between -360 and 0."""
     phase = np.degrees(np.unwrap(np.angle(values)))
-    unwrapped: Array = phase - 360.0 * math.ceil(phase[0] / 360.0)
-    return unwrapped
+    return np.asarray(phase - 360.0 * math.ceil(phase[0] / 360.0))
 
 
 def _frequency_axis(axes: Axes) -> None:

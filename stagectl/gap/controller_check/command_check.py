@@ -113,7 +113,8 @@ def limit(session: Session, logs: Sequence[Log]) -> float:
     if not len(commands):
         return 0.0
     rms = float(np.sqrt(np.mean(commands * commands)))
-    return max(thresholds.AGREEMENT * rms, resolution(commands), *(_rounding(session, log) for log in logs))
+    decimals = [_decimal(log.position, session.stage.encoder.step) for log in logs]
+    return max(thresholds.AGREEMENT * rms, resolution(commands), 0.5 * _gain(session) * max(decimals))
 
 
 def resolution(values: Array) -> float:
@@ -126,11 +127,6 @@ def resolution(values: Array) -> float:
     whole = values[:: max(len(values) // thresholds.COMMAND_SAMPLES, 1)] / step
     allowed = thresholds.STEP_ERROR + thresholds.STEP_ERROR_EACH * np.minimum(np.abs(whole), thresholds.STEPS_COUNTED)
     return step if np.mean(np.abs(whole - np.rint(whole)) < allowed) > thresholds.STEPPED else 0.0
-
-
-def _rounding(session: Session, log: Log) -> float:
-    """Command (A) that half a decimal of the position makes, where positions were written with few decimals."""
-    return 0.5 * _gain(session) * _decimal(log.position, session.stage.encoder.step)
 
 
 def _gain(session: Session) -> float:

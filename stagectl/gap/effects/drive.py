@@ -8,10 +8,6 @@ from stagectl.gap.effects.stage_changes import added, put
 from stagectl.kernels.stage import Stage
 
 
-def _slower(p: Stage, v: Values) -> Stage:
-    return put(p, "drive.current_lag", max(p.drive.current_lag + v["lag"], 0.0))
-
-
 def _offset(_: Scales) -> Parameters:
     def apply(p: Stage, v: Values) -> Stage:
         return added(current="drive.telemetry.offset" if v["reported"] else "drive.offset")(p, v)
@@ -42,7 +38,11 @@ PARAMETERS: dict[str, ParametersOf] = {
     "dead_time": lambda s: Parameters(
         (Amplitude("time", "s", (0.0006,), 0.0, 4.0 * s.dt),), (), added(time="drive.dead_time")
     ),
-    "current_loop": lambda _: Parameters((Amplitude("lag", "s", (0.0002,), -0.001, 0.005),), (), _slower),
+    "current_loop": lambda _: Parameters(
+        (Amplitude("lag", "s", (0.0002,), -0.001, 0.005),),
+        (),
+        lambda p, v: put(p, "drive.current_lag", max(p.drive.current_lag + v["lag"], 0.0)),
+    ),
     "current_gain": lambda _: Parameters(
         (Amplitude("size", "", (0.02,), -0.2, 0.2),), (), added(size="drive.telemetry.gain")
     ),

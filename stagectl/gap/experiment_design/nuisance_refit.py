@@ -45,7 +45,7 @@ def nuisances(p: Stage, weights: bool) -> list[Nuisance]:
     unit = friction_family.size(p)
     free = [
         _scaled("inertia", "mechanics.inertia"),
-        Nuisance("bias", lambda m, a: _added(m, "mechanics.bias", a * unit)),
+        Nuisance("bias", lambda m, a: stage_changes.added(bias="mechanics.bias")(m, {"bias": a * unit})),
     ]
     if p.mechanics.viscous > 0.0:
         free.append(_scaled("viscous", "mechanics.viscous"))
@@ -61,10 +61,6 @@ def nuisances(p: Stage, weights: bool) -> list[Nuisance]:
 
 def _scaled(name: str, place: str) -> Nuisance:
     return Nuisance(name, lambda p, a: stage_changes.put(p, place, stage_changes.get(p, place) * math.exp(a)))
-
-
-def _added(p: Stage, place: str, amount: float) -> Stage:
-    return stage_changes.put(p, place, stage_changes.get(p, place) + amount)
 
 
 def _weights(p: Stage, coulomb: float) -> list[Nuisance]:

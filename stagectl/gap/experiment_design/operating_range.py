@@ -78,7 +78,8 @@ def extremes_of(session: Session) -> LoggedExtremes:
     if not (high > low and speed > 0.0):
         reason = f"no log of {session.place} moves, so no experiment can be scaled to the machine"
         raise GapError(Problem(reason, ProblemKind.MISSING, remedy="record one sine that moves it first"))
-    current = max(float(np.abs(_current(log)).max()) for log in session.logs)
+    known = [log.command if log.current is None else log.current for log in session.logs]
+    current = max((float(np.abs(values).max()) for values in known if values is not None), default=0.0)
     return LoggedExtremes(low, high, begins, speed, acceleration, current)
 
 
@@ -94,11 +95,6 @@ def _rates(log: Log, dt: float) -> tuple[float, float]:
     speed = (path[window:] - path[:-window]) / (window * dt)
     change = (speed[window:] - speed[:-window]) / (window * dt)
     return float(np.abs(speed).max(initial=0.0)), float(np.abs(change).max(initial=0.0))
-
-
-def _current(log: Log) -> Array:
-    known = log.command if log.current is None else log.current
-    return np.zeros(1) if known is None else known
 
 
 def operating_range(session: Session) -> OperatingRange:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import welch
 
 from stagectl.gap.inference import basis_functions, thresholds
-from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, BasisColumns, CoordinateBasis
+from stagectl.gap.inference.basis_functions import EVEN, ODD, TIME, BasisColumns
 from stagectl.gap.logs.session import Array
 from stagectl.gap.residuals import gram_matrices, least_squares
 from stagectl.gap.residuals.gram_matrices import Grams
@@ -32,16 +32,12 @@ def coordinates(e: Evidence, functions: BasisColumns) -> tuple[Coordinate, ...]:
     floor = floor_of_means(e)
     for basis in functions.bases:
         g = gram_matrices.fold_sums(functions.products[basis.coordinate], means(e.base.after))
-        shares[basis.coordinate] = max(_share(g, e, names, floor) for names in _variants(basis))
+        even, odd = (basis_functions.names(basis, part) for part in (EVEN, ODD))
+        shares[basis.coordinate] = max(_share(g, e, names, floor) for names in (even, odd, [*even, *odd]))
     if functions.clock is not None:
         g = gram_matrices.fold_sums(functions.clock, e.base.after)
         shares[TIME] = _share(g, e, basis_functions.CLOCK, g.floor.sum(axis=0), aging=True)
     return tuple(Coordinate(name, share) for name, share in sorted(shares.items(), key=lambda pair: -pair[1]))
-
-
-def _variants(basis: CoordinateBasis) -> list[list[str]]:
-    even, odd = (basis_functions.names(basis, part) for part in (EVEN, ODD))
-    return [even, odd, [*even, *odd]]
 
 
 def means(residuals: Sequence[list[Array]]) -> list[list[Array]]:

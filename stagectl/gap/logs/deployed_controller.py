@@ -81,7 +81,10 @@ def _law(c: Block, dt: float) -> law.Law:
     observed = _observer(c)
     if c.has("Kp"):
         return law.Law(_pid(c, dt), limit, observer=observed)
-    own = _cascade(c, dt) if c.has("position_gain") else _emps(c, dt)
+    if c.has("position_gain"):
+        own = _cascade(c, dt)
+    else:  # the EMPS benchmark: velocity by differences of averaged positions, two proportional gains
+        own = cascade.Cascade(c.number("kp", _POSITIVE), c.number("kv", _POSITIVE), span=2, dt=dt)
     return law.Law(feedback.ABSENT, limit, own, True, observed)
 
 
@@ -112,11 +115,6 @@ def _cascade(c: Block, dt: float) -> cascade.Cascade:
         c.whole("span", _SPAN, 1),
         dt,
     )
-
-
-def _emps(c: Block, dt: float) -> cascade.Cascade:
-    """As the EMPS benchmark describes it: velocity by differences of averaged positions, two proportional gains."""
-    return cascade.Cascade(c.number("kp", _POSITIVE), c.number("kv", _POSITIVE), span=2, dt=dt)
 
 
 def _observer(c: Block) -> observer.Observer:

@@ -107,8 +107,9 @@ def _filters(p: Whitener, count: int, dt: float) -> tuple[Array | None, Array | 
 
 def gains(p: Whitener, lines: Array, dt: float) -> tuple[Array, Array]:
     """Gains for effort and current at the frequencies `lines` (f,) Hz, for signals of the control period `dt` (s)."""
-    # A density of one over the band becomes a variance of one.
-    shape = math.sqrt(dt / thresholds.BAND) * _band_edge(lines, thresholds.BAND / dt)
+    limit = thresholds.BAND / dt
+    edge = np.clip((limit - lines) / (thresholds.BAND_EDGE * limit), 0.0, 1.0)  # falls to zero at the end of the band
+    shape = math.sqrt(dt / thresholds.BAND) * edge  # a density of one over the band becomes a variance of one
     effort = np.interp(lines, p.frequency, p.effort) * shape / roll_off(lines, dt)
     return effort, np.interp(lines, p.frequency, p.current) * shape
 
@@ -117,8 +118,3 @@ def roll_off(lines: NDArray[np.floating[Any]], dt: float) -> Array:
     """Factor (f,) by which the weight of an effort falls at the frequencies `lines` (f,) Hz."""
     attenuation: Array = np.hypot(1.0, lines * dt / thresholds.ROLL_OFF)
     return attenuation
-
-
-def _band_edge(lines: Array, limit: float) -> Array:
-    """One within the band, falling to zero over its last tenth."""
-    return np.clip((limit - lines) / (thresholds.BAND_EDGE * limit), 0.0, 1.0)

@@ -180,7 +180,7 @@ def arranged(settings: Mapping[str, Setting], file: StageFile, text: str) -> tup
     if short is not None:
         return {**short, **rest}, []
     block: dict[str, Any] = {**dict.fromkeys(_kept(str(own["law"]), text), KEPT), **own}
-    before = _law(text)
+    before = str(node_at(yaml_edit.root_of(text), "friction.law").value)
     if before == own["law"]:
         return {"friction": block, **rest}, []
     comment = f"friction: the law changes from {before} to {own['law']}, so its block is replaced as a whole"
@@ -205,11 +205,6 @@ def _near(values: Iterable[float], others: Iterable[float]) -> bool:
 
 def _direct(name: str) -> bool:
     return name.startswith("friction.") and name.count(".") == 1
-
-
-def _law(text: str) -> str:
-    node = node_at(yaml_edit.root_of(text), "friction.law")
-    return str(node.value)
 
 
 def _kept(law: str, text: str) -> list[str]:

@@ -63,12 +63,8 @@ def thresholds(g: Grams, nuisance: Sequence[int], forms: Sequence[Form]) -> dict
         ]
         for effect, score in best_of(scores).items():
             gains.setdefault(effect, []).append((max(score.gain, 1.0), score.worst))
-    return {effect: _threshold(np.array(largest)) for effect, largest in gains.items()}
-
-
-def _threshold(gains: Array) -> Threshold:
-    gain, share = gains.max(axis=0)
-    return Threshold(limit(float(gain)), float(share))
+    largest = {effect: np.max(pairs, axis=0).tolist() for effect, pairs in gains.items()}
+    return {effect: Threshold(limit(gain), share) for effect, (gain, share) in largest.items()}
 
 
 def limit(largest: float) -> float:

@@ -129,7 +129,9 @@ def _step(e: Evidence, now: Fitted) -> Fitted:
     low, high = np.array([(baseline_fit.lowest(now.model, name), np.inf) for name in nuisance] + _limits(now)).T
     step = bounded_step(g, [*nuisance, *(p.name for p in own)], low, high)
     for share in thresholds.STEP_SHARES:
-        after = _fitted(e, *_moved(now, {name: share * value for name, value in step.items()}))
+        move = {name: share * value for name, value in step.items()}
+        effects = tuple(_shifted(valued, move) for valued in now.effects)
+        after = _fitted(e, baseline_fit.moved(now.model, move, None), effects)
         if after.residual_sum_of_squares < now.residual_sum_of_squares:
             return after
     return now
@@ -193,10 +195,6 @@ def _replaced(now: Fitted, k: int, parameter: str, step: float) -> Direction:
     others = [*now.effects[:k], changed, *now.effects[k + 1 :]]
     plain = direction(valued, parameter, step, f"{valued.effect.name}.{parameter}")
     return plain._replace(change=lambda m: equipped(m._replace(stage=now.model.stage), others))
-
-
-def _moved(now: Fitted, move: Mapping[str, float]) -> tuple[TrackedModel, tuple[EffectValues, ...]]:
-    return baseline_fit.moved(now.model, move, None), tuple(_shifted(valued, move) for valued in now.effects)
 
 
 def _limits(now: Fitted) -> list[tuple[float, float]]:

@@ -182,12 +182,9 @@ def stands_out(score: Score, gains: Mapping[str, float]) -> bool:
     `gains` holds what each effect explained when it was added.
     """
     wider = EFFECTS[name_of(score)].extends in gains
-    resembling = max(_gains_of_kin(name_of(score), gains), default=0.0)
+    similar = kin(name_of(score))
+    resembling = max((gain for other, gain in gains.items() if other in similar), default=0.0)
     return score.gain > thresholds.OF_KIN * resembling or (wider and score.worst > thresholds.OF_MORE)
-
-
-def _gains_of_kin(name: str, gains: Mapping[str, float]) -> list[float]:
-    return [gain for other, gain in gains.items() if other in kin(name)]
 
 
 def simplest(better: Sequence[Fitted], floor: float) -> Fitted:

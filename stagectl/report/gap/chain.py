@@ -56,12 +56,9 @@ class _Box(NamedTuple):
 def chain(result: DiagnosisResult) -> Picture:
     """The signal chain as a picture of the page."""
     text = base64.b64encode(drawing(result).encode()).decode()
-    return Picture(f"data:image/svg+xml;base64,{text}", _caption(result), 760)
-
-
-def _caption(result: DiagnosisResult) -> str:
     caption = "Share of the excess over noise that arises in each block, and the effects found in it."
-    return f"{caption} Hatched: not judged." if None in result.blocks.values() else caption
+    hatched = " Hatched: not judged." if None in result.blocks.values() else ""
+    return Picture(f"data:image/svg+xml;base64,{text}", f"{caption}{hatched}", 760)
 
 
 def drawing(result: DiagnosisResult) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, Spans, Trace
 from stagectl.number_format import prefix
-from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing
+from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, note
 from stagectl.report.panels import DPI as DPI
 
 Array = NDArray[np.float64]
@@ -22,6 +22,7 @@ WIDTH = 5.4  # inch: two fit side by side
 MOST_ROWS = 24  # of the map of spans
 WINDOW = 1.0  # s of a held-out run
 _GREY, _PALE = "#94a3b8", "#e2e8f0"
+_COLOURS = {"parameters": TARGET, UNEXPLAINED: WITHOUT, NOISE: "#cbd5e1"}  # of shares; of an effect: WITH
 _LONGEST = 30  # characters of a row's label
 _FLAT = 1e-15
 
@@ -106,9 +107,9 @@ def shares(result: DiagnosisResult) -> Figure:
     with drawing(figsize=(WIDTH, 0.9 + 0.36 * max(len(result.shares), 3))) as (figure, axes):
         begin = 0.0
         for place, (name, share) in enumerate(result.shares):
-            axes.barh(-place, 100.0 * share, left=100.0 * begin, color=_colour(name), height=0.62)
+            axes.barh(-place, 100.0 * share, left=100.0 * begin, color=_COLOURS.get(name, WITH), height=0.62)
             right = 100.0 * max(begin, begin + share)
-            _beside(axes, (right, -place), f"{100.0 * share:.1f} %")
+            note(axes, f"{100.0 * share:.1f} %", (right, -place), (4, 0), TARGET, "center")
             begin += share
             if place + 1 < len(result.shares):
                 axes.vlines(100.0 * begin, -place - 0.69, -place - 0.31, color=_GREY, linewidth=0.7)
@@ -119,10 +120,6 @@ def shares(result: DiagnosisResult) -> Figure:
         _rows(axes)
         axes.set_xlabel("share of the squared gap [%]")
     return figure
-
-
-def _beside(axes: Axes, place: tuple[float, float], text: str) -> None:
-    axes.annotate(text, place, xytext=(4, 0), textcoords="offset points", va="center", fontsize=8, color=TARGET)
 
 
 def _share_label(name: str) -> str:
@@ -136,10 +133,6 @@ def _wrapped(text: str) -> str:
         return text
     at = text.rfind(" ", 0, len(text) // 2 + 4)
     return f"{text[:at]}\n{text[at + 1 :]}"
-
-
-def _colour(name: str) -> str:
-    return {"parameters": TARGET, UNEXPLAINED: WITHOUT, NOISE: "#cbd5e1"}.get(name, WITH)
 
 
 def largest_trace(result: DiagnosisResult) -> Trace | None:
@@ -175,13 +168,9 @@ def trace(run: Trace, result: DiagnosisResult) -> Figure:
             floor = size.factor * run.floor
             below.axhspan(-floor, floor, color="#cbd5e1", alpha=0.7, zorder=-1, linewidth=0, label="noise floor (rms)")
         below.set(ylabel=f"simulated − measured\nposition [{size.unit}]", xlabel="time [s]")
-        _legend_above(below)
+        # In a row of its own above the curves, where it hides none of them.
+        below.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=8, borderaxespad=0.0)
     return figure
-
-
-def _legend_above(axes: Axes) -> None:
-    """In a row of its own above the curves, where it hides none of them."""
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=8, borderaxespad=0.0)
 
 
 def unknown(result: DiagnosisResult) -> Figure:
@@ -196,13 +185,10 @@ def unknown(result: DiagnosisResult) -> Figure:
             axes.set_xscale("log")
             axes.xaxis.set_major_formatter("{x:g}")
         axes.plot(across.factor * grid, up.factor * force, color=WITHOUT, linewidth=1.8)
-        _frame(axes, result.unknown.coordinate, across, f"unexplained {'current' if drive else 'effort'} [{up.unit}]")
+        unit = f" [{across.unit}]" if across.unit else ""
+        axes.set_xlabel(f"{coordinate_label(result.unknown.coordinate)}{unit}")
+        axes.set_ylabel(f"unexplained {'current' if drive else 'effort'} [{up.unit}]")
     return figure
-
-
-def _frame(axes: Axes, coordinate: str, across: _Scale, ylabel: str) -> None:
-    unit = f" [{across.unit}]" if across.unit else ""
-    axes.set(xlabel=f"{coordinate_label(coordinate)}{unit}", ylabel=ylabel)
 
 
 def effort(result: DiagnosisResult) -> str:

@@ -14,7 +14,11 @@ def tables(result: Result) -> list[Table]:
     """Errors of each variant, then the paired differences."""
     unit = result["unit"]
     rows = [
-        [row["name"], *(length(row[measure]["mean"], unit) for measure in ("peak", "rms")), *_ends(row, unit)]
+        [
+            row["name"],
+            *(length(row[measure]["mean"], unit) for measure in ("peak", "rms")),
+            *(length(end(row["peak"]["values"]), unit) for end in (min, max)),
+        ]
         for row in result["variants"]
     ]
     shown = [Table("Tracking error", ["variant", "peak, mean", "rms, mean", "peak, least", "peak, most"], rows)]
@@ -23,10 +27,6 @@ def tables(result: Result) -> list[Table]:
         if key == "against_first" or against["other"] != result["variants"][0]["name"]:
             shown.append(_against(against, unit))
     return shown
-
-
-def _ends(row: Result, unit: str) -> list[str]:
-    return [length(end(row["peak"]["values"]), unit) for end in (min, max)]
 
 
 def _against(against: Result, unit: str) -> Table:
