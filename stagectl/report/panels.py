@@ -16,12 +16,8 @@ from stagectl.report.page import Picture
 CONVENTIONAL, TRUTH = "#2563eb", FAINT  # in addition to WITHOUT (no compensation) and WITH
 SHADES = ("#fbbf24", "#f08c00", "#c2570c", "#7c2d12")  # of one quantity, from small to large
 SIZE = (4.5, 3.2)  # inch
-MARGINS = {
-    "left": 0.145,
-    "right": 0.98,
-    "bottom": 0.145,
-    "top": 0.92,
-}  # fixed, as a layout engine draws the figure twice
+# Fixed, as a layout engine draws the figure twice.
+MARGINS = {"left": 0.145, "right": 0.98, "bottom": 0.145, "top": 0.92}
 DPI = 150
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from stagectl.gap.experiment_design import battery, stage_scale, thresholds
 from stagectl.gap.experiment_design.experiment import Experiment, number
-from stagectl.gap.experiment_design.operating_range import OperatingRange
+from stagectl.gap.experiment_design.operating_range import OperatingRange, path_of
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals.half_strokes import standstills
 from stagectl.gap.residuals.thresholds import SHORTEST_REST
@@ -47,7 +47,7 @@ def _gaps(session: Session) -> list[tuple[str, str]]:
 
 
 def _motion(log: Log, dt: float) -> ReferenceMotion:
-    path = log.position if log.reference is None else log.reference
+    path = path_of(log)
     window = max(round(thresholds.SPEED_WINDOW / dt), 1)
     velocity = np.zeros(len(path))
     velocity[: len(path) - window] = (path[window:] - path[:-window]) / (window * dt)

@@ -35,6 +35,7 @@ from stagectl.gap.experiment_design.operating_range import OperatingRange, opera
 from stagectl.gap.experiment_design.prediction_distance import PlannedRun, RepeatNoise
 from stagectl.gap.inference import verdict
 from stagectl.gap.logs.session import Session
+from stagectl.gap.residuals.half_strokes import rests_of
 from stagectl.gap.result.diagnosis import DiagnosisResult, NextExperiment
 from stagectl.gap.selection.refine import Evidence
 from stagectl.gap.selection.swap_tests import Selection
@@ -144,7 +145,7 @@ def planned_run(session: Session, within: OperatingRange, noise: RepeatNoise, ex
     end = max(log.start + log.rows * session.dt for log in session.logs)
     rows = setpoints_for(session, within, experiment)
     rollout = Rollout(rows, within.law, within.start, 0.0 if COLD in experiment.effects else end, session.dt)
-    rests = prediction_distance.rests_of(rows, session.dt)
+    rests = rests_of(rows[:, 0], session.dt)
     return PlannedRun(rollout, noise, prediction_distance.measured(session), rests)
 
 

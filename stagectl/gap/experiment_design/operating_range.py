@@ -13,7 +13,7 @@ import numpy as np
 from stagectl.gap.experiment_design import stage_scale, thresholds
 from stagectl.gap.experiment_design.experiment import Experiment, number
 from stagectl.gap.experiment_design.stage_scale import StageScale
-from stagectl.gap.logs import deployed_controller, setpoints
+from stagectl.gap.logs import deployed_controller
 from stagectl.gap.logs.deployed_controller import DeployedController
 from stagectl.gap.logs.grid import LoggedReference
 from stagectl.gap.logs.nominal_values import of_file
@@ -72,7 +72,7 @@ def extremes_of(session: Session) -> LoggedExtremes:
     """
     positions = [log.position for log in session.logs]
     low, high = min(float(x.min()) for x in positions), max(float(x.max()) for x in positions)
-    begins = float(np.median([_path(log)[0] for log in session.logs]))
+    begins = float(np.median([path_of(log)[0] for log in session.logs]))
     rates = np.array([_rates(log, session.dt) for log in session.logs])
     speed, acceleration = (float(rate) for rate in rates.max(axis=0))
     if not (high > low and speed > 0.0):
@@ -83,7 +83,7 @@ def extremes_of(session: Session) -> LoggedExtremes:
     return LoggedExtremes(low, high, begins, speed, acceleration, current)
 
 
-def _path(log: Log) -> Array:
+def path_of(log: Log) -> Array:
     """The reference (n,) of a log, or its position where none is known."""
     return log.position if log.reference is None else log.reference
 
@@ -91,7 +91,7 @@ def _path(log: Log) -> Array:
 def _rates(log: Log, dt: float) -> tuple[float, float]:
     """Largest speed and acceleration."""
     window = max(round(thresholds.SPEED_WINDOW / dt), 1)
-    path = _path(log)
+    path = path_of(log)
     speed = (path[window:] - path[:-window]) / (window * dt)
     change = (speed[window:] - speed[:-window]) / (window * dt)
     return float(np.abs(speed).max(initial=0.0)), float(np.abs(change).max(initial=0.0))
@@ -169,4 +169,4 @@ def setpoints_for(session: Session, p: OperatingRange, experiment: Experiment) -
     t: Array = session.dt * np.arange(rows, dtype=np.float64)
     reference = p.start + parts.motion.at(t).position / session.travel_per_unit
     injection = None if parts.current is None else parts.current.at(t - parts.start)
-    return setpoints.from_reference(p.deployed, LoggedReference(t, reference), rows, injection)
+    return deployed_controller.setpoints_of(p.deployed, LoggedReference(t, reference), rows, injection)

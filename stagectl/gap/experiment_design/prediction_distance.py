@@ -22,7 +22,7 @@ from scipy.signal import welch
 from stagectl.gap.experiment_design import thresholds
 from stagectl.gap.logs.session import Array, Log, Session
 from stagectl.gap.residuals import whitening
-from stagectl.gap.residuals.half_strokes import by_experiment, standstills, without_drift_at_rest
+from stagectl.gap.residuals.half_strokes import by_experiment, without_drift_at_rest
 from stagectl.gap.residuals.thresholds import BAND, KEPT
 from stagectl.gap.validation.rollouts import Rollout, closed_loop, column
 from stagectl.kernels import stage
@@ -145,8 +145,3 @@ def shift_slope(p: PlannedRun, values: Array) -> Array:
     if p.measured:
         change[half:] = -np.gradient(values[half:]) / KEPT
     return change
-
-
-def rests_of(setpoints: Array, dt: float) -> tuple[tuple[int, int], ...]:
-    """Kept samples between which the reference of `setpoints` (n, 8) stands still."""
-    return tuple((-(-begin // KEPT), -(-end // KEPT)) for begin, end in standstills(setpoints[:, 0], dt))

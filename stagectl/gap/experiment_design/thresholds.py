@@ -14,11 +14,8 @@ LEAST_REACH_LENGTHS = 8.0  # presliding lengths; chosen. The same, for stages wi
 WORKING_EFFORT = 0.5  # of the largest effort; chosen. Friction and bias must take less, or the axis hardly moves.
 RESOLVED_STEPS = 100.0  # encoder steps; chosen. A shorter presliding length cannot be seen and counts as this long.
 LEAST_EFFORT = 0.05  # of the largest effort; chosen. What a motion may always use, whatever friction takes.
-SHORT_SHARE, SHORT_LENGTHS, SHORT_REACH = (
-    0.01,
-    4.0,
-    0.2,
-)  # of stroke; presliding lengths; of reach; chosen. Short stroke.
+# Of stroke; presliding lengths; of reach; chosen.  Short stroke.
+SHORT_SHARE, SHORT_LENGTHS, SHORT_REACH = 0.01, 4.0, 0.2
 
 # -- motions ---------------------------------------------------------------------------------------------------------
 

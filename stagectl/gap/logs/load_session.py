@@ -2,9 +2,9 @@
 
 ::
 
-    paths --> sources --> nominal_setup --> grid --> repeats --> row_validity --> setpoints --> Session
-              as in       model, law        periods  one length,  rows that       of the
-              their files                            one reference count          controller
+    paths --> sources --> nominal_setup --> grid --> repeats --> row_validity --> deployed_controller --> Session
+              as in       model, law        periods  one length,  rows that       their setpoints
+              their files                            one reference count
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from stagectl.config.stage_file import Setup
-from stagectl.gap.logs import row_validity, setpoints
+from stagectl.gap.logs import deployed_controller, row_validity
 from stagectl.gap.logs.grid import GriddedLog, on_control_periods
 from stagectl.gap.logs.missing_records import undetermined
 from stagectl.gap.logs.nominal_setup import NominalSetup, nominal_setup
@@ -162,4 +162,4 @@ def _setpoints(repeat: Repeat, machine: NominalSetup) -> Array | None:
     if machine.deployed is None or len(grid.reference.time) < LEAST_SPLINE:
         return None
     injection = row_validity.filled(grid.columns["injection"]) if "injection" in grid.columns else None
-    return setpoints.from_reference(machine.deployed, grid.reference, grid.rows, injection)
+    return deployed_controller.setpoints_of(machine.deployed, grid.reference, grid.rows, injection)

@@ -26,9 +26,8 @@ class LogError(GapError):
 
     def __init__(self, reason: str, logs: tuple[str, ...], words: str) -> None:
         super().__init__(words)
-        self.reason = (
-            reason  # none | empty | short | duplicate | period | axis | mixed | machine | signal | entry | model
-        )
+        # none | empty | short | duplicate | period | axis | mixed | machine | signal | entry | model
+        self.reason = reason
         self.logs = logs  # their names
 
 

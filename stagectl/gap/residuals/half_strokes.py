@@ -82,8 +82,7 @@ def _run(name: str, logs: Sequence[Log], dt: float, zone: float) -> Run:
     valid[:edge] = valid[rows - edge :] = False
     valid[: known_from(mean.rows[:, 1], zone)] = False
     cluster = half_strokes(mean.rows[:, 1], dt)
-    still = standstills(mean.rows[:, 1] if logs[0].reference is None else logs[0].reference[:rows], dt)
-    rests = tuple((-(-begin // thresholds.KEPT), -(-end // thresholds.KEPT)) for begin, end in still)
+    rests = rests_of(mean.rows[:, 1] if logs[0].reference is None else logs[0].reference[:rows], dt)
     return Run(
         name, tuple(logs), paths, mean, valid[:: thresholds.KEPT].astype(np.float64), cluster[:: thresholds.KEPT], rests
     )
@@ -95,6 +94,11 @@ def standstills(position: Array, dt: float) -> list[tuple[int, int]]:
     change = np.abs(position[window:] - position[:-window])
     still = np.concatenate([change <= thresholds.REST_CHANGE * change.max(initial=0.0), np.zeros(window, dtype=bool)])
     return [(begin, end) for begin, end in stretches(still) if (end - begin) * dt >= thresholds.SHORTEST_REST]
+
+
+def rests_of(position: Array, dt: float) -> tuple[tuple[int, int], ...]:
+    """The same as spans of kept samples."""
+    return tuple((-(-begin // thresholds.KEPT), -(-end // thresholds.KEPT)) for begin, end in standstills(position, dt))
 
 
 def without_drift_at_rest(signal: Array, rests: Sequence[tuple[int, int]]) -> Array:

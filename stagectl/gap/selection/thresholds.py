@@ -59,9 +59,8 @@ MATERIAL = 0.03  # share of the closable gap in an effect's channel that it must
 MATERIAL_UNREPEATED = 0.1  # the same where nothing was repeated: there is no floor, and form error counts as gap
 # Share of the closable gap that the baseline fit and the friction laws left: less is the form error of something else.
 OF_ALL = 0.01
-OF_ALL_CLEAR = (
-    0.001  # the same for a weaker second effect that explains DOMINANT of the rest and is FAR above its limit
-)
+# The same for a weaker second effect that explains DOMINANT of the rest and is FAR above its limit.
+OF_ALL_CLEAR = 0.001
 FAR = 20.0  # times its limit
 DOMINANT = 0.1  # relative drop of the sum of squares from which an effect is judged by it alone
 VANISHING = 0.4  # share of resamples: an effect found in fewer is dropped

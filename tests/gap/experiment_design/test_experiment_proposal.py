@@ -24,6 +24,7 @@ from stagectl.gap.experiment_design import (
 from stagectl.gap.experiment_design.experiment import made
 from stagectl.gap.logs.load_session import load
 from stagectl.gap.logs.session import GapError, Session
+from stagectl.gap.residuals.half_strokes import rests_of
 from stagectl.gap.result.diagnosis import NextExperiment
 from stagectl.gap.validation.rollouts import Rollout
 from stagectl.kernels.stage import Stage
@@ -83,7 +84,7 @@ def distance(session: Session, models: dict[str, Stage]) -> float:
             Rollout(log.setpoints, p.law, 0.0, 0.0, session.dt),
             noise,
             True,
-            prediction_distance.rests_of(log.setpoints, session.dt),
+            rests_of(log.setpoints[:, 0], session.dt),
         )
         for log in session.logs[::2]  # one repeat of each
         if log.setpoints is not None

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stagectl.gap.experiment_design import prediction_distance
+from stagectl.gap.residuals.half_strokes import rests_of
 
 DT = 1e-3
 
@@ -43,7 +44,6 @@ def test_a_current_that_is_logged_late_lacks_its_slope(measured: bool) -> None:
 
 
 def test_rests_are_counted_in_kept_samples() -> None:
-    setpoints = np.zeros((1000, 8))
-    setpoints[:, 0] = np.concatenate([np.linspace(0.0, 1.0, 400), np.ones(600)])
-    ((begin, end),) = prediction_distance.rests_of(setpoints, DT)
+    reference = np.concatenate([np.linspace(0.0, 1.0, 400), np.ones(600)])
+    ((begin, end),) = rests_of(reference, DT)
     assert begin == pytest.approx(200, abs=2) and 490 <= end <= 500
