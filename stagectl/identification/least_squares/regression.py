@@ -65,8 +65,6 @@ def least_squares(
     time: Array,
     position: Array,
     force: Array,
-    cutoff_hz: float | None = None,
-    decimate: int | None = None,
     model: RegressionModel = RegressionModel(),  # noqa: B008
 ) -> RegressionResult:
     """Parameters of `force` (n,) N m | N that moves `position` (n,) rad | m at `time` (n,) s.
@@ -77,10 +75,7 @@ def least_squares(
     """
     _check(time, position, force)
     pieces, notes = parts(time, {"position": position, "force": force}, frozenset({"position"}))
-    filtered = [
-        _filtered_part(piece.columns["position"], piece.columns["force"], piece.dt, (cutoff_hz, decimate), model)
-        for piece in pieces
-    ]
+    filtered = [_filtered_part(piece.columns["position"], piece.columns["force"], piece.dt, model) for piece in pieces]
     check_directions(np.concatenate([part.velocity for part in filtered]))
     regressor = np.vstack([part.regressor for part in filtered])
     forces = np.concatenate([part.force for part in filtered])
@@ -91,10 +86,8 @@ def least_squares(
     return result._replace(notes=(*result.notes, doubt)) if doubt else result
 
 
-def _filtered_part(
-    position: Array, force: Array, dt: float, recipe: tuple[float | None, int | None], model: RegressionModel
-) -> _FilteredPart:
-    design = design_filter(position, dt, *recipe)
+def _filtered_part(position: Array, force: Array, dt: float, model: RegressionModel) -> _FilteredPart:
+    design = design_filter(position, dt)
     motion = filtered_motion(position, design)
     standing = _standing(motion.velocity, design)
     columns = decimated(np.column_stack([model.columns(motion), force]), design)
