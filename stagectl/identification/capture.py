@@ -41,7 +41,6 @@ class Refusal(enum.StrEnum):
     OPPOSITE_SIGN = "opposite sign"  # of current and velocity
     SAMPLING = "sampling"
     SEARCH = "search"  # it did not converge
-    SHAPE = "shape"
     TIME_ORDER = "time order"
     TOO_FAST = "too fast"
     TOO_FEW_LINES = "too few lines"
@@ -84,7 +83,7 @@ class IdentificationError(StageError):
 
 
 class Capture(NamedTuple):
-    """Columns (n,) of one record without gaps, equally spaced."""
+    """Columns (n,) of one record: finite, without gaps, equally spaced, of `CAPTURE_LEAST_ROWS` rows or more."""
 
     name: str
     time: Array  # s, from 0
@@ -133,12 +132,11 @@ def accepted(captures: Iterable[Capture], treat: Callable[[Capture], Treated]) -
 
 
 def check_excited(capture: Capture) -> None:
-    """Check that position and current are finite, long enough and not constant.
+    """Check that position and current are not constant.
 
     Raises IdentificationError where they are not.
     """
     unit = {ROTARY: "rad", LINEAR: "m"}.get(capture.meta.get("axis", {}).get("kind"), "rad | m")
-    check_rows(capture)
     if not np.ptp(capture.current) > thresholds.LEAST_EXCITATION:
         raise IdentificationError(
             f"the {capture.current_column} is {capture.current[0]:g} A throughout. Without an "
@@ -157,29 +155,4 @@ def check_excited(capture: Capture) -> None:
             value=travel,
             unit=unit,
             admissible=f"({least:g}, inf)",
-        )
-
-
-def check_rows(capture: Capture) -> None:
-    """Check that position and current are finite and long enough.
-
-    Raises IdentificationError where they are not.
-    """
-    for name, column, unit in (("position", capture.position, "rad | m"), ("current", capture.current, "A")):
-        if not np.all(finite := np.isfinite(column)):
-            row = int(np.argmin(finite))
-            raise IdentificationError(
-                f"{name}[{row}] = {column[row]:g} {unit}; {name} must be finite in all {len(column)} "
-                "rows: cut the record to a part without gaps",
-                Refusal.NOT_FINITE,
-                value=float(column[row]),
-                unit=unit,
-            )
-    rows, least = len(capture.position), thresholds.CAPTURE_LEAST_ROWS
-    if rows < least:
-        raise IdentificationError(
-            f"{rows} rows; must have at least {least}: record longer",
-            Refusal.TOO_SHORT,
-            value=rows,
-            admissible=f"[{least}, inf)",
         )

@@ -271,13 +271,9 @@ def test_a_motion_without_constant_friction_is_refused(stage_b: Setup, motion: T
 
 def test_bad_columns_are_refused(stage_b: Setup, uncompensated: NDArray[Any]) -> None:
     good = capture(uncompensated)
-    hole = np.array(good.position)
-    hole[17] = np.nan
     for bad, reason in (
-        (good._replace(position=hole), Refusal.NOT_FINITE),
         (good._replace(dt=5e-3), Refusal.SAMPLING),
         (good._replace(current=-good.current), Refusal.OPPOSITE_SIGN),
-        (good._replace(position=good.position[:50], current=good.current[:50]), Refusal.TOO_SHORT),
     ):
         with pytest.raises(IdentificationError) as caught:
             identify([bad], stage_b.file)

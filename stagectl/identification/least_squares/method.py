@@ -49,7 +49,7 @@ def identify(
 
 
 def _solved(capture: Capture, force_constant: float, model: RegressionModel) -> RegressionResult:
-    return least_squares(capture.time, capture.position, force_constant * capture.current, model)
+    return least_squares(capture.position, force_constant * capture.current, capture.dt, model)
 
 
 def pooled(results: list[RegressionResult]) -> tuple[Array, Array]:

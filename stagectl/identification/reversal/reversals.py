@@ -23,7 +23,7 @@ from scipy import signal
 from stagectl.compensation.legs import Array, Legs, measured_legs
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Capture, IdentificationError, Refusal, check_rows
+from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.result import Note, Topic
 
 COMMANDED = ("command", "current")
@@ -80,7 +80,6 @@ def reversals(capture: Capture, file: StageFile) -> Reversals:
     two spans in which the friction has become constant.
     """
     _check_sampling(capture)
-    check_rows(capture)
     motion, notes = _smoothed(capture, file)
     spans = [span for leg in range(1, len(motion.cut.way)) if (span := _span(motion, leg)) is not None]
     settled = {span.leg: span for span in spans if span.settled}
