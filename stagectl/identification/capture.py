@@ -127,7 +127,14 @@ def accepted(captures: Iterable[Capture], treat: Callable[[Capture], Treated]) -
         raise IdentificationError("no capture to identify from; give at least one", Refusal.NO_CAPTURE)
     if not results:
         first = refused[0]
-        raise IdentificationError("\n".join(map(str, refused)), first.reason, capture=first.capture, value=first.value)
+        raise IdentificationError(
+            "\n".join(map(str, refused)),
+            first.reason,
+            capture=first.capture,
+            value=first.value,
+            unit=first.unit,
+            admissible=first.admissible,
+        )
     return results, [Note(Topic.LEFT_OUT, f"left out: {error}") for error in refused]
 
 
