@@ -125,5 +125,7 @@ def machine_of(stage: StageLike, simulate: bool, plant: StageLike | None) -> Mac
     Raises ArgumentError for a plant together with a drive.
     """
     if plant is not None and not simulate:
-        raise ArgumentError("plant", plant, "; the runs are on a drive, which has its own machine", needs="simulate")
+        raise ArgumentError(
+            "plant", plant, " needs simulate: the runs are on a drive, which has its own machine", needs="simulate"
+        )
     return Machine(as_stage(stage).setup, simulate, None if plant is None else as_stage(plant).setup)
