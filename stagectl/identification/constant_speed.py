@@ -29,7 +29,7 @@ from scipy import stats
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
-from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic, unit_of
+from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.units import ROTARY
 
 
@@ -64,7 +64,7 @@ def identify(
     half = _quantile(len(spans) - len(values), len(spans), scatter) * np.sqrt(np.diag(covariance))
     rotary = file.axis.kind == ROTARY
     parameters = {
-        name: Parameter.around(value, wide, unit_of(name, file.axis.kind))
+        name: Parameter.named(name, file.axis.kind, value, wide)
         for name, value, wide in zip(("viscous", "coulomb", "offset"), values.tolist(), half.tolist(), strict=False)
     }
     details = _details(spans, parameters, scatter)

@@ -29,15 +29,7 @@ from scipy import optimize, stats
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
-from stagectl.identification.result import (
-    Characteristic,
-    IdentificationResult,
-    Note,
-    Parameter,
-    Progress,
-    Topic,
-    unit_of,
-)
+from stagectl.identification.result import Characteristic, IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.units import ROTARY
 
 
@@ -272,7 +264,7 @@ def _parameters(strokes: list[Stroke], fit: OperatorFit, file: StageFile) -> dic
         quantile = float(stats.t.ppf(thresholds.QUANTILE_95, len(batches) - 2))
         half = quantile * spread / math.sqrt(len(batches))
     centres = {"coulomb": fit.coulomb, "offset": fit.offset}
-    return {name: Parameter.around(value, half, unit_of(name, file.axis.kind)) for name, value in centres.items()}
+    return {name: Parameter.named(name, file.axis.kind, value, half) for name, value in centres.items()}
 
 
 def _details(strokes: list[Stroke], fit: OperatorFit, table: Characteristic) -> dict[str, Any]:

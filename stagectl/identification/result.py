@@ -42,6 +42,11 @@ class Parameter(NamedTuple):
         """A value whose interval reaches as far, `half`, either way."""
         return cls(value, value - half, value + half, unit)
 
+    @classmethod
+    def named(cls, name: str, kind: str, value: float, half: float) -> Self:
+        """The same in the unit of the parameter `name` on an axis of this `kind`."""
+        return cls.around(value, half, unit_of(name, kind))
+
     @property
     def half(self) -> float:
         """Half of the interval."""

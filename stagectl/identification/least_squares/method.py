@@ -13,7 +13,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture, each
 from stagectl.identification.least_squares.model import RegressionModel, reported_estimates
 from stagectl.identification.least_squares.regression import RegressionResult, least_squares
-from stagectl.identification.result import IdentificationResult, Parameter, Progress, unit_of
+from stagectl.identification.result import IdentificationResult, Parameter, Progress
 from stagectl.identification.thresholds import NORMAL_95
 
 
@@ -35,7 +35,7 @@ def identify(
     values, covariance = pooled(results)
     estimates, correlation = reported_estimates(model, values, covariance, covariance)
     parameters = {
-        name: Parameter.around(estimate.value, NORMAL_95 * estimate.deviation, unit_of(name, file.axis.kind))
+        name: Parameter.named(name, file.axis.kind, estimate.value, NORMAL_95 * estimate.deviation)
         for name, estimate in estimates.items()
     }
     details = {

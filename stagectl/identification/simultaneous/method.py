@@ -23,15 +23,7 @@ import numpy as np
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, accepted
-from stagectl.identification.result import (
-    Characteristic,
-    IdentificationResult,
-    Note,
-    Parameter,
-    Progress,
-    Topic,
-    unit_of,
-)
+from stagectl.identification.result import Characteristic, IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.identification.simultaneous import conditions, notes, uncertainty
 from stagectl.identification.simultaneous.delay_search import Fit, Problem, fitted, kept, widest
 from stagectl.identification.simultaneous.errors_in_variables import (
@@ -200,7 +192,7 @@ def _result(solved: Solved, file: StageFile, free_delay: bool, before: list[Note
     carrying = weight > thresholds.CARRYING * weight.sum()
     values = [*fit.theta[:2], weight.sum(), fit.theta[ONE], fit.delay]
     parameters = {
-        name: Parameter.around(float(value), _half(solved.known, index), unit_of(name, file.axis.kind))
+        name: Parameter.named(name, file.axis.kind, float(value), _half(solved.known, index))
         for index, (name, value) in enumerate(zip(uncertainty.NAMES, values, strict=True))
     }
     table = _table(weight[carrying], slip[carrying])
