@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.compensation.forms import Model
+from stagectl.compensation.legs import legs
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import friction_path, rollout, stage
 from stagectl.kernels.feedforward import Feedforward, Foreseen, setpoints
@@ -116,7 +117,7 @@ def _compensation(setup: Setup, motion: Trajectory, count: int) -> Array:
     """Friction (n,) N m | N along the reference by the form that the stage file chose, at t + L + Ts/2."""
     t: Array = setup.dt * np.arange(count, dtype=np.float64) + (command_delay(setup) + 0.5 * setup.dt)
     place, speed = _at(setup, motion, t).T
-    force: Array = setup.file.compensation.force(place, speed, setup.dt)
+    force: Array = setup.file.compensation.along(legs(place, speed, setup.dt))
     return force
 
 

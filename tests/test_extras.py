@@ -13,7 +13,7 @@ from stagectl_studies.commands import gap_exam, reproduce
 
 from stagectl.cli import comparison, gap_diagnose, identification, records, service, tuning
 from stagectl.cli import motion as motions
-from stagectl.cli.show import drawable
+from stagectl.cli.show import page_path
 from stagectl.config.stage_file import Setup
 from stagectl.extras import EXTRAS, MissingExtraError, require
 from stagectl.recording.exports import export
@@ -94,12 +94,12 @@ def test_a_verb_says_what_it_needs_before_it_begins(
 
 
 def test_a_result_comes_without_its_page(without: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    assert drawable(None)
+    assert page_path(None, "run")
     without("matplotlib")
-    assert not drawable(None)
+    assert page_path(None, "run") is None
     assert "stagectl[report]" in capsys.readouterr().err
     with pytest.raises(MissingExtraError):
-        drawable(Path("page.html"))
+        page_path(Path("page.html"), "run")
 
 
 @pytest.mark.parametrize("to", ["csv", "parquet", "folder", "trajectory"])

@@ -13,11 +13,14 @@ PathLike = str | os.PathLike[str]
 
 
 class ArgumentError(StageError):
-    """An argument that cannot be used: its `name`, the `value` that was passed, and the `reason`."""
+    """An argument that cannot be used: its `name`, the `value` that was passed, and the `reason`.
 
-    def __init__(self, name: str, value: object, reason: str) -> None:
+    `needs` names another argument without which it has no meaning, if that is the reason.
+    """
+
+    def __init__(self, name: str, value: object, reason: str, needs: str = "") -> None:
         super().__init__(f"{name} {value}{reason}")
-        self.name, self.value, self.reason = name, value, reason
+        self.name, self.value, self.reason, self.needs = name, value, reason, needs
 
 
 def quantity(name: str, value: float | str | None, declared: Quantity, example: str) -> float | None:

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stagectl.api.arguments import LAYERS, ArgumentError, PathLike, paths_of
+from stagectl.api.arguments import ArgumentError, PathLike, paths_of
 from stagectl.api.progress import ProgressOption, Say, reported
 from stagectl.api.result import ReportedResult, Sheet, frame
 from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
 from stagectl.extras import require
 from stagectl.workflows import layer_comparison
-from stagectl.workflows.trials import Machine, Shown, fresh_folder
+from stagectl.workflows.motion import unused
+from stagectl.workflows.trials import Machine, Shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,16 +109,23 @@ def compare(
 
     Raises TrialError where the variants are wrong or a run is stopped, ArgumentError for a plant next to a drive.
     """
-    if plant is not None and not simulate:
-        raise ArgumentError(
-            "plant", plant, " without --simulate: a drive has its own machine; add --simulate (simulate=True)"
-        )
-    setup, source = as_stage(stage).setup, as_trajectory(trajectory)
-    machine = Machine(setup, simulate, None if plant is None else as_stage(plant).setup)
-    place = fresh_folder(f"compare-{source.name}") if folder is None else Path(folder)
+    machine, source = machine_of(stage, simulate, plant), as_trajectory(trajectory)
+    place = unused(f"compare-{source.name}") if folder is None else Path(folder)
     shown = Shown(say or (lambda _: None), partial(reported, progress))
-    asked = layer_comparison.ComparisonRequest(source.bound(setup), list(variants), LAYERS, trials, paths_of(learned))
-    ready, courses = layer_comparison.variants(machine, asked, shown, place)
-    result = layer_comparison.compare(machine, ready, (repeats, seed), shown, place)
+    motions = layer_comparison.laid_out(machine.setup, source.bound(machine.setup), variants, place)
+    courses = layer_comparison.learn_missing(machine, motions, paths_of(learned), trials, shown)
+    result = layer_comparison.compare(machine, motions, (repeats, seed), shown, place)
     notes = layer_comparison.course_words(courses)
     return LayerComparison(result | {"simulated": simulate, "seed": seed, "learned": courses, "notes": notes}, place)
+
+
+def machine_of(stage: StageLike, simulate: bool, plant: StageLike | None) -> Machine:
+    """The machine that all runs take place on.
+
+    Raises ArgumentError for a plant together with a drive.
+    """
+    if plant is not None and not simulate:
+        raise ArgumentError(
+            "plant", plant, " needs simulate: the runs are on a drive, which has its own machine", needs="simulate"
+        )
+    return Machine(as_stage(stage).setup, simulate, None if plant is None else as_stage(plant).setup)

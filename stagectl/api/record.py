@@ -97,7 +97,7 @@ class MotionRecord(PrintedResult):
             title = f"{self.summary['stage']}, {self.summary['trajectory']}"
             table = tables.achieved(self.summary, self.recording.meta)
             return Sheet(title, tables.answer(self.summary, self.samples), [table], self.notes)
-        rows = [[name, *map(_number, _range(self[name])), self.units[name]] for name in self.columns]
+        rows = [[name, *_range(self[name]), self.units[name]] for name in self.columns]
         notes = (*self.notes, *self.recording.meta.get("notes", ()))
         return Sheet(str(self.path), f"{len(self)} rows", [tables.columns(rows)], notes)
 
@@ -191,9 +191,7 @@ def record_of(recording: Recording) -> MotionRecord:
     return MotionRecord(recording, evaluate(recording.samples, recording.meta) if known else {})
 
 
-def _range(column: Array) -> tuple[float, float]:
-    return (float(np.nanmin(column)), float(np.nanmax(column))) if np.isfinite(column).any() else (np.nan, np.nan)
-
-
-def _number(value: float) -> str:
-    return f"{value:.6g}"
+def _range(column: Array) -> tuple[str, str]:
+    """Least and largest number of a column; NaN where there is none."""
+    ends = (np.nanmin(column), np.nanmax(column)) if np.isfinite(column).any() else (np.nan, np.nan)
+    return f"{ends[0]:.6g}", f"{ends[1]:.6g}"

@@ -101,9 +101,15 @@ def frame(columns: Mapping[str, Any], units: Mapping[str, str]) -> Any:
         pandas = importlib.import_module("pandas")
     except ImportError as error:
         raise MissingPackageError("pandas", "to_frame") from error
-    made = pandas.DataFrame(dict(columns))
-    made.attrs["units"] = dict(units)
-    return made
+    data = pandas.DataFrame(dict(columns))
+    data.attrs["units"] = dict(units)
+    return data
+
+
+def gains_frame(gains: Mapping[str, tuple[float, str]]) -> Any:
+    """Gains by name, (value, unit), one a row."""
+    values, units = zip(*gains.values(), strict=True)
+    return frame({"gain": list(gains), "value": values, "unit": units}, dict(zip(gains, units, strict=True)))
 
 
 def _text(table: Table) -> str:

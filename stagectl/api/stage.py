@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stagectl.api.arguments import PathLike
-from stagectl.api.result import PrintedResult, Sheet, frame
+from stagectl.api.result import PrintedResult, Sheet, gains_frame
 from stagectl.config import stage_file
 from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
@@ -62,7 +62,7 @@ class DesignedStage(PrintedResult):
         """Continuous gains by name: (value, unit)."""
         from stagectl.tuning import sheet
 
-        return {gain.name: (gain.value, gain.unit) for gain in sheet.gains(self.setup, self.setup.file.control)}
+        return sheet.named_gains(self.setup, self.setup.file.control)
 
     @cached_property
     def margins(self) -> Margins:
@@ -94,9 +94,7 @@ class DesignedStage(PrintedResult):
 
     def to_frame(self) -> Any:
         """The gains, one a row."""
-        gains = self.gains
-        columns = {"value": [value for value, _ in gains.values()], "unit": [unit for _, unit in gains.values()]}
-        return frame({"gain": list(gains), **columns}, {})
+        return gains_frame(self.gains)
 
     def plot(self) -> Figure:
         """Bode plot of the open loop with its margins."""
@@ -113,12 +111,12 @@ class DesignedStage(PrintedResult):
         Raises ConfigError where there is no such entry, DesignError where the loop would be refused.
         """
         axis = self.setup.file.axis
-        made = patched(self.text, values, Lengths(axis.kind, axis.lead))
-        if not made.changes:
+        patch = patched(self.text, values, Lengths(axis.kind, axis.lead))
+        if not patch.changes:
             return self
-        setup = stage_file.load_stage(self.path, text=made.text)
+        setup = stage_file.load_stage(self.path, text=patch.text)
         check_values(setup.file, values)
-        return DesignedStage(setup, (*self.changes, *made.changes))
+        return DesignedStage(setup, (*self.changes, *patch.changes))
 
     def on_channel(self, channel: str | None) -> DesignedStage:
         """The stage on another channel of its bus.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from stagectl.api.arguments import ArgumentError, PathLike, quantity
-from stagectl.api.result import ReportedResult, Sheet, frame
+from stagectl.api.result import ReportedResult, Sheet, gains_frame
 from stagectl.api.stage import DesignedStage, StageLike, load_stage
 from stagectl.config.patch import Change, write
 from stagectl.extras import require
@@ -44,7 +44,7 @@ class TunedGains(ReportedResult):
     @property
     def gains(self) -> dict[str, tuple[float, str]]:
         """Continuous gains by name: (value, unit)."""
-        return {gain.name: (gain.value, gain.unit) for gain in sheet.gains(self.stage.setup, self.tuned.control)}
+        return sheet.named_gains(self.stage.setup, self.tuned.control)
 
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values, SI."""
@@ -56,10 +56,7 @@ class TunedGains(ReportedResult):
 
     def to_frame(self) -> Any:
         """The gains, one a row."""
-        gains = self.gains
-        units = {name: unit for name, (_, unit) in gains.items()}
-        values = [value for value, _ in gains.values()]
-        return frame({"gain": list(gains), "value": values, "unit": list(units.values())}, units)
+        return gains_frame(self.gains)
 
     def sheet(self) -> Sheet:
         """Gains, margins, closed loop, and what is to be known about them."""

@@ -103,7 +103,7 @@ def main() -> None:
     try:
         application(*sys.argv[1:2])()
     except ArgumentError as error:
-        _fail(f"--{error}")
+        _fail(f"--{error}" + (f"; add --{error.needs}" if error.needs else ""))
     except StageError as error:
         _fail(f"{error}{_next(error)}")
     except OSError as error:  # a result that cannot be written, a disk that is full

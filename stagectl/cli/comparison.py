@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -14,7 +14,6 @@ from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, write_page
 from stagectl.cli.show import progress as bar
 from stagectl.extras import require
-from stagectl.units import StageError
 
 Simulate = Annotated[bool, typer.Option("--simulate", help="On the stage model, compiled, instead of the drive.")]
 Plant = Annotated[
@@ -50,12 +49,14 @@ def learn(
     Example: stagectl learn config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml --trials 8 --simulate
     """
     engine(simulate)
+    import stagectl as sc
+    from stagectl.api.comparison import machine_of
     from stagectl.recording import learned_current
     from stagectl.workflows import trials as many
-    from stagectl.workflows.motion import prepare
+    from stagectl.workflows.motion import prepare, unused
 
-    machine = machine_of(stage, simulate, plant, channel)
-    folder = many.fresh_folder(f"learn-{trajectory.stem}")
+    machine = machine_of(sc.load_stage(stage).on_channel(channel), simulate, plant)
+    folder = unused(f"learn-{trajectory.stem}")
     base = prepare(machine.setup, trajectory, switched_off(without or ()), folder / "trial-1.h5")
     path = output or folder / "learned.h5"
     learned_current.claim(path)
@@ -132,18 +133,3 @@ def engine(simulate: bool) -> None:
 
     if cold():
         console.print("compiling the kernels, once for this version: up to a minute")
-
-
-def machine_of(stage: Path, simulate: bool, plant: Path | None, channel: str | None) -> Any:
-    """The machine of the runs.
-
-    Raises StageError for a plant together with a drive.
-    """
-    from stagectl.config.stage_file import load_stage
-    from stagectl.workflows.motion import on_channel
-    from stagectl.workflows.trials import Machine
-
-    if plant is not None and not simulate:
-        raise StageError(f"--plant {plant} needs --simulate: on a drive the machine is real")
-    setup = on_channel(load_stage(stage), channel)
-    return Machine(setup, simulate, load_stage(plant) if plant else None)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stagectl.cli import gap_apply, gap_diagnose, gap_fleet, gap_knock, gap_next, gap_twin
-from stagectl.cli.comparison import Plant, Simulate, engine, machine_of
+from stagectl.cli.comparison import Plant, Simulate, engine
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.show import console, emit
 from stagectl.cli.show import progress as bar
@@ -62,13 +62,16 @@ def record(
     Example: stagectl gap record config/ball-screw.yaml --simulate
     """
     engine(simulate)
+    import stagectl as sc
+    from stagectl.api.comparison import machine_of
     from stagectl.gap.experiment_design.battery import battery, held_out
     from stagectl.workflows import campaign as many
-    from stagectl.workflows.trials import Shown, fresh_folder
+    from stagectl.workflows.motion import unused
+    from stagectl.workflows.trials import Shown
 
-    machine = machine_of(stage, simulate, plant, channel)
+    machine = machine_of(sc.load_stage(stage).on_channel(channel), simulate, plant)
     experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), _names(only), _names(skip))
-    runs, folder = many.schedule(experiments, repeats), output or fresh_folder(f"gap-{stage.stem}")
+    runs, folder = many.schedule(experiments, repeats), output or unused(f"gap-{stage.stem}")
     chosen_seed = (machine.plant or machine.setup).file.simulation.seed if seed is None else seed
     motions = many.laid_out(machine, runs, folder)
     took = sum(run.experiment.duration for run in runs)

@@ -165,10 +165,10 @@ def drift(
     """
     from rich.table import Table
 
-    from stagectl.twin.drift import drift as found_in
+    from stagectl.twin.drift import drift as trends_of
     from stagectl.twin.record import read
 
-    drifts = found_in(read(file), axis)
+    drifts = trends_of(read(file), axis)
     table = Table(title=f"{file}", title_justify="left")
     for title in ("parameter", "at first", "a day", "95 %", "unit", "lines", "days"):
         table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")

@@ -7,18 +7,12 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli.motion import Json, StageArgument
+from stagectl.cli.motion import Json, Report, StageArgument, Write
 from stagectl.cli.process import single_threaded_algebra
-from stagectl.cli.show import console, drawable, emit, fresh_page, show_changes, write_page
+from stagectl.cli.show import deliver, page_path, patch
 
 MethodArgument = Annotated[str, typer.Argument(metavar="METHOD", help="How; any wrong name lists them all.")]
 Captures = Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Recordings, logs or folders of captures.")]
-Write = Annotated[
-    Path | None, typer.Option("--write", metavar="STAGE.yaml", help="Patch this stage file; its comments stay.")
-]
-Report = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE.html", help="Where the page goes, else into recordings/.")
-]
 Current = Annotated[
     str | None, typer.Option("--current", metavar="COLUMN", help="measured_current, current (limited) or command.")
 ]
@@ -62,7 +56,7 @@ def identify(
     single_threaded_algebra()
     import stagectl as sc
 
-    with_page = drawable(report)
+    page = page_path(report, f"identify-{method}")
     fit = sc.identify(
         sc.load_stage(stage),
         captures,
@@ -77,10 +71,5 @@ def identify(
         form=form,
         seed=seed,
     )
-    console.print(str(fit))
-    if with_page:
-        write_page(fit, report or fresh_page(f"identify-{method}"))
-    emit(fit.to_json(), json)
-    if write is not None:
-        fresh = not write.exists()
-        show_changes(stage, write, fresh, fit.write(write, doubtful=doubtful))
+    deliver(fit, page, json)
+    patch(stage, write, lambda target: fit.write(target, doubtful=doubtful))

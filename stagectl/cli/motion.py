@@ -27,6 +27,12 @@ Lines = Annotated[
 Without = Annotated[
     list[str] | None, typer.Option("--without", metavar="LAYER", help="Switch a layer off: ptc, friction, observer.")
 ]
+Write = Annotated[
+    Path | None, typer.Option("--write", metavar="STAGE.yaml", help="Patch this stage file; its comments stay.")
+]
+Report = Annotated[
+    Path | None, typer.Option("--report", metavar="FILE.html", help="Where the page goes, else into recordings/.")
+]
 Output = Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Where to record.")]
 Learned = Annotated[
     Path | None, typer.Option(metavar="FILE.h5", help="Add the current that `stagectl learn` found for this motion.")
@@ -187,11 +193,12 @@ def demo(
     without_compiler()
     require("report", "the demo's page")
     from stagectl.workflows.demo import demo as show
+    from stagectl.workflows.trials import Shown
 
-    found = show(output, console.print, bar)
-    console.print(f"report: {found['report']}")
+    result = show(output, Shown(console.print, bar))
+    console.print(f"report: {result['report']}")
     console.print("live, in a browser: `make live`, or `stagectl serve config/ball-screw.yaml`")
-    emit(found, json)
+    emit(result, json)
 
 
 def _noted(path: Path) -> DesignedStage:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 import shlex
@@ -54,19 +53,21 @@ def emit(result: dict[str, Any], target: str | None) -> None:
         Path(target).write_text(text, encoding="utf-8")
 
 
-def drawable(report: Path | None) -> bool:
-    """Whether pages can be drawn on this machine; where not, a message says why, and the result has no page.
+def page_path(report: Path | None, name: str) -> Path | None:
+    """Where the page goes: `report`, else a new one in ``recordings/``; None, and a message, where none can be drawn.
 
     Raises MissingExtraError where the user asks for the page `report`.
     """
+    from stagectl.workflows.motion import unused
+
     try:
         require("report", "the page")
     except MissingExtraError as error:
         if report is not None:
             raise
         console.print(f"no page: {error}")
-        return False
-    return True
+        return None
+    return report or unused(name, ".html")
 
 
 def typed() -> str:
@@ -80,13 +81,6 @@ def typed_files() -> list[Path]:
     return list(dict.fromkeys(path for path in paths if path.is_file()))
 
 
-def fresh_page(name: str) -> Path:
-    """A page in ``recordings/`` whose name is not taken."""
-    stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
-    names = itertools.chain([stem], (f"{stem}-{n}" for n in itertools.count(2)))
-    return next(path for name in names if not (path := Path("recordings") / f"{name}.html").exists())
-
-
 def write_page(result: ReportedResult, path: Path) -> Path:
     """Write the page of a result, with the configuration files that the command names."""
     from stagectl.report.page import write
@@ -96,9 +90,20 @@ def write_page(result: ReportedResult, path: Path) -> Path:
     return path
 
 
-def show_changes(stage: Path, target: Path, fresh: bool, changes: Sequence[Change]) -> None:
-    """Print what has been written into the stage file `target`, which is `fresh` where it is a copy of `stage`."""
-    copied = f", a copy of {stage} with" if fresh else ""
+def deliver(result: ReportedResult, page: Path | None, json: str | None) -> None:
+    """Print a result; write its page and its JSON where they are wanted."""
+    console.print(str(result))
+    if page is not None:
+        write_page(result, page)
+    emit(result.to_json(), json)
+
+
+def patch(stage: Path, target: Path | None, write: Callable[[Path], Sequence[Change]]) -> None:
+    """Let `write` change the stage file `target`, a copy of `stage` where there is none, and print the changes."""
+    if target is None:
+        return
+    copied = "" if target.exists() else f", a copy of {stage} with"
+    changes = write(target)
     console.print(f"wrote {target}{copied}" + ("" if changes else ": nothing has changed"))
     for change in changes:
         console.print(f"  {change}")

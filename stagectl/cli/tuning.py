@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import enum
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from stagectl.cli.motion import Json, StageArgument
-from stagectl.cli.show import console, drawable, emit, fresh_page, show_changes, write_page
+from stagectl.cli.motion import Json, Report, StageArgument, Write
+from stagectl.cli.show import console, deliver, page_path, patch
 
 
 class Law(enum.StrEnum):
@@ -38,12 +37,6 @@ PeakOption = Annotated[
 ]
 LawOption = Annotated[Law | None, typer.Option("--law", help="Else the stage file's.")]
 StartOption = Annotated[Start, typer.Option("--start", help="Ratios of a cascade: by the rule, or the file's own.")]
-Write = Annotated[
-    Path | None, typer.Option("--write", metavar="STAGE.yaml", help="Patch this stage file; its comments stay.")
-]
-Report = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE.html", help="Where the page goes, else into recordings/.")
-]
 
 
 def register(app: typer.Typer) -> None:
@@ -70,16 +63,11 @@ def tune(
     """
     import stagectl as sc
 
-    with_page = drawable(report)
     designed = sc.load_stage(stage, judged=False)
+    page = page_path(report, f"tune-{designed.path.stem}")
     with console.status("searching the gains over the families of machines"):
         tuned = sc.tune(
             designed, bandwidth, margin, peak=ms, law=law.value if law else None, own_ratios=start is Start.OWN
         )
-    console.print(str(tuned))
-    if with_page:
-        write_page(tuned, report or fresh_page(f"tune-{designed.path.stem}"))
-    emit(tuned.to_json(), json)
-    if write is not None:
-        fresh = not write.exists()
-        show_changes(stage, write, fresh, tuned.write(write))
+    deliver(tuned, page, json)
+    patch(stage, write, tuned.write)

@@ -11,5 +11,5 @@ class Model(NamedTuple):
     """The stage's own friction: its stop operators run along the reference (`kernels.feedforward`)."""
 
 
-# By the name in the stage file.  All but `model` have ``force(position (n,), velocity (n,), dt) -> (n,)``.
+# By the name in the stage file.  All but `model` have ``along(legs) -> (n,) N m | N``.
 FORMS: dict[str, type[Any]] = {"model": Model, **zero_crossing.FORMS}

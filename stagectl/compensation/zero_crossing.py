@@ -37,7 +37,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from stagectl.compensation.legs import Array, Legs, legs
+from stagectl.compensation.legs import Array, Legs
 from stagectl.units import Quantity
 
 _TIME, _FORCE = "(0, 1e3]", "[0, 1e6]"
@@ -49,18 +49,6 @@ _AFTER = Quantity("s", _TIME, "time constant of the decay behind the crossing, t
 _SMALLEST = 1e-6  # least divisor; avoids a division by zero
 
 
-class Level(NamedTuple):
-    """The three forces that all forms have in common (N m | N)."""
-
-    static: float
-    positive: float
-    negative: float
-
-    def constant(self, way: Array) -> Array:
-        """C1 or C2 for each direction; 0 at rest."""
-        return np.where(way > 0.0, self.positive, np.where(way < 0.0, self.negative, 0.0))
-
-
 class Exponential(NamedTuple):
     """The paper's form: exponentials in time on both sides of the crossing."""
 
@@ -70,13 +58,9 @@ class Exponential(NamedTuple):
     positive: Annotated[float, _POSITIVE]
     negative: Annotated[float, _NEGATIVE]
 
-    def force(self, position: Array, velocity: Array, dt: float) -> Array:
-        """Friction (n,) N m | N along a reference sampled every `dt` (s)."""
-        return self.along(legs(position, velocity, dt))
-
     def along(self, cut: Legs) -> Array:
         """Friction (n,) N m | N along legs that are known."""
-        return _in_time(cut, Level(*self[2:]), self.before, lambda t: np.exp(-t / self.after))
+        return _in_time(cut, self, lambda t: np.exp(-t / self.after))
 
 
 class Gaussian(NamedTuple):
@@ -88,13 +72,9 @@ class Gaussian(NamedTuple):
     positive: Annotated[float, _POSITIVE]
     negative: Annotated[float, _NEGATIVE]
 
-    def force(self, position: Array, velocity: Array, dt: float) -> Array:
-        """Friction (n,) N m | N along a reference sampled every `dt` (s)."""
-        return self.along(legs(position, velocity, dt))
-
     def along(self, cut: Legs) -> Array:
         """Friction (n,) N m | N along legs that are known."""
-        return _in_time(cut, Level(*self[2:]), self.before, lambda t: np.exp(-((t / self.after) ** 2)))
+        return _in_time(cut, self, lambda t: np.exp(-((t / self.after) ** 2)))
 
 
 class Displacement(NamedTuple):
@@ -110,13 +90,9 @@ class Displacement(NamedTuple):
     positive: Annotated[float, _POSITIVE]
     negative: Annotated[float, _NEGATIVE]
 
-    def force(self, position: Array, velocity: Array, dt: float) -> Array:
-        """Friction (n,) N m | N along a reference sampled every `dt` (s)."""
-        return self.along(legs(position, velocity, dt))
-
     def along(self, cut: Legs) -> Array:
         """Friction (n,) N m | N along legs that are known."""
-        constant = Level(*self[2:]).constant(cut.way)[cut.leg]
+        constant = _constant(self, cut)[cut.leg]
         size = constant + (self.static - constant) * np.exp(-cut.speed / self.velocity)
         return np.asarray(size * _stretch(cut, self.slip), dtype=np.float64)
 
@@ -129,13 +105,9 @@ class Symmetric(NamedTuple):
     positive: Annotated[float, _POSITIVE]
     negative: Annotated[float, _NEGATIVE]
 
-    def force(self, position: Array, velocity: Array, dt: float) -> Array:
-        """Friction (n,) N m | N along a reference sampled every `dt` (s)."""
-        return self.along(legs(position, velocity, dt))
-
     def along(self, cut: Legs) -> Array:
         """Friction (n,) N m | N along legs that are known; a standstill holds the last value."""
-        way, constant = cut.way[cut.leg], Level(*self[1:]).constant(cut.way)[cut.leg]
+        way, constant = cut.way[cut.leg], _constant(self, cut)[cut.leg]
         near = np.exp(-np.minimum(cut.since, cut.until) / self.before)
         return np.asarray(way * (constant + (self.static - constant) * near), dtype=np.float64)
 
@@ -150,10 +122,15 @@ FORMS: dict[str, type[Form]] = {
 }
 
 
-def _in_time(cut: Legs, p: Level, before: float, decay: Callable[[Array], Array]) -> Array:
-    """Friction along all legs: the rise over `before` (s) to the next crossing, `decay` of the time since the last."""
-    rise, first = np.exp(-cut.until / before), np.exp(-cut.duration / before)
-    constant = p.constant(cut.way)
+def _constant(p: Form, cut: Legs) -> Array:
+    """C1 or C2 (m,) N m | N for the direction of each leg; 0 at rest."""
+    return np.where(cut.way > 0.0, p.positive, np.where(cut.way < 0.0, p.negative, 0.0))
+
+
+def _in_time(cut: Legs, p: Exponential | Gaussian, decay: Callable[[Array], Array]) -> Array:
+    """Friction along all legs: the rise to the next crossing, and `decay` of the time since the last."""
+    rise, first = np.exp(-cut.until / p.before), np.exp(-cut.duration / p.before)
+    constant = _constant(p, cut)
     top = cut.way * (constant + (p.static - constant) * first)
     jump = _jumps(cut, p, top, decay(cut.duration))
     way, level, gap = cut.way[cut.leg], constant[cut.leg], jump[cut.leg]
@@ -164,7 +141,7 @@ def _in_time(cut: Legs, p: Level, before: float, decay: Callable[[Array], Array]
     return np.asarray(way * steady + tail, dtype=np.float64)
 
 
-def _jumps(cut: Legs, p: Level, top: Array, remaining: Array) -> Array:
+def _jumps(cut: Legs, p: Exponential | Gaussian, top: Array, remaining: Array) -> Array:
     """Force (m,) N m | N by which each leg begins off its curve; the share `remaining` of it is left at its end."""
     jump = np.zeros(len(top))
     held = 0.0  # after assembly, and at the start of every reference

@@ -39,10 +39,11 @@ def margins(p: stage.Stage, designed: Feedback, dt: float, watching: observer.Ob
 
 def _margins(p: stage.Stage, controller: Rational, dt: float) -> Margins:
     frequency = np.geomspace(LOWEST / dt, 0.5 / dt, FREQUENCIES)
-    loop = _open_loop(p, controller, dt, np.exp(2j * np.pi * frequency * dt))
+    moved, z = plant(p, dt), np.exp(2j * np.pi * frequency * dt)
+    loop = moved.at(z) * controller.at(z)
     phase = np.unwrap(np.angle(loop))
     phase -= 2.0 * np.pi * round((phase[0] + np.pi) / (2.0 * np.pi))  # starts near -180 deg: a double integrator
-    stable = _stable(p, controller, dt)
+    stable = bool(np.max(np.abs(_poles(moved, controller))) < 1.0)
     crossover, margin = _phase_margin(frequency, np.log(np.abs(loop)), phase)
     gain = _gain_margin(np.abs(loop), phase)
     delay = margin / (2.0 * np.pi * crossover) if crossover > 0.0 else math.inf
@@ -143,16 +144,6 @@ def _plant(p: stage.Stage, dt: float, held: bool) -> Rational:
     delays = np.zeros(1 + p.drive.delay_samples + p.encoder.delay_samples)
     delays[0] = 1.0
     return Rational(numerator, np.polymul(denominator, delays))
-
-
-def _open_loop(p: stage.Stage, controller: Rational, dt: float, z: NDArray[Any]) -> NDArray[Any]:
-    loop: NDArray[Any] = plant(p, dt).at(z) * controller.at(z)
-    return loop
-
-
-def _stable(p: stage.Stage, controller: Rational, dt: float) -> bool:
-    """Whether all closed-loop poles of the sampled loop lie inside the unit circle."""
-    return bool(np.max(np.abs(_poles(plant(p, dt), controller))) < 1.0)
 
 
 def _poles(moved: Rational, controller: Rational) -> NDArray[Any]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.identification import thresholds
+from stagectl.identification.result import Note, Progress, Topic
 from stagectl.units import LINEAR, ROTARY, StageError
 
 Array = NDArray[np.float64]
+Treated = TypeVar("Treated")
 
 
 class Refusal(enum.StrEnum):
@@ -39,7 +41,6 @@ class Refusal(enum.StrEnum):
     OPPOSITE_SIGN = "opposite sign"  # of current and velocity
     SAMPLING = "sampling"
     SEARCH = "search"  # it did not converge
-    SHAPE = "shape"
     TIME_ORDER = "time order"
     TOO_FAST = "too fast"
     TOO_FEW_LINES = "too few lines"
@@ -82,7 +83,7 @@ class IdentificationError(StageError):
 
 
 class Capture(NamedTuple):
-    """Columns (n,) of one record without gaps, equally spaced."""
+    """Columns (n,) of one record: finite, without gaps, equally spaced, of `CAPTURE_LEAST_ROWS` rows or more."""
 
     name: str
     time: Array  # s, from 0
@@ -98,56 +99,67 @@ class Capture(NamedTuple):
     notes: tuple[str, ...] = ()  # what is doubtful about it, for the user
 
 
+def each(
+    captures: Sequence[Capture], treat: Callable[[Capture], Treated], progress: Progress, further: int = 0
+) -> Iterator[Treated]:
+    """What `treat` makes of each capture; its errors name the capture.  `further` steps follow in the progress."""
+    for number, capture in enumerate(captures, 1):
+        try:
+            yield treat(capture)
+        except IdentificationError as error:
+            raise error.within(capture.name) from error
+        progress(number, len(captures) + further)
+
+
+def accepted(captures: Iterable[Capture], treat: Callable[[Capture], Treated]) -> tuple[list[Treated], list[Note]]:
+    """What `treat` makes of each capture, and notes on those that it refuses.
+
+    Raises IdentificationError where it refuses all of them.
+    """
+    results: list[Treated] = []
+    refused: list[IdentificationError] = []
+    for capture in captures:
+        try:
+            results.append(treat(capture))
+        except IdentificationError as error:
+            refused.append(error.within(capture.name))
+    if not results and not refused:
+        raise IdentificationError("no capture to identify from; give at least one", Refusal.NO_CAPTURE)
+    if not results:
+        first = refused[0]
+        raise IdentificationError(
+            "\n".join(map(str, refused)),
+            first.reason,
+            capture=first.capture,
+            value=first.value,
+            unit=first.unit,
+            admissible=first.admissible,
+        )
+    return results, [Note(Topic.LEFT_OUT, f"left out: {error}") for error in refused]
+
+
 def check_excited(capture: Capture) -> None:
-    """Check that position and current are finite, long enough and not constant.
+    """Check that position and current are not constant.
 
     Raises IdentificationError where they are not.
     """
     unit = {ROTARY: "rad", LINEAR: "m"}.get(capture.meta.get("axis", {}).get("kind"), "rad | m")
-    _check_finite(capture, unit)
-    rows = len(capture.time)
-    if rows < thresholds.CAPTURE_LEAST_ROWS:
-        raise IdentificationError(
-            f"{capture.name}: {rows} rows; must have at least {thresholds.CAPTURE_LEAST_ROWS}: record longer",
-            Refusal.TOO_SHORT,
-            capture=capture.name,
-            value=rows,
-            admissible=f"[{thresholds.CAPTURE_LEAST_ROWS}, inf)",
-        )
     if not np.ptp(capture.current) > thresholds.LEAST_EXCITATION:
         raise IdentificationError(
-            f"{capture.name}: the {capture.current_column} is {capture.current[0]:g} A throughout. Without an "
+            f"the {capture.current_column} is {capture.current[0]:g} A throughout. Without an "
             "excitation there is no response: command a current_sine or current_multisine, or inject a current",
             Refusal.CONSTANT_CURRENT,
-            capture=capture.name,
             value=float(capture.current[0]),
             unit="A",
         )
     travel, least = float(np.ptp(capture.position)), thresholds.LEAST_ENCODER_STEPS * capture.encoder_step
     if not travel > least:
         raise IdentificationError(
-            f"{capture.name}: the position moves by {travel:g} {unit} in all; must be more than "
+            f"the position moves by {travel:g} {unit} in all; must be more than "
             f"{thresholds.LEAST_ENCODER_STEPS:g} encoder steps of {capture.encoder_step:g} {unit}: raise the "
             "amplitude, or check that the drive was enabled",
             Refusal.AT_REST,
-            capture=capture.name,
             value=travel,
             unit=unit,
             admissible=f"({least:g}, inf)",
-        )
-
-
-def _check_finite(capture: Capture, unit: str) -> None:
-    for name, column, column_unit in (("position", capture.position, unit), ("current", capture.current, "A")):
-        if column.shape == capture.time.shape and np.all(np.isfinite(column)):
-            continue
-        row = int(np.argmin(np.isfinite(column)))
-        value = float(column[row]) if len(column) else float("nan")
-        raise IdentificationError(
-            f"{capture.name}: {name}[{row}] = {value:g} {column_unit}; {name} must be finite in all "
-            f"{len(capture.time)} rows: cut the record to a part without gaps",
-            Refusal.NOT_FINITE,
-            capture=capture.name,
-            value=value,
-            unit=column_unit,
         )

@@ -25,17 +25,6 @@ _STANDS_IN = {
 }
 
 
-def load(
-    paths: Sequence[Path],
-    setup: Setup,
-    current: str | None = None,
-    columns: Mapping[str, str] | None = None,
-    doubtful: bool = False,
-) -> list[Capture]:
-    """Captures from recordings, logs and folders, without those marked held-out.  See `prepared`."""
-    return prepared(opened(paths, setup, columns), setup, current, doubtful)
-
-
 def opened(paths: Sequence[Path], setup: Setup, columns: Mapping[str, str] | None = None) -> list[Recording]:
     """All recordings of `paths`, including those that are held out; `columns` names the columns of logs."""
     recordings: list[Recording] = []
@@ -183,6 +172,6 @@ def _excitations(meta: Mapping[str, Any], part: Part, rows: int) -> list[dict[st
 def _checked(capture: Capture, setup: Setup, doubtful: bool) -> Capture:
     doubts = suspicions(capture, setup)
     if doubts and not doubtful:
-        found = ", ".join(doubt.topic for doubt in doubts)
-        raise IdentificationError("; ".join(doubts), Refusal.IMPLAUSIBLE, capture=capture.name, value=found)
+        topics = ", ".join(doubt.topic for doubt in doubts)
+        raise IdentificationError("; ".join(doubts), Refusal.IMPLAUSIBLE, capture=capture.name, value=topics)
     return capture._replace(notes=(*capture.notes, *doubts, *remarks(capture)))

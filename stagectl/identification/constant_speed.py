@@ -18,6 +18,7 @@ Source: Simultaneous Identification ..., section IV.A.1 and Fig. 5.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any, NamedTuple
 
@@ -27,7 +28,7 @@ from scipy import stats
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.units import ROTARY
 
@@ -53,26 +54,18 @@ def identify(
 
     Raises IdentificationError where they are too few, or of one speed only.
     """
-    spans: list[SpeedSpan] = []
-    notes: list[Note] = []
-    for k, capture in enumerate(captures):
-        check_excited(capture)
-        for span in constant_spans(capture, file):
-            if span.clipped <= thresholds.SPAN_CLIPPED:
-                spans.append(span)
-            else:
-                notes.append(_clipped(span, file))
-        progress(k + 1, len(captures))
+    all_spans = list(
+        itertools.chain.from_iterable(each(captures, lambda capture: constant_spans(capture, file), progress))
+    )
+    spans = [span for span in all_spans if span.clipped <= thresholds.SPAN_CLIPPED]
+    notes = [_clipped(span, file) for span in all_spans if span.clipped > thresholds.SPAN_CLIPPED]
     both = _check(spans, file)
     values, covariance, scatter = straight_line(spans, both)
     half = _quantile(len(spans) - len(values), len(spans), scatter) * np.sqrt(np.diag(covariance))
     rotary = file.axis.kind == ROTARY
-    names = {"viscous": "N m s/rad" if rotary else "N s/m", "coulomb": "N m" if rotary else "N"}
-    if both:
-        names["offset"] = names["coulomb"]
     parameters = {
-        name: Parameter(value, value - wide, value + wide, unit)
-        for (name, unit), value, wide in zip(names.items(), values.tolist(), half.tolist(), strict=True)
+        name: Parameter.named(name, file.axis.kind, value, wide)
+        for name, value, wide in zip(("viscous", "coulomb", "offset"), values.tolist(), half.tolist(), strict=False)
     }
     details = _details(spans, parameters, scatter)
     changes = {"mechanics.viscous": parameters["viscous"].value}
@@ -81,7 +74,11 @@ def identify(
 
 
 def constant_spans(capture: Capture, file: StageFile) -> list[SpeedSpan]:
-    """All spans of constant speed in one capture."""
+    """All spans of constant speed in one capture.
+
+    Raises IdentificationError where it holds no motion.
+    """
+    check_excited(capture)
     size = max(2, round(thresholds.SPEED_BLOCK / capture.dt))
     edges = np.arange(0, len(capture.time), size)
     speed = np.diff(capture.position[edges]) / (size * capture.dt)

@@ -49,31 +49,13 @@ class FilteredMotion(NamedTuple):
     acceleration: Array
 
 
-def design_filter(
-    position: Array, dt: float, cutoff_hz: float | None = None, decimate: int | None = None
-) -> FilterDesign:
-    """The filter for `position` (n,) every `dt` (s); cut-off and decimation are chosen where they are None.
+def design_filter(position: Array, dt: float) -> FilterDesign:
+    """The filter for `position` (n,) every `dt` (s).
 
-    Raises IdentificationError where one of them is inadmissible, or the record is too short for the filter.
+    Raises IdentificationError where the record is too short for it.
     """
-    if decimate is not None and decimate < 1:
-        raise IdentificationError(
-            f"decimate = {decimate}; must be at least 1, which keeps every sample",
-            Refusal.UNKNOWN_OPTION,
-            value=decimate,
-            admissible="[1, inf)",
-        )
-    if cutoff_hz is not None and not 0.0 < cutoff_hz < 0.5 / dt:
-        raise IdentificationError(
-            f"cutoff_hz = {cutoff_hz:g} Hz; must lie in (0, {0.5 / dt:g}) Hz, below half of the sampling rate",
-            Refusal.UNKNOWN_OPTION,
-            value=cutoff_hz,
-            unit="Hz",
-            admissible=f"(0, {0.5 / dt:g})",
-        )
-    cutoff = _automatic_cutoff(position, dt) if cutoff_hz is None else cutoff_hz
-    rate = cutoff if cutoff_hz is None else thresholds.CUTOFF_SHARE / dt  # a given cut-off does not change decimation
-    kept = max(1, round(1.0 / (rate * dt))) if decimate is None else decimate
+    cutoff = _automatic_cutoff(position, dt)
+    kept = max(1, round(1.0 / (cutoff * dt)))
     design = FilterDesign(cutoff, kept, dt)
     least = thresholds.FILTERED_LEAST_ROWS * kept + 2 * design.edge
     if len(position) < least:

@@ -28,7 +28,7 @@ from scipy import optimize, stats
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited, each
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.units import ROTARY
 
@@ -68,23 +68,27 @@ def identify(
 
     Raises IdentificationError where there are none in both directions, or they are too fast or too short to show it.
     """
-    strokes: list[Stroke] = []
-    for k, capture in enumerate(captures):
-        check_excited(capture)
-        strokes += full_strokes(capture, file.motor.force_constant)
-        progress(k + 1, len(captures) + 1)
+    constant = file.motor.force_constant
+    strokes = list(
+        itertools.chain.from_iterable(each(captures, lambda capture: full_strokes(capture, constant), progress, 1))
+    )
     _check(strokes, captures, file)
     fit = fitted(strokes, max(capture.encoder_step for capture in captures))
     progress(len(captures) + 1, len(captures) + 1)
     notes = _checked_fit(strokes, fit, file)
     table = characteristic(fit)
     parameters = _parameters(strokes, fit, file)
-    changes = {"friction": {"law": "stop-operators", "weight": fit.weight.tolist(), "slip": fit.slip.tolist()}}
-    return IdentificationResult(parameters, table, _details(strokes, fit, table), tuple(notes), changes)
+    return IdentificationResult(
+        parameters, table, _details(strokes, fit, table), tuple(notes), {"friction": table.block}
+    )
 
 
 def full_strokes(capture: Capture, force_constant: float) -> list[Stroke]:
-    """Strokes between two reversals each, the first one only after an approach that was long enough."""
+    """Strokes between two reversals each, the first one only after an approach that was long enough.
+
+    Raises IdentificationError where the capture holds no motion.
+    """
+    check_excited(capture)
     position, force = _blocks(capture, force_constant)
     turns = _reversals(position)
     strokes: list[Stroke] = []
@@ -259,11 +263,8 @@ def _parameters(strokes: list[Stroke], fit: OperatorFit, file: StageFile) -> dic
         spread = float(np.linalg.norm(mean - regressor @ values)) / math.sqrt(len(batches) - 2)
         quantile = float(stats.t.ppf(thresholds.QUANTILE_95, len(batches) - 2))
         half = quantile * spread / math.sqrt(len(batches))
-    unit = "N m" if file.axis.kind == ROTARY else "N"
-    return {
-        "coulomb": Parameter(fit.coulomb, fit.coulomb - half, fit.coulomb + half, unit),
-        "offset": Parameter(fit.offset, fit.offset - half, fit.offset + half, unit),
-    }
+    centres = {"coulomb": fit.coulomb, "offset": fit.offset}
+    return {name: Parameter.named(name, file.axis.kind, value, half) for name, value in centres.items()}
 
 
 def _details(strokes: list[Stroke], fit: OperatorFit, table: Characteristic) -> dict[str, Any]:

@@ -77,39 +77,39 @@ def chosen(name: str) -> Method:
 
 
 def result(
-    name: str, setup: Setup, captures: Sequence[Capture], found: IdentificationResult, left: Sequence[str]
+    name: str, setup: Setup, captures: Sequence[Capture], estimate: IdentificationResult, left: Sequence[str]
 ) -> dict[str, Any]:
-    """The result `found` as JSON values; `left` are the captures that were held out."""
+    """The result `estimate` as JSON values; `left` are the captures that were held out."""
     common = ("force_residual_percent", "correlation", "condition")
     of_captures = {note for capture in captures for note in capture.notes}
     return {
         "method": name,
         "stage": setup.file.name,
-        "parameters": {key: _plain(parameter._asdict()) for key, parameter in found.parameters.items()},
-        "table": _table(found.table, setup) if found.table is not None else None,
-        "identifiability": _plain(_identifiability(found)),
-        **{key: _plain(found.details[key]) for key in common if key in found.details},
+        "parameters": {key: _plain(parameter._asdict()) for key, parameter in estimate.parameters.items()},
+        "table": _table(estimate.table, setup) if estimate.table is not None else None,
+        "identifiability": _plain(_identifiability(estimate)),
+        **{key: _plain(estimate.details[key]) for key in common if key in estimate.details},
         "captures": [_capture(capture) for capture in captures],
         "held_out": list(left),
-        "notes": [str(note) for note in (*found.notes, *_tied(found)) if note not in of_captures],
-        "changes": _plain(found.changes),
-        "details": _plain({key: value for key, value in found.details.items() if key != "identifiability"}),
+        "notes": [str(note) for note in (*estimate.notes, *_tied(estimate)) if note not in of_captures],
+        "changes": _plain(estimate.changes),
+        "details": _plain({key: value for key, value in estimate.details.items() if key != "identifiability"}),
     }
 
 
-def _identifiability(found: IdentificationResult) -> Any:
+def _identifiability(estimate: IdentificationResult) -> Any:
     """What the method itself reports, else the correlations of its parameters."""
-    reported, matrix = found.details.get("identifiability"), found.details.get("correlation")
-    if reported is not None or matrix is None or len(matrix) > len(found.parameters):
+    reported, matrix = estimate.details.get("identifiability"), estimate.details.get("correlation")
+    if reported is not None or matrix is None or len(matrix) > len(estimate.parameters):
         return reported
-    return {"names": list(found.parameters)[: len(matrix)], "correlation": matrix}
+    return {"names": list(estimate.parameters)[: len(matrix)], "correlation": matrix}
 
 
-def _tied(found: IdentificationResult) -> list[str]:
+def _tied(estimate: IdentificationResult) -> list[str]:
     """Notes on pairs of parameters that are highly correlated, where the method does not report them itself."""
-    if "identifiability" in found.details:
+    if "identifiability" in estimate.details:
         return []
-    reported = _identifiability(found) or {"names": [], "correlation": []}
+    reported = _identifiability(estimate) or {"names": [], "correlation": []}
     names, matrix = reported["names"], reported["correlation"]
     pairs = [(names[j], names[k], matrix[j][k]) for j in range(len(names)) for k in range(j)]
     return [

@@ -10,8 +10,23 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.units import Quantity
+
 Progress = Callable[[int, int], object]  # (steps done, steps in all)
 NOTHING: Mapping[str, Any] = MappingProxyType({})
+UNITS = {  # SI unit of a parameter on a rotary and on a linear axis; by the first word of its name
+    "inertia": "kg m^2 | kg",
+    "viscous": "N m s/rad | N s/m",
+    "coulomb": "N m | N",
+    "gravity": "N m | N",
+    "offset": "N m | N",
+    "delay": "s",
+}
+
+
+def unit_of(name: str, kind: str) -> str:
+    """SI unit of the parameter `name` on an axis of this `kind`."""
+    return Quantity(UNITS[name.split("_")[0]], "", "").unit_for(kind)
 
 
 class Parameter(NamedTuple):
@@ -21,6 +36,21 @@ class Parameter(NamedTuple):
     low: float
     high: float
     unit: str
+
+    @classmethod
+    def around(cls, value: float, half: float, unit: str) -> Self:
+        """A value whose interval reaches as far, `half`, either way."""
+        return cls(value, value - half, value + half, unit)
+
+    @classmethod
+    def named(cls, name: str, kind: str, value: float, half: float) -> Self:
+        """The same in the unit of the parameter `name` on an axis of this `kind`."""
+        return cls.around(value, half, unit_of(name, kind))
+
+    @property
+    def half(self) -> float:
+        """Half of the interval."""
+        return 0.5 * (self.high - self.low)
 
 
 class Characteristic(NamedTuple):
@@ -33,6 +63,11 @@ class Characteristic(NamedTuple):
     force: NDArray[np.float64]  # (m,) N m | N, from -T_c to +T_c
     weight: NDArray[np.float64]  # (j,) N m | N
     slip: NDArray[np.float64]  # (j,) rad | m
+
+    @property
+    def block(self) -> dict[str, Any]:
+        """The friction block of a stage file with these operators."""
+        return {"law": "stop-operators", "weight": self.weight.tolist(), "slip": self.slip.tolist()}
 
 
 class Topic(enum.StrEnum):

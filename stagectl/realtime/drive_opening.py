@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
-from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Canopen, Drive, Odrive
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.realtime.axis_data import Orders
@@ -31,6 +30,8 @@ class Opening:
             from stagectl.drives.odrive import open_odrive
 
             return open_odrive(p.wire, p.ramp.dt)
+        from stagectl.drives.canopen.drive import CanopenDrive  # with the library, which a simulation need not load
+
         bus = self._bus(p.wire)
         try:
             return CanopenDrive(p.wire, bus, p.stage.encoder.step, p.ramp.dt)

@@ -187,13 +187,15 @@ def _peak(curve: Curve, gain: Callable[[Any], Any], values: NDArray[Any]) -> Pea
     """Largest `gain` of the complex `values` (n,) along the curve, refined around the highest of them."""
     sizes, f = gain(values), curve.frequency
     k = int(np.argmax(sizes))
+    lowest = _lowest(lambda x: -float(gain(curve.loop.at(x))), f, k)
+    return Peak(float(sizes[k]), float(f[k])) if -lowest.value < sizes[k] else lowest._replace(value=-lowest.value)
+
+
+def _lowest(function: Callable[[float], float], f: Array, k: int) -> Peak:
+    """The lowest value of a `function` of the frequency between the neighbours of the k-th of `f` (n,) Hz."""
     bounds = (math.log(f[max(k - 1, 0)]), math.log(f[min(k + 1, len(f) - 1)]))
-    minimum = minimize_scalar(
-        lambda x: -float(gain(curve.loop.at(math.exp(x)))), bounds=bounds, options={"xatol": 1e-9}
-    )
-    if -minimum.fun < sizes[k]:
-        return Peak(float(sizes[k]), float(f[k]))
-    return Peak(float(-minimum.fun), math.exp(float(minimum.x)))
+    minimum = minimize_scalar(lambda x: function(math.exp(x)), bounds=bounds, options={"xatol": 1e-9})
+    return Peak(float(minimum.fun), math.exp(float(minimum.x)))
 
 
 def stable(loop: Loop) -> bool:
@@ -257,7 +259,4 @@ def stiffness(p: stage.Stage, loop: Loop, frequency: Any) -> Any:
 def softest(p: stage.Stage, loop: Loop) -> Peak:
     """The smallest dynamic stiffness (N m/rad | N/m), and where."""
     f = grid(loop.dt)
-    k = int(np.argmin(stiffness(p, loop, f)))
-    bounds = (math.log(f[max(k - 1, 0)]), math.log(f[min(k + 1, len(f) - 1)]))
-    minimum = minimize_scalar(lambda x: float(stiffness(p, loop, math.exp(x))), bounds=bounds, options={"xatol": 1e-9})
-    return Peak(float(minimum.fun), math.exp(float(minimum.x)))
+    return _lowest(lambda x: float(stiffness(p, loop, x)), f, int(np.argmin(stiffness(p, loop, f))))

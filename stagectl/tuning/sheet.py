@@ -51,6 +51,11 @@ def gains(setup: Setup, control: design.Settings) -> list[Gain]:
     return _of_cascade(designed, control, f"A s/{position}")
 
 
+def named_gains(setup: Setup, control: design.Settings) -> dict[str, tuple[float, str]]:
+    """Continuous gains by name: (value, unit)."""
+    return {gain.name: (gain.value, gain.unit) for gain in gains(setup, control)}
+
+
 def _of_pid(g: feedback.Gains, p: feedback.Pid, unit: str, position: str) -> list[Gain]:
     return [
         Gain("proportional", "Kp", g.proportional, unit, p.proportional, unit),
@@ -159,15 +164,15 @@ def margins(tuned: Tuned) -> list[list[str]]:
     ]
 
 
-def rows(setup: Setup, found: ClosedLoop) -> list[list[str]]:
+def rows(setup: Setup, loop: ClosedLoop) -> list[list[str]]:
     """The closed loop, one figure a row."""
     scale, unit = stiffness_unit(setup)
     return [
-        ["bandwidth, target to position, -3 dB", f"{found.bandwidth:.4g} Hz"],
-        ["disturbances attenuated (|S| < -3 dB) up to", f"{found.attenuated:.4g} Hz"],
-        ["overshoot of a step without feedforward", f"{100 * found.overshoot:.1f} %"],
-        ["step settled within 2 %", duration(found.settling) if math.isfinite(found.settling) else "later than 20/f"],
-        ["least dynamic stiffness", _at(f"{scale * found.softest.value:.3g} {unit}", found.softest.frequency)],
+        ["bandwidth, target to position, -3 dB", f"{loop.bandwidth:.4g} Hz"],
+        ["disturbances attenuated (|S| < -3 dB) up to", f"{loop.attenuated:.4g} Hz"],
+        ["overshoot of a step without feedforward", f"{100 * loop.overshoot:.1f} %"],
+        ["step settled within 2 %", duration(loop.settling) if math.isfinite(loop.settling) else "later than 20/f"],
+        ["least dynamic stiffness", _at(f"{scale * loop.softest.value:.3g} {unit}", loop.softest.frequency)],
     ]
 
 

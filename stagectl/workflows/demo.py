@@ -7,8 +7,6 @@ the paper runs without and with friction compensation, is recorded, and all of i
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -19,45 +17,38 @@ from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.metadata import versions
 from stagectl.report.page import Page, Picture, Table, write
 from stagectl.units import StageError
-from stagectl.workflows.motion import Say, drive_present, on_channel, perform, prepare
+from stagectl.workflows.motion import drive_present, on_channel, perform, prepare
+from stagectl.workflows.trials import Result, Shown, unsaid
 
 SINES = ("sine-3.2hz", "sine-1.6hz", "sine-0.8hz")
-Bar = Callable[[str, int], AbstractContextManager[Any]]
-Result = dict[str, Any]
 
 
-def demo(output: Path, say: Say, bar: Bar) -> dict[str, Any]:
+def demo(output: Path, shown: Shown) -> Result:
     """Run it all; returns what each run achieved, and where the page is."""
-    config = OWN
-    if not (config / "ball-screw.yaml").is_file():
-        raise StageError(f"the demo needs the checkout's config folder, and there is none at {config}: run it there")
+    if not (OWN / "ball-screw.yaml").is_file():
+        raise StageError(f"the demo needs the checkout's config folder, and there is none at {OWN}: run it there")
     with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
-        setup = on_channel(load_stage(config / "ball-screw.yaml"), folder)
-        with drive_present(setup, say):
-            results = [_pair(setup, config / "trajectories" / f"{sine}.yaml", output, (say, bar)) for sine in SINES]
+        setup = on_channel(load_stage(OWN / "ball-screw.yaml"), folder)
+        with drive_present(setup, shown.say):
+            results = [_pair(setup, OWN / "trajectories" / f"{sine}.yaml", output, shown) for sine in SINES]
     page = _page(results, output)
-    say("\n" + page.answer)
+    shown.say("\n" + page.answer)
     report = write(page, output / "report.html")
     runs = [run for pair in results for run in pair]
     return {"answer": page.answer, "report": str(report), "runs": runs}
 
 
-def _pair(setup: Setup, trajectory: Path, output: Path, shown: tuple[Say, Bar]) -> tuple[Result, Result]:
+def _pair(setup: Setup, trajectory: Path, output: Path, shown: Shown) -> tuple[Result, Result]:
     """The same motion without and with friction compensation."""
-    say, bar = shown
     results = []
     for name, without in (("without", frozenset({"friction"})), ("with", frozenset[str]())):
         motion = prepare(setup, trajectory, without, output / f"{trajectory.stem}-{name}.h5")
-        with bar(f"{trajectory.stem}, {name} friction compensation", len(motion.plan.setpoints)) as update:
-            result = perform(motion, say if trajectory.stem == SINES[0] and without else _silent, update)
+        with shown.bar(f"{trajectory.stem}, {name} friction compensation", len(motion.plan.setpoints)) as update:
+            result = perform(motion, shown.say if trajectory.stem == SINES[0] and without else unsaid, update)
         if result["fault"]:
             raise StageError(f"the motion stopped: {result['fault']}; the recording {result['recording']} shows why")
         results.append(result)
     return results[0], results[1]
-
-
-def _silent(_: str) -> None:
-    """What the first run said holds for all."""
 
 
 def _page(results: list[tuple[Result, Result]], output: Path) -> Page:

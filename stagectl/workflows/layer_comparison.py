@@ -7,8 +7,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,74 +23,59 @@ from stagectl.workflows.motion import Commanded, blank, lay_out, with_current
 from stagectl.workflows.trials import Machine, Result, Shown, TrialError, after, learn, learned_words, ready, run_once
 
 ILC, OFF = "ilc", "off"
+LAYERS = (*get_args(Layer), ILC)
 
 
-class ComparisonRequest(NamedTuple):
-    """What the user wants compared."""
-
-    trajectory: Commanded
-    names: list[str]  # off, ptc, ptc+friction ...; the first is what the others are compared with
-    layers: tuple[str, ...]  # that there are, beside ilc
-    trials: int  # to learn from, where a variant learns
-    learned: list[Path]  # what has been learned before
-
-
-class Variant(NamedTuple):
-    """One choice of layers, ready to run."""
-
-    name: str
-    motion: Motion
-
-
-def chosen(name: str, known: tuple[str, ...]) -> list[str]:
+def chosen(name: str) -> list[str]:
     """``ptc+friction`` as its layers; ``off`` has none.
 
     Raises TrialError naming those there are.
     """
     layers = [] if name == OFF else name.split("+")
     for layer in layers:
-        if layer not in (*known, ILC):
-            raise TrialError(f"{name}: no layer {layer!r}; write {OFF}, or some of {', '.join((*known, ILC))} with +")
+        if layer not in LAYERS:
+            raise TrialError(f"{name}: no layer {layer!r}; write {OFF}, or some of {', '.join(LAYERS)} with +")
     if len(set(layers)) < len(layers):
         raise TrialError(f"{name}: a layer stands there twice")
     return layers
 
 
-def variants(
-    machine: Machine, request: ComparisonRequest, shown: Shown, folder: Path
-) -> tuple[list[Variant], list[Result]]:
-    """Each variant laid out, and how those with ``ilc`` learned; recordings of that go to `folder`.
+def laid_out(setup: Setup, trajectory: Commanded, names: Sequence[str], folder: Path) -> dict[str, Motion]:
+    """The motion of each variant by its name, with its layers whatever the stage file says; ``ilc`` comes later.
 
-    Raises TrialError where the names are wrong, LearnedError where a learned current fits no variant.
+    Raises TrialError where the names are wrong.
     """
-    if len(set(map(frozenset, (chosen(name, request.layers) for name in request.names)))) < max(2, len(request.names)):
-        raise TrialError(
-            f"{' '.join(request.names)}: at least two variants, each once; for example off ptc ptc+friction"
-        )
-    laid_out = {name: _laid_out(machine.setup, request, name, folder) for name in request.names}
-    files = _matched(request, laid_out)
-    laid_out_variants, courses = [], []
-    for name, motion in laid_out.items():
-        if ILC not in chosen(name, request.layers):
-            laid_out_variants.append(Variant(name, motion))
-        elif name in files:
-            laid_out_variants.append(Variant(name, _with(motion, files[name])))
-        else:
-            shown.say(f"{name} learns first")
-            course = learn(machine, motion, request.trials, shown, folder / f"learn-{name}")
-            current = course.pop("current")
-            save(folder / f"learned-{name}.h5", current)
-            courses.append({**course, "name": name})
-            laid_out_variants.append(Variant(name, _with(motion, current)))
-    return laid_out_variants, courses
+    layers = {name: chosen(name) for name in names}
+    if len(set(map(frozenset, layers.values()))) < max(2, len(names)):
+        raise TrialError(f"{' '.join(names)}: at least two variants, each once; for example off ptc ptc+friction")
+    return {name: _laid_out(setup, trajectory, layers[name], folder) for name in names}
 
 
-def _laid_out(setup: Setup, request: ComparisonRequest, name: str, folder: Path) -> Motion:
-    """The motion with the layers of `name`, whatever the stage file says; ``ilc`` comes later."""
-    layers = tuple(layer for layer in chosen(name, request.layers) if layer != ILC)
-    control = setup.file.control._replace(layers=cast("tuple[Layer, ...]", layers))
+def _laid_out(setup: Setup, trajectory: Commanded, layers: list[str], folder: Path) -> Motion:
+    running = tuple(layer for layer in layers if layer != ILC)
+    control = setup.file.control._replace(layers=cast("tuple[Layer, ...]", running))
     changed = setup._replace(file=setup.file._replace(control=control))
-    return lay_out(changed, request.trajectory, frozenset(), folder / "run.h5")
+    return lay_out(changed, trajectory, frozenset(), folder / "run.h5")
+
+
+def learn_missing(
+    machine: Machine, motions: dict[str, Motion], files: list[Path], trials: int, shown: Shown
+) -> list[Result]:
+    """Add the learned current to the `motions` with ``ilc``: from `files`, else learned now in so many `trials`.
+
+    Returns how those have learned that did.  Raises LearnedError where a file fits no variant.
+    """
+    learned, courses = _matched(files, motions), []
+    for name, motion in motions.items():
+        if ILC in chosen(name) and name not in learned:
+            shown.say(f"{name} learns first")
+            folder = motion.recording.parent
+            course = learn(machine, motion, trials, shown, folder / f"learn-{name}")
+            learned[name] = course.pop("current")
+            save(folder / f"learned-{name}.h5", learned[name])
+            courses.append({**course, "name": name})
+    motions.update({name: _with(motions[name], current) for name, current in learned.items()})
+    return courses
 
 
 def _with(motion: Motion, current: Learned) -> Motion:
@@ -97,37 +83,31 @@ def _with(motion: Motion, current: Learned) -> Motion:
     return with_current(motion, current.current)._replace(meta=meta)
 
 
-def _matched(request: ComparisonRequest, laid_out: dict[str, Motion]) -> dict[str, Learned]:
+def _matched(files: list[Path], motions: dict[str, Motion]) -> dict[str, Learned]:
     """Which variant each learned current belongs to, by its layers."""
     matched: dict[str, Learned] = {}
-    for path in request.learned:
+    for path in files:
         current = load(path)
-        fitting = [
-            name
-            for name, motion in laid_out.items()
-            if ILC in chosen(name, request.layers) and motion.meta["layers"] == current.meta["layers"]
-        ]
-        if not fitting:
-            layers = "+".join([*current.meta["layers"], ILC])
-            raise LearnedError(
-                f"{path} was learned for {layers}, which is not among {', '.join(request.names)}: add it"
-            )
-        check(path, current, blank(laid_out[fitting[0]]))
-        matched[fitting[0]] = current
+        layers = current.meta["layers"]
+        name = next((name for name in motions if ILC in chosen(name) and motions[name].meta["layers"] == layers), None)
+        if name is None:
+            known = ", ".join(motions)
+            raise LearnedError(f"{path} was learned for {'+'.join([*layers, ILC])}, which is not among {known}: add it")
+        check(path, current, blank(motions[name]))
+        matched[name] = current
     return matched
 
 
-def compare(machine: Machine, ready_to_run: list[Variant], plan: tuple[int, int], shown: Shown, folder: Path) -> Result:
+def compare(machine: Machine, motions: dict[str, Motion], plan: tuple[int, int], shown: Shown, folder: Path) -> Result:
     """Run all variants in each of `plan` = (repeats, seed), interleaved; figures, differences and verdict.
 
     Raises TrialError where a run is stopped, or has no tracking error.
     """
-    names, motions = [variant.name for variant in ready_to_run], dict(ready_to_run)
-    blocks = paired_comparison.order(names, *plan)
-    runs: dict[str, list[Result]] = {name: [] for name in names}
-    count = len(ready_to_run[0].motion.plan.setpoints)
-    done, total = 0, len(blocks) * len(names) * count
-    with ready(machine, shown), shown.bar(f"compare {len(names)} variants", total) as update:
+    blocks = paired_comparison.order(list(motions), *plan)
+    runs: dict[str, list[Result]] = {name: [] for name in motions}
+    count = len(next(iter(motions.values())).plan.setpoints)
+    done, total = 0, len(blocks) * len(motions) * count
+    with ready(machine, shown), shown.bar(f"compare {len(motions)} variants", total) as update:
         for number, block in enumerate(blocks, 1):
             for name in block:
                 motion = motions[name]._replace(recording=folder / f"repeat-{number}-{name}.h5")

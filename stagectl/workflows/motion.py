@@ -90,7 +90,7 @@ def lay_out(
     layers = sorted(frozenset(setup.file.control.layers) - without)
     about = describe(setup, laid_out, controller, commanded.name, commanded.text)
     meta = {**about, "without": sorted(without), "layers": layers}
-    motion = Motion(setup, laid_out, controller.law, meta, recording or _fresh(Path(commanded.name).stem))
+    motion = Motion(setup, laid_out, controller.law, meta, recording or unused(Path(commanded.name).stem, ".h5"))
     return motion if learned is None else _with_learned(motion, learned)
 
 
@@ -124,11 +124,11 @@ def with_current(motion: Motion, current: NDArray[np.float64]) -> Motion:
     return motion._replace(plan=motion.plan._replace(setpoints=rows))
 
 
-def _fresh(what: str) -> Path:
-    """A recording's name that is not taken: two runs may begin in one second."""
-    stem = Path("recordings") / f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
-    suffixes = itertools.chain([".h5"], (f"-{n}.h5" for n in itertools.count(2)))
-    return next(path for suffix in suffixes if not (path := stem.with_name(stem.name + suffix)).exists())
+def unused(what: str, suffix: str = "") -> Path:
+    """A file or folder in ``recordings/`` whose name is not taken: two runs may begin in one second."""
+    stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
+    names = itertools.chain([stem], (f"{stem}-{n}" for n in itertools.count(2)))
+    return next(path for name in names if not (path := Path("recordings") / f"{name}{suffix}").exists())
 
 
 def pretend(motion: Motion, plant: Setup | None = None, start: float = 0.0) -> dict[str, Any]:

@@ -8,7 +8,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -72,7 +71,7 @@ def run_once(machine: Machine, motion: Motion, update: Progress) -> Result:
 
     Raises TrialError with the fault and the recording that shows it.
     """
-    result = pretend(motion, machine.plant) if machine.simulated else perform(motion, _unsaid, update)
+    result = pretend(motion, machine.plant) if machine.simulated else perform(motion, unsaid, update)
     update(len(motion.plan.setpoints), len(motion.plan.setpoints))
     if result["fault"]:
         raise TrialError(f"the run was stopped: {result['fault']}; {result['recording']} shows it")
@@ -84,7 +83,7 @@ def after(done: int, total: int, update: Progress) -> Progress:
     return lambda now, _: update(done + now, total)
 
 
-def _unsaid(_: str) -> None:
+def unsaid(_: str) -> None:
     """What a drive says at its first run holds for all; faults come with the result."""
 
 
@@ -148,8 +147,8 @@ def _trial(
 def every_period(samples: NDArray[Any], count: int, dt: float) -> NDArray[np.float64]:
     """The error (n,) of all `count` periods; those that were late and left out lie between their neighbours."""
     rows = np.rint(samples["time"] / dt)
-    found: NDArray[np.float64] = np.interp(np.arange(count), rows, samples["error"])
-    return found
+    error: NDArray[np.float64] = np.interp(np.arange(count), rows, samples["error"])
+    return error
 
 
 def _said(result: Result, state: Learning, number: int, shown: Shown) -> Result:
@@ -209,13 +208,6 @@ def convergence_words(result: Result) -> list[str]:
             "trials that grow are undone"
         )
     return sentences
-
-
-def fresh_folder(what: str) -> Path:
-    """A folder for the recordings of one comparison or one learning that is not there yet."""
-    stem = Path("recordings") / f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
-    names = (stem.with_name(f"{stem.name}{suffix}") for suffix in ["", *(f"-{n}" for n in range(2, 100))])
-    return next(path for path in names if not path.exists())
 
 
 def learned_words(result: Result) -> str:

@@ -124,7 +124,10 @@ REFUSED = [
     (("ptc+friction", "friction+ptc"), "at least two variants, each once"),
     (("ptc+ptc", "off"), "ptc+ptc: a layer stands there twice"),
     (("off", "ptc", "--learned", "none.h5"), "none.h5: no such file; `stagectl learn` writes one"),
-    (("off", "ptc", "--plant", "noisy.yaml"), "--plant noisy.yaml without --simulate"),
+    (
+        ("off", "ptc", "--plant", "noisy.yaml"),
+        "the runs are on a drive, which has its own machine; add --simulate",
+    ),
 ]
 
 

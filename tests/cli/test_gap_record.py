@@ -195,7 +195,10 @@ REFUSED = [
     (("--only", "stars"), "--only stars: no such experiment; the experiments are: sine-slow, "),
     (("--simulate", "--skip", "star"), "--skip star: no such experiment; the experiments are: sine-slow, "),
     (("--simulate", *QUICK, "--skip", QUICK[1]), "--skip leaves no experiment to record"),
-    (("--plant", "noisy.yaml"), "--plant noisy.yaml needs --simulate"),
+    (
+        ("--plant", "noisy.yaml"),
+        "the runs are on a drive, which has its own machine; add --simulate",
+    ),
     (("--simulate", "--seed", "7", *QUICK, "-o", "there"), "was recorded with another machine, simulation or seed"),
     (("--simulate", "--plant", STAGE, *QUICK, "-o", "there"), "was recorded with another machine, simulation or seed"),
 ]

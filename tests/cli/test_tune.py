@@ -29,7 +29,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def unreported(monkeypatch: pytest.MonkeyPatch) -> None:
     """No page: drawing it takes longer than all else."""
-    monkeypatch.setattr("stagectl.cli.tuning.write_page", lambda *_: None)
+    monkeypatch.setattr("stagectl.cli.show.write_page", lambda *_: None)
 
 
 def test_a_design_is_shown_and_written_and_its_comments_stay(command: Command, folder: Path) -> None:

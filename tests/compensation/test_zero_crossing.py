@@ -41,7 +41,7 @@ def sampled(trajectory: Any, dt: float = DT, ahead: float = 0.0, more: float = 0
 
 
 def force(form: Form, motion: Motion, dt: float = DT) -> Array:
-    return form.force(motion.position, motion.velocity, dt)
+    return form.along(legs(motion.position, motion.velocity, dt))
 
 
 def test_legs_meet_where_the_velocity_crosses_zero() -> None:
@@ -122,7 +122,7 @@ def test_never_beyond_the_static_friction(form: Form) -> None:
 def test_a_mirrored_motion_has_the_mirrored_force(form: Form) -> None:
     _, motion = sampled(MESSY)
     turned = form._replace(positive=form.negative, negative=form.positive)
-    assert turned.force(-motion.position, -motion.velocity, DT) == pytest.approx(-force(form, motion), abs=1e-9)
+    assert turned.along(legs(-motion.position, -motion.velocity, DT)) == pytest.approx(-force(form, motion), abs=1e-9)
 
 
 @pytest.mark.parametrize("form", [*CONTINUOUS, SYMMETRIC], ids=lambda form: type(form).__name__)
@@ -160,8 +160,8 @@ def test_from_rest_the_displacement_form_takes_half_the_slip() -> None:
 
 @pytest.mark.parametrize("form", [*CONTINUOUS, SYMMETRIC], ids=lambda form: type(form).__name__)
 def test_no_motion_no_force(form: Form) -> None:
-    assert form.force(np.zeros(50), np.zeros(50), DT).tolist() == [0.0] * 50
-    assert form.force(np.zeros(0), np.zeros(0), DT).tolist() == []
+    assert form.along(legs(np.zeros(50), np.zeros(50), DT)).tolist() == [0.0] * 50
+    assert form.along(legs(np.zeros(0), np.zeros(0), DT)).tolist() == []
 
 
 @pytest.mark.parametrize("form", [*CONTINUOUS, SYMMETRIC], ids=lambda form: type(form).__name__)

@@ -13,7 +13,7 @@ import pytest
 from stagectl.config.stage_file import Setup
 from stagectl.identification.capture import Capture, IdentificationError, Refusal
 from stagectl.identification.capture_checks import implausible
-from stagectl.identification.captures import CURRENTS, load, prepared
+from stagectl.identification.captures import CURRENTS, opened, prepared
 from stagectl.identification.clipping import clipped
 from stagectl.identification.methods import identify
 from stagectl.identification.result import Topic, topics
@@ -261,6 +261,6 @@ def test_columns_of_a_log_without_a_header(columns: dict[str, Array], ball_screw
     )
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", fmt="%.9g")
     words = {"time": "1:ms", "position": "3:counts", "current": "4:mA"}
-    (found,) = load([tmp_path / "log.csv"], ball_screw, columns=words)
+    (found,) = prepared(opened([tmp_path / "log.csv"], ball_screw, words), ball_screw)
     np.testing.assert_allclose(found.position, columns["measured"], atol=1e-6)
     assert solved([found], ball_screw) == pytest.approx([J, D, TC], rel=0.02)

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from stagectl.cli.app import application
 from stagectl.config.stage_file import load_stage
 from stagectl.identification.capture import IdentificationError, Refusal
-from stagectl.identification.captures import load, prepared
+from stagectl.identification.captures import opened, prepared
 from stagectl.identification.methods import identify
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.recording.imports import read
@@ -70,7 +70,7 @@ def test_twice_the_data_is_surer_by_the_root_of_two(emps: Path) -> None:
     setup, folder = load_stage(STAGE), emps.with_name("folder")
     stagectl("export", emps, "--to", "folder", "-o", folder)
     once, twice = (
-        identify("least-squares", load(paths, setup), setup.file, silent, {}).parameters
+        identify("least-squares", prepared(opened(paths, setup), setup), setup.file, silent, {}).parameters
         for paths in ([emps], [emps, folder])
     )
     for name in once:

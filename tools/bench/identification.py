@@ -24,7 +24,7 @@ from measure import Against, Row, Wanted, scaled, times_faster, versus
 from scene import STAGE
 
 from stagectl.config.stage_file import load_stage
-from stagectl.identification.captures import load
+from stagectl.identification.captures import opened, prepared
 
 _MOTION = "type: current_sine\namplitude: 5 A\nfrequency: 1.6 Hz\nperiods: {periods}\n"
 
@@ -32,7 +32,7 @@ _MOTION = "type: current_sine\namplitude: 5 A\nfrequency: 1.6 Hz\nperiods: {peri
 def rows(folder: Path, rounds: int, memory: bool) -> list[Row]:
     """Times, their ratio, and with `memory` the peak of the verb on ten minutes, whose simulation takes a while."""
     setup = load_stage(_noisy(folder))
-    minute = load([_recorded(folder, "minute", 94)], setup)
+    minute = prepared(opened([_recorded(folder, "minute", 94)], setup), setup)
     ours, theirs = [], []
     simultaneous(minute, setup)  # compiles
     output_error(minute[0], setup)
@@ -60,7 +60,7 @@ def rows(folder: Path, rounds: int, memory: bool) -> list[Row]:
 def against(folder: Path, rounds: int) -> tuple[list[Against], dict[str, str]]:
     """Time and error of the inertia beside both simulating fits, and what could not be compared."""
     setup = load_stage(_noisy(folder))
-    minute, truth = load([_recorded(folder, "minute", 94)], setup), setup.stage.mechanics.inertia
+    minute, truth = prepared(opened([_recorded(folder, "minute", 94)], setup), setup), setup.stage.mechanics.inertia
     peers = {"scipy, output error": output_error, "CMA-ES over rollouts, as BAM": cma_es}
     skipped = {}
     if importlib.util.find_spec("cma") is None:

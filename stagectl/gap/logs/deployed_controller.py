@@ -13,6 +13,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from stagectl.compensation.forms import FORMS
+from stagectl.compensation.legs import legs
 from stagectl.gap.logs import nominal_model
 from stagectl.gap.logs.grid import LoggedReference
 from stagectl.gap.logs.nominal_values import Block, block, quantity
@@ -211,6 +212,6 @@ def _curve(reference: LoggedReference) -> Callable[[Array], Array]:
 def _further_friction(p: DeployedController, seen: feedforward.Foreseen, ahead: Array) -> Array | None:
     """Friction (n,) N m | N that is compensated and not of stop operators; None where there is none."""
     if p.form is not None:
-        force: Array = p.form.force(ahead[:, 0], ahead[:, 1], p.dt)
+        force: Array = p.form.along(legs(ahead[:, 0], ahead[:, 1], p.dt))
         return force
     return bristle_force(p.bristle, seen, p.dt) if p.bristle.coulomb > 0.0 else None

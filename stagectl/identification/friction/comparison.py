@@ -17,10 +17,9 @@ from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction import closed_loop
 from stagectl.identification.friction.delay import Delay
 from stagectl.identification.friction.fit import FilteredCapture, FrictionFit, Scale, fitted, fitted_force, plant
-from stagectl.identification.result import Note, Topic
+from stagectl.identification.result import UNITS, Note, Topic
 
-FIRST = (("inertia", "kg m^2 | kg"), ("viscous", "N m s/rad | N s/m"))
-LAST = (("offset", "N m | N"),)
+FIRST = ("inertia", "viscous")  # parameters of every member; the offset comes behind its own weights
 
 
 class Basis(NamedTuple):
@@ -52,7 +51,8 @@ def bic(fit: FrictionFit, independent: float) -> float:
 def names(fit: FrictionFit) -> list[tuple[str, str]]:
     """Name and unit of every weight and searched parameter, in the order of the fit."""
     searched = ((parameter.name, parameter.unit) for parameter in fit.member.searched)
-    return [*FIRST, *fit.member.linear, *LAST, *searched]
+    first = ((name, UNITS[name]) for name in FIRST)
+    return [*first, *fit.member.linear, ("offset", UNITS["offset"]), *searched]
 
 
 def summary(fit: FrictionFit, force: Array) -> dict[str, Any]:
@@ -104,9 +104,9 @@ def controller(capture: Capture, file: StageFile) -> closed_loop.Servo | None:
 def notes(rows: list[dict[str, Any]], best: int, captures: list[Capture]) -> list[Note]:
     """Notes on the comparison of all `rows`, the `best` first, and on the captures it was made with."""
     chosen, first = rows[best], min(rows, key=lambda row: float(row["bic"]))
-    found = [_winner(chosen, rows[0], "of those that a stage file can hold completely")]
+    remarks = [_winner(chosen, rows[0], "of those that a stage file can hold completely")]
     if first is not chosen:
-        found.append(_winner(first, rows[0], f"of all {len(rows)}"))
+        remarks.append(_winner(first, rows[0], f"of all {len(rows)}"))
     periods = (repeats(capture) for capture in captures)
     period = next((period for period in periods if period is not None), None)
     if period is not None:
@@ -115,15 +115,15 @@ def notes(rows: list[dict[str, Any]], best: int, captures: list[Capture]) -> lis
             "shows how far machine and noise repeat, not how a model does on another motion; the fastest rows, held "
             "out, show how a model extrapolates beyond the speeds it was fitted to"
         )
-        found.append(Note(Topic.PERIODIC, text))
-    found += [_member_note(row, float(first["bic"])) for row in rows]
+        remarks.append(Note(Topic.PERIODIC, text))
+    remarks += [_member_note(row, float(first["bic"])) for row in rows]
     if "closed_loop" in chosen:
         text = (
             "closed loop: errors of position / velocity / acceleration / force; table and rheology model run as the "
             "stop operators with their curve, without the creep"
         )
-        found.append(Note(Topic.METHOD, text))
-    return found
+        remarks.append(Note(Topic.METHOD, text))
+    return remarks
 
 
 def _winner(row: dict[str, Any], simplest: dict[str, Any], among: str) -> Note:

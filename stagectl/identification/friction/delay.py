@@ -37,14 +37,13 @@ def estimated(captures: list[Capture], file: StageFile, residual: Callable[[floa
         delay = simultaneous.identify(captures, file).parameters["delay"]
     except IdentificationError as error:
         return Delay(words=f"taken as zero, as `simultaneous` does not find it ({error})")
-    half = 0.5 * (delay.high - delay.low)
-    words = f"{1e3 * delay.value:.3g} ± {1e3 * half:.2g} ms by `simultaneous`"
+    words = f"{1e3 * delay.value:.3g} ± {1e3 * delay.half:.2g} ms by `simultaneous`"
     if delay.low <= 0.0 <= delay.high:
-        about_zero = math.hypot(delay.value, half / NORMAL_95)
+        about_zero = math.hypot(delay.value, delay.half / NORMAL_95)
         return Delay(0.0, about_zero, delay._replace(value=0.0), f"taken as zero, which {words} does not exclude")
     if not residual(delay.value) < residual(0.0):
         return Delay(words=f"taken as zero: with {words} the residual would be larger")
-    return Delay(delay.value, half / NORMAL_95, delay, f"{words}, taken for every model")
+    return Delay(delay.value, delay.half / NORMAL_95, delay, f"{words}, taken for every model")
 
 
 def given(delay: float) -> Delay:

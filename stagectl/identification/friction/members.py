@@ -11,7 +11,6 @@ steady part ``k tau v``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -21,7 +20,6 @@ from stagectl.identification import thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.thresholds import FRICTION_ELEMENTS, TABLE_ROWS
 from stagectl.kernels import friction, friction_bristle, friction_memory, friction_path, friction_static, stage
-from stagectl.kernels.jit import table
 
 FORCE, STIFFNESS, DAMPING = "N m | N", "N m/rad | N/m", "N m s/rad | N s/m"
 LENGTH, SPEED = "rad | m", "rad/s | m/s"
@@ -171,12 +169,6 @@ def _rheology_plant(w: Sequence[float], theta: Sequence[float], slip: float) -> 
 def _table_plant(w: Sequence[float], theta: Sequence[float], slip: float) -> stage.Friction:
     rows = nodes(theta[0])
     return stage.Friction(bundled(0.5 * rows, 0.5 * np.concatenate([[0.0], np.cumsum(w)])), friction.Stribeck())
-
-
-def data_table(w: Sequence[float], longest: float) -> friction_memory.Table:
-    """The data-based table of these weights, ready to run."""
-    coulomb = 0.5 * math.fsum(w)
-    return friction_memory.Table(table(nodes(longest)), table(np.concatenate([[0.0], np.cumsum(w)]) - coulomb))
 
 
 COULOMB = ("coulomb", FORCE)

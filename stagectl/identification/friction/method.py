@@ -12,7 +12,7 @@ import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import standard_errors, thresholds
-from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
+from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction import closed_loop, comparison
 from stagectl.identification.friction import delay as delays
 from stagectl.identification.friction.comparison import FIRST, Basis, bic
@@ -86,25 +86,6 @@ def _basis(captures: list[Capture], file: StageFile, delay: float | None) -> Bas
     return Basis(*(at(used.value) if used.value else plain), captures, file, used)
 
 
-def fit_member(name: str, captures: list[Capture], file: StageFile, delay: float = 0.0) -> IdentificationResult:
-    """One member of the family fitted to `captures`, `delay` (s) between their current and position.
-
-    Raises IdentificationError where there is no such member, or the captures do not determine its parameters.
-    """
-    if name not in FAMILY:
-        raise IdentificationError(
-            f"friction model {name}; must be one of {', '.join(FAMILY)}",
-            Refusal.UNKNOWN_OPTION,
-            value=name,
-            admissible=", ".join(FAMILY),
-        )
-    basis = _basis(captures, file, delay)
-    fit = fitted(name, basis.data, basis.scale)
-    result, independent = _result(fit, basis), standard_errors.independent(fit.residual)
-    summary = comparison.summary(fit, basis.force)
-    return result._replace(details={**result.details, **summary, "bic": bic(fit, independent)})
-
-
 def _result(fit: FrictionFit, basis: Basis) -> IdentificationResult:
     """Values with their intervals; a parameter that is not identifiable has its bounds for an interval, and a note."""
     covariance, per_second = _covariance(fit, basis)
@@ -130,7 +111,7 @@ def _result(fit: FrictionFit, basis: Basis) -> IdentificationResult:
         parameters["coulomb"] = _coulomb(fit, covariance, parameters["offset"].unit)
     if basis.delay.known is not None:
         parameters["delay"] = basis.delay.known
-    notes.append(delays.note(basis.delay, [name for name, _ in FIRST], fit.weights, per_second))
+    notes.append(delays.note(basis.delay, list(FIRST), fit.weights, per_second))
     return IdentificationResult(
         parameters, details={"model": fit.name}, notes=tuple(notes), changes=_changes(fit, basis)
     )
@@ -191,4 +172,4 @@ def _coulomb(fit: FrictionFit, covariance: Array, unit: str) -> Parameter:
     inside = slice(2, 2 + len(fit.member.linear))
     value = share * float(np.sum(fit.weights[inside]))
     spread = share * NORMAL_95 * math.sqrt(max(float(np.sum(covariance[inside, inside])), 0.0))
-    return Parameter(value, value - spread, value + spread, unit)
+    return Parameter.around(value, spread, unit)

@@ -6,18 +6,15 @@ With covariances ``C_k`` the estimates ``x_k`` combine to ``x = (sum C_k^-1)^-1 
 from __future__ import annotations
 
 import math
-from typing import get_type_hints
 
 import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Array, Capture, IdentificationError
+from stagectl.identification.capture import Array, Capture, each
 from stagectl.identification.least_squares.model import RegressionModel, reported_estimates
 from stagectl.identification.least_squares.regression import RegressionResult, least_squares
 from stagectl.identification.result import IdentificationResult, Parameter, Progress
 from stagectl.identification.thresholds import NORMAL_95
-from stagectl.kernels.stage import Mechanics
-from stagectl.units import quantity_of
 
 
 def identify(
@@ -33,20 +30,12 @@ def identify(
     IdentificationError where a capture does not determine the parameters.
     """
     model = RegressionModel(gravity, directions)
-    results = []
-    for number, capture in enumerate(captures):
-        results.append(_solved(capture, file, model))
-        progress(number + 1, len(captures))
+    constant = file.motor.force_constant
+    results = list(each(captures, lambda capture: _solved(capture, constant, model), progress))
     values, covariance = pooled(results)
     estimates, correlation = reported_estimates(model, values, covariance, covariance)
-    unit = units(file, model)
     parameters = {
-        name: Parameter(
-            estimate.value,
-            estimate.value - NORMAL_95 * estimate.deviation,
-            estimate.value + NORMAL_95 * estimate.deviation,
-            unit[name],
-        )
+        name: Parameter.named(name, file.axis.kind, estimate.value, NORMAL_95 * estimate.deviation)
         for name, estimate in estimates.items()
     }
     details = {
@@ -59,25 +48,8 @@ def identify(
     return IdentificationResult(parameters, details=details, notes=tuple(notes), changes=changes)
 
 
-def units(file: StageFile, model: RegressionModel) -> dict[str, str]:
-    """SI unit of each parameter on this axis."""
-    hints = get_type_hints(Mechanics, include_extras=True)
-    quantities = {name: quantity_of(hints[_field(name)]) for name in model.names}
-    return {name: quantity.unit_for(file.axis.kind) for name, quantity in quantities.items() if quantity is not None}
-
-
-def _field(name: str) -> str:
-    """Field of the mechanics with the same unit: Coulomb friction and gravity are efforts, as the bias is."""
-    kind = name.split("_")[0]
-    return kind if kind in ("inertia", "viscous") else "bias"
-
-
-def _solved(capture: Capture, file: StageFile, model: RegressionModel) -> RegressionResult:
-    force = file.motor.force_constant * capture.current
-    try:
-        return least_squares(capture.time, capture.position, force, model=model)
-    except IdentificationError as error:
-        raise error.within(capture.name) from error
+def _solved(capture: Capture, force_constant: float, model: RegressionModel) -> RegressionResult:
+    return least_squares(capture.position, force_constant * capture.current, capture.dt, model)
 
 
 def pooled(results: list[RegressionResult]) -> tuple[Array, Array]:

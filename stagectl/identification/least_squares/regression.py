@@ -31,7 +31,6 @@ from stagectl.identification import standard_errors, thresholds
 from stagectl.identification.capture import Array, IdentificationError, Refusal
 from stagectl.identification.filtering import FilterDesign, decimated, design_filter, filtered_motion
 from stagectl.identification.least_squares.model import ALWAYS, Estimate, RegressionModel, reported_estimates
-from stagectl.identification.resampling import parts
 from stagectl.identification.result import Note, Topic
 
 
@@ -50,60 +49,28 @@ class RegressionResult(NamedTuple):
     notes: tuple[str, ...]
 
 
-class _FilteredPart(NamedTuple):
-    """The rows of one part of the record that the regression uses."""
-
-    regressor: Array  # (m, k)
-    force: Array  # (m,)
-    velocity: Array  # (n,) of all rows
-    travelled: Array  # (m,) share of the way from one reversal to the next
-    standing: float  # share of the rows that was left out
-    design: FilterDesign
-
-
 def least_squares(
-    time: Array,
     position: Array,
     force: Array,
-    cutoff_hz: float | None = None,
-    decimate: int | None = None,
+    dt: float,
     model: RegressionModel = RegressionModel(),  # noqa: B008
 ) -> RegressionResult:
-    """Parameters of `force` (n,) N m | N that moves `position` (n,) rad | m at `time` (n,) s.
+    """Parameters of `force` (n,) N m | N that moves `position` (n,) rad | m, a row every `dt` (s).
 
-    Slightly irregular time stamps are resampled, and gaps split the record; `notes` names both.  Raises
-    IdentificationError where samples are not finite, the record is too short for the filter, or the motion does not
-    separate the parameters.
+    Raises IdentificationError where the record is too short for the filter, or the motion does not separate the
+    parameters.
     """
-    _check(time, position, force)
-    pieces, notes = parts(time, {"position": position, "force": force}, frozenset({"position"}))
-    filtered = [
-        _filtered_part(piece.columns["position"], piece.columns["force"], piece.dt, (cutoff_hz, decimate), model)
-        for piece in pieces
-    ]
-    check_directions(np.concatenate([part.velocity for part in filtered]))
-    regressor = np.vstack([part.regressor for part in filtered])
-    forces = np.concatenate([part.force for part in filtered])
-    notes += [piece.note for piece in pieces if piece.note]
-    result = _solved(regressor, forces, model, (*notes, *_treatment(filtered)))
-    travelled = np.concatenate([part.travelled for part in filtered])
-    doubt = after_reversals(forces - regressor @ result.solution[0], travelled, result.coulomb.value)
-    return result._replace(notes=(*result.notes, doubt)) if doubt else result
-
-
-def _filtered_part(
-    position: Array, force: Array, dt: float, recipe: tuple[float | None, int | None], model: RegressionModel
-) -> _FilteredPart:
-    design = design_filter(position, dt, *recipe)
+    design = design_filter(position, dt)
     motion = filtered_motion(position, design)
-    standing = _standing(motion.velocity, design)
+    check_directions(motion.velocity)
     columns = decimated(np.column_stack([model.columns(motion), force]), design)
-    rows = slice(design.edge, len(standing) - design.edge, design.decimate)
-    moving = ~standing[rows][: len(columns)]
+    rows = slice(design.edge, len(position) - design.edge, design.decimate)
+    moving = ~_standing(motion.velocity, design)[rows][: len(columns)]
+    regressor, forces = columns[moving, :-1], columns[moving, -1]
+    result = _solved(regressor, forces, model, _treatment(design, 1.0 - float(np.mean(moving))))
     share = travelled(motion.position, motion.velocity)[rows][: len(columns)][moving]
-    return _FilteredPart(
-        columns[moving, :-1], columns[moving, -1], motion.velocity, share, 1.0 - float(np.mean(moving)), design
-    )
+    doubt = after_reversals(forces - regressor @ result.solution[0], share, result.coulomb.value)
+    return result._replace(notes=(*result.notes, doubt)) if doubt else result
 
 
 def _standing(velocity: Array, design: FilterDesign) -> NDArray[np.bool_]:
@@ -150,8 +117,8 @@ def after_reversals(residual: Array, share: Array, coulomb: float) -> str:
     )
 
 
-def _treatment(filtered: list[_FilteredPart]) -> list[str]:
-    design = filtered[0].design
+def _treatment(design: FilterDesign, standing: float) -> list[str]:
+    """Notes on the filter, and on the share of the rows that stand still."""
     notes: list[str] = [
         Note(
             Topic.METHOD,
@@ -159,7 +126,6 @@ def _treatment(filtered: list[_FilteredPart]) -> list[str]:
             "the intervals take the residual as correlated, not as white noise",
         )
     ]
-    standing = max(part.standing for part in filtered)
     if standing > 0.0:
         text = (
             f"{100.0 * standing:.3g} % of the rows stand still and are left out: there, friction is what holds the axis"
@@ -168,7 +134,7 @@ def _treatment(filtered: list[_FilteredPart]) -> list[str]:
     return notes
 
 
-def _solved(regressor: Array, force: Array, model: RegressionModel, notes: tuple[str, ...]) -> RegressionResult:
+def _solved(regressor: Array, force: Array, model: RegressionModel, notes: list[str]) -> RegressionResult:
     """Solve with columns of unit length: neither rounding nor the condition depends on the units."""
     length = np.linalg.norm(regressor, axis=0)
     condition = float(np.linalg.cond(regressor / length)) if np.all(length > 0.0) else math.inf
@@ -190,31 +156,8 @@ def _solved(regressor: Array, force: Array, model: RegressionModel, notes: tuple
     inertia, viscous, coulomb, offset = (estimates.pop(name) for name in ALWAYS)
     solution = (values, robust)
     return RegressionResult(
-        inertia, viscous, coulomb, offset, share, condition, correlation, estimates, solution, notes
+        inertia, viscous, coulomb, offset, share, condition, correlation, estimates, solution, tuple(notes)
     )
-
-
-def _check(time: Array, position: Array, force: Array) -> None:
-    for name, column, unit in (("time", time, "s"), ("position", position, "m"), ("force", force, "N")):
-        if np.shape(column) != (len(time),):
-            raise IdentificationError(
-                f"{name} has shape {np.shape(column)}; must be ({len(time)},) as time",
-                Refusal.SHAPE,
-                value=str(np.shape(column)),
-                admissible=f"({len(time)},)",
-            )
-        if not np.all(np.isfinite(column)):
-            row = int(np.argmin(np.isfinite(column)))
-            raise IdentificationError(
-                f"{name}[{row}] = {column[row]} {unit}; must be finite: cut the record to a part without gaps",
-                Refusal.NOT_FINITE,
-                value=float(column[row]),
-                unit=unit,
-            )
-    if len(time) < 2:
-        raise IdentificationError(
-            f"record of {len(time)} samples; must have more: record longer", Refusal.TOO_SHORT, value=len(time)
-        )
 
 
 def check_directions(velocity: Array) -> None:

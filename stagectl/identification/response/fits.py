@@ -69,7 +69,7 @@ class ResponseFit(NamedTuple):
         value = float(combination @ np.append(self.values, self.delay))
         variance = max(float(combination @ self.covariance @ combination), 0.0)
         half = float(stats.t.ppf(thresholds.QUANTILE_95, max(self.freedom, 1)) * math.sqrt(variance))
-        return Parameter(value, value - half, value + half, unit)
+        return Parameter.around(value, half, unit)
 
 
 def lines(curves: list[Curve], force_constant: float) -> Lines:

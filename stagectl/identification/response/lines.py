@@ -79,12 +79,10 @@ def curves(capture: Capture, file: StageFile) -> tuple[list[Curve], list[str]]:
         try:
             measured.append(_span(capture, span, file))
         except IdentificationError as error:
-            notes.append(Note(Topic.LEFT_OUT, str(error)))
+            notes.append(Note(Topic.LEFT_OUT, f"{capture.name}: {error}"))
             reason = error.reason
     if not measured:
-        raise IdentificationError(
-            f"{capture.name}: no excited span can be used: {'; '.join(notes)}", reason, capture=capture.name
-        )
+        raise IdentificationError(f"no excited span can be used: {'; '.join(notes)}", reason)
     return measured, notes
 
 
@@ -95,10 +93,9 @@ def _span(capture: Capture, span: dict[str, Any], file: StageFile) -> Curve:
     if not len(frequency):
         lowest = float(span["frequencies"][0])
         raise IdentificationError(
-            f"{capture.name}: {lowest:g} Hz and more was excited; a sampling time of {capture.dt:g} s "
+            f"{lowest:g} Hz and more was excited; a sampling time of {capture.dt:g} s "
             f"shows lines below {highest:g} Hz: excite lower, or sample faster",
             Refusal.SAMPLING,
-            capture=capture.name,
             value=lowest,
             unit="Hz",
             admissible=f"(0, {highest:g})",
@@ -109,10 +106,9 @@ def _span(capture: Capture, span: dict[str, Any], file: StageFile) -> Curve:
     periods = int(available / period + 1e-6)
     if periods < 1:
         raise IdentificationError(
-            f"{capture.name}: {max(available, 0.0):.4g} s are left of the excitation from {span['start']:g} s on; "
+            f"{max(available, 0.0):.4g} s are left of the excitation from {span['start']:g} s on; "
             f"must be at least one period, {period:g} s: record longer",
             Refusal.TOO_SHORT,
-            capture=capture.name,
             value=available,
             unit="s",
             admissible=f"[{period:g}, inf)",
@@ -133,10 +129,9 @@ def _curve(capture: Capture, span: dict[str, Any], measured: tuple[Array, Spectr
     if not np.all(np.abs(through) > thresholds.LEAST_EXCITATION**2):
         missing = float(frequency[int(np.argmin(np.abs(through)))])
         raise IdentificationError(
-            f"{capture.name}: the current between {span['start']:g} and {span['end']:g} s holds no {missing:g} Hz, "
+            f"the current between {span['start']:g} and {span['end']:g} s holds no {missing:g} Hz, "
             "which was excited according to the record: was the drive enabled?",
             Refusal.NO_EXCITATION,
-            capture=capture.name,
             value=missing,
             unit="Hz",
         )

@@ -20,12 +20,11 @@ import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Capture, IdentificationError, Refusal
+from stagectl.identification.capture import Capture, IdentificationError, Refusal, each
 from stagectl.identification.response import fits
 from stagectl.identification.response.lines import Curve, coherence_threshold, curves
 from stagectl.identification.response.sampling_correction import known_delay
-from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
-from stagectl.units import ROTARY
+from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic, unit_of
 
 LARGEST = "largest amplitude"
 
@@ -47,11 +46,9 @@ def identify(
     """
     measured: list[Curve] = []
     notes: list[str] = []
-    for k, capture in enumerate(captures):
-        of_capture, doubts = curves(capture, file)
+    for of_capture, doubts in each(captures, lambda capture: curves(capture, file), progress, further=1):
         measured += of_capture
         notes += doubts
-        progress(k + 1, len(captures) + 1)
     merged = _merged(measured)
     _check(merged)
     fitted = _fitted(merged, file)
@@ -179,19 +176,18 @@ def _describing(merged: list[Curve], constant: float, presliding: float) -> list
 
 
 def _parameters(fitted: list[ConditionFit], file: StageFile, known: float) -> dict[str, Parameter]:
-    rotary = file.axis.kind == ROTARY
-    best = fitted[-1].fit
+    kind, best = file.axis.kind, fitted[-1].fit
     unit = np.eye(len(best.values) + 1)
     delay = best.interval(unit[-1], "s")
     parameters = {
-        "inertia": best.interval(unit[0], "kg m^2" if rotary else "kg"),
-        "viscous": best.interval(unit[1], "N m s/rad" if rotary else "N s/m"),
+        "inertia": best.interval(unit[0], unit_of("inertia", kind)),
+        "viscous": best.interval(unit[1], unit_of("viscous", kind)),
         "delay": Parameter(delay.value + known, delay.low + known, delay.high + known, "s"),
     }
     for _, fit, _ in fitted:
         if len(fit.slip):
             weights = np.append(np.append(np.zeros(2), np.ones(len(fit.slip))), 0.0)
-            parameters["coulomb"] = fit.interval(weights, "N m" if rotary else "N")
+            parameters["coulomb"] = fit.interval(weights, unit_of("coulomb", kind))
     return parameters
 
 

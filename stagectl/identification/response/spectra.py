@@ -121,10 +121,9 @@ def multisine(capture: Capture, edges: NDArray[np.int64], frequency: Array) -> S
     samples = 1.0 / (base * capture.dt)
     if np.ptp(period) > 0 or abs(samples - period[0]) > 1e-3:
         raise IdentificationError(
-            f"{capture.name}: the multisine's period is {samples:.6g} samples; must be a whole number: take a base "
+            f"the multisine's period is {samples:.6g} samples; must be a whole number: take a base "
             f"that is a multiple of the sampling time, {capture.dt:g} s",
             Refusal.SAMPLING,
-            capture=capture.name,
             value=samples,
         )
     columns, segments = signals(capture, edges), _segments(capture, edges)

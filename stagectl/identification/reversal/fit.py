@@ -124,7 +124,9 @@ def _mean(values: list[float]) -> tuple[float, float]:
     )
 
 
-def fitted(name: str, data: ReversalData, seed: int, generation: Callable[..., None], physical: bool = True) -> FormFit:
+def fitted(
+    name: str, data: ReversalData, seed: int, generation: Callable[..., None] | None = None, physical: bool = True
+) -> FormFit:
     """`name` fitted to `data`; `physical` keeps Cs between the constant friction and the largest force seen."""
     low, high = _bounds(name, data, physical)
 

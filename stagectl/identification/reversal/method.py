@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, get_type_hints
@@ -10,7 +11,7 @@ import numpy as np
 
 from stagectl.compensation.zero_crossing import FORMS, Form
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification.capture import Capture, IdentificationError, Refusal
+from stagectl.identification.capture import Capture, IdentificationError, Refusal, accepted
 from stagectl.identification.result import IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.identification.reversal.fit import FormFit, ReversalData, fitted, gathered
 from stagectl.identification.reversal.reversals import Reversals, reversals
@@ -49,59 +50,26 @@ def identify(
             value=form,
             admissible=", ".join(FORMS),
         )
-    usable, notes = _usable(captures, file)
+    usable, left_out = accepted(captures, lambda capture: reversals(capture, file))
     data = gathered(usable)
-    steps = _Steps(progress, (len(FORMS) + len(UNBOUNDED)) * GENERATIONS)
-    fits = {name: fitted(name, data, seed, steps.part()) for name in FORMS}
-    free = {name: fitted(name, data, seed, steps.part(), physical=False) for name in UNBOUNDED}
-    steps.finish()
-    return _result(_FormFits(form, fits, free, data, usable), notes, file)
+    fits: dict[bool, dict[str, FormFit]] = {True: {}, False: {}}  # with and without the physical bounds on Cs
+    searches = [*((name, True) for name in FORMS), *((name, False) for name in UNBOUNDED)]
+    total = len(searches) * GENERATIONS
+    for number, (name, physical) in enumerate(searches):
+        fits[physical][name] = fitted(name, data, seed, _counted(progress, number * GENERATIONS, total), physical)
+    progress(total, total)
+    notes = (*left_out, *(note for capture in usable for note in capture.notes))
+    return _result(_FormFits(form, fits[True], fits[False], data, usable), notes, file)
 
 
-class _Steps:
-    """Generations done, of all searches; one that converges early jumps ahead."""
+def _counted(progress: Progress, begun: int, total: int) -> Callable[..., None]:
+    """What a search calls once a generation, after `begun` generations of the searches before."""
+    steps = itertools.count(begun)
 
-    def __init__(self, progress: Progress, total: int) -> None:
-        self._progress, self._total, self._begun = progress, total, 0
+    def generation(*_: Any, **__: Any) -> None:
+        progress(next(steps), total)
 
-    def part(self) -> Callable[..., None]:
-        """Callback of the next search, called once a generation."""
-        done, end = self._begun, self._begun + GENERATIONS
-        self._begun = end
-
-        def generation(*_: Any, **__: Any) -> None:
-            nonlocal done
-            done = min(done + 1, end)
-            self._progress(done, self._total)
-
-        return generation
-
-    def finish(self) -> None:
-        """All done."""
-        self._progress(self._total, self._total)
-
-
-def _usable(captures: list[Capture], file: StageFile) -> tuple[list[Reversals], tuple[str, ...]]:
-    """Captures with reversals, and notes that name the others.
-
-    Raises IdentificationError where there are none.
-    """
-    usable: list[Reversals] = []
-    refused: list[IdentificationError] = []
-    for capture in captures:
-        try:
-            usable.append(reversals(capture, file))
-        except IdentificationError as error:
-            refused.append(error)
-    if not usable and not refused:
-        raise IdentificationError("no capture given; record a trapezoid there and back", Refusal.NO_CAPTURE)
-    if not usable:
-        first = refused[0]
-        raise IdentificationError("\n".join(map(str, refused)), first.reason, capture=first.capture, value=first.value)
-    notes: list[str] = [Note(Topic.LEFT_OUT, f"left out: {error}") for error in refused]
-    for capture_reversals in usable:
-        notes.extend(capture_reversals.notes)
-    return usable, tuple(notes)
+    return generation
 
 
 def _result(fits: _FormFits, notes: tuple[str, ...], file: StageFile) -> IdentificationResult:

@@ -79,14 +79,14 @@ def reversals(capture: Capture, file: StageFile) -> Reversals:
     Raises IdentificationError where it is too short or too slowly sampled, has no reversal, or none between
     two spans in which the friction has become constant.
     """
-    _check(capture)
+    _check_sampling(capture)
     motion, notes = _smoothed(capture, file)
     spans = [span for leg in range(1, len(motion.cut.way)) if (span := _span(motion, leg)) is not None]
     settled = {span.leg: span for span in spans if span.settled}
     turned = [int(leg) for leg in motion.cut.reversals()]
     pairs = [(leg, settled[leg - 1], settled[leg]) for leg in turned if leg - 1 in settled and leg in settled]
     if not pairs:
-        raise _refusal(capture, motion, spans, len(turned))
+        raise _refusal(motion, spans, len(turned))
     if len(pairs) < len(turned):
         text = (
             f"{capture.name}: {len(turned) - len(pairs)} of {len(turned)} reversals left out: before or after them "
@@ -97,36 +97,17 @@ def reversals(capture: Capture, file: StageFile) -> Reversals:
     return Reversals(capture.name, motion, list(settled.values()), between, notes)
 
 
-def _check(capture: Capture) -> None:
+def _check_sampling(capture: Capture) -> None:
     slowest = thresholds.SLOWEST_REVERSAL_SAMPLING
     if not 0.0 < capture.dt <= slowest:
         raise IdentificationError(
-            f"{capture.name}: sampling time = {capture.dt * 1e3:g} ms; must lie in (0, {slowest * 1e3:g}] ms: "
+            f"sampling time = {capture.dt * 1e3:g} ms; must lie in (0, {slowest * 1e3:g}] ms: "
             "a reversal is over in some 20 ms; record at a higher rate",
             Refusal.SAMPLING,
-            capture=capture.name,
             value=capture.dt,
             unit="s",
             admissible=f"(0, {slowest:g}]",
         )
-    rows, least = len(capture.position), thresholds.CAPTURE_LEAST_ROWS
-    if rows < least:
-        raise IdentificationError(
-            f"{capture.name} has {rows} samples; must have at least {least}: record longer",
-            Refusal.TOO_SHORT,
-            capture=capture.name,
-            value=rows,
-            admissible=f"[{least}, inf)",
-        )
-    for name, column in (("position", capture.position), ("current", capture.current)):
-        if not np.all(np.isfinite(column)):
-            row = int(np.argmin(np.isfinite(column)))
-            raise IdentificationError(
-                f"{capture.name}: {name}[{row}] = {column[row]}; must be finite: cut the record to a part without gaps",
-                Refusal.NOT_FINITE,
-                capture=capture.name,
-                value=float(column[row]),
-            )
 
 
 def _smoothed(capture: Capture, file: StageFile) -> tuple[SmoothedMotion, tuple[str, ...]]:
@@ -178,38 +159,38 @@ def _span(motion: SmoothedMotion, leg: int) -> SteadySpan | None:
     return SteadySpan(leg, first, last, level, mean, change)
 
 
-def _refusal(capture: Capture, motion: SmoothedMotion, spans: list[SteadySpan], turned: int) -> IdentificationError:
+def _refusal(motion: SmoothedMotion, spans: list[SteadySpan], turned: int) -> IdentificationError:
     """Why no reversal can be used, and what to record instead."""
     instead = "record a trapezoid there and back that keeps a constant speed for at least 0.1 s each way"
     wrong, settled = sum(span.force <= 0.0 for span in spans), sum(span.settled for span in spans)
     if not turned:
         moved = "moves one way only" if np.any(motion.cut.way) else "does not move"
-        reason, text = Refusal.NO_REVERSAL, f" has no reversal of the velocity, it {moved}; {instead}"
+        reason, text = Refusal.NO_REVERSAL, f"it has no reversal of the velocity, it {moved}; {instead}"
     elif not spans:
         reason = Refusal.NO_STEADY_SPEED
         text = (
-            f" has {turned} reversals, but keeps no speed within {100.0 * thresholds.SPAN_STEADY:g} % for "
+            f"it has {turned} reversals, but keeps no speed within {100.0 * thresholds.SPAN_STEADY:g} % for "
             f"{thresholds.SHORTEST_TRIMMED * 1e3:g} ms between them: the constant parts of the friction are not seen; "
             f"{instead}"
         )
     elif wrong > len(spans) // 3:
         reason = Refusal.OPPOSITE_SIGN
         text = (
-            f": in {wrong} of {len(spans)} spans of steady speed the remaining force does not oppose the motion; "
+            f"in {wrong} of {len(spans)} spans of steady speed the remaining force does not oppose the motion; "
             "check motor.force_constant, the sign of the current, and mechanics.bias of the stage file"
         )
     elif settled:
         reason = Refusal.NO_STEADY_SPEED
         text = (
-            f" has {turned} reversals, but none with constant friction on both sides: only {settled} of "
+            f"it has {turned} reversals, but none with constant friction on both sides: only {settled} of "
             f"{len(motion.cut.way) - 1} legs keep a steady speed long enough to see it; {instead}"
         )
     else:
         reason = Refusal.FRICTION_UNSETTLED
         least = min(span.change for span in spans)
         text = (
-            f" has {turned} reversals, but none between two spans of constant friction: it still changes by "
+            f"it has {turned} reversals, but none between two spans of constant friction: it still changes by "
             f"{100.0 * least:.3g} % or more along each, must be at most {100.0 * thresholds.SETTLED_SPAN:g} %: the "
             f"motion is too short; {instead}"
         )
-    return IdentificationError(f"{capture.name}{text}", reason, capture=capture.name, value=turned)
+    return IdentificationError(text, reason, value=turned)

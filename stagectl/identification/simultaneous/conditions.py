@@ -14,7 +14,6 @@ import numpy as np
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
-from stagectl.identification.result import Note, Topic
 from stagectl.identification.simultaneous.regressors import (
     HALF,
     KNOTS,
@@ -28,29 +27,8 @@ from stagectl.identification.simultaneous.slip_distribution import SlipRange
 from stagectl.number_format import duration, length
 
 
-def usable(captures: list[Capture], file: StageFile) -> tuple[list[Capture], list[Note]]:
-    """Captures that meet the conditions, and notes on why the others are left out.
-
-    Raises IdentificationError where none meets them.
-    """
-    if not captures:
-        raise IdentificationError("no capture to identify from; give at least one", Refusal.NO_CAPTURE)
-    used, refused = [], []
-    for capture in captures:
-        try:
-            check(capture, file)
-            used.append(capture)
-        except IdentificationError as error:
-            refused.append(error)
-    if len(refused) == 1 and not used:
-        raise refused[0]
-    if not used:
-        raise IdentificationError("; ".join(map(str, refused)), refused[0].reason, capture=refused[0].capture)
-    return used, [Note(Topic.LEFT_OUT, f"left out: {error}") for error in refused]
-
-
-def check(capture: Capture, file: StageFile) -> None:
-    """Check one capture.
+def checked(capture: Capture, file: StageFile) -> Capture:
+    """The capture, if it meets the conditions.
 
     Raises IdentificationError where it cannot be used.
     """
@@ -58,6 +36,7 @@ def check(capture: Capture, file: StageFile) -> None:
     _check_reversals(capture)
     _check_acceleration(capture, file)
     _check_power(capture)
+    return capture
 
 
 def _check_motion(capture: Capture, file: StageFile) -> None:
@@ -65,10 +44,9 @@ def _check_motion(capture: Capture, file: StageFile) -> None:
     seconds = len(capture.position) * capture.dt
     if seconds < thresholds.SHORTEST_RECORD or len(capture.position) < 4 * HALF + 2:
         raise IdentificationError(
-            f"{capture.name} lasts {seconds:.3g} s; must last at least {thresholds.SHORTEST_RECORD:g} s: record half "
+            f"it lasts {seconds:.3g} s; must last at least {thresholds.SHORTEST_RECORD:g} s: record half "
             "a period of a motion there and back, better ten periods",
             Refusal.TOO_SHORT,
-            capture=capture.name,
             value=seconds,
             unit="s",
             admissible=f"[{thresholds.SHORTEST_RECORD:g}, inf)",
@@ -76,11 +54,10 @@ def _check_motion(capture: Capture, file: StageFile) -> None:
     stroke, noise = float(np.ptp(capture.position)), position_noise(capture)
     if stroke <= thresholds.STROKE_NOISE * noise or stroke == 0.0:
         raise IdentificationError(
-            f"{capture.name} is at rest: it moves by {_travel(stroke, file)}, {stroke / max(noise, 1e-300):.3g} times "
+            f"the axis is at rest: it moves by {_travel(stroke, file)}, {stroke / max(noise, 1e-300):.3g} times "
             f"the noise of its position; must be more than {thresholds.STROKE_NOISE:g} times: record a motion with "
             "reversals",
             Refusal.AT_REST,
-            capture=capture.name,
             value=stroke / max(noise, 1e-300),
             admissible=f"({thresholds.STROKE_NOISE:g}, inf)",
         )
@@ -91,20 +68,18 @@ def _check_reversals(capture: Capture) -> None:
     stroke = float(np.ptp(capture.position))
     if reversals(capture.position, thresholds.REVERSAL_TRAVEL * stroke) == 0:
         raise IdentificationError(
-            f"{capture.name} has 0 reversals of its motion; must have at least 1, as without one the rolling friction "
+            "the motion has 0 reversals; must have at least 1, as without one the rolling friction "
             "does not appear (first condition of the paper): record a motion there and back, such as a current sine",
             Refusal.NO_REVERSAL,
-            capture=capture.name,
             value=0,
             admissible="[1, inf)",
         )
     if not _same_sign(capture):
         raise IdentificationError(
-            f"{capture.name} has no span in which velocity and acceleration have the same sign; must have one, as an "
+            "the motion has no span in which velocity and acceleration have the same sign; must have one, as an "
             "error of the inertia and one of the viscous friction cancel otherwise (second condition of the paper): "
             "record the start of the motion, too, or a sine",
             Refusal.NO_SAME_SIGN,
-            capture=capture.name,
         )
 
 
@@ -113,7 +88,7 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
     share, span, rows = _noise_share(capture), 2.0 * KNOTS * knots(capture) * capture.dt, shortest_knots(capture)
     if span <= thresholds.LONGEST_WINDOW and share <= thresholds.LOST_ACCELERATION:
         return
-    moved = f"{capture.name} moves by {_travel(float(np.ptp(capture.position)), file)}"
+    moved = f"the axis moves by {_travel(float(np.ptp(capture.position)), file)}"
     percent, most = f"{100.0 * share:.2g} %", f"{100.0 * thresholds.LOST_ACCELERATION:.0f} %"
     longest = f"{1e3 * thresholds.LONGEST_WINDOW:.0f} ms"
     larger = (
@@ -140,7 +115,7 @@ def _check_acceleration(capture: Capture, file: StageFile) -> None:
             f"most {most}: {larger}"
         )
     limit = f"[0, {thresholds.LOST_ACCELERATION:g}]"
-    raise IdentificationError(moved + text, reason, capture=capture.name, value=share, admissible=limit)
+    raise IdentificationError(moved + text, reason, value=share, admissible=limit)
 
 
 def _check_power(capture: Capture) -> None:
@@ -153,11 +128,10 @@ def _check_power(capture: Capture) -> None:
     if share >= thresholds.BRAKED:
         return
     raise IdentificationError(
-        f"{capture.name}: current and velocity have opposite signs (correlation {share:.2f}; must be at least "
+        f"current and velocity have opposite signs (correlation {share:.2f}; must be at least "
         f"{thresholds.BRAKED:g}), which would make friction negative; positive current must move the axis towards "
         "positive positions: turn the sign of one of the two columns",
         Refusal.OPPOSITE_SIGN,
-        capture=capture.name,
         value=share,
         admissible=f"[{thresholds.BRAKED:g}, 1]",
     )

@@ -22,7 +22,7 @@ import numpy as np
 
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal
+from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, accepted
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Parameter, Progress, Topic
 from stagectl.identification.simultaneous import conditions, notes, uncertainty
 from stagectl.identification.simultaneous.delay_search import Fit, Problem, fitted, kept, widest
@@ -44,7 +44,7 @@ from stagectl.identification.simultaneous.regressors import (
     thinned,
 )
 from stagectl.identification.simultaneous.slip_distribution import SlipRange, evened, grid, located
-from stagectl.units import LINEAR, ROTARY
+from stagectl.units import ROTARY
 
 
 class Solved(NamedTuple):
@@ -75,7 +75,7 @@ def identify(
     late; it may be negative.  Raises IdentificationError where no capture meets the paper's two conditions, and where
     the friction does not settle within the motion.
     """
-    used, left_out = conditions.usable(captures, file)
+    used, left_out = accepted(captures, lambda capture: conditions.checked(capture, file))
     progress(1, 5)
     solved, choice = _preferred(used, file, delay)
     progress(4, 5)
@@ -191,16 +191,15 @@ def _result(solved: Solved, file: StageFile, free_delay: bool, before: list[Note
     weight = evened(solved.problem, fit)
     carrying = weight > thresholds.CARRYING * weight.sum()
     values = [*fit.theta[:2], weight.sum(), fit.theta[ONE], fit.delay]
-    halves = (_half(solved.known, index) for index in range(5))
     parameters = {
-        name: Parameter(float(value), float(value) - half, float(value) + half, unit)
-        for name, value, half, unit in zip(uncertainty.NAMES, values, halves, units(file), strict=True)
+        name: Parameter.named(name, file.axis.kind, float(value), _half(solved.known, index))
+        for index, (name, value) in enumerate(zip(uncertainty.NAMES, values, strict=True))
     }
-    friction = {"law": "stop-operators", "weight": weight[carrying].tolist(), "slip": slip[carrying].tolist()}
+    table = _table(weight[carrying], slip[carrying])
     changes: dict[str, Any] = {
         "mechanics.inertia": parameters["inertia"].value,
         "mechanics.viscous": parameters["viscous"].value,
-        "friction": friction,
+        "friction": table.block,
     }
     withheld = uncertainty.withheld(parameters, short)
     details = _details(solved, free_delay)
@@ -216,18 +215,11 @@ def _result(solved: Solved, file: StageFile, free_delay: bool, before: list[Note
     )
     return IdentificationResult(
         parameters,
-        _table(weight[carrying], slip[carrying]),
+        table,
         details,
         (*before, *withheld.values(), *notes.written(fitted_axis)),
         {name: value for name, value in changes.items() if name not in withheld},
     )
-
-
-def units(file: StageFile) -> tuple[str, ...]:
-    """SI units of `uncertainty.NAMES`."""
-    if file.axis.kind == LINEAR:
-        return "kg", "N s/m", "N", "N", "s"
-    return "kg m^2", "N m s/rad", "N m", "N m", "s"
 
 
 def _table(weight: Array, slip: Array) -> Characteristic:

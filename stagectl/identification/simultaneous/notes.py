@@ -57,10 +57,6 @@ def _effort(p: FittedAxis) -> str:
     return "N" if p.file.axis.kind == LINEAR else "N m"
 
 
-def _half(p: FittedAxis, name: str) -> float:
-    return 0.5 * (p.parameters[name].high - p.parameters[name].low)
-
-
 def _percent(p: FittedAxis, name: str, half: float) -> str:
     return f"{100.0 * half / max(abs(p.parameters[name].value), 1e-300):.2g} %"
 
@@ -74,7 +70,7 @@ def _force_constant(p: FittedAxis) -> Iterator[Note]:
 
 
 def _offset(p: FittedAxis) -> Iterator[Note]:
-    value, half = p.parameters["offset"].value, _half(p, "offset")
+    value, half = p.parameters["offset"].value, p.parameters["offset"].half
     if abs(value) <= half:
         text = (
             f"offset: none beyond its interval of ±{half:.2g} {_effort(p)}; gravity and a Coulomb friction that "
@@ -89,7 +85,7 @@ def _offset(p: FittedAxis) -> Iterator[Note]:
 
 
 def _delay(p: FittedAxis) -> Iterator[Note]:
-    value, half = p.parameters["delay"].value, _half(p, "delay")
+    value, half = p.parameters["delay"].value, p.parameters["delay"].half
     columns = {part.capture.current_column for part in p.problem.parts}
     current = " and ".join(COLUMNS.get(name, name) for name in sorted(columns))
     if not p.delay_fitted:
@@ -126,7 +122,7 @@ def _tied(p: FittedAxis) -> Iterator[Note]:
             correlation = float(covariance[j, k]) / size if size > 0.0 else 0.0
             if abs(correlation) < thresholds.TIED:
                 continue
-            half = _half(p, name)
+            half = p.parameters[name].half
             alone = half * math.sqrt(max(0.0, 1.0 - correlation * correlation))
             advice = "; give --delay from a capture of a position sine" if names[k] == "delay" else ""
             text = (
@@ -139,10 +135,10 @@ def _tied(p: FittedAxis) -> Iterator[Note]:
 
 def _imprecise(p: FittedAxis) -> Iterator[Note]:
     for name in ("inertia", "viscous", "coulomb"):
-        if _half(p, name) > thresholds.UNSURE * abs(p.parameters[name].value):
+        if p.parameters[name].half > thresholds.UNSURE * abs(p.parameters[name].value):
             text = (
-                f"{name}: known to ±{_percent(p, name, _half(p, name))} only; record longer, with larger accelerations "
-                "for the inertia and higher speeds for the viscous friction"
+                f"{name}: known to ±{_percent(p, name, p.parameters[name].half)} only; record longer, with larger "
+                "accelerations for the inertia and higher speeds for the viscous friction"
             )
             yield Note(Topic.PRECISION, text)
     viscous = p.parameters["viscous"].value

@@ -115,13 +115,11 @@ def _sums(active: list[int]) -> Array:
 
 def _grid_error(p: Problem, fit: Fit, ripple: bool) -> Array:
     """(5,) half of the change between the odd slips of the grid and the even ones: the grid is arbitrary."""
-    halves = [refitted(p, kept(p, ripple, slice(first, None, 2)), fit) for first in (0, 1)]
-    values = [np.array([*theta[:2], theta[FREE:].sum(), theta[2], delay]) for theta, delay in halves]
-    return np.asarray(0.5 * (values[1] - values[0]), dtype=np.float64)
+    even, odd = (values(*refitted(p, kept(p, ripple, slice(first, None, 2)), fit)) for first in (0, 1))
+    return np.asarray(0.5 * (odd - even), dtype=np.float64)
 
 
 def _wald(fit: Fit, covariance: Array) -> float:
-
     pair = fit.theta[3:5]
     return float(pair @ np.linalg.solve(covariance[3:5, 3:5], pair))
 
@@ -158,8 +156,7 @@ def withheld(parameters: dict[str, Parameter], short: Unresolved) -> dict[str, N
     """Parameters that are not known well enough for a stage file, by their key there, with a note on the reason."""
     notes: dict[str, Note] = {}
     for name, key in STAGE_KEYS.items():
-        value, low, high, _ = parameters[name]
-        half = 0.5 * (high - low)
+        value, low, half = parameters[name].value, parameters[name].low, parameters[name].half
         mixed = name == "viscous" and short.error[1] != 0.0 and half > thresholds.UNSURE * abs(value)
         left_out = f"{name}: {value:.3g} ± {half:.2g} is left out of the stage file's changes"
         if low <= 0.0 or half > thresholds.USELESS * abs(value):
@@ -187,7 +184,7 @@ class Preference(NamedTuple):
 
 def preferred(plain: tuple[Fit, Uncertainty], instrumental: tuple[Fit, Uncertainty]) -> Preference:
     """Which of the two fits is taken; an undecided difference is to be added to the interval of the plain one."""
-    difference = values(plain[0]) - values(instrumental[0])
+    difference = values(plain[0].theta, plain[0].delay) - values(instrumental[0].theta, instrumental[0].delay)
     own, other = (np.diag(uncertainty.covariance) for _, uncertainty in (plain, instrumental))
     variance = np.where(other > own, other - own, other)
     apart = [
@@ -208,7 +205,6 @@ def preferred(plain: tuple[Fit, Uncertainty], instrumental: tuple[Fit, Uncertain
     return Preference(True, difference, Note(Topic.REFERENCE, text))
 
 
-def values(fit: Fit) -> Array:
-    """Parameters (5,) of NAMES."""
-    theta = fit.theta
-    return np.array([theta[0], theta[1], theta[FREE:].sum(), theta[ONE], fit.delay])
+def values(theta: Array, delay: float) -> Array:
+    """Parameters (5,) of NAMES, from those of all columns and the delay (s)."""
+    return np.array([theta[0], theta[1], theta[FREE:].sum(), theta[ONE], delay])

@@ -29,10 +29,8 @@ SETTLED = 1.1  # the curves are drawn until the slowest of them has come this fa
 
 
 def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
-    """The figures of this method on an identification's page; none where one model alone was fitted."""
-    rows = result.details.get("models")
-    if not rows:
-        return []
+    """The figures of this method on an identification's page."""
+    rows = result.details["models"]
     drawn = [Picture(embedded(residuals(rows)), "Residual of each model, of rows it was fitted to and rows held out.")]
     if all("closed_loop" in row for row in rows):
         words = "The record's reference simulated in closed loop on each model."
