@@ -15,12 +15,6 @@ from stagectl.extras import require
 from stagectl.units import StageError
 
 
-def register(app: typer.Typer) -> None:
-    """Add these commands to the command line."""
-    app.command("inject")(inject)
-    app.command("selftest")(selftest)
-
-
 def inject(
     stage: Annotated[Path | None, typer.Argument(metavar="STAGE.yaml", help="The machine.")] = None,
     fault: Annotated[str | None, typer.Argument(help="Name of the fault, see --list.")] = None,

@@ -24,11 +24,6 @@ Yes = Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")]
 _COLOURS = {"+": "green", "-": "red", "@": "cyan", "#": "dim"}
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to the group `gap`."""
-    app.command("apply")(apply)
-
-
 def apply(
     folder: ResultArgument,
     stage: StageArgument,

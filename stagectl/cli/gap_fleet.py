@@ -22,11 +22,6 @@ Scheduler = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to the group."""
-    app.command("fleet")(fleet)
-
-
 def fleet(
     folders: Folders, scheduler: Scheduler = None, exclude: Exclude = None, full: Full = False, json: Json = None
 ) -> None:

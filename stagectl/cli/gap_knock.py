@@ -30,11 +30,6 @@ class Way(enum.StrEnum):
 Only = Annotated[Way | None, typer.Option("--only", help="Only one way: out of the model, or into the record.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to the group."""
-    app.command("knock")(knock)
-
-
 def knock(
     folder: Folder,
     stage: StageFile = None,

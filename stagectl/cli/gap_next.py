@@ -25,11 +25,6 @@ SamplesFile = Annotated[
 Rate = Annotated[float, typer.Option(min=10.0, max=100_000.0, help="Rows per second (Hz) of --samples.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to the group `gap`."""
-    app.command("next")(following)
-
-
 def following(
     folder: ResultArgument,
     output: Output = None,

@@ -28,14 +28,6 @@ class Format(enum.StrEnum):
     TRAJECTORY = "trajectory"
 
 
-def register(app: typer.Typer) -> None:
-    """Add these commands to the command line."""
-    app.command("report")(report)
-    app.command("replay")(replay)
-    app.command("export")(export)
-    app.command("import")(import_)
-
-
 def report(recording: RecordingArgument, output: Where = None, json: Json = None) -> None:
     """Write the page of a run: result, figures, and the command that repeats it.
 

@@ -46,11 +46,6 @@ Report = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb to the command line."""
-    app.command("tune")(tune)
-
-
 def tune(
     stage: StageArgument,
     bandwidth: Bandwidth = None,

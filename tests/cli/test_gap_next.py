@@ -22,7 +22,7 @@ HAND = NextExperiment("added mass", "", ("inertia", "force_constant"), 0.0, 900.
 def following(folder: Path, proposed: NextExperiment | None, *options: str) -> int:
     save(found("effects", next_experiment=proposed), folder)
     app = typer.Typer()
-    gap_next.register(app)
+    app.command("next")(gap_next.following)
     app.callback()(lambda: None)
     return int(app(["next", str(folder), *options], standalone_mode=False) or 0)
 

@@ -257,7 +257,7 @@ def run(*words: str) -> tuple[int, str]:
     import typer
 
     app = typer.Typer()
-    gap_apply.register(app)
+    app.command("apply")(gap_apply.apply)
     app.callback()(lambda: None)
     result = CliRunner().invoke(app, ["apply", *words])
     if isinstance(result.exception, StageError):

@@ -53,11 +53,6 @@ class _How(NamedTuple):
     ledger: Path
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb to the group."""
-    app.command("exam")(exam)
-
-
 def exam(
     output: Output,
     trials: Trials = 300,

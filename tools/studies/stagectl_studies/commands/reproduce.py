@@ -17,11 +17,6 @@ Paper = Annotated[str, typer.Argument(metavar="PAPER", help="ball-screw or slide
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the page and its numbers.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb to the command line."""
-    app.command("reproduce")(reproduce)
-
-
 def reproduce(paper: Paper, output: Output = Path("reproduced"), json: Json = None) -> None:
     """Reproduce the experiments of a source paper on a virtual machine: every figure, next to the paper's numbers.
 
