@@ -123,7 +123,7 @@ def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
             return Scales(LINEAR)
     what = f"a position in {known[0]}" if known else "no column position_<unit>"
     reason = f"{path}: the kind of the axis is not known from {what}; give --stage, or write nominal.yaml next to it"
-    raise RecordingError(reason, file=path, kind=ProblemKind.UNIT)
+    raise RecordingError(reason, path, ProblemKind.UNIT)
 
 
 def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tuple[Choice, float]]:
@@ -137,15 +137,15 @@ def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tu
             ours, scale = meaning(choice.quantity, choice.unit, scales)
         except StageError as error:
             reason = f"--columns {choice.quantity}={choice.name}:{choice.unit}: {error}"
-            raise RecordingError(reason, file=path, kind=ProblemKind.UNIT, column=choice.name) from error
+            raise RecordingError(reason, path, ProblemKind.UNIT, column=choice.name) from error
         if ours in known:
             reason = f"{path} has two columns for {ours}, {known[ours][0].name} and {choice.name}: name one"
-            raise RecordingError(reason, file=path, kind=ProblemKind.REPEATED, column=ours)
+            raise RecordingError(reason, path, ProblemKind.REPEATED, column=ours)
         known[ours] = (choice, scale)
     for ours, quantity in (("time", "time"), ("measured", "position")):
         if ours not in known:
             reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"
-            raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=ours)
+            raise RecordingError(reason, path, ProblemKind.MISSING, column=ours)
     return known
 
 

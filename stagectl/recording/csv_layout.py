@@ -39,10 +39,10 @@ def layout(path: Path) -> Layout:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = list(itertools.islice(file, HEADER_LINES))
     except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path} is not CSV text: {error}", file=path, kind=ProblemKind.SYNTAX) from error
+        raise RecordingError(f"{path} is not CSV text: {error}", path, ProblemKind.SYNTAX) from error
     if not any(line.strip() for line in lines):
         reason = f"{path} is empty; must have a header (time_s,position_mm,...) and a row for each sample"
-        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING)
+        raise RecordingError(reason, path, ProblemKind.MISSING)
     tried = [(separator, _split(lines, separator, path)) for separator in SEPARATORS]
     separator, rows = max(tried, key=lambda candidate: sum(_numbers(row, candidate[0]) for row in candidate[1]))
     first = next((k for k, row in enumerate(rows) if _numbers(row, separator)), 1)
@@ -56,7 +56,7 @@ def _split(lines: list[str], separator: str, path: Path) -> list[list[str]]:
     try:
         return [[cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])] for line in lines]
     except csv.Error as error:
-        raise RecordingError(f"{path} is not CSV text: {error}", file=path, kind=ProblemKind.SYNTAX) from error
+        raise RecordingError(f"{path} is not CSV text: {error}", path, ProblemKind.SYNTAX) from error
 
 
 def _numbers(row: list[str], separator: str) -> bool:

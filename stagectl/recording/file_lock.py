@@ -31,13 +31,13 @@ class DataFileError(StageError):
 
     def __init__(
         self,
-        *problems: Problem | str,
+        problem: Problem | str,
         file: Path | None = None,
         kind: ProblemKind = ProblemKind.OTHER,
         column: str = "",
         row: int = 0,
     ) -> None:
-        super().__init__(*(Problem(text, kind, file=file) if isinstance(text, str) else text for text in problems))
+        super().__init__(Problem(problem, kind, file=file) if isinstance(problem, str) else problem)
         self.column, self.row = column, row  # what it is about; the first row of numbers is 1, and 0 is none
 
 
@@ -109,13 +109,13 @@ def _first(path: Path) -> IO[bytes]:
 
 def _unwritable(path: Path, error: OSError) -> RecordingError:
     return RecordingError(
-        f"{path} cannot be written: {error.strerror}; choose another file with -o", file=path, kind=ProblemKind.FILE
+        f"{path} cannot be written: {error.strerror}; choose another file with -o", path, ProblemKind.FILE
     )
 
 
 def _taken(path: Path) -> RecordingError:
     return RecordingError(
-        f"{path} is being written by another run: choose another file with -o", file=path, kind=ProblemKind.CONFLICT
+        f"{path} is being written by another run: choose another file with -o", path, ProblemKind.CONFLICT
     )
 
 

@@ -60,7 +60,7 @@ class Recording(NamedTuple):
         """
         if name not in (self.samples.dtype.names or ()):
             reason = f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
-            raise RecordingError(reason, file=self.path, kind=ProblemKind.UNKNOWN, column=name)
+            raise RecordingError(reason, self.path, ProblemKind.UNKNOWN, column=name)
         return np.asarray(self.samples[name], dtype=np.float64)
 
 
@@ -89,7 +89,7 @@ class Writer:
         self._dtype = np.dtype([(name, "<f8") for name in columns])
         if path.is_file() and path.stat().st_size and not _ours(path):
             reason = f"{path} is not a recording and is left as it is: choose another file with -o"
-            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
+            raise RecordingError(reason, path, ProblemKind.CONFLICT)
         place = path.resolve()  # a link stays one
         self._held, self._room = claimed(place), 0
         try:
@@ -127,7 +127,7 @@ class Writer:
             self._samples.flush()
         except (OSError, RuntimeError) as error:
             raise DamagedError(
-                f"{self.path}: the disk failed while it was written to: {error}", file=self.path, kind=ProblemKind.FILE
+                f"{self.path}: the disk failed while it was written to: {error}", self.path, ProblemKind.FILE
             ) from error
 
     def close(self, ended: str, lost_rows: int, complete: bool = True, gaps: Gaps = ()) -> None:
@@ -141,7 +141,7 @@ class Writer:
             self._file.close()
         except (OSError, RuntimeError) as error:
             raise DamagedError(
-                f"{self.path}: the disk failed while it was closed: {error}", file=self.path, kind=ProblemKind.FILE
+                f"{self.path}: the disk failed while it was closed: {error}", self.path, ProblemKind.FILE
             ) from error
         self._held.close()
 
@@ -151,7 +151,7 @@ class Writer:
             os.posix_fallocate(self._held.fileno(), self._room, more)
         except OSError as error:
             reason = f"{self.path} cannot be written: {error.strerror}; make room, or choose another disk"
-            raise RecordingError(reason, file=self.path, kind=ProblemKind.FILE) from error
+            raise RecordingError(reason, self.path, ProblemKind.FILE) from error
         self._room += more
 
 
@@ -197,12 +197,12 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         file = h5py.File(path, "r")
     except OSError as first:
         if not path.is_file():
-            raise RecordingError(f"{path}: no such recording", file=path, kind=ProblemKind.FILE) from first
+            raise RecordingError(f"{path}: no such recording", path, ProblemKind.FILE) from first
         try:
             file = h5py.File(path, "r", libver="latest", swmr=True)
         except OSError as error:
             raise RecordingError(
-                f"{path} is not an HDF5 file, or it is damaged: {error}", file=path, kind=ProblemKind.SYNTAX
+                f"{path} is not an HDF5 file, or it is damaged: {error}", path, ProblemKind.SYNTAX
             ) from error
     try:
         yield file
@@ -217,9 +217,7 @@ def open_recording(path: Path, only: Collection[str] = ()) -> Recording:
     """
     with _opened(path) as file:
         if file.attrs.get("format") != FORMAT or "samples" not in file:
-            raise RecordingError(
-                f"{path} {_strange(str(file.attrs.get('format', '')))}", file=path, kind=ProblemKind.SYNTAX
-            )
+            raise RecordingError(f"{path} {_strange(str(file.attrs.get('format', '')))}", path, ProblemKind.SYNTAX)
         complete = bool(file.attrs.get("complete", False))
         ended = file.attrs.get("ended", _CUT_OFF)
         ended = ended.decode(errors="ignore") if isinstance(ended, bytes) else str(ended)

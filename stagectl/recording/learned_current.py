@@ -68,13 +68,13 @@ def claim(path: Path) -> None:
     """
     if path.exists() and not _ours(path):
         reason = f"{path} is not a learned current and is left as it is: choose another file with -o"
-        raise LearnedError(reason, file=path, kind=ProblemKind.CONFLICT)
+        raise LearnedError(reason, path, ProblemKind.CONFLICT)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("ab").close()
     except OSError as error:
         raise LearnedError(
-            f"{path} cannot be written: {error.strerror}; choose another file with -o", file=path, kind=ProblemKind.FILE
+            f"{path} cannot be written: {error.strerror}; choose another file with -o", path, ProblemKind.FILE
         ) from error
     if not path.stat().st_size:
         path.unlink()
@@ -94,7 +94,7 @@ def save(path: Path, learned: Learned) -> None:
                 file[name] = values
     except OSError as error:
         raise LearnedError(
-            f"{path} cannot be written: {error}; choose another file with -o", file=path, kind=ProblemKind.FILE
+            f"{path} cannot be written: {error}; choose another file with -o", path, ProblemKind.FILE
         ) from error
 
 
@@ -104,11 +104,9 @@ def load(path: Path) -> Learned:
     Raises LearnedError where the file is none.
     """
     if not path.is_file():
-        raise LearnedError(f"{path}: no such file; `stagectl learn` writes one", file=path, kind=ProblemKind.FILE)
+        raise LearnedError(f"{path}: no such file; `stagectl learn` writes one", path, ProblemKind.FILE)
     if not _ours(path):
-        raise LearnedError(
-            f"{path} is not a learned current; `stagectl learn` writes one", file=path, kind=ProblemKind.SYNTAX
-        )
+        raise LearnedError(f"{path} is not a learned current; `stagectl learn` writes one", path, ProblemKind.SYNTAX)
     with h5py.File(path, "r") as file:
         current, reference, known = (file[name][:] for name in _ARRAYS)
         return Learned(current, reference, known, json.loads(file.attrs["meta"]))
@@ -133,7 +131,7 @@ def check(path: Path, learned: Learned, here: Learned) -> None:
             f"{path} was learned {wrong}; nothing has moved: a learned current fits only what it was learned on.  "
             "Learn again with `stagectl learn`, or run without --learned"
         )
-        raise LearnedError(reason, file=path, kind=ProblemKind.CONFLICT)
+        raise LearnedError(reason, path, ProblemKind.CONFLICT)
 
 
 def _motion(learned: Learned, here: Learned) -> str:
