@@ -62,24 +62,20 @@ def injection(path: Path, time: Array) -> Array:
 
 
 def _table(path: Path) -> Any:
-    try:
-        return arrow().csv.read_csv(path, read_options=arrow().csv.ReadOptions(use_threads=False))
-    except (arrow().ArrowInvalid, OSError) as error:
-        raise RecordingError(
-            f"{path} cannot be read as the CSV of a capture: {error}", path, ProblemKind.FILE
-        ) from error
+    words, causes = f"{path} cannot be read as the CSV of a capture", (arrow().ArrowInvalid, OSError)
+    with RecordingError.instead_of(causes, words, path, ProblemKind.FILE):
+        table = arrow().csv.read_csv(path, read_options=arrow().csv.ReadOptions(use_threads=False))
+    return table
 
 
 def _column(path: Path, names: list[str]) -> tuple[str, float]:
     """The current's column, and its factor into A."""
-    currents = [name for name in names if name != "time_s" and _scale(name) is not None]
-    chosen = [name for name in currents if name.startswith("injection")] or currents
+    scales = {name: scale for name in names if name != "time_s" and (scale := _scale(name)) is not None}
+    chosen = [name for name in scales if name.startswith("injection")] or list(scales)
     if len(chosen) != 1:
         reason = f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)"
         raise RecordingError(reason, path, ProblemKind.MISSING, column=NAME)
-    scale = _scale(chosen[0])
-    assert scale is not None
-    return chosen[0], scale
+    return chosen[0], scales[chosen[0]]
 
 
 def _scale(name: str) -> float | None:

@@ -165,8 +165,7 @@ def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict
         decimal_point=how.decimal,
     )
     parsing = arrow().csv.ParseOptions(delimiter=how.separator)
-    try:
+    causes = (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError)
+    with RecordingError.instead_of(causes, f"{path}", path, ProblemKind.VALUE):
         table = arrow().csv.read_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
-    except (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError) as error:
-        raise RecordingError(f"{path}: {error}", path, ProblemKind.VALUE) from error
     return {name: np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted}

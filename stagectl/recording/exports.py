@@ -67,11 +67,9 @@ def export(recordings: list[Recording], to: str, path: Path | None) -> list[Expo
 def _write(to: str, recording: Recording, path: Path) -> Exported:
     if path.resolve() == recording.path.resolve():
         raise RecordingError(f"{path} is the recording itself: choose another file with -o", path, ProblemKind.CONFLICT)
-    try:
+    with RecordingError.instead_of((OSError,), f"{path} cannot be written", path, ProblemKind.FILE):
         path.parent.mkdir(parents=True, exist_ok=True)
         notes = WRITERS[to](recording, path)
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be written: {error.strerror or error}", path, ProblemKind.FILE) from error
     return Exported(path, [*notes, *_losses(recording)])
 
 
@@ -190,17 +188,13 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
             )
             raise RecordingError(reason, other.path, ProblemKind.CONFLICT, column=difference.split(" ")[0])
     captures, notes = [], []
-    try:
+    with RecordingError.instead_of((OSError,), f"{folder} cannot be written", folder, ProblemKind.FILE):
         folder.mkdir(parents=True, exist_ok=True)
         for capture, recording in zip(_captures(recordings), recordings, strict=True):
             notes += [f"{capture['file']}: {note}" for note in _write_capture(recording, folder / capture["file"])]
             captures.append({**capture, **_beside(recording, folder / capture["file"])})
         _dump(folder / "captures.yaml", {"captures": captures})
         _dump(folder / "nominal.yaml", nominal)
-    except OSError as error:
-        raise RecordingError(
-            f"{folder} cannot be written: {error.strerror or error}", folder, ProblemKind.FILE
-        ) from error
     return Exported(folder, notes)
 
 

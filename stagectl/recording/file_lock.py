@@ -11,10 +11,12 @@ whenever HDF5 closes another descriptor of the file.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import struct
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
@@ -39,6 +41,17 @@ class DataFileError(StageError):
     ) -> None:
         super().__init__(Problem(problem, kind, file=file) if isinstance(problem, str) else problem)
         self.column, self.row = column, row  # what it is about; the first row of numbers is 1, and 0 is none
+
+    @classmethod
+    @contextlib.contextmanager
+    def instead_of(
+        cls, causes: tuple[type[Exception], ...], words: str, file: Path, kind: ProblemKind, advice: str = ""
+    ) -> Iterator[None]:
+        """Turn one of the `causes` inside into this error: `words`, the cause's own reason, and `advice`."""
+        try:
+            yield
+        except causes as cause:
+            raise cls(f"{words}: {getattr(cause, 'strerror', None) or cause}{advice}", file, kind) from cause
 
 
 class RecordingError(DataFileError):

@@ -57,13 +57,9 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
         reason = f"{there[0]} exists and is left as it is: choose another place with -o"
         raise RecordingError(reason, there[0], ProblemKind.CONFLICT)
     for recording, target in zip(recordings, targets, strict=True):
-        try:
+        with RecordingError.instead_of((OSError,), f"{target} cannot be written", target, ProblemKind.FILE):
             target.parent.mkdir(parents=True, exist_ok=True)
             save(target, recording.meta, recording.samples, recording.ended)
-        except OSError as error:
-            raise RecordingError(
-                f"{target} cannot be written: {error.strerror or error}", target, ProblemKind.FILE
-            ) from error
     return targets
 
 

@@ -51,12 +51,11 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Lo
 def _variables(path: Path) -> dict[str, Any]:
     try:
         content = loadmat(path, simplify_cells=True)
-    except NotImplementedError as error:
-        raise RecordingError(
-            f"{path} is a MATLAB 7.3 file; save it with -v7 and import that", path, ProblemKind.SYNTAX
-        ) from error
     except Exception as error:  # scipy raises many kinds on a file that is damaged
-        raise RecordingError(f"{path} cannot be read as a MATLAB file: {error}", path, ProblemKind.SYNTAX) from error
+        reason = f"{path} cannot be read as a MATLAB file: {error}"
+        if isinstance(error, NotImplementedError):
+            reason = f"{path} is a MATLAB 7.3 file; save it with -v7 and import that"
+        raise RecordingError(reason, path, ProblemKind.SYNTAX) from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 

@@ -102,12 +102,12 @@ def read_values(path: Path) -> dict[str, Any]:
     Raises RecordingError or ConfigError with the place and the reason.
     """
     node = compose(path)
-    try:
+    words, causes = (
+        f"{path} holds something other than plain values",
+        (yaml.YAMLError, ValueError, TypeError, RecursionError),
+    )
+    with RecordingError.instead_of(causes, words, path, ProblemKind.VALUE):
         values = json.loads(json.dumps(yaml.SafeLoader("").construct_document(node), default=str))
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
-        raise RecordingError(
-            f"{path} holds something other than plain values: {error}", path, ProblemKind.VALUE
-        ) from error
     if not isinstance(values, dict):
         raise RecordingError(f"{path} must be a block of `key: value` lines", path, ProblemKind.SHAPE)
     return values
