@@ -80,6 +80,6 @@ def test_something_unknown_makes_the_names_less_sure_and_leaves_the_rest() -> No
 def test_a_wrong_controller_holds_the_whole_gap() -> None:
     empty: Any = SimpleNamespace(kind="linear", notes=(), cannot_tell=(), travel_per_unit=1.0, travel_unit="m", logs=())
     agreement: Any = SimpleNamespace(words="the integral gain")
-    found = diagnose._wrong_controller(empty, agreement)
-    assert (found.verdict, found.reason, found.blocks["controller"]) == ("controller", "the integral gain", 1.0)
-    assert found.gap.unit == "m" and found.effects == ()
+    verdict = diagnose._wrong_controller(empty, agreement)
+    assert (verdict.verdict, verdict.reason, verdict.blocks["controller"]) == ("controller", "the integral gain", 1.0)
+    assert verdict.gap.unit == "m" and verdict.effects == ()
