@@ -278,10 +278,10 @@ def test_check_passes_what_is_sound(trajectory: Trajectory) -> None:
 
 def test_every_number_declares_its_quantity() -> None:
     """The loader reads nothing else."""
-    for kind in TYPES.values():
+    for kind in (*TYPES.values(), Recorded):
         for name, hint in get_type_hints(kind, include_extras=True).items():
             quantity = quantity_of(hint)
-            assert (quantity is None) == (name in {"one_way", "flat", "parts"}), (kind, name)
+            assert (quantity is None) == (name in {"one_way", "flat", "parts", "file"}), (kind, name)
             assert quantity is None or quantity.bounds()[0] < quantity.bounds()[1]
 
 

@@ -22,9 +22,7 @@ def inject(
     channel: Channel = None,
     clear: Annotated[bool, typer.Option("--clear", help="End all faults.")] = False,
     show: Annotated[bool, typer.Option("--list", help="Show all faults with their parameters.")] = False,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Answer as JSON; - for standard output.")
-    ] = None,
+    json: Json = None,
 ) -> None:
     """Inject a fault into a running virtual drive.
 

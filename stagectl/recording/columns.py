@@ -126,11 +126,14 @@ def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
     raise RecordingError(reason, path, ProblemKind.UNIT)
 
 
-def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tuple[Choice, float]]:
-    """Our columns by name: where each is, and its factor into SI.
+def of_choices(chosen: list[Choice], setup: Any, path: Path) -> tuple[Scales, dict[str, tuple[Choice, float]]]:
+    """The axis, and our columns by name: where each is, and its factor into SI.
 
+    The scales are those of the stage, else those that follow from the units of the positions.
     Raises RecordingError where time or position is not among them.
     """
+    units = (choice.unit for choice in chosen if choice.quantity == "position")
+    scales = scales_by_unit(units, path) if setup is None else scales_of_stage(setup, 0.0)
     known: dict[str, tuple[Choice, float]] = {}
     for choice in chosen:
         try:
@@ -146,11 +149,4 @@ def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tu
         if ours not in known:
             reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"
             raise RecordingError(reason, path, ProblemKind.MISSING, column=ours)
-    return known
-
-
-def axis_of(chosen: list[Choice], setup: Any, path: Path) -> Scales:
-    """The scales of the stage, else those that follow from the units of the positions."""
-    if setup is not None:
-        return scales_of_stage(setup, 0.0)
-    return scales_by_unit((choice.unit for choice in chosen if choice.quantity == "position"), path)
+    return scales, known

@@ -16,7 +16,6 @@ from stagectl.recording.columns import (
     Array,
     Choice,
     Log,
-    axis_of,
     choices,
     meaning,
     of_choices,
@@ -80,11 +79,8 @@ def _preamble(how: Layout) -> str:
 
 
 def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) -> Log:
-    scales = axis_of(chosen, setup, path)
-    places = {
-        ours: (_column(path, how.names, how.width, choice), scale)
-        for ours, (choice, scale) in of_choices(chosen, scales, path).items()
-    }
+    scales, known = of_choices(chosen, setup, path)
+    places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
     labels = [f"column {number}" for number in range(1, how.width + 1)]
     table = _table(path, labels, [labels[at] for at, _ in places.values()], how)
     columns = {ours: table[labels[at]] * scale for ours, (at, scale) in places.items()}
@@ -93,8 +89,9 @@ def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) 
     return Log(path, scales, columns, notes, {}, labelled)
 
 
-def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
+def _column(path: Path, how: Layout, choice: Choice) -> int:
     """The index of a column, from its name or its number."""
+    names, count = how.names, how.width
     if choice.name in names:
         return names.index(choice.name)
     if not choice.name.isdecimal():

@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
-from stagectl.recording.columns import Array, Choice, Log, axis_of, choices, of_choices, parsed
+from stagectl.recording.columns import Array, Choice, Log, choices, of_choices, parsed
 from stagectl.recording.constants import EMPS_STEP
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.scales import Scales, scales_of_stage
@@ -68,8 +68,7 @@ def _names(variables: Mapping[str, Any], prefix: str = "") -> list[str]:
 
 
 def _chosen(path: Path, variables: dict[str, Any], setup: Setup | None, chosen: list[Choice]) -> Log:
-    scales = axis_of(chosen, setup, path)
-    known = of_choices(chosen, scales, path)
+    scales, known = of_choices(chosen, setup, path)
     columns = {ours: scale * _vector(path, variables, choice) for ours, (choice, scale) in known.items()}
     log = _log(path, scales, columns, [_unit_note(choice, scales) for choice in chosen if not choice.unit], {})
     return log._replace(labels={ours: choice.name for ours, (choice, _) in known.items()})
@@ -130,15 +129,13 @@ def _ours(path: Path, variables: dict[str, Any]) -> Log:
 def _emps(path: Path, variables: dict[str, Any], setup: Setup | None) -> Log:
     """The benchmark's file: an amplifier of 1 A/V is taken, so that its volts are our amperes."""
     columns = {ours: np.ravel(variables[name]).astype(np.float64) for name, ours in _EMPS.items() if name in variables}
-    if len({len(column) for column in columns.values()}) > 1:
-        raise RecordingError(f"{path}: t, qg, qm and vir differ in length", path, ProblemKind.SHAPE)
     gain = _scalar(variables, "gtau") or 0.0
     scales = scales_of_stage(setup, 1.0) if setup else Scales(LINEAR, 1.0, "m", EMPS_STEP, gain, 1.0)
     notes = [
         f"EMPS layout: vir (V) is kept as the command in A of an amplifier of 1 A/V, so gtau = {gain:.6g} N/V is the "
         "force constant in N/A"
     ]
-    return Log(path, scales, columns, notes, {"name": "EMPS", "nominal": _emps_nominal(variables, gain)})
+    return _log(path, scales, columns, notes, {"name": "EMPS", "nominal": _emps_nominal(variables, gain)})
 
 
 def _scalar(variables: Mapping[str, Any], name: str) -> float | None:
