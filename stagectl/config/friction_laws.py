@@ -9,7 +9,7 @@ from stagectl.kernels import friction, friction_bristle, stage
 from stagectl.kernels.plant import Friction
 from stagectl.units import Quantity
 
-EFFECTS = Friction._fields[3:]  # what changes the limit of any law; the kernel declares them
+EFFECTS = Friction._fields[Friction._fields.index("lag") :]  # what changes the limit of any law
 L = TypeVar("L")
 
 
