@@ -85,19 +85,15 @@ def simulate_with_friction(
     noises = noise(machine.file.simulation, len(plan.setpoints), p.drive.jitter)
     rows = np.zeros((len(plan.setpoints), rollout.WIDTH))
     x, memory = stage.at_rest(p), law.AT_REST
-    for k, (setpoint, drawn) in enumerate(zip(map(_setpoint, plan.setpoints), noises.tolist(), strict=True)):
+    for k, (setpoint, drawn) in enumerate(zip(plan.setpoints.tolist(), noises.tolist(), strict=True)):
         disturbed = stage.Noise(drawn[0], drawn[1], drawn[2] if len(drawn) > 2 else 0.0)
         measured = stage.measured(p.encoder, x, disturbed)
-        output, memory = law.step(running, memory, setpoint, measured)
+        output, memory = law.step(running, memory, law.Setpoint(*setpoint), measured)
         seen = (measured, x.position, stage.reported(p.drive, x, setup.dt), 0.0, 0.0, 0.0, 0.0)
         rows[k] = (k * setup.dt, *setpoint, *output, *seen)
         x = stage.commanded(p.drive, x, output.current)
         x = stage.latched(p, _moved(p, x, disturbed, friction_law, (setup.dt, machine.file.simulation.substeps)))
     return structured(rows)
-
-
-def _setpoint(row: NDArray[np.float64]) -> law.Setpoint:
-    return law.Setpoint(*row.tolist())
 
 
 def _without_friction(machine: Setup) -> stage.Stage:

@@ -78,6 +78,14 @@ def quantity_of(hint: Any) -> Quantity | None:
     return next((extra for extra in get_args(hint)[1:] if isinstance(extra, Quantity)), None)
 
 
+class Tagged(NamedTuple):
+    """A union of blocks that one key distinguishes: ``type: sine`` chooses the block of that name."""
+
+    key: str
+    blocks: Mapping[str, Any]
+    default: str = ""  # the block where the key is absent; empty: the key is required
+
+
 # Only what a motion system needs, and the angle is a dimension.
 _PREFIXES = {
     **dict.fromkeys(("micro", "u", "µ", "μ"), 1e-6),

@@ -105,9 +105,9 @@ def _text(path: Path) -> str:
 def child_of(parent: int, module: str) -> int | None:
     """Process id of the child that runs `module`."""
     for listed in Path(f"/proc/{parent}/task").glob("*/children"):
-        for one in _text(listed).split():
-            if module in _text(Path(f"/proc/{one}/cmdline")):
-                return int(one)
+        for name in _text(listed).split():
+            if module in _text(Path(f"/proc/{name}/cmdline")):
+                return int(name)
     return None
 
 
@@ -142,8 +142,8 @@ class Run:
     def steady(self) -> NDArray[np.bool_]:
         """Rows of the steady window."""
         start, end = self.plan.steady
-        found: NDArray[np.bool_] = (self.samples["time"] >= start) & (self.samples["time"] < end)
-        return found
+        inside: NDArray[np.bool_] = (self.samples["time"] >= start) & (self.samples["time"] < end)
+        return inside
 
     def error(self, of: str = "measured") -> NDArray[np.float64]:
         """Reference minus `of` (um) over the whole run; the measured one with the reference of its instant."""

@@ -42,8 +42,8 @@ def tool(name: str) -> Any:
 
 def commands(page: str, blocks: str = "sh") -> list[str]:
     """The lines of its shell blocks, in order; what needs root or hardware stands in blocks of kind ``console``."""
-    found = re.findall(rf"(?ms)^ *```(?:{blocks})\n(.*?)^ *```", text(page))
-    return [line.strip() for block in found for line in block.splitlines() if line.strip()]
+    words = re.findall(rf"(?ms)^ *```(?:{blocks})\n(.*?)^ *```", text(page))
+    return [line.strip() for block in words for line in block.splitlines() if line.strip()]
 
 
 class Outcome(NamedTuple):
@@ -94,24 +94,24 @@ class Reader:
 
     def _named(self, line: str) -> list[str]:
         """Digests of the files and folders that a line names, as they are now."""
-        found = []
+        paths = []
         for word in shlex.split(line, comments=True):
             place = self.folder / word
             if place == self.folder:  # `. FILE` sets up the environment
                 continue
             files = sorted(place.rglob("*")) if place.is_dir() else [place]
-            found += [f"{file} {hashlib.sha256(file.read_bytes()).hexdigest()}" for file in files if file.is_file()]
-        return [one.replace(f"{self.folder}/", "") for one in found]
+            paths += [f"{file} {hashlib.sha256(file.read_bytes()).hexdigest()}" for file in files if file.is_file()]
+        return [path.replace(f"{self.folder}/", "") for path in paths]
 
     def _files(self) -> dict[Path, tuple[int, int]]:
         """All files of the folder, with time and size."""
-        found = {}
+        states = {}
         for place, _, names in os.walk(self.folder):
             for path in (Path(place) / name for name in names):
                 if path.is_file() and not path.is_symlink():
                     state = path.stat()
-                    found[path.relative_to(self.folder)] = (state.st_mtime_ns, state.st_size)
-        return found
+                    states[path.relative_to(self.folder)] = (state.st_mtime_ns, state.st_size)
+        return states
 
     def _put(self, made: dict[Path, bytes]) -> None:
         for path, content in made.items():

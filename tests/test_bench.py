@@ -25,8 +25,8 @@ def peers_page(monkeypatch: pytest.MonkeyPatch) -> Any:
 def line(low: float, median: float, high: float, what: str = "time of a fit") -> dict[str, Any]:
     spread = {"low": low, "median": median, "high": high}
     one = {"low": 1.0, "median": 1.0, "high": 1.0}
-    told = {"topic": "Identification", "peer": "scipy", "what": what, "unit": "s", "method": "in turn"}
-    return {**told, "ours": one, "theirs": spread, "ratio": spread}
+    topic = {"topic": "Identification", "peer": "scipy", "what": what, "unit": "s", "method": "in turn"}
+    return {**topic, "ours": one, "theirs": spread, "ratio": spread}
 
 
 def figures(*lines: dict[str, Any]) -> dict[str, Any]:
@@ -59,8 +59,8 @@ def test_nobody_is_ahead_by_chance(peers_page: Any, spread: tuple[float, float, 
 
 
 def test_the_page_begins_with_wins_and_losses(peers_page: Any, tmp_path: Path) -> None:
-    found = figures(line(2.0, 3.0, 4.0), line(0.2, 0.25, 0.4, "installation"), line(0.9, 1.0, 1.1))
-    peers_page.write_all(found, tmp_path / "bench.html", tmp_path / "peers.md")
+    lines = figures(line(2.0, 3.0, 4.0), line(0.2, 0.25, 0.4, "installation"), line(0.9, 1.0, 1.1))
+    peers_page.write_all(lines, tmp_path / "bench.html", tmp_path / "peers.md")
     words = "Ahead in 1 of 3 comparisons, behind in 1, open in 1. Furthest behind: installation, 4 x that of scipy."
     html, markdown = (tmp_path / "bench.html").read_text(), (tmp_path / "peers.md").read_text()
     assert words in html and words in markdown
@@ -76,9 +76,9 @@ def test_baselines_of_an_exam_are_shown(peers_page: Any, tmp_path: Path) -> None
         {"name": "single, top-1", "value": 0.9, "trials": 8},
         {"name": "closure, single effect", "value": None, "trials": 0},
     ]
-    found = figures(line(2.0, 3.0, 4.0))
-    found["exam"]["beside"] = [{"name": name, "rows": rows} for name in ("diagnosis", "sparse")]
-    peers_page.write_all(found, None, tmp_path / "peers.md")
+    lines = figures(line(2.0, 3.0, 4.0))
+    lines["exam"]["beside"] = [{"name": name, "rows": rows} for name in ("diagnosis", "sparse")]
+    peers_page.write_all(lines, None, tmp_path / "peers.md")
     text = (tmp_path / "peers.md").read_text()
     assert "| single, top-1 | 90 % | 90 % | 8 |" in text
     assert "| closure, single effect | - | - | 0 |" in text

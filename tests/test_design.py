@@ -44,9 +44,9 @@ def test_the_closed_loop_has_four_equal_poles(inertia: float, viscous: float, co
     j, d, kt = Fraction(inertia), Fraction(viscous), Fraction(constant)
     plant = [j, d + j * a, d * a, Fraction(0), Fraction(0)]  # (J s^2 + D s)(s + a) s
     controller = [Fraction(0), Fraction(0), kt * (kp + kd * a), kt * (kp * a + ki), kt * ki * a]
-    found = [(left + right) / j for left, right in zip(plant, controller, strict=True)]
+    polynomial = [(left + right) / j for left, right in zip(plant, controller, strict=True)]
     p = Fraction(2.0 * math.pi * hertz)
-    for coefficient, power in zip(found, range(5), strict=True):
+    for coefficient, power in zip(polynomial, range(5), strict=True):
         assert float(coefficient / (math.comb(4, power) * p**power)) == pytest.approx(1.0, abs=1e-12)
 
 
@@ -149,10 +149,10 @@ def test_no_number_is_too_extreme_for_words(
         mechanics=stage.Mechanics(inertia, viscous), motor=ball_screw.stage.motor._replace(force_constant=constant)
     )
     try:
-        found = design.design(p, controlled(ball_screw, hertz, period))
+        controller = design.design(p, controlled(ball_screw, hertz, period))
     except design.DesignError:
         return
-    assert all(math.isfinite(value) for value in found.law.feedback)
+    assert all(math.isfinite(value) for value in controller.law.feedback)
 
 
 def spread(setup: Setup, control: design.Control) -> float:
@@ -220,8 +220,8 @@ def test_the_loop_with_an_observer(ball_screw: Setup, nd: int, nm: int) -> None:
     watching = observer.designed(p, 5e-4, 40.0)
     controller = design.compensator(design.gains(p, controlled(ball_screw, 40.0, 5e-4)), 5e-4)
     z = np.exp(2j * np.pi * np.array([1.0, 10.0, 40.0, 200.0, 999.0]) * 5e-4)
-    measured, told = observer.transfer(watching, z)
-    expected = (controller.at(z) + measured) / (1.0 + told)
+    measured, commanded = observer.transfer(watching, z)
+    expected = (controller.at(z) + measured) / (1.0 + commanded)
     np.testing.assert_allclose(design.with_observer(controller, watching).at(z), expected, rtol=1e-6)
     assert design.with_observer(controller, observer.ABSENT) is controller
 
@@ -267,10 +267,10 @@ def test_a_cascade_without_integrator_is_judged_by_its_own_poles(hertz: float) -
     without = design.CascadeControl(setup.dt, hertz, hertz)
     faint = without._replace(integral_time=1e3)
     p = setup.stage
-    found, near = (design.margins(p, design.cascaded(p, one), setup.dt) for one in (without, faint))
-    assert found.stable
-    assert found.phase == pytest.approx(near.phase, abs=1e-4)
-    assert found.gain == pytest.approx(near.gain, rel=1e-4)
+    reached, near = (design.margins(p, design.cascaded(p, control), setup.dt) for control in (without, faint))
+    assert reached.stable
+    assert reached.phase == pytest.approx(near.phase, abs=1e-4)
+    assert reached.gain == pytest.approx(near.gain, rel=1e-4)
 
 
 @pytest.mark.parametrize(("period", "hertz"), [(1e-5, 20.0), (1e-5, 40.0), (5e-5, 10.0), (5e-4, 2.0)])

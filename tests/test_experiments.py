@@ -101,10 +101,10 @@ def test_an_open_loop_reports_no_tracking_error(ball_screw: Setup) -> None:
     samples = simulate(ball_screw, laid_out, design_law(ball_screw))
     axis = {"travel_per_unit": 0.012 / (2 * math.pi), "travel_unit": "m", "encoder_step": 1e-6}
     meta = {"name": "a", "trajectory": "b", "axis": axis, "dt": 5e-4, "nd": 1, "nm": 0}
-    found = evaluate(samples, {**meta, "steady": list(laid_out.steady), "duration": laid_out.duration})
-    assert found["open_loop"] and found["in_position"]
-    assert found["tracking_error"] == {"peak": None, "rms": None}
-    low, high = found["travelled"]
+    figures = evaluate(samples, {**meta, "steady": list(laid_out.steady), "duration": laid_out.duration})
+    assert figures["open_loop"] and figures["in_position"]
+    assert figures["tracking_error"] == {"peak": None, "rms": None}
+    low, high = figures["travelled"]
     assert 3e-3 < high - low < 9e-3  # 5 A at 1.6 Hz
 
 
@@ -130,8 +130,8 @@ def test_yaml_round(tmp_path: Path, ball_screw: Setup) -> None:
         "type: excited\nmotion: {type: sine, amplitude: 1 mm, frequency: 2 Hz, periods: 3}\n"
         "current: {type: current_sine, amplitude: 500 mA, frequency: 30 Hz, periods: 9}\nstart: 100 ms\n"
     )
-    found = load_trajectory(path, axis_of(ball_screw))
-    assert found == Excited(Sine(0.001, 2.0, 3.0), CurrentSine(0.5, 30.0, 9.0), 0.1)
+    trajectory = load_trajectory(path, axis_of(ball_screw))
+    assert trajectory == Excited(Sine(0.001, 2.0, 3.0), CurrentSine(0.5, 30.0, 9.0), 0.1)
     path.write_text("type: release\nmotion: {type: dwell, duration: 1 s}\nat: 2 s\n")
     with refused(TrajectoryError, key="at", value="2 s", interval="[0, 1]", unit="s", file=path, line=3):
         load_trajectory(path, axis_of(ball_screw))

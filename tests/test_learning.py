@@ -28,9 +28,9 @@ LAWS: dict[str, design.Settings] = {
 
 def linear(setup: Setup, control: design.Settings, **changes: Any) -> Setup:
     """Stage A without friction, steps or noise."""
-    found = varied(setup, quantum=0.0, step=0.0, **changes)
-    free = found.stage.friction._replace(operators=friction.bundle([0.0], [1e-3]))
-    return found._replace(stage=found.stage._replace(friction=free), file=found.file._replace(control=control))
+    machine = varied(setup, quantum=0.0, step=0.0, **changes)
+    free = machine.stage.friction._replace(operators=friction.bundle([0.0], [1e-3]))
+    return machine._replace(stage=machine.stage._replace(friction=free), file=machine.file._replace(control=control))
 
 
 def laid_out(setup: Setup, motion: Sine = MOTION) -> tuple[law.Law, Plan]:
@@ -111,13 +111,13 @@ def test_convergence_against_the_designs_own_transfer_functions(ball_screw: Setu
     names = dict(seen.plants)
     np.testing.assert_allclose(names["inertia 20 % above it"], model / other, rtol=2e-4)
     np.testing.assert_allclose(names["the model"], 1.0, rtol=1e-12)
-    found = learning.convergence(seen, SETTINGS)
-    assert found[0].most == pytest.approx(0.2, abs=1e-6)
-    assert max(one.most for one in found[:3]) < 0.6
-    assert found[3].most > 1.0  # held by its rolling friction the axis resonates at 70 Hz, closed at 100 Hz
+    contractions = learning.convergence(seen, SETTINGS)
+    assert contractions[0].most == pytest.approx(0.2, abs=1e-6)
+    assert max(contraction.most for contraction in contractions[:3]) < 0.6
+    assert contractions[3].most > 1.0  # held by its rolling friction the axis resonates at 70 Hz, closed at 100 Hz
     calm = learning.highest_convergent_cutoff(seen, SETTINGS)
     assert 60.0 <= calm <= 80.0
-    assert max(one.most for one in learning.convergence(seen, SETTINGS._replace(cutoff=calm))) < 1.0
+    assert max(contraction.most for contraction in learning.convergence(seen, SETTINGS._replace(cutoff=calm))) < 1.0
 
 
 def test_the_answer_is_the_recorded_feedback(ball_screw: Setup) -> None:
@@ -175,15 +175,15 @@ def learned_on(setup: Setup, motion: Sine, without: frozenset[str], trials: int)
     """Each trial as a run; the noise of each is its own."""
     run = Run(setup, motion, without)
     filters = learning.filters(setup.stage, run.law, SETTINGS, setup.dt, len(run.plan.setpoints))
-    course, found = learning.initial_state(len(run.plan.setpoints)), []
+    course, errors = learning.initial_state(len(run.plan.setpoints)), []
     for number in range(trials):
         again = Run(varied(setup, seed=number + 1), motion, without)
         rows = again.plan.setpoints.copy()
         rows[:, law.Setpoint._fields.index("learned")] = course.learned
         again.samples = simulate(again.setup, again.plan._replace(setpoints=rows), again.law)
         course = learning.after_trial(filters, SETTINGS, course, again.samples["error"])
-        found.append(again)
-    return found
+        errors.append(again)
+    return errors
 
 
 def rms(run: Run) -> float:

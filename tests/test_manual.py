@@ -83,7 +83,7 @@ def test_the_reference_names_every_entry() -> None:
     def keys(node: object) -> set[str]:
         if isinstance(node, dict):
             own = set(node.get("properties", {}))
-            return own.union(*(keys(one) for one in node.values()), set())
+            return own.union(*(keys(child) for child in node.values()), set())
         return set().union(*map(keys, node)) if isinstance(node, list) else set()
 
     shown = {row.key for block in stage_blocks() for row in block.rows}

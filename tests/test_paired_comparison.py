@@ -19,11 +19,11 @@ def drawn(means: list[float], spread: float, repeats: int = 6, seed: int = 4) ->
     """Peaks (m) around `means` with a noise of each repeat that all share, and one of their own."""
     source = np.random.default_rng(seed)
     shared = source.normal(0.0, 10.0 * spread, repeats)
-    found = []
+    figures = []
     for name, mean in zip(NAMES, means, strict=False):
         peak = mean + shared + source.normal(0.0, spread, repeats)
-        found.append(Figures(name, peak, 0.3 * peak))
-    return found
+        figures.append(Figures(name, peak, 0.3 * peak))
+    return figures
 
 
 def test_the_order_is_balanced_and_seeded() -> None:
@@ -39,35 +39,35 @@ def test_the_order_is_balanced_and_seeded() -> None:
 
 def test_intervals_and_probabilities_are_those_of_the_paired_t_test() -> None:
     figures = drawn([5.0e-6, 4.9e-6, 0.02e-6], 1e-7)
-    for one in differences(figures, figures[0]):
-        mine = next(variant for variant in figures if variant.name == one.name)
+    for difference in differences(figures, figures[0]):
+        mine = next(variant for variant in figures if variant.name == difference.name)
         expected = stats.ttest_rel(figures[0].peak, mine.peak)
         interval = expected.confidence_interval(0.95)
-        assert one.probability == pytest.approx(expected.pvalue, rel=1e-9)
-        assert (one.low, one.high) == pytest.approx((interval.low, interval.high), rel=1e-9)
+        assert difference.probability == pytest.approx(expected.pvalue, rel=1e-9)
+        assert (difference.low, difference.high) == pytest.approx((interval.low, interval.high), rel=1e-9)
 
 
 def test_holms_rule_by_hand() -> None:
     """Three differences whose p are known: the smallest times 3, the next times 2, never falling."""
     figures = drawn([5.0e-6, 4.8e-6, 4.9e-6, 4.99e-6], 1e-7)
-    found = sorted(differences(figures, figures[0]), key=lambda one: one.probability)
-    p = [one.probability for one in found]
+    compared = sorted(differences(figures, figures[0]), key=lambda difference: difference.probability)
+    p = [difference.probability for difference in compared]
     expected = [3 * p[0], max(3 * p[0], 2 * p[1]), min(1.0, max(3 * p[0], 2 * p[1], p[2]))]
-    assert [one.adjusted for one in found] == pytest.approx(expected, rel=1e-12)
+    assert [difference.adjusted for difference in compared] == pytest.approx(expected, rel=1e-12)
 
 
 def test_repeats_agree_whose_difference_has_the_sign_of_the_mean() -> None:
     """Lower in three of five repeats, the same in one and higher in one."""
     off = Figures("off", np.full(5, 5e-6), np.full(5, 1e-6))
     other = Figures("ptc", off.peak - np.array([1.0, 2.0, 0.0, -0.5, 1.5]) * 1e-6, off.rms)
-    assert [(one.agree, one.repeats) for one in differences([off, other], off)] == [(3, 5)]
+    assert [(difference.agree, difference.repeats) for difference in differences([off, other], off)] == [(3, 5)]
 
 
 def test_pairing_sees_what_the_shared_noise_hides() -> None:
     """A tenth of the shared noise is found, and the sentence has the figures in it."""
     figures = drawn([5.31e-6, 0.02e-6], 1e-9)
     sentence = verdict(figures, "m")[0]
-    before, after = (float(np.mean(one.peak)) * 1e6 for one in figures)
+    before, after = (float(np.mean(figure.peak)) * 1e6 for figure in figures)
     assert sentence.startswith(f"ptc cuts the peak error from {before:.2f} µm (off) to {after * 1e3:.1f} nm")
     assert f"({100 * (1 - after / before):.1f} % less); all 6 of 6 repeats agree (95 %: " in sentence
 
@@ -88,17 +88,17 @@ def test_chance_alone_is_rarely_certain() -> None:
     wrong = 0
     for seed in range(300):
         figures = drawn([1e-6] * 4, 1e-8, 5, seed)
-        wrong += any(one.certain for one in differences(figures, figures[0]))
+        wrong += any(difference.certain for difference in differences(figures, figures[0]))
     assert 2 <= wrong <= 22
 
 
 def test_identical_repeats_give_no_false_certainty() -> None:
     """No interval and no probability where nothing has varied, and it is said; one repeat likewise."""
     figures = [Figures("off", np.full(5, 5e-6), np.full(5, 1e-6)), Figures("ptc", np.full(5, 4e-6), np.full(5, 1e-6))]
-    (one,) = differences(figures, figures[0])
-    assert math.isnan(one.low)
-    assert math.isnan(one.adjusted)
-    assert not one.certain
+    (compared,) = differences(figures, figures[0])
+    assert math.isnan(compared.low)
+    assert math.isnan(compared.adjusted)
+    assert not compared.certain
     words = verdict(figures, "m")
     assert words[0].startswith("All 5 repeats are identical")
     assert words[1] == "ptc: the peak error goes from 5.00 µm (off) to 4.00 µm (20.0 % less)."

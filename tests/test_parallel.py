@@ -59,8 +59,8 @@ def test_exception_of_the_first_item_that_fails() -> None:
 def test_parallel_rollouts_have_the_same_bits() -> None:
     amplitudes = [0.3, 0.7, 1.1, 1.9, 2.6]
     alone = [_rollout(amplitude) for amplitude in amplitudes]
-    for one, other in zip(alone, parallel.in_parallel(_rollout, amplitudes), strict=True):
-        assert np.array_equal(one, other)
+    for rows, other in zip(alone, parallel.in_parallel(_rollout, amplitudes), strict=True):
+        assert np.array_equal(rows, other)
 
 
 def test_kernel_leaves_the_lock_to_other_threads() -> None:

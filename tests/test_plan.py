@@ -40,8 +40,8 @@ def test_everything_is_foreseen_at_its_own_instant(ball_screw: Setup, nd: int, n
     t = dt * np.arange(len(seen.late))
     frame, late = (np.stack(SINE.at(instant)[:2], axis=1) for instant in (t + ahead, t - nm * dt))
     now, middle = SINE.at(t[:-2]).position, SINE.at(t[:-2] + ahead + 0.5 * dt).position
-    for found, values in zip(seen, (now, frame, late, middle), strict=True):
-        np.testing.assert_allclose(found, values * PER_METRE, rtol=1e-12, atol=1e-13)
+    for foreseen, values in zip(seen, (now, frame, late, middle), strict=True):
+        np.testing.assert_allclose(foreseen, values * PER_METRE, rtol=1e-12, atol=1e-13)
 
 
 def test_whole_frames_and_a_standstill_at_the_end(ball_screw: Setup) -> None:

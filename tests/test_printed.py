@@ -121,5 +121,5 @@ def test_what_a_sentence_names_exists(page: str, line: str) -> None:
             assert word in command.commands, line
             command = command.commands[word]
         elif word.startswith("-") and word != "-":
-            assert word.partition("=")[0] in {option for one in command.params for option in one.opts}, line
+            assert word.partition("=")[0] in {option for param in command.params for option in param.opts}, line
     assert not hasattr(command, "commands"), f"{line} names a group, not a verb"

@@ -25,16 +25,16 @@ def test_the_demo_moves_the_stage_and_writes_its_page(tmp_path: Path) -> None:
     done = stagectl(["demo", "-o", str(tmp_path / "demo"), "--json", "-"], ROOT)
     assert done.returncode == 0, done.stderr
     figures = r"within ([\d.]+) nm with friction compensation; without it the error peaks at ([\d.]+) µm"
-    found = re.search(figures, done.stderr)
-    assert found is not None, done.stderr
-    assert 5.0 < float(found[1]) <= 30.0
-    assert 5.1 < float(found[2]) < 6.1
-    told = json.loads(done.stdout)
-    assert [run["trajectory"] for run in told["runs"][::2]] == ["sine-3.2hz", "sine-1.6hz", "sine-0.8hz"]
-    assert max(run["tracking_error"]["peak"] for run in told["runs"][1::2]) == pytest.approx(
-        1e-9 * float(found[1]), 0.01
+    match = re.search(figures, done.stderr)
+    assert match is not None, done.stderr
+    assert 5.0 < float(match[1]) <= 30.0
+    assert 5.1 < float(match[2]) < 6.1
+    answer = json.loads(done.stdout)
+    assert [run["trajectory"] for run in answer["runs"][::2]] == ["sine-3.2hz", "sine-1.6hz", "sine-0.8hz"]
+    assert max(run["tracking_error"]["peak"] for run in answer["runs"][1::2]) == pytest.approx(
+        1e-9 * float(match[1]), 0.01
     )
-    assert told["report"] == str(tmp_path / "demo" / "report.html")
+    assert answer["report"] == str(tmp_path / "demo" / "report.html")
     page = (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
     assert page.count("<tr>") >= 4
     assert "data:image/png;base64," in page

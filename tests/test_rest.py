@@ -69,9 +69,9 @@ def test_where_it_is_said_to_swing_it_does_at_that_frequency(axis: str, bandwidt
 
 def test_the_fastest_that_is_tuned_comes_to_rest() -> None:
     setup = of_bandwidth("x", 20.0)
-    found = tuned(family(setup.stage, setup.file.control, "pid"), Demand(setup.file.control.margin))
-    assert 9.0 < found.bandwidth < 10.0
-    assert any("swings by itself" in words for words in found.binding)
+    tuned_loop = tuned(family(setup.stage, setup.file.control, "pid"), Demand(setup.file.control.margin))
+    assert 9.0 < tuned_loop.bandwidth < 10.0
+    assert any("swings by itself" in words for words in tuned_loop.binding)
 
 
 def test_a_loop_that_would_swing_is_told_before_it_moves(command: Command, tmp_path: Path) -> None:

@@ -154,16 +154,16 @@ def test_margins_are_those_of_python_control(case: Case) -> None:
     loop, dt = next(iter(ours(case).values())), case.control.period
     with oracle():
         gm, pm, sm, wg, wp, _ = control.stability_margins(next(iter(opened(case).values())), returnall=True)
-    found = robustness(loop)
+    reached = robustness(loop)
     low = 2.0 * math.pi * grid(dt)[0] * 10.0
-    assert math.degrees(found.phase) == pytest.approx(np.min(pm[wp > low]), abs=1e-4)
-    assert found.crossover == pytest.approx(wp[np.argmin(pm)] / (2.0 * math.pi), rel=1e-6)
+    assert math.degrees(reached.phase) == pytest.approx(np.min(pm[wp > low]), abs=1e-4)
+    assert reached.crossover == pytest.approx(wp[np.argmin(pm)] / (2.0 * math.pi), rel=1e-6)
     factors = gm[(wg > low) & (gm > 1e-4)]
-    assert found.raised.value == pytest.approx(np.min(factors[factors > 1.0], initial=np.inf), rel=1e-5)
-    assert found.lowered.value == pytest.approx(np.max(factors[factors < 1.0], initial=0.0), rel=1e-5)
-    assert found.modulus == pytest.approx(np.min(sm), rel=1e-5)
-    if found.stable:
-        assert found.delay == pytest.approx(found.phase / (2.0 * math.pi * found.crossover))
+    assert reached.raised.value == pytest.approx(np.min(factors[factors > 1.0], initial=np.inf), rel=1e-5)
+    assert reached.lowered.value == pytest.approx(np.max(factors[factors < 1.0], initial=0.0), rel=1e-5)
+    assert reached.modulus == pytest.approx(np.min(sm), rel=1e-5)
+    if reached.stable:
+        assert reached.delay == pytest.approx(reached.phase / (2.0 * math.pi * reached.crossover))
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -179,7 +179,9 @@ def test_poles_are_those_of_python_control(case: Case) -> None:
         assert stable(loop) == (largest < 1.0)
 
 
-@pytest.mark.parametrize("case", [one for one in CASES if robustness(next(iter(ours(one.values[0]).values()))).stable])
+@pytest.mark.parametrize(
+    "case", [case for case in CASES if robustness(next(iter(ours(case.values[0]).values()))).stable]
+)
 def test_the_step_is_that_of_python_control(case: Case) -> None:
     dt = case.control.period
     if isinstance(case.control, design.Control):
@@ -187,8 +189,8 @@ def test_the_step_is_that_of_python_control(case: Case) -> None:
     else:
         closed = control.feedback(opened(case)["position loop"], 1)
     expected = control.step_response(control.minreal(closed, tol=1e-12, verbose=False), T=dt * np.arange(300))
-    found = stepped(following(case.stage, case.designed, dt), 300)
-    np.testing.assert_allclose(found, np.squeeze(expected.outputs), atol=1e-6)
+    next_state = stepped(following(case.stage, case.designed, dt), 300)
+    np.testing.assert_allclose(next_state, np.squeeze(expected.outputs), atol=1e-6)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -223,36 +225,36 @@ def test_stability_ends_at_both_gain_margins_of_each_loop(path: Path) -> None:
     setup = load_stage(path)
     designed = design.designed_feedback(setup.stage, setup.file.control)
     for name, loop in loops(setup.stage, designed, setup.dt).items():
-        found = robustness(loop)
-        assert found.stable
-        assert stable(_scaled(loop, 0.999 * found.raised.value)), name
-        assert not stable(_scaled(loop, 1.001 * found.raised.value)), name
-        if found.lowered.value > 0.0:
-            assert stable(_scaled(loop, 1.001 * found.lowered.value)), name
-            assert not stable(_scaled(loop, 0.999 * found.lowered.value)), name
+        reached = robustness(loop)
+        assert reached.stable
+        assert stable(_scaled(loop, 0.999 * reached.raised.value)), name
+        assert not stable(_scaled(loop, 1.001 * reached.raised.value)), name
+        if reached.lowered.value > 0.0:
+            assert stable(_scaled(loop, 1.001 * reached.lowered.value)), name
+            assert not stable(_scaled(loop, 0.999 * reached.lowered.value)), name
 
 
 def test_stage_a_is_conditionally_stable() -> None:
     """Ki and the plant's damping: 40 Hz, nd = 1; the lower margin of the double integrator's PID."""
     setup = load_stage(CONFIG / "ball-screw.yaml")
     loop = loops(setup.stage, design.designed_feedback(setup.stage, setup.file.control), setup.dt)["loop"]
-    found = robustness(loop)
-    assert 20.0 * math.log10(found.lowered.value) == pytest.approx(-13.936, abs=0.001)
-    assert 20.0 * math.log10(found.raised.value) == pytest.approx(8.443, abs=0.001)
-    assert math.degrees(found.phase) == pytest.approx(25.8, abs=0.05)
+    reached = robustness(loop)
+    assert 20.0 * math.log10(reached.lowered.value) == pytest.approx(-13.936, abs=0.001)
+    assert 20.0 * math.log10(reached.raised.value) == pytest.approx(8.443, abs=0.001)
+    assert math.degrees(reached.phase) == pytest.approx(25.8, abs=0.05)
 
 
 def test_ms_bounds_the_other_margins() -> None:
     """GM >= Ms/(Ms - 1), GM- <= Ms/(Ms + 1) and PM >= 2 asin(1/(2 Ms)) (Skogestad and Postlethwaite, section 2.4.4)."""
-    for one in CASES:
-        for loop in ours(one.values[0]).values():
-            found = robustness(loop)
-            if not found.stable:
+    for case in CASES:
+        for loop in ours(case.values[0]).values():
+            reached = robustness(loop)
+            if not reached.stable:
                 continue
-            peak = found.sensitivity.value
-            assert found.raised.value >= peak / (peak - 1.0) - 1e-6
-            assert found.lowered.value <= peak / (peak + 1.0) + 1e-6
-            assert found.phase >= 2.0 * math.asin(0.5 / peak) - 1e-6
+            peak = reached.sensitivity.value
+            assert reached.raised.value >= peak / (peak - 1.0) - 1e-6
+            assert reached.lowered.value <= peak / (peak + 1.0) + 1e-6
+            assert reached.phase >= 2.0 * math.asin(0.5 / peak) - 1e-6
 
 
 @pytest.mark.parametrize("case", CASES[: len(FILES)])

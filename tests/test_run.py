@@ -123,9 +123,9 @@ def test_replay_notices_a_changed_position_and_a_changed_law(tmp_path: Path) -> 
     recording = open_recording(tmp_path / "s.h5")
     assert replay(recording)["identical"]
     recording.samples["measured"][1000] += 6e-6
-    found = replay(recording)
-    assert not found["identical"]
-    assert "the first at 0.5 s in error" in found["words"]
+    comparison = replay(recording)
+    assert not comparison["identical"]
+    assert "the first at 0.5 s in error" in comparison["words"]
     recording.samples["measured"][1000] -= 6e-6
     recording.meta["law"]["feedback"]["proportional"] *= 1.0 + 1e-15
     assert not replay(recording)["identical"]

@@ -41,7 +41,7 @@ def test_what_cannot_be_interpreted_is_compiled(
     monkeypatch.setattr(simulation, "interprets", lambda values: ahead[0])
     monkeypatch.setattr(simulation, "interpret_first", lambda rows: ahead.__setitem__(0, rows > 0))
     simulation.simulate(run.setup, run.plan, run.law)
-    assert [type(one) for one in calls.setpoints] == kinds
+    assert [type(setpoint) for setpoint in calls.setpoints] == kinds
     assert ahead[0] is (error is None)
 
 

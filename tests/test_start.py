@@ -99,8 +99,14 @@ def test_a_short_simulation_needs_no_compiler_and_gives_the_same_bits(tmp_path: 
 @pytest.mark.parametrize("module", VERBS)
 def test_each_verb_is_listed_with_its_module(module: str) -> None:
     app = application(VERBS[module][0])
-    commands = [one.name or one.callback.__name__ for one in app.registered_commands if one.callback]
-    assert sorted([*commands, *(str(one.name) for one in app.registered_groups)]) == sorted(VERBS[module])
+    commands = [
+        registered_command.name or registered_command.callback.__name__
+        for registered_command in app.registered_commands
+        if registered_command.callback
+    ]
+    assert sorted([*commands, *(str(registered_group.name) for registered_group in app.registered_groups)]) == sorted(
+        VERBS[module]
+    )
 
 
 def test_the_help_lists_every_verb() -> None:

@@ -108,10 +108,10 @@ def test_sine_is_the_sine_while_steady() -> None:
 
 def test_peaks_of_the_paper_sine() -> None:
     """2 mm at 3.2 Hz: A w and A w^2, and the ramps add little."""
-    found, omega = peaks(Sine(2e-3, 3.2, 5), 0.5e-3), 2.0 * math.pi * 3.2
-    assert found.highest == pytest.approx(2e-3, rel=1e-4) and found.lowest == pytest.approx(-2e-3, rel=1e-4)
-    assert found.speed == pytest.approx(2e-3 * omega, rel=1e-6)
-    assert 1.0 <= found.acceleration / (2e-3 * omega * omega) <= 1.2
+    extremes, omega = peaks(Sine(2e-3, 3.2, 5), 0.5e-3), 2.0 * math.pi * 3.2
+    assert extremes.highest == pytest.approx(2e-3, rel=1e-4) and extremes.lowest == pytest.approx(-2e-3, rel=1e-4)
+    assert extremes.speed == pytest.approx(2e-3 * omega, rel=1e-6)
+    assert 1.0 <= extremes.acceleration / (2e-3 * omega * omega) <= 1.2
 
 
 @pytest.mark.parametrize(("flat", "order"), [("position", 0), ("velocity", 1), ("acceleration", 2)])
@@ -173,14 +173,14 @@ def test_trapezoid_is_fastest_within_its_limits(distance: float, v: float, a: fl
     reached = distance * a >= v * v
     least = distance / v + v / a if reached else 2.0 * math.sqrt(distance / a)
     assert p.duration == pytest.approx(least, rel=1e-9)
-    found = peaks(p, p.duration / 500)
-    assert found.speed <= v * (1.0 + 1e-9) and found.acceleration == pytest.approx(a, rel=1e-12)
-    assert found.lowest == pytest.approx(-distance, rel=1e-12) and found.highest == 0.0
+    extremes = peaks(p, p.duration / 500)
+    assert extremes.speed <= v * (1.0 + 1e-9) and extremes.acceleration == pytest.approx(a, rel=1e-12)
+    assert extremes.lowest == pytest.approx(-distance, rel=1e-12) and extremes.highest == 0.0
 
 
 def test_limits_are_reached_where_the_distance_allows() -> None:
-    found = peaks(SCurve(0.1, 0.2, 2.0, 40.0), 1e-4)
-    assert found == pytest.approx((0.0, 0.1, 0.2, 2.0), rel=1e-12, abs=1e-15)
+    extremes = peaks(SCurve(0.1, 0.2, 2.0, 40.0), 1e-4)
+    assert extremes == pytest.approx((0.0, 0.1, 0.2, 2.0), rel=1e-12, abs=1e-15)
 
 
 def test_cycles_dwell_at_both_ends_and_one_way_climbs() -> None:
@@ -202,9 +202,9 @@ def test_spline_reproduces_a_quintic(coefficients: list[float], rows: int) -> No
     times = np.sort(np.random.default_rng(rows).uniform(0.0, 0.3, rows)) / 10 + np.linspace(0.0, 1.0, rows)
     p = Recorded(times, quintic(times))
     t = np.linspace(0.0, p.duration, 101)[:-1]
-    for found, order, tolerance in zip(p.at(t), range(3), (1e-11, 1e-9, 1e-6), strict=True):
+    for values, order, tolerance in zip(p.at(t), range(3), (1e-11, 1e-9, 1e-6), strict=True):
         expected = quintic.deriv(order)(t + times[0]) - (quintic(times[0]) if order == 0 else 0.0)
-        np.testing.assert_allclose(found, expected, atol=tolerance)
+        np.testing.assert_allclose(values, expected, atol=tolerance)
     assert p.initial_velocity == pytest.approx(quintic.deriv()(times[0]), abs=1e-9)
     assert p.final_velocity == pytest.approx(quintic.deriv()(times[-1]), abs=1e-9)
 
@@ -221,8 +221,8 @@ def test_sequence_goes_on_where_and_when_the_last_part_ended() -> None:
 @given(st.lists(moves, min_size=1, max_size=6))
 def test_sequence_never_exceeds_its_parts(chosen: list[tuple[float, float]]) -> None:
     p = Sequence(tuple(Trapezoid(distance, 0.2, 1.5, dwell, one_way=True) for distance, dwell in chosen))
-    found = peaks(Sequence((p, p)), 2e-3)
-    assert found.acceleration <= 1.5 * (1.0 + 1e-12) and found.speed <= 0.2 * (1.0 + 1e-12)
+    extremes = peaks(Sequence((p, p)), 2e-3)
+    assert extremes.acceleration <= 1.5 * (1.0 + 1e-12) and extremes.speed <= 0.2 * (1.0 + 1e-12)
     end = sum(distance for distance, _ in chosen)
     assert p.at([p.duration]).position[0] == pytest.approx(end, abs=1e-15)
 
@@ -232,8 +232,8 @@ def test_sum_adds_the_motions_of_its_parts() -> None:
     p = Sum((carrier, Sequence((Dwell(1.0), SINE))))
     assert (p.duration, p.end) == (max(carrier.duration, 1.0 + SINE.duration), 0.05)
     t = np.linspace(0.0, p.duration, 400)
-    for found, one, other in zip(p.at(t), carrier.at(t), SINE.at(t - 1.0), strict=True):
-        np.testing.assert_allclose(found, one + other, rtol=1e-15, atol=1e-15)
+    for summed, carried, other in zip(p.at(t), carrier.at(t), SINE.at(t - 1.0), strict=True):
+        np.testing.assert_allclose(summed, carried + other, rtol=1e-15, atol=1e-15)
     assert p.at([p.duration + 1.0]).position[0] == 0.05
 
 
@@ -278,10 +278,10 @@ def test_check_passes_what_is_sound(trajectory: Trajectory) -> None:
 
 def test_every_number_declares_its_quantity() -> None:
     """The loader reads nothing else."""
-    for kind in TYPES.values():
+    for kind in (*TYPES.values(), Recorded):
         for name, hint in get_type_hints(kind, include_extras=True).items():
             quantity = quantity_of(hint)
-            assert (quantity is None) == (name in {"one_way", "flat", "parts"}), (kind, name)
+            assert (quantity is None) == (name in {"one_way", "flat", "parts", "file"}), (kind, name)
             assert quantity is None or quantity.bounds()[0] < quantity.bounds()[1]
 
 

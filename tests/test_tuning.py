@@ -24,10 +24,10 @@ def demand(degrees: float, peak: float = math.inf) -> tuning.Demand:
     return tuning.Demand(math.radians(degrees), peak)
 
 
-def worst(found: tuning.Tuned) -> tuple[float, float]:
+def worst(errors: tuning.Tuned) -> tuple[float, float]:
     """Least phase margin of the loops (deg), and Ms of the first."""
-    each = list(found.reached.values())
-    return math.degrees(min(one.phase for one in each)), each[0].sensitivity.value
+    each = list(errors.reached.values())
+    return math.degrees(min(margins.phase for margins in each)), each[0].sensitivity.value
 
 
 EACH = [("ball-screw", "pid"), ("emps", "pid"), ("linear-slider", "cascade")]
@@ -36,17 +36,21 @@ EACH = [("ball-screw", "pid"), ("emps", "pid"), ("linear-slider", "cascade")]
 @pytest.mark.parametrize(("name", "law"), EACH)
 def test_the_fastest_holds_and_nothing_faster_does(name: str, law: str) -> None:
     family = of(load_stage(CONFIG / f"{name}.yaml"), law)
-    found = tuning.tuned(family, demand(25.0, 2.0))
-    degrees, peak = worst(found)
+    tuned_loop = tuning.tuned(family, demand(25.0, 2.0))
+    degrees, peak = worst(tuned_loop)
     assert degrees >= 25.0
     assert 1.97 < peak <= 2.0  # it is Ms that binds: 2 stands for 29 deg
-    assert found.binding == (f"the sensitivity has a peak of Ms = {_peak(family, 1.01 * found.bandwidth):.2f}",)
+    assert tuned_loop.binding == (
+        f"the sensitivity has a peak of Ms = {_peak(family, 1.01 * tuned_loop.bandwidth):.2f}",
+    )
     for share in (1.01, 1.1, 3.0):
-        assert tuning.shortfalls(families.reached(family.stage, _at(family, share * found.bandwidth)), found.demand)
-    assert found.bandwidth == float(f"{found.bandwidth:.3g}")
-    assert found.without_peak is not None
-    assert found.without_peak > 1.05 * found.bandwidth
-    design.design(family.stage, found.control)  # what refuses designs lets it run
+        assert tuning.shortfalls(
+            families.reached(family.stage, _at(family, share * tuned_loop.bandwidth)), tuned_loop.demand
+        )
+    assert tuned_loop.bandwidth == float(f"{tuned_loop.bandwidth:.3g}")
+    assert tuned_loop.without_peak is not None
+    assert tuned_loop.without_peak > 1.05 * tuned_loop.bandwidth
+    design.design(family.stage, tuned_loop.control)  # what refuses designs lets it run
 
 
 def _at(family: families.Family, hertz: float) -> design.Settings:
@@ -60,27 +64,27 @@ def _peak(family: families.Family, hertz: float) -> float:
 @pytest.mark.parametrize("degrees", [35.0])
 def test_the_phase_margin_binds_where_ms_is_free(ball_screw: Setup, degrees: float) -> None:
     family = of(ball_screw, "pid")
-    found = tuning.tuned(family, demand(degrees))
-    assert degrees <= worst(found)[0] < degrees + 0.5
-    assert "phase margin" in found.binding[0]
-    assert found.without_peak is None
+    tuned_loop = tuning.tuned(family, demand(degrees))
+    assert degrees <= worst(tuned_loop)[0] < degrees + 0.5
+    assert "phase margin" in tuned_loop.binding[0]
+    assert tuned_loop.without_peak is None
 
 
 def test_forty_hertz_of_stage_a_are_the_papers_gains(ball_screw: Setup) -> None:
-    found = tuning.tuned(of(ball_screw, "pid"), demand(25.0), 40.0)
-    gains = {one.symbol: one.value for one in tuned.gains(ball_screw, found.control)}
+    tuned_loop = tuning.tuned(of(ball_screw, "pid"), demand(25.0), 40.0)
+    gains = {gain.symbol: gain.value for gain in tuned.gains(ball_screw, tuned_loop.control)}
     assert gains["a"] == pytest.approx(991.31, abs=0.005)
     assert gains["Kp"] == pytest.approx(833.30, abs=0.005)
     assert gains["Ki"] == pytest.approx(55901, abs=0.5)
     assert gains["Kd"] == pytest.approx(4.2749, abs=0.00005)
-    assert worst(found)[0] == pytest.approx(25.8, abs=0.05)
+    assert worst(tuned_loop)[0] == pytest.approx(25.8, abs=0.05)
 
 
 def test_a_smaller_peak_of_the_sensitivity_is_a_slower_loop(ball_screw: Setup) -> None:
-    found = {peak: tuning.tuned(of(ball_screw, "pid"), demand(20.0, peak)) for peak in (1.6, 2.4)}
-    for peak, one in found.items():
-        assert 0.98 * peak < worst(one)[1] <= peak
-    assert found[1.6].bandwidth < 0.6 * found[2.4].bandwidth
+    by_peak = {peak: tuning.tuned(of(ball_screw, "pid"), demand(20.0, peak)) for peak in (1.6, 2.4)}
+    for peak, loop in by_peak.items():
+        assert 0.98 * peak < worst(loop)[1] <= peak
+    assert by_peak[1.6].bandwidth < 0.6 * by_peak[2.4].bandwidth
 
 
 def nearest_of(error: families.TuningError) -> float:
@@ -150,12 +154,12 @@ def test_without_delay_the_rule_gives_the_margin_of_its_three_angles() -> None:
     base = load_stage(CONFIG / "ball-screw.yaml").stage
     p = base._replace(drive=base.drive._replace(delay_samples=0, current_lag=0.0), mechanics=stage.Mechanics(0.01, 0.0))
     family = families.Family(p, design.CascadeControl(2e-5, 1.0, 1.0))
-    found = families.reached(p, families.chosen(family, 2.0))
-    w = np.float64(found["whole loop"].crossover / 8.0)  # over fv
+    reached = families.reached(p, families.chosen(family, 2.0))
+    w = np.float64(reached["whole loop"].crossover / 8.0)  # over fv
     angle = 90.0 - math.degrees(math.atan(0.25 / w) + math.atan(0.25 / w) + math.atan(w / 5.0))
     assert w == pytest.approx(1.0, abs=0.06)
-    assert math.degrees(found["whole loop"].phase) == pytest.approx(angle, abs=0.2)
-    assert math.degrees(found["velocity loop"].phase) == pytest.approx(64.7, abs=1.0)
+    assert math.degrees(reached["whole loop"].phase) == pytest.approx(angle, abs=0.2)
+    assert math.degrees(reached["velocity loop"].phase) == pytest.approx(64.7, abs=1.0)
 
 
 def test_own_ratios_are_kept() -> None:
@@ -182,11 +186,11 @@ def test_a_pid_has_no_ratios(ball_screw: Setup) -> None:
 def test_with_an_observer_both_loops_keep_the_margin(ball_screw: Setup) -> None:
     control = ball_screw.file.control._replace(layers=("ptc", "observer"))
     family = families.family(ball_screw.stage, control, "pid")
-    found = tuning.tuned(family, demand(20.0, 2.0))
-    assert list(found.reached) == ["loop", "without observer"]
-    assert found.bandwidth < tuning.tuned(of(ball_screw, "pid"), demand(20.0, 2.0)).bandwidth
-    design.design(ball_screw.stage, found.control)
-    assert tuned.step(ball_screw, found, 20.0)[-1] == pytest.approx(1.0, abs=1e-3)
+    tuned_loop = tuning.tuned(family, demand(20.0, 2.0))
+    assert list(tuned_loop.reached) == ["loop", "without observer"]
+    assert tuned_loop.bandwidth < tuning.tuned(of(ball_screw, "pid"), demand(20.0, 2.0)).bandwidth
+    design.design(ball_screw.stage, tuned_loop.control)
+    assert tuned.step(ball_screw, tuned_loop, 20.0)[-1] == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(("nd", "nm"), [(0, 0), (2, 1), (4, 2)])
@@ -194,17 +198,17 @@ def test_more_delay_is_a_slower_loop(ball_screw: Setup, nd: int, nm: int) -> Non
     """The phase margin at the crossover w falls by w Ts a period: f of the same margin scales with the delay."""
     p = varied(ball_screw, nd=nd, nm=nm).stage
     p = p._replace(friction=p.friction._replace(operators=friction.bundle([], [])))  # which would hold it as a spring
-    found = tuning.tuned(families.Family(p, design.Control(5e-4, 1.0)), demand(30.0))
+    tuned_loop = tuning.tuned(families.Family(p, design.Control(5e-4, 1.0)), demand(30.0))
     delay = (nd + nm + 0.5) * 5e-4 + p.drive.current_lag
-    loop = found.reached["loop"]
+    loop = tuned_loop.reached["loop"]
     lost = delay * 2.0 * math.pi * loop.crossover
     assert 0.15 < lost < 0.5
     assert math.radians(30.0) <= loop.phase < math.radians(30.5)
 
 
 def test_the_sheet_of_stage_a(ball_screw: Setup) -> None:
-    found = tuning.tuned(of(ball_screw, "pid"), demand(20.0), 40.0)
-    result = tuned.result(ball_screw, found)
+    tuned_loop = tuning.tuned(of(ball_screw, "pid"), demand(20.0), 40.0)
+    result = tuned.result(ball_screw, tuned_loop)
     loop = result["loops"]["loop"]
     assert loop["gain_margin_down"]["value"] < 1.0 < loop["gain_margin_up"]["value"]
     assert loop["modulus_margin"]["value"] == pytest.approx(1.0 / loop["sensitivity_peak"]["value"])
@@ -214,7 +218,7 @@ def test_the_sheet_of_stage_a(ball_screw: Setup) -> None:
     stiff = result["closed_loop"]["least_stiffness"]
     assert stiff["unit"] == "N/m"
     assert stiff["value"] == pytest.approx(469.78 * (2.0 * math.pi / 12e-3) ** 2, rel=1e-3)
-    values = tuned.step(ball_screw, found, 20.0)
+    values = tuned.step(ball_screw, tuned_loop, 20.0)
     assert result["closed_loop"]["overshoot"]["value"] == pytest.approx(float(values.max()) - 1.0)
     settled = round(result["closed_loop"]["settling_time"]["value"] / 5e-4)
     assert np.all(np.abs(values[settled:] - 1.0) <= 0.02)

@@ -55,7 +55,7 @@ def _by_pint(unit: str, to: str) -> float | None:
     for memory in (registry._cache.root_units, registry._cache.conversion_factor):
         memory.clear()
     try:
-        spelled = [" ".join(one.split()).replace("·", "*") or "dimensionless" for one in (unit, to)]
+        spelled = [" ".join(unit_name.split()).replace("·", "*") or "dimensionless" for unit_name in (unit, to)]
         return float(registry.Quantity(1.0, spelled[0]).to(spelled[1]).magnitude)
     except (pint.errors.UndefinedUnitError, pint.errors.DimensionalityError):
         return None
@@ -88,8 +88,8 @@ def _written() -> set[str]:
     """What stands behind a number in the shipped configuration and the documents."""
     files = [*(ROOT / "config").rglob("*.yaml"), ROOT / "README.md"]
     text = "\n".join(path.read_text(encoding="utf-8") for path in files)
-    found = re.findall(r"\d ([A-Za-zµμ°Ω%‰]+(?:[ ·*/^0-9A-Za-z-]*[A-Za-z0-9])?)", text)
-    return {unit for unit in found if _ours(unit, unit) is not None}
+    words = re.findall(r"\d ([A-Za-zµμ°Ω%‰]+(?:[ ·*/^0-9A-Za-z-]*[A-Za-z0-9])?)", text)
+    return {unit for unit in words if _ours(unit, unit) is not None}
 
 
 USED = sorted(_declared() | set(SI))

@@ -48,9 +48,9 @@ def _helps(command: Any, name: str) -> Iterator[tuple[str, str]]:
 
 
 def test_help() -> None:
-    found = {
+    retired_words = {
         where: words
         for where, text in _helps(typer.main.get_command(application()), "stagectl")
         if (words := retired().findall(text))
     }
-    assert found == {}
+    assert retired_words == {}

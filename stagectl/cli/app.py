@@ -13,6 +13,7 @@ import inspect
 import os
 import shlex
 import sys
+from keyword import iskeyword
 from typing import Any, NoReturn
 
 import typer
@@ -22,7 +23,7 @@ from stagectl.api.arguments import ArgumentError
 from stagectl.units import StageError
 
 _INTERRUPTED = 130  # typer's exit code for Ctrl-C
-# Modules of `stagectl.cli`, in the order of the help, with the verbs and groups that each registers.
+# Modules of `stagectl.cli`, in the order of the help, with the verbs and groups that each holds.
 VERBS = {
     "motion": ("run", "simulate", "virtual-drive", "demo"),
     "records": ("report", "replay", "export", "import"),
@@ -87,10 +88,23 @@ def application(word: str = "") -> typer.Typer:
     )
     app.callback()(_nothing)
     for name in [name for name, verbs in VERBS.items() if word in verbs] or VERBS:
-        importlib.import_module(f"stagectl.cli.{name}").register(app)
+        _add(app, importlib.import_module(f"stagectl.cli.{name}"), VERBS[name])
     for group in app.registered_groups:
         group.cls = Verbs
     return app
+
+
+def _add(app: typer.Typer, module: Any, verbs: tuple[str, ...]) -> None:
+    """Add verbs and groups by the names that they have in `module`, where ``virtual-drive`` is ``virtual_drive``."""
+    if hasattr(module, "register"):  # verbs of another distribution
+        module.register(app)
+        return
+    for verb in verbs:
+        entry = getattr(module, f"{verb}_" if iskeyword(verb) else verb.replace("-", "_"))
+        if isinstance(entry, typer.Typer):
+            app.add_typer(entry, name=verb)
+        else:
+            app.command(verb)(entry)
 
 
 def _nothing() -> None:

@@ -22,12 +22,6 @@ Plant = Annotated[
 Trials = Annotated[int, typer.Option(min=1, max=100, help="Number of trials to learn from.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add these verbs to the command line."""
-    app.command("learn")(learn)
-    app.command("compare")(compare)
-
-
 def learn(
     stage: StageArgument,
     trajectory: TrajectoryArgument,

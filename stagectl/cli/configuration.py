@@ -13,15 +13,10 @@ from stagectl.cli.show import console, emit
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError
 
-app = typer.Typer(help="Check configuration files, export their JSON schema.", no_args_is_help=True)
+config = typer.Typer(help="Check configuration files, export their JSON schema.", no_args_is_help=True)
 
 
-def register(root: typer.Typer) -> None:
-    """Add these verbs to the command line."""
-    root.add_typer(app, name="config")
-
-
-@app.command()
+@config.command()
 def check(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Stage and trajectory files.")],
     json: Json = None,
@@ -96,7 +91,7 @@ def _stage_words(path: Path) -> str:
     )
 
 
-@app.command()
+@config.command()
 def schema(what: Annotated[str, typer.Argument(help="stage or trajectory")] = "stage", json: Json = "-") -> None:
     """Print the JSON schema of a stage or trajectory file, for editors.
 

@@ -26,17 +26,13 @@ def lines(capture: Any, names: list[str], about: dict[str, Any], width: int) -> 
 
 def _times(capture: Any, width: int) -> str:
     start, end = float(capture.time[0]), float(capture.time[-1]) + capture.step
-    first, last = _time(start), _time(end)
+    first, last = duration(start), duration(end)
     place = round(-start / (end - start) * width) if end > start else 0
     text = list(first + " " * (width - len(first) - len(last)) + last)
     mark = "^ trigger" if capture.triggered else ""
     if mark and len(first) < place < width - len(last) - len(mark):
         text[place : place + len(mark)] = list(mark)
     return " " * _MARGIN + "".join(text)
-
-
-def _time(value: float) -> str:
-    return duration(value)
 
 
 def _value(value: float, unit: str) -> str:

@@ -13,16 +13,11 @@ from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
-app = typer.Typer(help="Read a drive and propose lines for the stage file.", no_args_is_help=True)
-app.command("dump")(drive_dump.dump)
+drive = typer.Typer(help="Read a drive and propose lines for the stage file.", no_args_is_help=True)
+drive.command("dump")(drive_dump.dump)
 
 
-def register(root: typer.Typer) -> None:
-    """Add these commands to the command line."""
-    root.add_typer(app, name="drive")
-
-
-@app.command()
+@drive.command()
 def probe(
     stage: StageArgument,
     channel: Channel = None,
@@ -59,7 +54,7 @@ def probe(
         raise typer.Exit(1)
 
 
-@app.command()
+@drive.command()
 def presets(json: Json = None) -> None:
     """List the known families of drives with their sources.
 

@@ -15,12 +15,6 @@ from stagectl.extras import require
 from stagectl.units import StageError
 
 
-def register(app: typer.Typer) -> None:
-    """Add these commands to the command line."""
-    app.command("inject")(inject)
-    app.command("selftest")(selftest)
-
-
 def inject(
     stage: Annotated[Path | None, typer.Argument(metavar="STAGE.yaml", help="The machine.")] = None,
     fault: Annotated[str | None, typer.Argument(help="Name of the fault, see --list.")] = None,
@@ -28,9 +22,7 @@ def inject(
     channel: Channel = None,
     clear: Annotated[bool, typer.Option("--clear", help="End all faults.")] = False,
     show: Annotated[bool, typer.Option("--list", help="Show all faults with their parameters.")] = False,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Answer as JSON; - for standard output.")
-    ] = None,
+    json: Json = None,
 ) -> None:
     """Inject a fault into a running virtual drive.
 
@@ -81,10 +73,10 @@ def selftest(
     with drive_present(setup, console.print) if current else contextlib.nullcontext():
         tried = result.bench(setup, only, _gentle(setup, current, travel) if current else None)
         with progress("selftest", len(tried.rows) * len(tried.states)) as update:
-            found = result.run(setup, tried, signed, typed(), update)
-    _show_result(found, report)
-    emit(found, json)
-    if found["passed"] < len(found["faults"]):
+            estimate = result.run(setup, tried, signed, typed(), update)
+    _show_result(estimate, report)
+    emit(estimate, json)
+    if estimate["passed"] < len(estimate["faults"]):
         raise typer.Exit(1)
 
 
@@ -100,16 +92,16 @@ def _gentle(setup: Any, current: str, travel: str) -> Any:
         raise StageError(f"--current {current} --travel {travel}: {error}") from error
 
 
-def _show_result(found: dict[str, Any], report: Path | None) -> None:
-    console.print(found["words"])
-    for case in found["faults"]:
+def _show_result(result: dict[str, Any], report: Path | None) -> None:
+    console.print(result["words"])
+    for case in result["faults"]:
         if not case["passed"]:
             console.print(f"not passed: {case['name']} while {case['state']}: {case['words']}")
     if report is not None:
         from stagectl.report.selftest import page
 
         report.parent.mkdir(parents=True, exist_ok=True)
-        console.print(f"report: {page(found, report, typed_files())}")
+        console.print(f"report: {page(result, report, typed_files())}")
 
 
 def _checked(stage: Path) -> Any:

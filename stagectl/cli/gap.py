@@ -13,22 +13,25 @@ from stagectl.cli.comparison import Plant, Simulate, engine
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.show import console, emit
 from stagectl.cli.show import progress as bar
-from stagectl.cli.studies import add_exam
+from stagectl.cli.studies import add
 
-app = typer.Typer(
+gap = typer.Typer(
     help="Where simulator and machine differ, what causes it, how far the gap closes.", no_args_is_help=True
 )
-for verbs in (gap_diagnose, gap_apply, gap_next, gap_twin, gap_knock, gap_fleet):
-    verbs.register(app)
-add_exam(app)
+for name, verb in (
+    ("diagnose", gap_diagnose.diagnose),
+    ("apply", gap_apply.apply),
+    ("next", gap_next.following),
+    ("watch", gap_twin.watch),
+    ("drift", gap_twin.drift),
+    ("knock", gap_knock.knock),
+    ("fleet", gap_fleet.fleet),
+):
+    gap.command(name)(verb)
+add(gap, "exam")
 
 
-def register(root: typer.Typer) -> None:
-    """Add these verbs to the command line."""
-    root.add_typer(app, name="gap")
-
-
-@app.command()
+@gap.command()
 def record(
     stage: StageArgument,
     output: Annotated[

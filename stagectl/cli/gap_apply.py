@@ -24,11 +24,6 @@ Yes = Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")]
 _COLOURS = {"+": "green", "-": "red", "@": "cyan", "#": "dim"}
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to the group `gap`."""
-    app.command("apply")(apply)
-
-
 def apply(
     folder: ResultArgument,
     stage: StageArgument,
@@ -47,8 +42,8 @@ def apply(
     from stagectl.gap.result.patch import applied, patch_of
     from stagectl.gap.result.result_json import load
 
-    found = load(folder)
-    patch = patch_of(found, stage, [one.strip() for one in only.split(",")] if only else (), unknown)
+    diagnosis = load(folder)
+    patch = patch_of(diagnosis, stage, [name.strip() for name in only.split(",")] if only else (), unknown)
     for line in patch.diff:
         console.print(Text(line, style=_COLOURS.get(line[:1], "")))
     target = output or stage
@@ -61,7 +56,7 @@ def apply(
     emit(
         {
             "written": str(target) if patch.changes else None,
-            "changes": [one._asdict() for one in patch.changes],
+            "changes": [change._asdict() for change in patch.changes],
             "comments": list(patch.comments),
         },
         json,

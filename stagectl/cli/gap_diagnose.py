@@ -40,11 +40,6 @@ Output = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb to the group."""
-    app.command("diagnose")(diagnose)
-
-
 def diagnose(
     folder: Folder,
     json: Json = None,

@@ -22,11 +22,6 @@ Scheduler = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to the group."""
-    app.command("fleet")(fleet)
-
-
 def fleet(
     folders: Folders, scheduler: Scheduler = None, exclude: Exclude = None, full: Full = False, json: Json = None
 ) -> None:
@@ -41,18 +36,25 @@ def fleet(
     from stagectl.gap.fleet import FleetMachine, names_of
 
     names = excluded(exclude or [])
-    places = [one.resolve() for one in folders]
-    machines = [FleetMachine(str(one), name, names, full) for one, name in zip(places, names_of(places), strict=True)]
+    places = [folder.resolve() for folder in folders]
+    machines = [
+        FleetMachine(str(place), name, names, full) for place, name in zip(places, names_of(places), strict=True)
+    ]
     with progress("machines", len(machines)) as update:
-        found = sorted(_counted(_lines(machines, scheduler), len(machines), update), key=lambda one: one.machine)
+        machines_seen = sorted(
+            _counted(_lines(machines, scheduler), len(machines), update), key=lambda one: one.machine
+        )
     table = Table("machine", "verdict", "named", "gap", "left", "drift")
-    for one in found:
-        table.add_row(*_cells(one))
+    for machine in machines_seen:
+        table.add_row(*_cells(machine))
     console.print(table)
-    lost = [one for one in found if not one.verdict]
-    for one in lost:
-        console.print(f"{one.machine}: {one.words}")
-    emit({"machines": [{**one._asdict(), "gap": _plain(one.gap), "left": _plain(one.left)} for one in found]}, json)
+    lost = [one for one in machines_seen if not one.verdict]
+    for machine in lost:
+        console.print(f"{machine.machine}: {machine.words}")
+    emit(
+        {"machines": [{**one._asdict(), "gap": _plain(one.gap), "left": _plain(one.left)} for one in machines_seen]},
+        json,
+    )
     if lost:
         raise typer.Exit(1)
 

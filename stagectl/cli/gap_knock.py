@@ -30,11 +30,6 @@ class Way(enum.StrEnum):
 Only = Annotated[Way | None, typer.Option("--only", help="Only one way: out of the model, or into the record.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to the group."""
-    app.command("knock")(knock)
-
-
 def knock(
     folder: Folder,
     stage: StageFile = None,
@@ -61,18 +56,18 @@ def knock(
     waiting = knock_out.out(session) if only is not Way.IN else []
     waiting += knock_out.into(session, names, share) if only is not Way.OUT else []
     options, table = pipeline.Options(full=full, advice=False), Table("knocked", "way", "named", "verdict", "right")
-    found = []
+    knocks = []
     with progress("knocked out and in", 1 + len(waiting)) as update:
         plain = pipeline.diagnose(session, options, lambda _: None).found
-        for done, one in enumerate(waiting, start=1):
+        for done, effect in enumerate(waiting, start=1):
             update(done, 1 + len(waiting))
-            judged = knock_out.judged(one, pipeline.diagnose(one.session, options, lambda _: None).found, plain)
-            found.append(judged._asdict())
+            judged = knock_out.judged(effect, pipeline.diagnose(effect.session, options, lambda _: None).found, plain)
+            knocks.append(judged._asdict())
             named = ", ".join(" or ".join(each) for each in judged.named)
             table.add_row(judged.name, judged.way, named, judged.verdict, "yes" if judged.right else "no")
     console.print(table)
-    before = ", ".join(one.name for one in plain.named) or "nothing"
+    before = ", ".join(hidden_effect.name for hidden_effect in plain.named) or "nothing"
     console.print(f"as it is the record shows {plain.verdict}: {before}; that counts for no knock")
-    right = sum(bool(one["right"]) for one in found)
-    console.print(f"{right} of {len(found)} knocked terms are named")
-    emit({"share": share, "plain": [one.name for one in plain.named], "knocks": found}, json)
+    right = sum(bool(one["right"]) for one in knocks)
+    console.print(f"{right} of {len(knocks)} knocked terms are named")
+    emit({"share": share, "plain": [hidden_effect.name for hidden_effect in plain.named], "knocks": knocks}, json)

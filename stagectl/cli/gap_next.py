@@ -25,11 +25,6 @@ SamplesFile = Annotated[
 Rate = Annotated[float, typer.Option(min=10.0, max=100_000.0, help="Rows per second (Hz) of --samples.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to the group `gap`."""
-    app.command("next")(following)
-
-
 def following(
     folder: ResultArgument,
     output: Output = None,
@@ -44,53 +39,58 @@ def following(
     from stagectl.gap.result import verdict_text
     from stagectl.gap.result.result_json import load
 
-    found = load(folder)
-    one = found.next_experiment
+    diagnosis = load(folder)
+    proposal = diagnosis.next_experiment
     for line in (
-        verdict_text.advice(found) if one else ["no experiment is proposed: these data leave nothing that one tells"]
+        verdict_text.advice(diagnosis)
+        if proposal
+        else ["no experiment is proposed: these data leave nothing that one tells"]
     ):
         console.print(line)
-    written = _written(found, one, folder, output) if one else None
+    written = _written(diagnosis, proposal, folder, output) if proposal else None
     if samples is not None and written is not None:
-        _sampled(found, written, rate, samples)
-    emit({"next_experiment": one._asdict() if one else None, "written": str(written) if written else None}, json)
+        _sampled(diagnosis, written, rate, samples)
+    emit(
+        {"next_experiment": proposal._asdict() if proposal else None, "written": str(written) if written else None},
+        json,
+    )
     asked = output or samples
     if asked is not None and written is None:
         console.print(f"{asked} is not written: there is no trajectory to write")
         raise typer.Exit(1)
 
 
-def _written(found: DiagnosisResult, one: NextExperiment, folder: Path, output: Path | None) -> Path | None:
+def _written(diagnosis: DiagnosisResult, proposal: NextExperiment, folder: Path, output: Path | None) -> Path | None:
     """The trajectory file, with the commands that run it; None where it is done by hand.
 
     Raises StageError where another file stands in its place.
     """
-    if not one.trajectory:
+    if not proposal.trajectory:
         return None
     place = folder if folder.is_dir() else folder.parent
-    path = output or place / one.trajectory
-    if path.exists() and path.read_text(encoding="utf-8") != one.text:
+    path = output or place / proposal.trajectory
+    if path.exists() and path.read_text(encoding="utf-8") != proposal.text:
         raise StageError(f"{path} exists and holds something else: move it away, or name another file with -o")
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(one.text, encoding="utf-8")
+    path.write_text(proposal.text, encoding="utf-8")
     console.print(f"wrote {path}; to run it, and to diagnose again with it:")
-    for line in _commands(one, place, path):
+    for line in _commands(proposal, place, path):
         console.print(line, style="bold")
     return path
 
 
-def _commands(one: NextExperiment, place: Path, path: Path) -> list[str]:
+def _commands(proposal: NextExperiment, place: Path, path: Path) -> list[str]:
     """What follows: into a folder of our recordings goes another one, into one from elsewhere another capture."""
     if (place / "captures.yaml").is_file():
         return [
             f"stagectl run STAGE.yaml {path}, or as your machine does it; add the log to {place / 'captures.yaml'}",
             f"stagectl gap diagnose {place}",
         ]
-    recording = place / f"{one.name}-1.h5"
+    recording = place / f"{proposal.name}-1.h5"
     return [f"stagectl run STAGE.yaml {path} --output {recording}", f"stagectl gap diagnose {place}"]
 
 
-def _sampled(found: DiagnosisResult, trajectory: Path, rate: float, path: Path) -> None:
+def _sampled(diagnosis: DiagnosisResult, trajectory: Path, rate: float, path: Path) -> None:
     """The reference in axis units, from 0 where the axis stands, and the current to be injected."""
     from stagectl.config.lengths import Lengths
     from stagectl.config.trajectory_file import Axis, load_trajectory
@@ -98,10 +98,10 @@ def _sampled(found: DiagnosisResult, trajectory: Path, rate: float, path: Path) 
     from stagectl.recording.exports import write_columns
     from stagectl.trajectories.sampled import sampled
 
-    angular = found.travel_unit == "rad"
-    lengths = Lengths(found.kind, 0.0 if angular else 2.0 * math.pi * found.travel_per_unit, angular)
+    angular = diagnosis.travel_unit == "rad"
+    lengths = Lengths(diagnosis.kind, 0.0 if angular else 2.0 * math.pi * diagnosis.travel_per_unit, angular)
     rows = sampled(load_trajectory(trajectory, Axis(lengths, 0.0)), 1.0 / rate, SETTLE)
-    unit = "rad" if found.kind == ROTARY else "m"
-    reference = rows.position / found.travel_per_unit
+    unit = "rad" if diagnosis.kind == ROTARY else "m"
+    reference = rows.position / diagnosis.travel_per_unit
     write_columns(path, {"time_s": rows.time, f"reference_{unit}": reference, "injection_A": rows.current})
     console.print(f"wrote {path}: {len(rows.time)} rows at {rate:g} Hz, from where the axis stands")

@@ -16,70 +16,87 @@ MOST_COORDINATES = 3
 MOST_SPANS = 8
 
 
-def show(found: DiagnosisResult, folder: Path) -> None:
+def show(diagnosis: DiagnosisResult, folder: Path) -> None:
     """Print the diagnosis of `folder`."""
-    console.print(f"{found.verdict}: {found.sentence or verdict_text.sentence(found)}")
-    if found.effects:
-        console.print(_effects(found))
-    if found.verdict != "controller":
-        console.print(_gaps(found))
+    console.print(f"{diagnosis.verdict}: {diagnosis.sentence or verdict_text.sentence(diagnosis)}")
+    if diagnosis.effects:
+        console.print(_effects(diagnosis))
+    if diagnosis.verdict != "controller":
+        console.print(_gaps(diagnosis))
     for line in (
-        *_where(found),
-        *verdict_text.remarks(found),
-        *verdict_text.ambiguous(found),
-        *verdict_text.advice(found),
+        *_where(diagnosis),
+        *verdict_text.remarks(diagnosis),
+        *verdict_text.ambiguous(diagnosis),
+        *verdict_text.advice(diagnosis),
     ):
         console.print(line)
-    for line in _commands(found, folder):
+    for line in _commands(diagnosis, folder):
         console.print(line, style="bold")
 
 
-def _effects(found: DiagnosisResult) -> Table:
+def _effects(diagnosis: DiagnosisResult) -> Table:
     table = Table("effect", "in", "share", "probability", "parameters (95 %)")
-    for one in found.effects:
-        probability = f"{one.probability:.2f}" + ("" if one.probability >= NAMED else ", not named")
-        table.add_row(verdict_text.candidates(one), one.block, percent(one.share), probability, _parameters(one, found))
+    for effect in diagnosis.effects:
+        probability = f"{effect.probability:.2f}" + ("" if effect.probability >= NAMED else ", not named")
+        table.add_row(
+            verdict_text.candidates(effect),
+            effect.block,
+            percent(effect.share),
+            probability,
+            _parameters(effect, diagnosis),
+        )
     return table
 
 
-def _parameters(one: FoundEffect, found: DiagnosisResult) -> str:
+def _parameters(effect: FoundEffect, diagnosis: DiagnosisResult) -> str:
     shown = (
-        f"{name.replace('_', ' ')} {interval(name, value, found.travel)}" for name, value in one.parameters.items()
+        f"{name.replace('_', ' ')} {interval(name, value, diagnosis.travel)}"
+        for name, value in effect.parameters.items()
     )
     return "\n".join(shown)
 
 
-def _gaps(found: DiagnosisResult) -> Table:
+def _gaps(diagnosis: DiagnosisResult) -> Table:
     table = Table("held-out runs, rms", "before", "after", "floor", "unit", "closed (95 %)")
-    known = {"position" if found.gap.unit in ("rad", "m") else "effort": found.gap, **found.gaps}
-    for name, one in known.items():
-        table.add_row(verdict_text.gap_label(name), *_gap(one, found))
+    known = {"position" if diagnosis.gap.unit in ("rad", "m") else "effort": diagnosis.gap, **diagnosis.gaps}
+    for name, value in known.items():
+        table.add_row(verdict_text.gap_label(name), *_gap(value, diagnosis))
     return table
 
 
-def _gap(one: Gap, found: DiagnosisResult) -> list[str]:
-    (before, after, floor), unit = together((one.before, one.after, one.floor), one.unit, found.travel)
-    return [before, after, floor, unit, "nothing to close" if found.verdict == "none" else verdict_text.closure(one)]
+def _gap(gap: Gap, diagnosis: DiagnosisResult) -> list[str]:
+    (before, after, floor), unit = together((gap.before, gap.after, gap.floor), gap.unit, diagnosis.travel)
+    return [
+        before,
+        after,
+        floor,
+        unit,
+        "nothing to close" if diagnosis.verdict == "none" else verdict_text.closure(gap),
+    ]
 
 
-def _where(found: DiagnosisResult) -> list[str]:
-    if found.verdict == "none":
+def _where(diagnosis: DiagnosisResult) -> list[str]:
+    if diagnosis.verdict == "none":
         return []
     blocks = ", ".join(
-        f"{name} {'not judged' if share is None else percent(share)}" for name, share in found.blocks.items()
+        f"{name} {'not judged' if share is None else percent(share)}" for name, share in diagnosis.blocks.items()
     )
-    ranked = sorted(found.coordinates, key=lambda one: -one.share)[:MOST_COORDINATES]
-    follows = ", ".join(f"{library.coordinate_label(one.name)} {percent(one.share)}" for one in ranked)
+    ranked = sorted(diagnosis.coordinates, key=lambda coordinate: -coordinate.share)[:MOST_COORDINATES]
+    follows = ", ".join(
+        f"{library.coordinate_label(coordinate.name)} {percent(coordinate.share)}" for coordinate in ranked
+    )
     lines = [f"where in the loop: {blocks}"] + ([f"what it follows: {follows}"] if ranked else [])
-    spans = verdict_text.spans(found._replace(captures=tuple(one for one in found.captures if one.spans)))
+    spans = verdict_text.spans(
+        diagnosis._replace(captures=tuple(capture for capture in diagnosis.captures if capture.spans))
+    )
     more = [f"and {len(spans) - MOST_SPANS} more captures"] if len(spans) > MOST_SPANS else []
-    return [*lines, *(f"open in {one}" for one in spans[:MOST_SPANS]), *more]
+    return [*lines, *(f"open in {span}" for span in spans[:MOST_SPANS]), *more]
 
 
-def _commands(found: DiagnosisResult, folder: Path) -> list[str]:
+def _commands(diagnosis: DiagnosisResult, folder: Path) -> list[str]:
     lines = []
-    if found.next_experiment is not None and found.next_experiment.trajectory:
+    if diagnosis.next_experiment is not None and diagnosis.next_experiment.trajectory:
         lines.append(f"stagectl gap next {folder}")
-    if any(one.fields for one in found.named):
+    if any(effect.fields for effect in diagnosis.named):
         lines.append(f"stagectl gap apply {folder} STAGE.yaml")
     return lines

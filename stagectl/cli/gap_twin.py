@@ -25,12 +25,6 @@ _SILENCE = 5.0  # s without a snapshot, after which the twin's process is looked
 _STYLES = {"none": "green", "effects": "bold yellow", "controller": "bold red"}
 
 
-def register(app: typer.Typer) -> None:
-    """Add these commands to the group ``gap``."""
-    app.command("watch")(watch)
-    app.command("drift")(drift)
-
-
 def watch(
     file: Annotated[
         Path | None,

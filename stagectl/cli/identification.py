@@ -28,11 +28,6 @@ Form = Annotated[str | None, typer.Option("--form", help="Of zero-crossing: the 
 Seed = Annotated[int | None, typer.Option("--seed", help="Of a method that searches at random.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb to the command line."""
-    app.command("identify")(identify)
-
-
 def identify(
     method: MethodArgument,
     stage: StageArgument,

@@ -19,13 +19,7 @@ Stages = Annotated[
     list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
 ]
 Root = Annotated[Path, typer.Option(metavar="FOLDER", help="Root folder of the target system.")]
-service_app = typer.Typer(help="The systemd service: install, remove.", no_args_is_help=True)
-
-
-def register(app: typer.Typer) -> None:
-    """Add these commands to the command line."""
-    app.command("doctor")(doctor)
-    app.add_typer(service_app, name="service")
+service = typer.Typer(help="The systemd service: install, remove.", no_args_is_help=True)
 
 
 def doctor(
@@ -62,7 +56,7 @@ def _as_json(check: Check) -> dict[str, Any]:
     return {"name": check.name, "good": check.good, "words": check.words, "mend": check.fix}
 
 
-@service_app.command("install")
+@service.command("install")
 def install(
     stages: Stages,
     root: Root = Path("/"),
@@ -83,7 +77,7 @@ def install(
     _tell(systemd.install(installation, root, not no_start), json)
 
 
-@service_app.command("remove")
+@service.command("remove")
 def remove(root: Root = Path("/"), json: Json = None) -> None:
     """Stop the service and remove what install wrote; recordings and black boxes stay.
 

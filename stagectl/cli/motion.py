@@ -48,14 +48,6 @@ Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the st
 _UNLOADED, _UNCOMPILED = 40_000, 200_000
 
 
-def register(app: typer.Typer) -> None:
-    """Add these verbs to the command line."""
-    app.command("run")(run)
-    app.command("simulate")(simulate)
-    app.command("virtual-drive")(virtual_drive)
-    app.command("demo")(demo)
-
-
 def run(
     stage: StageArgument,
     trajectory: TrajectoryArgument,

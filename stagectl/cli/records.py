@@ -14,26 +14,8 @@ from stagectl.extras import require
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING.h5", help="A recording.")]
 Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING.h5...", help="Recordings.")]
+Format = enum.StrEnum("Format", "csv parquet mat mcap folder trajectory")  # of `stagectl.recording.exports`
 Where = Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Output file or folder.")]
-
-
-class Format(enum.StrEnum):
-    """Formats of `stagectl.recording.exports`."""
-
-    CSV = "csv"
-    PARQUET = "parquet"
-    MAT = "mat"
-    MCAP = "mcap"
-    FOLDER = "folder"
-    TRAJECTORY = "trajectory"
-
-
-def register(app: typer.Typer) -> None:
-    """Add these commands to the command line."""
-    app.command("report")(report)
-    app.command("replay")(replay)
-    app.command("export")(export)
-    app.command("import")(import_)
 
 
 def report(recording: RecordingArgument, output: Where = None, json: Json = None) -> None:

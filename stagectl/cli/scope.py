@@ -16,12 +16,6 @@ from stagectl.units import UnitError, parse
 _LOOK = 0.1  # s between two looks at a recording
 
 
-def register(app: typer.Typer) -> None:
-    """Add these commands to the command line."""
-    app.command("scope")(scope)
-    app.command("record")(record)
-
-
 def scope(
     channels: Annotated[
         list[str] | None,

@@ -21,22 +21,7 @@ Socket = Annotated[
     typer.Option("--socket", metavar="PATH", help="Control socket of the service; default: $STAGECTL_SOCKET."),
 ]
 AxisName = Annotated[str, typer.Option("--axis", metavar="NAME", help="One axis; default: all.")]
-fault_app = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=True)
-
-
-def register(app: typer.Typer) -> None:
-    """Add these commands to the command line."""
-    app.command("serve")(serve)
-    app.command("page")(page)
-    app.command("status")(status)
-    app.command("enable")(enable)
-    app.command("disable")(disable)
-    app.command("home")(home)
-    app.command("move")(move)
-    app.command("stop")(stop)
-    app.command("follow")(follow)
-    app.command("parameters")(parameters)
-    app.add_typer(fault_app, name="fault")
+fault = typer.Typer(help="What stopped the axes: list, reset.", no_args_is_help=True)
 
 
 def serve(
@@ -224,7 +209,7 @@ def parameters(
     emit(result, json)
 
 
-@fault_app.command("list")
+@fault.command("list")
 def fault_list(socket: Socket = None, json: Json = None) -> None:
     """List what stopped axes or processes, oldest first.
 
@@ -238,7 +223,7 @@ def fault_list(socket: Socket = None, json: Json = None) -> None:
     emit({"faults": result}, json)
 
 
-@fault_app.command("reset")
+@fault.command("reset")
 def fault_reset(axis: AxisName = "", socket: Socket = None, json: Json = None) -> None:
     """Reset the fault: the drive is configured again and stays without power.
 

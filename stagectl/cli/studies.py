@@ -10,8 +10,16 @@ import typer
 from stagectl.units import StageError
 
 _CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True}
-_REPRODUCE = "Carry out a source paper's experiments on a virtual machine; needs stagectl-studies."
-_EXAM = "Put the diagnosis to sealed trials of an unknown machine; needs stagectl-studies."
+_VERBS = {  # module of `stagectl_studies.commands`, and the help where it is not installed
+    "reproduce": (
+        "reproduce",
+        "Carry out a source paper's experiments on a virtual machine; needs stagectl-studies.",
+    ),
+    "exam": (
+        "gap_exam",
+        "Put the diagnosis to sealed trials of an unknown machine; needs stagectl-studies.",
+    ),
+}
 
 
 class MissingStudiesError(StageError):
@@ -20,22 +28,16 @@ class MissingStudiesError(StageError):
 
 def register(app: typer.Typer) -> None:
     """Add `reproduce` to the command line."""
-    if _installed():
-        import_module("stagectl_studies.commands.reproduce").register(app)
+    add(app, "reproduce")
+
+
+def add(app: typer.Typer, verb: str) -> None:
+    """Add a verb of the other distribution, or one that says how to install it."""
+    module, words = _VERBS[verb]
+    if find_spec("stagectl_studies") is not None:
+        app.command(verb)(getattr(import_module(f"stagectl_studies.commands.{module}"), verb))
     else:
-        app.command("reproduce", context_settings=_CONTEXT, help=_REPRODUCE)(_missing)
-
-
-def add_exam(app: typer.Typer) -> None:
-    """Add `exam` to the verbs of the gap."""
-    if _installed():
-        import_module("stagectl_studies.commands.gap_exam").register(app)
-    else:
-        app.command("exam", context_settings=_CONTEXT, help=_EXAM)(_missing)
-
-
-def _installed() -> bool:
-    return find_spec("stagectl_studies") is not None
+        app.command(verb, context_settings=_CONTEXT, help=words)(_missing)
 
 
 def _missing() -> None:

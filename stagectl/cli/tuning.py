@@ -39,11 +39,6 @@ LawOption = Annotated[Law | None, typer.Option("--law", help="Else the stage fil
 StartOption = Annotated[Start, typer.Option("--start", help="Ratios of a cascade: by the rule, or the file's own.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb to the command line."""
-    app.command("tune")(tune)
-
-
 def tune(
     stage: StageArgument,
     bandwidth: Bandwidth = None,

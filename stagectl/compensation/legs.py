@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stagectl.compensation.constants import ROUNDING
 
-ROUNDING = 1e-9  # of the largest speed: a slower reference is at rest; rounding
+Array = NDArray[np.float64]
 
 
 class Legs(NamedTuple):

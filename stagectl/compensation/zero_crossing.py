@@ -37,6 +37,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from stagectl.compensation.constants import SMALLEST
 from stagectl.compensation.legs import Array, Legs
 from stagectl.units import Quantity
 
@@ -46,7 +47,6 @@ _POSITIVE = Quantity("N m | N", _FORCE, "constant friction at positive velocity,
 _NEGATIVE = Quantity("N m | N", _FORCE, "constant friction at negative velocity, C2; a positive number")
 _BEFORE = Quantity("s", _TIME, "time constant of the rise towards the crossing, t1")
 _AFTER = Quantity("s", _TIME, "time constant of the decay behind the crossing, t2")
-_SMALLEST = 1e-6  # least divisor; avoids a division by zero
 
 
 class Exponential(NamedTuple):
@@ -136,7 +136,7 @@ def _in_time(cut: Legs, p: Exponential | Gaussian, decay: Callable[[Array], Arra
     way, level, gap = cut.way[cut.leg], constant[cut.leg], jump[cut.leg]
     tail = gap * decay(cut.since)
     # In the same direction the tail adds to the rise: both together end at Cs, not beyond.
-    tail *= np.where(gap * way > 0.0, (1.0 - rise) / np.maximum(1.0 - first[cut.leg], _SMALLEST), 1.0)
+    tail *= np.where(gap * way > 0.0, (1.0 - rise) / np.maximum(1.0 - first[cut.leg], SMALLEST), 1.0)
     steady = level + np.where(way == 0.0, 0.0, p.static - level) * rise
     return np.asarray(way * steady + tail, dtype=np.float64)
 
@@ -158,7 +158,7 @@ def _stretch(cut: Legs, slip: float) -> Array:
     held = 0.0
     for j in range(1, len(cut.way)):
         jump[j] = 0.0 if np.isinf(cut.start[j]) else held - cut.way[j]
-        share[j] = max(0.5 * abs(jump[j]), _SMALLEST)
+        share[j] = max(0.5 * abs(jump[j]), SMALLEST)
         held = float(cut.way[j] + jump[j] * np.exp(-cut.length[j] / (slip * share[j])))
     decay = np.exp(-cut.covered / (slip * share[cut.leg]))
     return np.asarray(cut.way[cut.leg] + jump[cut.leg] * decay, dtype=np.float64)

@@ -7,12 +7,11 @@ from typing import Annotated, Any
 
 import yaml
 
-from stagectl.config.hints import Tagged
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader
 from stagectl.drives.faults import BLOCKS, FAULT_TYPES
 from stagectl.problem import Problem, ProblemKind
-from stagectl.units import StageError
+from stagectl.units import StageError, Tagged
 
 
 def read_fault(name: str, words: list[str]) -> Any:

@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+import types
+from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_type_hints
 
-from stagectl.kernels import friction, friction_bristle, plant, stage
-from stagectl.kernels.effects import Harmonic, Step, Warming
-from stagectl.kernels.plant import Along, Dwell
+from stagectl.kernels import friction, friction_bristle, stage
+from stagectl.kernels.plant import Friction
 from stagectl.units import Quantity
 
+EFFECTS = Friction._fields[Friction._fields.index("lag") :]  # what changes the limit of any law
+L = TypeVar("L")
 
+
+def _with_effects(law: L) -> L:
+    """The block of a law with the entries of every law, the effects, behind its own."""
+    own: Any = law
+    hints, kernel = get_type_hints(law, include_extras=True), get_type_hints(Friction, include_extras=True)
+    content = {
+        "__doc__": law.__doc__,
+        "__module__": law.__module__,
+        "__annotations__": {**hints, **{name: kernel[name] for name in EFFECTS}},
+        **own._field_defaults,
+        **{name: Friction._field_defaults[name] for name in EFFECTS},
+        **{name: method for name, method in vars(law).items() if name in ("operators", "bristle")},
+    }
+    block: Any = types.new_class(own.__name__, (NamedTuple,), exec_body=lambda names: names.update(content))
+    return cast("L", block)
+
+
+@_with_effects
 class Rolling(NamedTuple):
     """Rolling friction: equal elements whose slips are spaced geometrically."""
 
@@ -18,15 +38,6 @@ class Rolling(NamedTuple):
     longest: Annotated[float, Quantity("rad | m", "(0, 1e3]", "slip of the softest element")]
     elements: Annotated[int, Quantity("", "[1, 64]", "number of stop operators")] = 12
     stribeck: friction.Stribeck = friction.Stribeck()
-    lag: plant.Lag = 0.0
-    asymmetry: plant.Asymmetry = 0.0
-    dwell: Dwell = Dwell()
-    load: plant.LoadShare = 0.0
-    along: Along = Along()
-    lead: plant.Lead = Harmonic()
-    ball_pass: plant.BallPass = Harmonic()
-    warming: Warming = Warming()
-    step: Step = Step()
 
     def operators(self) -> friction.StopOperators:
         """The elements, one by one."""
@@ -36,48 +47,33 @@ class Rolling(NamedTuple):
         return friction.bundle([self.coulomb / self.elements] * self.elements, slips)
 
 
+@_with_effects
 class Operators(NamedTuple):
     """Rolling friction element by element, as an identification writes it."""
 
     weight: Annotated[tuple[float, ...], Quantity("N m | N", "[0, 1e6]", "force at which each element slips")]
     slip: Annotated[tuple[float, ...], Quantity("rad | m", "(0, 1e3]", "displacement at which each element slips")]
     stribeck: friction.Stribeck = friction.Stribeck()
-    lag: plant.Lag = 0.0
-    asymmetry: plant.Asymmetry = 0.0
-    dwell: Dwell = Dwell()
-    load: plant.LoadShare = 0.0
-    along: Along = Along()
-    lead: plant.Lead = Harmonic()
-    ball_pass: plant.BallPass = Harmonic()
-    warming: Warming = Warming()
-    step: Step = Step()
 
     def operators(self) -> friction.StopOperators:
         """The elements, as given."""
         return friction.bundle(self.weight, self.slip)
 
 
+@_with_effects
 class Dahl(NamedTuple):
     """Dahl's friction: one bristle that bends towards its limit as the axis moves."""
 
     coulomb: Annotated[float, Quantity("N m | N", "(0, 1e6]", "friction at speed, T_c")]
     range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "T_c over the stiffness at rest, sigma_0")]
     exponent: Annotated[float, Quantity("", "[0.2, 4]", "n, the shape of the approach; 1 is exponential")] = 1.0
-    lag: plant.Lag = 0.0
-    asymmetry: plant.Asymmetry = 0.0
-    dwell: Dwell = Dwell()
-    load: plant.LoadShare = 0.0
-    along: Along = Along()
-    lead: plant.Lead = Harmonic()
-    ball_pass: plant.BallPass = Harmonic()
-    warming: Warming = Warming()
-    step: Step = Step()
 
     def bristle(self) -> friction_bristle.Bristle:
         """The law, ready to run."""
         return friction_bristle.Bristle(self.coulomb, self.coulomb / self.range, self.exponent)
 
 
+@_with_effects
 class Lugre(NamedTuple):
     """LuGre friction: a damped bristle whose limit follows Stribeck's curve."""
 
@@ -85,15 +81,6 @@ class Lugre(NamedTuple):
     range: Annotated[float, Quantity("rad | m", "(0, 1e3]", "T_c over the stiffness at rest, sigma_0")]
     damping: Annotated[float, Quantity("N m s/rad | N s/m", "[0, 1e9]", "damping of the bristle, sigma_1")] = 0.0
     stribeck: friction.Stribeck = friction.Stribeck()
-    lag: plant.Lag = 0.0
-    asymmetry: plant.Asymmetry = 0.0
-    dwell: Dwell = Dwell()
-    load: plant.LoadShare = 0.0
-    along: Along = Along()
-    lead: plant.Lead = Harmonic()
-    ball_pass: plant.BallPass = Harmonic()
-    warming: Warming = Warming()
-    step: Step = Step()
 
     def bristle(self) -> friction_bristle.Bristle:
         """The law, ready to run."""
@@ -103,18 +90,10 @@ class Lugre(NamedTuple):
 LAWS = {"rolling": Rolling, "stop-operators": Operators, "dahl": Dahl, "lugre": Lugre}
 
 
-EFFECTS = ("lag", "asymmetry", "dwell", "load", "along", "lead", "ball_pass", "warming", "step")  # of every law
-
-
 def friction_of(law: Rolling | Operators | Dahl | Lugre) -> stage.Friction:
     """The plant's friction: a bundle of stop operators, or a bristle with a bundle that carries nothing."""
     if isinstance(law, Rolling | Operators):
         friction_ = stage.Friction(law.operators(), law.stribeck)
     else:
         friction_ = stage.Friction(friction.bundle([0.0], [1.0]), friction.Stribeck(), law.bristle())
-    return friction_._replace(**effects_of(law))
-
-
-def effects_of(law: Rolling | Operators | Dahl | Lugre) -> dict[str, Any]:
-    """What changes the law's limit, by field; the same for every law."""
-    return {name: getattr(law, name) for name in EFFECTS}
+    return friction_._replace(**{name: getattr(law, name) for name in EFFECTS})

@@ -3,18 +3,9 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Mapping
-from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from stagectl.units import quantity_of
-
-
-class Tagged(NamedTuple):
-    """A union of blocks that one key distinguishes: ``type: sine`` chooses the block of that name."""
-
-    key: str
-    blocks: Mapping[str, Any]
-    default: str = ""  # the block where the key is absent; empty: the key is required
+from stagectl.units import Tagged, quantity_of
 
 
 def plain(hint: Any) -> Any:

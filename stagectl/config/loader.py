@@ -14,11 +14,11 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 import yaml
 
 from stagectl.config.bounds import DEEPEST_BLOCK, LONGEST_LIST, LONGEST_SHOWN, LONGEST_TEXT, MOST_PROBLEMS
-from stagectl.config.hints import Tagged, extras_of, fields_of, is_union, meaning_of, plain, tag_of, without_none
+from stagectl.config.hints import extras_of, fields_of, is_union, meaning_of, plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
 from stagectl.config.source import ConfigError, compose
 from stagectl.problem import Problem, ProblemKind
-from stagectl.units import StageError, quantity_of
+from stagectl.units import StageError, Tagged, quantity_of
 
 
 class Reader:

@@ -114,8 +114,7 @@ def _check(reader: Reader, root: yaml.Node, entries: dict[str, yaml.Node]) -> No
             reason = "must be a block such as {drive.wire.node: 6}"
             reader.refuse(block, Problem(reason, ProblemKind.SHAPE, f"{AXES}.{name}"))
     if len(entries) > MOST_AXES:
-        reason = f"has {len(entries)} entries; must have 1 to {MOST_AXES}"
-        reader.refuse(root, Problem(reason, ProblemKind.SHAPE, AXES))
+        reader.refuse(root, Problem(f"has {len(entries)} entries; must have 1 to {MOST_AXES}", ProblemKind.SHAPE, AXES))
     coupling = _value(root, COUPLED)
     if coupling is not None and getattr(coupling, "value", "") not in ("true", "false"):
         reader.refuse(coupling, Problem("must be true or false", ProblemKind.VALUE, COUPLED))

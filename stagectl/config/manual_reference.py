@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from stagectl.config.hints import fields_of, meaning_of, tag_of, without_none
 from stagectl.config.stage_blocks import StageFile
-from stagectl.config.trajectory_file import EXPERIMENTS, Entry
+from stagectl.config.trajectory_file import EXPERIMENTS
+from stagectl.trajectories.sequence import Entry
 from stagectl.units import Quantity, quantity_of
 
 REQUIRED = "required"
@@ -75,7 +76,8 @@ def _item(hint: Any) -> Any:
 
 def _row(field: str, hint: Any, defaults: dict[str, Any]) -> Row:
     quantity = quantity_of(hint)
-    words = meaning_of(hint) or (_summary(hint) if hasattr(without_none(hint), "_fields") else "")
+    described = hasattr(without_none(hint), "_fields") and not _is_trajectory(hint)
+    words = meaning_of(hint) or (_summary(hint) if described else "")
     default = _shown(defaults[field], quantity) if field in defaults else REQUIRED
     interval = f"{quantity.interval}" if quantity else ""
     return Row(field, _takes(hint, quantity), interval, default, quantity.meaning if quantity else words)
@@ -83,7 +85,7 @@ def _row(field: str, hint: Any, defaults: dict[str, Any]) -> Row:
 
 def _takes(hint: Any, quantity: Quantity | None) -> str:
     plain, tag = without_none(hint), tag_of(hint)
-    if hint == Entry or (tag is not None and tag.key == "type"):
+    if _is_trajectory(hint):
         return "a motion or a current, see the trajectory file"
     if get_origin(plain) is tuple:
         inner = get_args(plain)[0]
@@ -91,6 +93,11 @@ def _takes(hint: Any, quantity: Quantity | None) -> str:
     if tag is not None:
         return f"block with `{tag.key}`: {', '.join(tag.blocks)}"
     return "block" if hasattr(plain, "_fields") else _scalar(plain, quantity)
+
+
+def _is_trajectory(hint: Any) -> bool:
+    tag = tag_of(hint)
+    return tag is not None and tag.key == "type"
 
 
 def _scalar(plain: Any, quantity: Quantity | None) -> str:

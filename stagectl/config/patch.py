@@ -160,8 +160,7 @@ def check_values(file: StageFile, values: Mapping[str, Any]) -> None:
     for name, wanted in values.items():
         read: Any = functools.reduce(getattr, name.split("."), file)
         if not _close(read, wanted):
-            reason = f"would be read back as {read!r}, not as {wanted!r}"
-            raise ConfigError(Problem(reason, ProblemKind.VALUE, name))
+            raise ConfigError(Problem(f"would be read back as {read!r}, not as {wanted!r}", ProblemKind.VALUE, name))
 
 
 def _close(read: Any, wanted: Any) -> bool:

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 from stagectl.config.hints import fields_of, is_union, meaning_of, plain, tag_of, without_none
 from stagectl.config.stage_blocks import StageFile
-from stagectl.config.trajectory_file import BLOCKS, EXPERIMENTS, Entry
+from stagectl.config.trajectory_file import EXPERIMENTS
+from stagectl.trajectories.sequence import TYPES, Entry
 from stagectl.units import Quantity, quantity_of
 
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
@@ -34,7 +35,7 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {"stage": stage_schema, "traj
 
 def _of(hint: Any) -> dict[str, Any]:
     if hint == Entry:
-        return {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in BLOCKS]}
+        return {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in TYPES]}
     tag, words = tag_of(hint), meaning_of(hint)
     if tag is not None:
         return {"oneOf": [_block(kind, tag.key, name, name == tag.default) for name, kind in tag.blocks.items()]}

@@ -8,14 +8,13 @@ from typing import Annotated, Any, Literal, NamedTuple
 from stagectl import design, learning
 from stagectl.compensation.forms import FORMS, Model
 from stagectl.config.friction_laws import LAWS, Dahl, Lugre, Operators, Rolling
-from stagectl.config.hints import Tagged
 from stagectl.config.homing import Homing
 from stagectl.drives.drive import Canopen, Odrive, Simulation
 from stagectl.drives.faults import BLOCKS
 from stagectl.kernels import effects, plant, stage
 from stagectl.kernels.effects import Harmonic
 from stagectl.kernels.plant import Reported
-from stagectl.units import LINEAR, ROTARY, Quantity
+from stagectl.units import LINEAR, ROTARY, Quantity, Tagged
 
 _POSITIVE = "(0, 1e6]"
 

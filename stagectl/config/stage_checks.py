@@ -33,8 +33,7 @@ def _encoder(file: StageFile) -> Iterator[Problem]:
     if (encoder.counts_per_revolution is None) == (encoder.step is None):
         yield Problem("needs exactly one of counts_per_revolution and step", _CONFLICT, "encoder")
     if axis.kind == LINEAR and (axis.lead or encoder.counts_per_revolution):
-        reason = "a lead and counts_per_revolution belong to a rotary axis"
-        yield Problem(reason, _CONFLICT, "axis.kind", axis.kind)
+        yield Problem("a lead and counts_per_revolution belong to a rotary axis", _CONFLICT, "axis.kind", axis.kind)
 
 
 def _limits(file: StageFile) -> Iterator[Problem]:
@@ -90,8 +89,7 @@ def _transmission(file: StageFile) -> Iterator[Problem]:
 def _friction(file: StageFile) -> Iterator[Problem]:
     law = file.friction
     if isinstance(law, Rolling) and not law.shortest <= law.longest <= WIDEST_SLIPS * law.shortest:
-        reason = f"must be 1 to {WIDEST_SLIPS:g} times friction.shortest"
-        yield Problem(reason, _CONFLICT, "friction.longest")
+        yield Problem(f"must be 1 to {WIDEST_SLIPS:g} times friction.shortest", _CONFLICT, "friction.longest")
     if isinstance(law, Operators) and len(law.weight) != len(law.slip):
         reason = f"has {len(law.weight)} entries, and friction.slip has {len(law.slip)}: give one slip for each weight"
         yield Problem(reason, _CONFLICT, "friction.weight")

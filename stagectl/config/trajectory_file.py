@@ -13,67 +13,18 @@ import yaml
 
 from stagectl import trajectories
 from stagectl.config.bounds import DEEPEST_PARTS, LARGEST_CSV, MOST_PARTS
-from stagectl.config.hints import Tagged
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader, load
 from stagectl.config.source import ConfigError, compose, malformed, placed, read_text
 from stagectl.config.stage_file import Setup
 from stagectl.problem import Problem, ProblemKind
-from stagectl.trajectories.experiments import AT, START, WATCH
-from stagectl.units import LINEAR, ROTARY, Quantity, factor
+from stagectl.trajectories import TYPES, Csv, Excited, Released, Sequence, Sum
+from stagectl.units import LINEAR, ROTARY, Tagged, factor
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,2})?")
 
 
-class Csv(NamedTuple):
-    """A recorded motion from a CSV file with the columns ``time_s`` and ``reference_mm`` (or another unit)."""
-
-    file: Annotated[str, "the CSV file, relative to this one"]
-    run_up: Annotated[
-        float, Quantity("s", "[0, 60]", "time to reach the first velocity from rest; 0: it begins at rest")
-    ] = 0.0
-    run_out: Annotated[
-        float, Quantity("s", "[0, 60]", "time to come to rest from the last velocity; 0: it ends at rest")
-    ] = 0.0
-    part: Annotated[
-        tuple[float, float] | None, Quantity("s", "[-1e12, 1e12]", "first and last time to run, as in the file")
-    ] = None
-
-
-class Parts(NamedTuple):
-    """Trajectories one after another."""
-
-    parts: Annotated[tuple[Entry, ...], "list of trajectories, each a block with its type"]
-
-
-class Together(NamedTuple):
-    """Trajectories at once, their motions added."""
-
-    parts: Annotated[tuple[Entry, ...], "list of trajectories, each a block with its type"]
-
-
-BLOCKS: dict[str, Any] = {**trajectories.TYPES, "csv": Csv, "sequence": Parts, "sum": Together}
-Entry = Annotated[Any, Tagged("type", BLOCKS)]
-CurrentEntry = Annotated[Any, Tagged("type", trajectories.CURRENTS)]
-
-
-class Excited(NamedTuple):
-    """A motion in closed loop while a current is injected into the command."""
-
-    motion: Entry
-    current: CurrentEntry
-    start: Annotated[float | None, START] = None
-
-
-class Release(NamedTuple):
-    """A motion in closed loop; then the axis is let go, without any current, and watched."""
-
-    motion: Entry
-    at: Annotated[float | None, AT] = None
-    watch: Annotated[float, WATCH] = 0.5
-
-
-EXPERIMENTS: dict[str, Any] = {**BLOCKS, **trajectories.CURRENTS, "excited": Excited, "release": Release}
+EXPERIMENTS: dict[str, Any] = {**TYPES, **trajectories.CURRENTS, "excited": Excited, "release": Released}
 Root = Annotated[Any, Tagged("type", EXPERIMENTS)]
 
 
@@ -98,7 +49,7 @@ def load_trajectory(path: Path, axis: Axis, text: str | None = None) -> trajecto
     Raises ConfigError or TrajectoryError with the place and the reason.
     """
     entry = load(path, lambda reader, root: _read(reader, root), axis.lengths, text)
-    trajectory = _experiment(entry, path, axis)
+    trajectory: trajectories.Experiment = _resolved(entry, path, axis)
     try:
         trajectories.check(trajectory)
     except trajectories.TrajectoryError as error:
@@ -128,27 +79,15 @@ def _count(node: yaml.Node, depth: int) -> int:
     return total
 
 
-def _experiment(entry: Any, path: Path, axis: Axis) -> trajectories.Experiment:
-    if isinstance(entry, Excited):
-        return trajectories.Excited(_resolved(entry.motion, path, axis), entry.current, entry.start)
-    if isinstance(entry, Release):
-        return trajectories.Released(_resolved(entry.motion, path, axis), entry.at, entry.watch)
-    if type(entry) in trajectories.CURRENTS.values():
-        current: trajectories.Current = entry
-        return current
-    return _resolved(entry, path, axis)
-
-
-def _resolved(entry: Any, path: Path, axis: Axis) -> trajectories.Trajectory:
-    """Files read, parts resolved."""
+def _resolved(entry: Any, path: Path, axis: Axis) -> Any:
+    """The trajectory or experiment with its files read, also those of its parts."""
     if isinstance(entry, Csv):
         return _recorded(path.parent / entry.file, entry, axis)
-    if isinstance(entry, Parts):
-        return trajectories.Sequence(tuple(_resolved(part, path, axis) for part in entry.parts))
-    if isinstance(entry, Together):
-        return trajectories.Sum(tuple(_resolved(part, path, axis) for part in entry.parts))
-    trajectory: trajectories.Trajectory = entry
-    return trajectory
+    if isinstance(entry, Sequence | Sum):
+        return entry._replace(parts=tuple(_resolved(part, path, axis) for part in entry.parts))
+    if isinstance(entry, Excited | Released):
+        return entry._replace(motion=_resolved(entry.motion, path, axis))
+    return entry
 
 
 def _recorded(path: Path, entry: Csv, axis: Axis) -> trajectories.Recorded:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
+from stagectl.kernels.constants import FOLDBACK_BEGINS
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import Drive, Line, Reported
-
-_FOLDS = 0.8  # share of the heat at which the limit begins to fall
 
 
 @kernel
@@ -57,9 +56,9 @@ def folded(p: Drive, heat: float) -> float:
     The heat that the peak current brings in `foldback_time` is ``current_limit^2 - continuous_current^2``.
     """
     most = p.current_limit * p.current_limit - p.continuous_current * p.continuous_current
-    if heat <= _FOLDS * most or most <= 0.0 or most == math.inf:
+    if heat <= FOLDBACK_BEGINS * most or most <= 0.0 or most == math.inf:
         return min(p.current_limit, p.continuous_current) if most <= 0.0 else p.current_limit
-    share = min((heat / most - _FOLDS) / (1.0 - _FOLDS), 1.0)
+    share = min((heat / most - FOLDBACK_BEGINS) / (1.0 - FOLDBACK_BEGINS), 1.0)
     return p.current_limit - share * (p.current_limit - p.continuous_current)
 
 

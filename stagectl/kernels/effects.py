@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
+from stagectl.kernels.constants import SERIES_BELOW
 from stagectl.kernels.jit import kernel, table
 from stagectl.units import Quantity
 
@@ -95,7 +96,7 @@ def looked_up(p: Table, place: float) -> float:
 @kernel
 def relaxed(y: float) -> float:
     """``(1 - exp(-y)) / y`` for y >= 0: mean of a decay over its step."""
-    if y < 0.01:  # as exact as the function, and a fifth of its time: damping comes here at every step
+    if y < SERIES_BELOW:
         even = y * y
         return 1.0 - 0.5 * y + even * (1.0 / 6.0 - (1.0 / 24.0) * y + even * (1.0 / 120.0 - (1.0 / 720.0) * y))
     return -math.expm1(-y) / y

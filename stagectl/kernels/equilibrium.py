@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from stagectl.kernels import effects, friction, friction_bristle, friction_effects, plant_with_effects, transmission
+from stagectl.kernels.constants import READING_STEPS
 from stagectl.kernels.plant import NO_COMMANDS, Line, Memory, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 _NEVER: Line = (-math.inf,) * 8  # no command has begun
-_READ = 20  # steps towards a reading, each as much nearer as the error is flat
 
 
 def at_rest(p: Stage, position: float, time: float) -> State:
@@ -33,7 +33,7 @@ def at_rest(p: Stage, position: float, time: float) -> State:
 def read(p: Stage, measured: float) -> float:
     """Position (rad | m) that the encoder shows as `measured`; its errors are small compared with their periods."""
     position = measured
-    for _ in range(_READ):
+    for _ in range(READING_STEPS):
         off = measured - plant_with_effects.seen(p.encoder, p.mechanics.pitch, position)
         if off == 0.0:
             break

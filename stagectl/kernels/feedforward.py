@@ -26,6 +26,7 @@ import math
 from typing import Any, NamedTuple
 
 from stagectl.kernels import friction
+from stagectl.kernels.constants import PHI2_SERIES_BELOW
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.stage import Mechanics
 
@@ -78,7 +79,7 @@ def held(mechanics: Mechanics, force_constant: float, dt: float) -> Held:
 
 def _phi2(z: float) -> float:
     """``(z - 1 + exp(-z)) / z^2``, by its series where the difference would cancel."""
-    if z > 0.5:
+    if z > PHI2_SERIES_BELOW:
         return (z + math.expm1(-z)) / (z * z)
     term, total = 0.5, 0.5
     for n in range(3, 20):

@@ -18,10 +18,9 @@ import math
 from typing import NamedTuple
 
 from stagectl.kernels import effects, friction, friction_bristle
+from stagectl.kernels.constants import LEAST_FORCE, LEAST_LIMIT
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import Along, Dwell, Friction
-
-_LEAST = 1e-9  # share of the bristle's limit that is always left: it divides by it
 
 
 class Held(NamedTuple):
@@ -121,7 +120,7 @@ def slid(c: Held, x: Contact, to: Limits, force: float, dx: float) -> Contact:
         force += carried
     rested = x.rested
     if c.dwell.rise != 0.0:
-        rested = _aged(c, rested, dx, force / max(c.coulomb * to.bristle, 1e-300))
+        rested = _aged(c, rested, dx, force / max(c.coulomb * to.bristle, LEAST_FORCE))
     return Contact(force, bristle, to.lagged, rested)
 
 
@@ -131,7 +130,7 @@ def _bent(c: Held, z: float, limit: float, dx: float) -> tuple[float, float]:
     if dx == 0.0:
         return c.bristle.stiffness * z, z
     side = 1.0 + c.asymmetry if dx > 0.0 else 1.0 - c.asymmetry
-    return friction_bristle.within(c.bristle, z, c.bristle.coulomb * max(limit * side, _LEAST), dx, c.h)
+    return friction_bristle.within(c.bristle, z, c.bristle.coulomb * max(limit * side, LEAST_LIMIT), dx, c.h)
 
 
 @kernel

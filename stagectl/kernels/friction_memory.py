@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
+from stagectl.kernels.constants import EXPONENT_OF_TWO
 from stagectl.kernels.jit import kernel
 from stagectl.units import Quantity
 
@@ -111,7 +112,7 @@ def _spring(exponent: float, xi: float) -> float:
         return 0.0
     if xi >= 1.0:
         return 1.0
-    if abs(exponent - 2.0) < 1e-6:
+    if abs(exponent - 2.0) < EXPONENT_OF_TWO:
         return xi * (1.0 - math.log(xi))
     return float((xi ** (exponent - 1.0) - (exponent - 1.0) * xi) / (2.0 - exponent))
 

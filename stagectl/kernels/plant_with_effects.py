@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 from stagectl.kernels import drive_effects, effects, friction, friction_effects, transmission
+from stagectl.kernels.constants import TURN_SHARE
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import Drive, Encoder, Line, Memory, Motor, Noise, Stage, State
 from stagectl.kernels.transmission import Bodies
@@ -153,7 +154,7 @@ def _stepped(p: Stage, c: _Kept, x: State, y: _Moving) -> _Moving:
     current, acting, bodies, contact, path = y.current, y.acting, y.bodies, y.contact, y.path
     drive, mechanics, operators, stops, h = p.drive, p.mechanics, p.friction.operators, x.stops, c.contact.h
     along, lead, balls, code = p.friction.along, p.friction.lead, p.friction.ball_pass, p.residual.coordinate
-    lines, motor, bias, back = (x.commands, x.memory.begun), p.motor, mechanics.bias, 0.1 * c.contact.length
+    lines, motor, bias, back = (x.commands, x.memory.begun), p.motor, mechanics.bias, TURN_SHARE * c.contact.length
     at = motoring(motor, c.turn * bodies.position)
     against = transmission.pulled(mechanics.cable, bodies.load, path.cable)
     if code != effects.NONE:

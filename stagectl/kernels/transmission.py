@@ -24,11 +24,9 @@ import math
 from typing import NamedTuple
 
 from stagectl.kernels import effects
+from stagectl.kernels.constants import LARGEST_ANGLE, STRAIGHT_BELOW
 from stagectl.kernels.jit import kernel
 from stagectl.kernels.plant import Cable, Mechanics
-
-_LARGEST = 0.15  # rad of the fastest mode in one step
-_ROOT = 1e-6  # rad/s | m/s below which the root of the speed goes over into a straight line
 
 
 class Bodies(NamedTuple):
@@ -71,7 +69,7 @@ def finer(p: Mechanics, h: float) -> int:
     fastest = p.base.frequency if p.base.ratio > 0.0 else 0.0
     if p.transmission.load_share > 0.0:
         fastest = max(fastest, p.transmission.resonance)
-    return max(math.ceil(2.0 * math.pi * fastest * h / _LARGEST), 1)
+    return max(math.ceil(2.0 * math.pi * fastest * h / LARGEST_ANGLE), 1)
 
 
 @kernel
@@ -99,11 +97,11 @@ def coefficients(p: Mechanics, time: float, h: float) -> Coefficients:
 @kernel
 def viscous(p: Mechanics, c: Coefficients, v: float) -> float:
     """Friction over velocity at `v`: ``D (1 + e sgn v) + c_2 |v| + c / sqrt(|v|)``."""
-    found = c.viscous[1] if v > 0.0 else c.viscous[0]
-    found += p.quadratic * abs(v)
+    damping = c.viscous[1] if v > 0.0 else c.viscous[0]
+    damping += p.quadratic * abs(v)
     if p.root != 0.0:
-        found += p.root / math.sqrt(abs(v) + _ROOT)
-    return found
+        damping += p.root / math.sqrt(abs(v) + STRAIGHT_BELOW)
+    return damping
 
 
 @kernel

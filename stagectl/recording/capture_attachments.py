@@ -38,7 +38,7 @@ def setpoints(path: Path, rows: int, kind: str) -> dict[str, Array]:
     if absent or len(table) != rows:
         what = f"has no column {absent[0]}" if absent else f"has {len(table)} rows, its capture {rows}"
         reason = f"{path} {what}; without setpoints, they are recomputed: take the key out of captures.yaml"
-        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT, column=absent[0] if absent else "")
+        raise RecordingError(reason, path, ProblemKind.CONFLICT, column=absent[0] if absent else "")
     return {name: _numbers(path, table, label) for name, label in names.items()}
 
 
@@ -56,30 +56,26 @@ def injection(path: Path, time: Array) -> Array:
                 f"{path} has {len(current)} rows and no time_s, its capture has {len(time)}; it must have as many, or "
                 "a time"
             )
-            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
+            raise RecordingError(reason, path, ProblemKind.CONFLICT)
         return current
     return _held(path, _numbers(path, table, "time_s"), current, time)
 
 
 def _table(path: Path) -> Any:
-    try:
-        return arrow().csv.read_csv(path, read_options=arrow().csv.ReadOptions(use_threads=False))
-    except (arrow().ArrowInvalid, OSError) as error:
-        raise RecordingError(
-            f"{path} cannot be read as the CSV of a capture: {error}", file=path, kind=ProblemKind.FILE
-        ) from error
+    words, causes = f"{path} cannot be read as the CSV of a capture", (arrow().ArrowInvalid, OSError)
+    with RecordingError.instead_of(causes, words, path, ProblemKind.FILE):
+        table = arrow().csv.read_csv(path, read_options=arrow().csv.ReadOptions(use_threads=False))
+    return table
 
 
 def _column(path: Path, names: list[str]) -> tuple[str, float]:
     """The current's column, and its factor into A."""
-    currents = [name for name in names if name != "time_s" and _scale(name) is not None]
-    chosen = [name for name in currents if name.startswith("injection")] or currents
+    scales = {name: scale for name in names if name != "time_s" and (scale := _scale(name)) is not None}
+    chosen = [name for name in scales if name.startswith("injection")] or list(scales)
     if len(chosen) != 1:
         reason = f"{path} has the columns {', '.join(names)}; one of them must be the added current: {NAME} (A or mA)"
-        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=NAME)
-    scale = _scale(chosen[0])
-    assert scale is not None
-    return chosen[0], scale
+        raise RecordingError(reason, path, ProblemKind.MISSING, column=NAME)
+    return chosen[0], scales[chosen[0]]
 
 
 def _scale(name: str) -> float | None:
@@ -94,11 +90,11 @@ def _numbers(path: Path, table: Any, name: str) -> Array:
         values = np.array(table[name].cast(arrow().float64()).to_numpy(), dtype=np.float64)
     except arrow().ArrowInvalid as error:
         raise RecordingError(
-            f"{name} in {path} does not hold numbers: {error}", file=path, kind=ProblemKind.VALUE, column=name
+            f"{name} in {path} does not hold numbers: {error}", path, ProblemKind.VALUE, column=name
         ) from error
     if not np.all(finite := np.isfinite(values)):
         reason = f"{path} has no {name} in row {int(np.argmin(finite)) + 1} of its numbers"
-        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=name, row=int(np.argmin(finite)) + 1)
+        raise RecordingError(reason, path, ProblemKind.MISSING, column=name, row=int(np.argmin(finite)) + 1)
     return values
 
 
@@ -106,7 +102,7 @@ def _held(path: Path, begins: Array, current: Array, time: Array) -> Array:
     """`current` (m,) A, each from its time in `begins` (m,) s on, at the rows' `time` (n,) s; 0 outside."""
     if len(begins) < 2 or np.any(np.diff(begins) <= 0.0):
         reason = f"{path}: time_s must have at least two rows and increase strictly"
-        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT, column="time_s")
+        raise RecordingError(reason, path, ProblemKind.CONFLICT, column="time_s")
     step = float(np.median(np.diff(begins)))
     late = EARLY * min(step, float(np.median(np.diff(time))))
     at = np.searchsorted(begins, time + late, side="right") - 1
@@ -116,5 +112,5 @@ def _held(path: Path, begins: Array, current: Array, time: Array) -> Array:
             f"{path} covers {begins[0]:g} s to {begins[-1]:g} s, its capture {time[0]:g} s to {time[-1]:g} s: none of "
             "it was added in this capture"
         )
-        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT, column="time_s")
+        raise RecordingError(reason, path, ProblemKind.CONFLICT, column="time_s")
     return np.where(inside, current[np.maximum(at, 0)], 0.0)

@@ -123,34 +123,30 @@ def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
             return Scales(LINEAR)
     what = f"a position in {known[0]}" if known else "no column position_<unit>"
     reason = f"{path}: the kind of the axis is not known from {what}; give --stage, or write nominal.yaml next to it"
-    raise RecordingError(reason, file=path, kind=ProblemKind.UNIT)
+    raise RecordingError(reason, path, ProblemKind.UNIT)
 
 
-def of_choices(chosen: list[Choice], scales: Scales, path: Path) -> dict[str, tuple[Choice, float]]:
-    """Our columns by name: where each is, and its factor into SI.
+def of_choices(chosen: list[Choice], setup: Any, path: Path) -> tuple[Scales, dict[str, tuple[Choice, float]]]:
+    """The axis, and our columns by name: where each is, and its factor into SI.
 
+    The scales are those of the stage, else those that follow from the units of the positions.
     Raises RecordingError where time or position is not among them.
     """
+    units = (choice.unit for choice in chosen if choice.quantity == "position")
+    scales = scales_by_unit(units, path) if setup is None else scales_of_stage(setup, 0.0)
     known: dict[str, tuple[Choice, float]] = {}
     for choice in chosen:
         try:
             ours, scale = meaning(choice.quantity, choice.unit, scales)
         except StageError as error:
             reason = f"--columns {choice.quantity}={choice.name}:{choice.unit}: {error}"
-            raise RecordingError(reason, file=path, kind=ProblemKind.UNIT, column=choice.name) from error
+            raise RecordingError(reason, path, ProblemKind.UNIT, column=choice.name) from error
         if ours in known:
             reason = f"{path} has two columns for {ours}, {known[ours][0].name} and {choice.name}: name one"
-            raise RecordingError(reason, file=path, kind=ProblemKind.REPEATED, column=ours)
+            raise RecordingError(reason, path, ProblemKind.REPEATED, column=ours)
         known[ours] = (choice, scale)
     for ours, quantity in (("time", "time"), ("measured", "position")):
         if ours not in known:
             reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"
-            raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=ours)
-    return known
-
-
-def axis_of(chosen: list[Choice], setup: Any, path: Path) -> Scales:
-    """The scales of the stage, else those that follow from the units of the positions."""
-    if setup is not None:
-        return scales_of_stage(setup, 0.0)
-    return scales_by_unit((choice.unit for choice in chosen if choice.quantity == "position"), path)
+            raise RecordingError(reason, path, ProblemKind.MISSING, column=ours)
+    return scales, known

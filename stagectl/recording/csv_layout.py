@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,15 +36,13 @@ def layout(path: Path) -> Layout:
 
     Raises RecordingError where it is not text, or empty.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = list(itertools.islice(file, HEADER_LINES))
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path} is not CSV text: {error}", file=path, kind=ProblemKind.SYNTAX) from error
+    with _read_as_csv(path), path.open(newline="", encoding="utf-8-sig") as file:
+        lines = list(itertools.islice(file, HEADER_LINES))
     if not any(line.strip() for line in lines):
         reason = f"{path} is empty; must have a header (time_s,position_mm,...) and a row for each sample"
-        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING)
-    tried = [(separator, _split(lines, separator, path)) for separator in SEPARATORS]
+        raise RecordingError(reason, path, ProblemKind.MISSING)
+    with _read_as_csv(path):
+        tried = [(separator, _split(lines, separator)) for separator in SEPARATORS]
     separator, rows = max(tried, key=lambda candidate: sum(_numbers(row, candidate[0]) for row in candidate[1]))
     first = next((k for k, row in enumerate(rows) if _numbers(row, separator)), 1)
     numbers = [row for row in rows if _numbers(row, separator)]
@@ -52,11 +51,13 @@ def layout(path: Path) -> Layout:
     return Layout(separator, rows[: max(first, 1)], first, count, "," if comma else ".")
 
 
-def _split(lines: list[str], separator: str, path: Path) -> list[list[str]]:
-    try:
-        return [[cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])] for line in lines]
-    except csv.Error as error:
-        raise RecordingError(f"{path} is not CSV text: {error}", file=path, kind=ProblemKind.SYNTAX) from error
+def _read_as_csv(path: Path) -> AbstractContextManager[None]:
+    causes = (OSError, UnicodeDecodeError, csv.Error)
+    return RecordingError.instead_of(causes, f"{path} is not CSV text", path, ProblemKind.SYNTAX)
+
+
+def _split(lines: list[str], separator: str) -> list[list[str]]:
+    return [[cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])] for line in lines]
 
 
 def _numbers(row: list[str], separator: str) -> bool:

@@ -16,7 +16,6 @@ from stagectl.recording.columns import (
     Array,
     Choice,
     Log,
-    axis_of,
     choices,
     meaning,
     of_choices,
@@ -44,9 +43,9 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
             f"{path} has no header, its first row is numbers; say which of its {how.width} columns is which, counting "
             f"from 1: {EXAMPLE}"
         )
-        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING)
+        raise RecordingError(reason, path, ProblemKind.MISSING)
     if how.skipped > 1:
-        raise RecordingError(f"{path} {_preamble(how)}", file=path, kind=ProblemKind.MISSING)
+        raise RecordingError(f"{path} {_preamble(how)}", path, ProblemKind.MISSING)
     beside = path.parent / "nominal.yaml"
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
     scales = _scales(path, names, setup, scales_of_nominal(nominal, beside) if nominal else None)
@@ -80,11 +79,8 @@ def _preamble(how: Layout) -> str:
 
 
 def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) -> Log:
-    scales = axis_of(chosen, setup, path)
-    places = {
-        ours: (_column(path, how.names, how.width, choice), scale)
-        for ours, (choice, scale) in of_choices(chosen, scales, path).items()
-    }
+    scales, known = of_choices(chosen, setup, path)
+    places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
     labels = [f"column {number}" for number in range(1, how.width + 1)]
     table = _table(path, labels, [labels[at] for at, _ in places.values()], how)
     columns = {ours: table[labels[at]] * scale for ours, (at, scale) in places.items()}
@@ -93,8 +89,9 @@ def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) 
     return Log(path, scales, columns, notes, {}, labelled)
 
 
-def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
+def _column(path: Path, how: Layout, choice: Choice) -> int:
     """The index of a column, from its name or its number."""
+    names, count = how.names, how.width
     if choice.name in names:
         return names.index(choice.name)
     if not choice.name.isdecimal():
@@ -102,10 +99,10 @@ def _column(path: Path, names: list[str], count: int, choice: Choice) -> int:
             f"its columns are {', '.join(names)}" if names else f"it has no header, so give a number from 1 to {count}"
         )
         reason = f"{path} has no column {choice.name} for the {choice.quantity}: {there}"
-        raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
+        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
     if not 1 <= int(choice.name) <= count:
         reason = f"column {choice.name} of {path}; must be 1 to {count}, the first is 1"
-        raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
+        raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
     return int(choice.name) - 1
 
 
@@ -131,16 +128,14 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
             ours_and_factor = ((own[name], 1.0) if name in own else None) if exported else _meaning(name, scales)
         except StageError as error:
             if name.startswith(("time_", "position_")):
-                raise RecordingError(
-                    f"{name} in {path}: {error}", file=path, kind=ProblemKind.UNIT, column=name
-                ) from error
+                raise RecordingError(f"{name} in {path}: {error}", path, ProblemKind.UNIT, column=name) from error
             notes.append(f"{name} is left out: {error}")
             continue
         if ours_and_factor is None:
             notes.append(f"{name or 'a column without a name'} is left out: it is not a quantity with a known unit")
         elif ours_and_factor[0] in [ours for ours, _ in known.values()]:
             reason = f"{path} has two columns for {ours_and_factor[0]}, the second is {name}: remove one"
-            raise RecordingError(reason, file=path, kind=ProblemKind.REPEATED, column=ours_and_factor[0])
+            raise RecordingError(reason, path, ProblemKind.REPEATED, column=ours_and_factor[0])
         else:
             known[name] = ours_and_factor
     absent = {"time", "measured"} - {ours for ours, _ in known.values()}
@@ -149,7 +144,7 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
             f"{path} has the columns {', '.join(names)}; it must have time_s and a position_<unit>, or say which are "
             "they: --columns time=NAME,position=NAME:mm"
         )
-        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=sorted(absent)[0])
+        raise RecordingError(reason, path, ProblemKind.MISSING, column=sorted(absent)[0])
     return known, notes
 
 
@@ -167,8 +162,7 @@ def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict
         decimal_point=how.decimal,
     )
     parsing = arrow().csv.ParseOptions(delimiter=how.separator)
-    try:
+    causes = (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError)
+    with RecordingError.instead_of(causes, f"{path}", path, ProblemKind.VALUE):
         table = arrow().csv.read_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
-    except (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError) as error:
-        raise RecordingError(f"{path}: {error}", file=path, kind=ProblemKind.VALUE) from error
     return {name: np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted}

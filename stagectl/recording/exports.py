@@ -54,27 +54,22 @@ def export(recordings: list[Recording], to: str, path: Path | None) -> list[Expo
     for recording in recordings:
         if not len(recording.samples):
             reason = f"{recording.path} holds no rows: there is nothing to export"
-            raise RecordingError(reason, file=recording.path, kind=ProblemKind.MISSING)
+            raise RecordingError(reason, recording.path, ProblemKind.MISSING)
     if to == FOLDER:
         return [write_folder(recordings, path or recordings[0].path.with_suffix(""))]
     if path is not None and len(recordings) > 1:
         reason = f"{path} is one file for {len(recordings)} recordings; leave it out, or take a folder"
-        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
+        raise RecordingError(reason, path, ProblemKind.CONFLICT)
     suffix = ".yaml" if to == "trajectory" else f".{to}"
     return [_write(to, recording, path or recording.path.with_suffix(suffix)) for recording in recordings]
 
 
 def _write(to: str, recording: Recording, path: Path) -> Exported:
     if path.resolve() == recording.path.resolve():
-        reason = f"{path} is the recording itself: choose another file with -o"
-        raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
-    try:
+        raise RecordingError(f"{path} is the recording itself: choose another file with -o", path, ProblemKind.CONFLICT)
+    with RecordingError.instead_of((OSError,), f"{path} cannot be written", path, ProblemKind.FILE):
         path.parent.mkdir(parents=True, exist_ok=True)
         notes = WRITERS[to](recording, path)
-    except OSError as error:
-        raise RecordingError(
-            f"{path} cannot be written: {error.strerror or error}", file=path, kind=ProblemKind.FILE
-        ) from error
     return Exported(path, [*notes, *_losses(recording)])
 
 
@@ -191,19 +186,15 @@ def write_folder(recordings: list[Recording], folder: Path) -> Exported:
                 f"{other.path} differs from {recordings[0].path} in {difference}; the captures of a folder share "
                 "one nominal.yaml: export them to folders of their own"
             )
-            raise RecordingError(reason, file=other.path, kind=ProblemKind.CONFLICT, column=difference.split(" ")[0])
+            raise RecordingError(reason, other.path, ProblemKind.CONFLICT, column=difference.split(" ")[0])
     captures, notes = [], []
-    try:
+    with RecordingError.instead_of((OSError,), f"{folder} cannot be written", folder, ProblemKind.FILE):
         folder.mkdir(parents=True, exist_ok=True)
         for capture, recording in zip(_captures(recordings), recordings, strict=True):
             notes += [f"{capture['file']}: {note}" for note in _write_capture(recording, folder / capture["file"])]
             captures.append({**capture, **_beside(recording, folder / capture["file"])})
         _dump(folder / "captures.yaml", {"captures": captures})
         _dump(folder / "nominal.yaml", nominal)
-    except OSError as error:
-        raise RecordingError(
-            f"{folder} cannot be written: {error.strerror or error}", file=folder, kind=ProblemKind.FILE
-        ) from error
     return Exported(folder, notes)
 
 

@@ -11,10 +11,12 @@ whenever HDF5 closes another descriptor of the file.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import struct
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
@@ -31,14 +33,25 @@ class DataFileError(StageError):
 
     def __init__(
         self,
-        *problems: Problem | str,
+        problem: Problem | str,
         file: Path | None = None,
         kind: ProblemKind = ProblemKind.OTHER,
         column: str = "",
         row: int = 0,
     ) -> None:
-        super().__init__(*(Problem(text, kind, file=file) if isinstance(text, str) else text for text in problems))
+        super().__init__(Problem(problem, kind, file=file) if isinstance(problem, str) else problem)
         self.column, self.row = column, row  # what it is about; the first row of numbers is 1, and 0 is none
+
+    @classmethod
+    @contextlib.contextmanager
+    def instead_of(
+        cls, causes: tuple[type[Exception], ...], words: str, file: Path, kind: ProblemKind, advice: str = ""
+    ) -> Iterator[None]:
+        """Turn one of the `causes` inside into this error: `words`, the cause's own reason, and `advice`."""
+        try:
+            yield
+        except causes as cause:
+            raise cls(f"{words}: {getattr(cause, 'strerror', None) or cause}{advice}", file, kind) from cause
 
 
 class RecordingError(DataFileError):
@@ -109,13 +122,13 @@ def _first(path: Path) -> IO[bytes]:
 
 def _unwritable(path: Path, error: OSError) -> RecordingError:
     return RecordingError(
-        f"{path} cannot be written: {error.strerror}; choose another file with -o", file=path, kind=ProblemKind.FILE
+        f"{path} cannot be written: {error.strerror}; choose another file with -o", path, ProblemKind.FILE
     )
 
 
 def _taken(path: Path) -> RecordingError:
     return RecordingError(
-        f"{path} is being written by another run: choose another file with -o", file=path, kind=ProblemKind.CONFLICT
+        f"{path} is being written by another run: choose another file with -o", path, ProblemKind.CONFLICT
     )
 
 

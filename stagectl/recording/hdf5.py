@@ -21,7 +21,7 @@ import json
 import os
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import h5py
 import numpy as np
@@ -60,7 +60,7 @@ class Recording(NamedTuple):
         """
         if name not in (self.samples.dtype.names or ()):
             reason = f"{self.path} has no column {name}; it has {', '.join(self.samples.dtype.names or ())}"
-            raise RecordingError(reason, file=self.path, kind=ProblemKind.UNKNOWN, column=name)
+            raise RecordingError(reason, self.path, ProblemKind.UNKNOWN, column=name)
         return np.asarray(self.samples[name], dtype=np.float64)
 
 
@@ -68,17 +68,9 @@ def quantities() -> dict[str, Quantity]:
     """Unit and meaning of every column, as declared with the kernels' fields."""
     known = {"time": Quantity("s", "[-inf, inf]", "start of the period, 0 at the first row")}
     for block in (law.Setpoint, law.Output, rollout.Observed):
-        for name, hint in _hints(block).items():
-            quantity = quantity_of(hint)
-            assert quantity is not None
-            known[name] = quantity
+        hints = get_type_hints(block, include_extras=True)
+        known |= {name: quantity for name, hint in hints.items() if (quantity := quantity_of(hint))}
     return known
-
-
-def _hints(block: type) -> dict[str, Any]:
-    from typing import get_type_hints
-
-    return get_type_hints(block, include_extras=True)
 
 
 class Writer:
@@ -89,7 +81,7 @@ class Writer:
         self._dtype = np.dtype([(name, "<f8") for name in columns])
         if path.is_file() and path.stat().st_size and not _ours(path):
             reason = f"{path} is not a recording and is left as it is: choose another file with -o"
-            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
+            raise RecordingError(reason, path, ProblemKind.CONFLICT)
         place = path.resolve()  # a link stays one
         self._held, self._room = claimed(place), 0
         try:
@@ -121,37 +113,31 @@ class Writer:
         block = np.frombuffer(rows, dtype=self._dtype)
         size = self._samples.shape[0]
         self._reserve(len(rows) + ROOM_PER_BLOCK * (1 + len(block) // BLOCK))
-        try:
+        with self._damaged_by("written to"):
             self._samples.resize((size + len(block),))
             self._samples[size:] = block
             self._samples.flush()
-        except (OSError, RuntimeError) as error:
-            raise DamagedError(
-                f"{self.path}: the disk failed while it was written to: {error}", file=self.path, kind=ProblemKind.FILE
-            ) from error
 
     def close(self, ended: str, lost_rows: int, complete: bool = True, gaps: Gaps = ()) -> None:
         """Finish the file, with the reason of its end and what is lost; in place, as there may be no room for more.
 
         Raises DamagedError.
         """
-        try:
+        with self._damaged_by("closed"):
             for name, value in _ending(ended, complete, lost_rows, gaps).items():
                 self._file.attrs.modify(name, value)
             self._file.close()
-        except (OSError, RuntimeError) as error:
-            raise DamagedError(
-                f"{self.path}: the disk failed while it was closed: {error}", file=self.path, kind=ProblemKind.FILE
-            ) from error
         self._held.close()
+
+    def _damaged_by(self, action: str) -> contextlib.AbstractContextManager[None]:
+        words = f"{self.path}: the disk failed while it was {action}"
+        return DamagedError.instead_of((OSError, RuntimeError), words, self.path, ProblemKind.FILE)
 
     def _reserve(self, more: int) -> None:
         """Take room for so many bytes more.  Raises RecordingError."""
-        try:
+        words, advice = f"{self.path} cannot be written", "; make room, or choose another disk"
+        with RecordingError.instead_of((OSError,), words, self.path, ProblemKind.FILE, advice):
             os.posix_fallocate(self._held.fileno(), self._room, more)
-        except OSError as error:
-            reason = f"{self.path} cannot be written: {error.strerror}; make room, or choose another disk"
-            raise RecordingError(reason, file=self.path, kind=ProblemKind.FILE) from error
         self._room += more
 
 
@@ -197,12 +183,12 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         file = h5py.File(path, "r")
     except OSError as first:
         if not path.is_file():
-            raise RecordingError(f"{path}: no such recording", file=path, kind=ProblemKind.FILE) from first
+            raise RecordingError(f"{path}: no such recording", path, ProblemKind.FILE) from first
         try:
             file = h5py.File(path, "r", libver="latest", swmr=True)
         except OSError as error:
             raise RecordingError(
-                f"{path} is not an HDF5 file, or it is damaged: {error}", file=path, kind=ProblemKind.SYNTAX
+                f"{path} is not an HDF5 file, or it is damaged: {error}", path, ProblemKind.SYNTAX
             ) from error
     try:
         yield file
@@ -217,9 +203,7 @@ def open_recording(path: Path, only: Collection[str] = ()) -> Recording:
     """
     with _opened(path) as file:
         if file.attrs.get("format") != FORMAT or "samples" not in file:
-            raise RecordingError(
-                f"{path} {_strange(str(file.attrs.get('format', '')))}", file=path, kind=ProblemKind.SYNTAX
-            )
+            raise RecordingError(f"{path} {_strange(str(file.attrs.get('format', '')))}", path, ProblemKind.SYNTAX)
         complete = bool(file.attrs.get("complete", False))
         ended = file.attrs.get("ended", _CUT_OFF)
         ended = ended.decode(errors="ignore") if isinstance(ended, bytes) else str(ended)

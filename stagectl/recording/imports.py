@@ -33,10 +33,10 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
     if path.is_dir():
         if columns:
             reason = f"{path} is a folder of captures, whose headers name the columns: leave out --columns"
-            raise RecordingError(reason, file=path, kind=ProblemKind.CONFLICT)
+            raise RecordingError(reason, path, ProblemKind.CONFLICT)
         return _folder(path, setup)
     if not path.is_file():
-        raise RecordingError(f"{path}: no such file or folder", file=path, kind=ProblemKind.FILE)
+        raise RecordingError(f"{path}: no such file or folder", path, ProblemKind.FILE)
     kind = path.suffix.lower()
     if kind == ".csv":
         return [_recording(csv_logs.read(path, setup, {}, columns))]
@@ -46,7 +46,7 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
         f"{path} cannot be imported; these can: .csv with a header of quantities and units "
         "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
     )
-    raise RecordingError(reason, file=path, kind=ProblemKind.SHAPE)
+    raise RecordingError(reason, path, ProblemKind.SHAPE)
 
 
 def store(recordings: list[Recording], source: Path, output: Path | None) -> list[Path]:
@@ -55,15 +55,11 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
     targets = [base / f"{recording.path.stem}.h5" if source.is_dir() else base for recording in recordings]
     if there := [target for target in targets if target.exists()]:
         reason = f"{there[0]} exists and is left as it is: choose another place with -o"
-        raise RecordingError(reason, file=there[0], kind=ProblemKind.CONFLICT)
+        raise RecordingError(reason, there[0], ProblemKind.CONFLICT)
     for recording, target in zip(recordings, targets, strict=True):
-        try:
+        with RecordingError.instead_of((OSError,), f"{target} cannot be written", target, ProblemKind.FILE):
             target.parent.mkdir(parents=True, exist_ok=True)
             save(target, recording.meta, recording.samples, recording.ended)
-        except OSError as error:
-            raise RecordingError(
-                f"{target} cannot be written: {error.strerror or error}", file=target, kind=ProblemKind.FILE
-            ) from error
     return targets
 
 
@@ -98,23 +94,19 @@ def _checked(log: Log) -> Array:
     """The log's time (s), once time and position are sound."""
     time = log.columns["time"]
     if len(time) < 2:
-        raise RecordingError(
-            f"{log.path} has {len(time)} rows; must have at least 2", file=log.path, kind=ProblemKind.SHAPE
-        )
+        raise RecordingError(f"{log.path} has {len(time)} rows; must have at least 2", log.path, ProblemKind.SHAPE)
     for name in ("time", "measured"):
         if not np.all(finite := np.isfinite(log.columns[name])):
             row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)
             reason = f"{log.path} has no {own} in row {row} of its numbers: cut the log there"
-            raise RecordingError(reason, file=log.path, kind=ProblemKind.MISSING, column=own, row=row)
+            raise RecordingError(reason, log.path, ProblemKind.MISSING, column=own, row=row)
     if np.any(backwards := np.diff(time) <= 0.0):
         row = int(np.argmax(backwards)) + 1
         reason = (
             f"{log.path}: time {time[row]:.9g} s in row {row + 1} follows {time[row - 1]:.9g} s; times must increase "
             "strictly: remove repeated rows or sort the log"
         )
-        raise RecordingError(
-            reason, file=log.path, kind=ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=row + 1
-        )
+        raise RecordingError(reason, log.path, ProblemKind.CONFLICT, column=log.labels.get("time", "time"), row=row + 1)
     return time
 
 
@@ -122,17 +114,17 @@ def _folder(folder: Path, setup: Setup | None) -> list[Recording]:
     entries = read_values(folder / "captures.yaml").get("captures")
     if not isinstance(entries, list) or not entries:
         reason = f"{folder / 'captures.yaml'} must hold a list `captures:` with at least one entry"
-        raise RecordingError(reason, file=folder / "captures.yaml", kind=ProblemKind.SHAPE)
+        raise RecordingError(reason, folder / "captures.yaml", ProblemKind.SHAPE)
     nominal = read_values(folder / "nominal.yaml") if (folder / "nominal.yaml").is_file() else {}
     recordings = []
     for number, entry in enumerate(entries):
         if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
             reason = f"captures[{number}] needs `file:`, the name of its CSV ({folder / 'captures.yaml'})"
-            raise RecordingError(reason, file=folder / "captures.yaml", kind=ProblemKind.MISSING)
+            raise RecordingError(reason, folder / "captures.yaml", ProblemKind.MISSING)
         path = folder / entry["file"]
         if not path.is_file():
             raise RecordingError(
-                f"captures[{number}].file = {entry['file']}; no such file in {folder}", file=path, kind=ProblemKind.FILE
+                f"captures[{number}].file = {entry['file']}; no such file in {folder}", path, ProblemKind.FILE
             )
         about = {"capture": entry, "trajectory": str(entry.get("experiment", path.stem))}
         if nominal and path.parent == folder:  # read once for all of them
@@ -147,7 +139,7 @@ def _with_beside(log: Log, entry: Mapping[str, Any]) -> Log:
     for key, path in paths.items():
         if not path.is_file():
             reason = f"{log.path} has the {key} {entry[key]}; no such file in {log.path.parent}"
-            raise RecordingError(reason, file=path, kind=ProblemKind.FILE)
+            raise RecordingError(reason, path, ProblemKind.FILE)
     columns, time = dict(log.columns), log.columns["time"]
     if "injection" in paths:
         columns["injection"] = capture_attachments.injection(paths["injection"], time)

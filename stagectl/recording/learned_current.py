@@ -14,6 +14,7 @@ import json
 import math
 import time
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -68,14 +69,10 @@ def claim(path: Path) -> None:
     """
     if path.exists() and not _ours(path):
         reason = f"{path} is not a learned current and is left as it is: choose another file with -o"
-        raise LearnedError(reason, file=path, kind=ProblemKind.CONFLICT)
-    try:
+        raise LearnedError(reason, path, ProblemKind.CONFLICT)
+    with _writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("ab").close()
-    except OSError as error:
-        raise LearnedError(
-            f"{path} cannot be written: {error.strerror}; choose another file with -o", file=path, kind=ProblemKind.FILE
-        ) from error
     if not path.stat().st_size:
         path.unlink()
 
@@ -87,15 +84,15 @@ def save(path: Path, learned: Learned) -> None:
     """
     claim(path)
     meta = {**learned.meta, "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "versions": versions()}
-    try:
-        with h5py.File(path, "w") as file:
-            file.attrs.update({"format": FORMAT, "meta": json.dumps(meta)})
-            for name, values in zip(_ARRAYS, learned[:3], strict=True):
-                file[name] = values
-    except OSError as error:
-        raise LearnedError(
-            f"{path} cannot be written: {error}; choose another file with -o", file=path, kind=ProblemKind.FILE
-        ) from error
+    with _writing(path), h5py.File(path, "w") as file:
+        file.attrs.update({"format": FORMAT, "meta": json.dumps(meta)})
+        for name, values in zip(_ARRAYS, learned[:3], strict=True):
+            file[name] = values
+
+
+def _writing(path: Path) -> AbstractContextManager[None]:
+    advice = "; choose another file with -o"
+    return LearnedError.instead_of((OSError,), f"{path} cannot be written", path, ProblemKind.FILE, advice)
 
 
 def load(path: Path) -> Learned:
@@ -104,11 +101,9 @@ def load(path: Path) -> Learned:
     Raises LearnedError where the file is none.
     """
     if not path.is_file():
-        raise LearnedError(f"{path}: no such file; `stagectl learn` writes one", file=path, kind=ProblemKind.FILE)
+        raise LearnedError(f"{path}: no such file; `stagectl learn` writes one", path, ProblemKind.FILE)
     if not _ours(path):
-        raise LearnedError(
-            f"{path} is not a learned current; `stagectl learn` writes one", file=path, kind=ProblemKind.SYNTAX
-        )
+        raise LearnedError(f"{path} is not a learned current; `stagectl learn` writes one", path, ProblemKind.SYNTAX)
     with h5py.File(path, "r") as file:
         current, reference, known = (file[name][:] for name in _ARRAYS)
         return Learned(current, reference, known, json.loads(file.attrs["meta"]))
@@ -133,7 +128,7 @@ def check(path: Path, learned: Learned, here: Learned) -> None:
             f"{path} was learned {wrong}; nothing has moved: a learned current fits only what it was learned on.  "
             "Learn again with `stagectl learn`, or run without --learned"
         )
-        raise LearnedError(reason, file=path, kind=ProblemKind.CONFLICT)
+        raise LearnedError(reason, path, ProblemKind.CONFLICT)
 
 
 def _motion(learned: Learned, here: Learned) -> str:

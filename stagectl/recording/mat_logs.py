@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 from stagectl.config.stage_file import Setup
 from stagectl.problem import ProblemKind
-from stagectl.recording.columns import Array, Choice, Log, axis_of, choices, of_choices, parsed
+from stagectl.recording.columns import Array, Choice, Log, choices, of_choices, parsed
 from stagectl.recording.constants import EMPS_STEP
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.scales import Scales, scales_of_stage
@@ -42,7 +42,7 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Lo
             f"{', '.join(_names(variables)) or 'nothing'}: say which is which, such as "
             "--columns time=t,position=q:mm,current=i"
         )
-        raise RecordingError(reason, file=path, kind=ProblemKind.MISSING, column=absent[0])
+        raise RecordingError(reason, path, ProblemKind.MISSING, column=absent[0])
     return _chosen(
         path, variables, setup, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()]
     )
@@ -51,14 +51,11 @@ def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Lo
 def _variables(path: Path) -> dict[str, Any]:
     try:
         content = loadmat(path, simplify_cells=True)
-    except NotImplementedError as error:
-        raise RecordingError(
-            f"{path} is a MATLAB 7.3 file; save it with -v7 and import that", file=path, kind=ProblemKind.SYNTAX
-        ) from error
     except Exception as error:  # scipy raises many kinds on a file that is damaged
-        raise RecordingError(
-            f"{path} cannot be read as a MATLAB file: {error}", file=path, kind=ProblemKind.SYNTAX
-        ) from error
+        reason = f"{path} cannot be read as a MATLAB file: {error}"
+        if isinstance(error, NotImplementedError):
+            reason = f"{path} is a MATLAB 7.3 file; save it with -v7 and import that"
+        raise RecordingError(reason, path, ProblemKind.SYNTAX) from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 
@@ -71,8 +68,7 @@ def _names(variables: Mapping[str, Any], prefix: str = "") -> list[str]:
 
 
 def _chosen(path: Path, variables: dict[str, Any], setup: Setup | None, chosen: list[Choice]) -> Log:
-    scales = axis_of(chosen, setup, path)
-    known = of_choices(chosen, scales, path)
+    scales, known = of_choices(chosen, setup, path)
     columns = {ours: scale * _vector(path, variables, choice) for ours, (choice, scale) in known.items()}
     log = _log(path, scales, columns, [_unit_note(choice, scales) for choice in chosen if not choice.unit], {})
     return log._replace(labels={ours: choice.name for ours, (choice, _) in known.items()})
@@ -89,31 +85,31 @@ def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
     for word in choice.name.split("."):
         if not isinstance(value, dict) or word not in value:
             reason = f"{path} has no {choice.name}; it holds {', '.join(_names(variables)) or 'nothing'}"
-            raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
+            raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
         value = value[word]
     try:
         values = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise RecordingError(
-            f"{choice.name} in {path} does not hold numbers", file=path, kind=ProblemKind.VALUE, column=choice.name
+            f"{choice.name} in {path} does not hold numbers", path, ProblemKind.VALUE, column=choice.name
         ) from error
     if choice.number:
         if values.ndim != 2 or choice.number > values.shape[1]:
             reason = f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}"
-            raise RecordingError(reason, file=path, kind=ProblemKind.UNKNOWN, column=choice.name)
+            raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
         return np.ascontiguousarray(values[:, choice.number - 1])
     if values.ndim > 1:
         reason = (
             f"{choice.name} in {path} is a table of shape {values.shape}: say which column, {choice.name}[1] the first"
         )
-        raise RecordingError(reason, file=path, kind=ProblemKind.SHAPE, column=choice.name)
+        raise RecordingError(reason, path, ProblemKind.SHAPE, column=choice.name)
     return values.ravel()
 
 
 def _log(path: Path, scales: Scales, columns: dict[str, Array], notes: list[str], about: dict[str, Any]) -> Log:
     if len({len(column) for column in columns.values()}) > 1:
         sizes = ", ".join(f"{name} {len(column)}" for name, column in columns.items())
-        raise RecordingError(f"{path}: its columns differ in length ({sizes})", file=path, kind=ProblemKind.SHAPE)
+        raise RecordingError(f"{path}: its columns differ in length ({sizes})", path, ProblemKind.SHAPE)
     return Log(path, scales, columns, notes, about)
 
 
@@ -124,7 +120,7 @@ def _ours(path: Path, variables: dict[str, Any]) -> Log:
         kind, per_unit, unit = axis["kind"], axis["travel_per_unit"], axis["travel_unit"]
     except (ValueError, KeyError, TypeError) as error:
         reason = f"{path} has samples and meta as our exports do, but its meta cannot be read"
-        raise RecordingError(reason, file=path, kind=ProblemKind.SYNTAX) from error
+        raise RecordingError(reason, path, ProblemKind.SYNTAX) from error
     known = quantities()
     columns = {name: np.ravel(values) for name, values in variables["samples"].items() if name in known}
     return _log(path, Scales(kind, per_unit, unit, axis.get("encoder_step") or 0.0), columns, [], {})
@@ -133,15 +129,13 @@ def _ours(path: Path, variables: dict[str, Any]) -> Log:
 def _emps(path: Path, variables: dict[str, Any], setup: Setup | None) -> Log:
     """The benchmark's file: an amplifier of 1 A/V is taken, so that its volts are our amperes."""
     columns = {ours: np.ravel(variables[name]).astype(np.float64) for name, ours in _EMPS.items() if name in variables}
-    if len({len(column) for column in columns.values()}) > 1:
-        raise RecordingError(f"{path}: t, qg, qm and vir differ in length", file=path, kind=ProblemKind.SHAPE)
     gain = _scalar(variables, "gtau") or 0.0
     scales = scales_of_stage(setup, 1.0) if setup else Scales(LINEAR, 1.0, "m", EMPS_STEP, gain, 1.0)
     notes = [
         f"EMPS layout: vir (V) is kept as the command in A of an amplifier of 1 A/V, so gtau = {gain:.6g} N/V is the "
         "force constant in N/A"
     ]
-    return Log(path, scales, columns, notes, {"name": "EMPS", "nominal": _emps_nominal(variables, gain)})
+    return _log(path, scales, columns, notes, {"name": "EMPS", "nominal": _emps_nominal(variables, gain)})
 
 
 def _scalar(variables: Mapping[str, Any], name: str) -> float | None:

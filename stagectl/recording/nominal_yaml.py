@@ -89,9 +89,7 @@ def carried_stage(recording: Recording) -> StageFile:
     name, text = (recording.meta["files"]["stage"][part] for part in ("name", "text"))
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     if root is None:
-        raise RecordingError(
-            f"{recording.path} carries an empty stage file {name}", file=recording.path, kind=ProblemKind.SYNTAX
-        )
+        raise RecordingError(f"{recording.path} carries an empty stage file {name}", recording.path, ProblemKind.SYNTAX)
     reader = Reader(Path(name), Lengths(axis["kind"], lead))
     file: StageFile = reader.value(StageFile, root, "")
     reader.finish()

@@ -27,16 +27,16 @@ def outputs(recording: Recording) -> NDArray[np.float64]:
     """
     if "law" not in recording.meta:
         raise RecordingError(
-            f"{recording.path} was imported: it holds no law to replay", file=recording.path, kind=ProblemKind.MISSING
+            f"{recording.path} was imported: it holds no law to replay", recording.path, ProblemKind.MISSING
         )
     if not {"cascade", "observer"} <= set(recording.meta["law"]):
         reason = f"{recording.path} was recorded by a version whose law was another: run it again"
-        raise RecordingError(reason, file=recording.path, kind=ProblemKind.CONFLICT)
+        raise RecordingError(reason, recording.path, ProblemKind.CONFLICT)
     if recording.lost_rows:
         reason = f"{recording.path} has lost {recording.lost_rows} rows: the law's state cannot be followed"
-        raise RecordingError(reason, file=recording.path, kind=ProblemKind.MISSING)
+        raise RecordingError(reason, recording.path, ProblemKind.MISSING)
     if not len(recording.samples):
-        raise RecordingError(f"{recording.path} holds no rows", file=recording.path, kind=ProblemKind.MISSING)
+        raise RecordingError(f"{recording.path} holds no rows", recording.path, ProblemKind.MISSING)
     setpoints = np.stack([recording.column(name) for name in law.Setpoint._fields], axis=1)
     return recomputed(read_law(recording.meta["law"]), setpoints, recording.column("measured"))
 

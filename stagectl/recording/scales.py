@@ -83,9 +83,7 @@ def scales_of_nominal(nominal: dict[str, Any], place: Path) -> Scales:
     stage, drive = _block(nominal, "stage", place), _block(nominal, "drive", place)
     unit = stage.get("position_unit") or ("m" if stage.get("kind") == LINEAR else "rad")
     if unit not in ("m", "rad"):
-        raise RecordingError(
-            f"stage.position_unit = {unit}; must be rad or m ({place})", file=place, kind=ProblemKind.VALUE
-        )
+        raise RecordingError(f"stage.position_unit = {unit}; must be rad or m ({place})", place, ProblemKind.VALUE)
     kind = LINEAR if unit == "m" else ROTARY
     per_unit = 1e-3 * _positive(stage, "travel_per_unit_mm", place) if kind == ROTARY else 0.0
     return Scales(
@@ -104,14 +102,14 @@ def read_values(path: Path) -> dict[str, Any]:
     Raises RecordingError or ConfigError with the place and the reason.
     """
     node = compose(path)
-    try:
+    words, causes = (
+        f"{path} holds something other than plain values",
+        (yaml.YAMLError, ValueError, TypeError, RecursionError),
+    )
+    with RecordingError.instead_of(causes, words, path, ProblemKind.VALUE):
         values = json.loads(json.dumps(yaml.SafeLoader("").construct_document(node), default=str))
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
-        raise RecordingError(
-            f"{path} holds something other than plain values: {error}", file=path, kind=ProblemKind.VALUE
-        ) from error
     if not isinstance(values, dict):
-        raise RecordingError(f"{path} must be a block of `key: value` lines", file=path, kind=ProblemKind.SHAPE)
+        raise RecordingError(f"{path} must be a block of `key: value` lines", path, ProblemKind.SHAPE)
     return values
 
 
@@ -119,7 +117,7 @@ def _block(nominal: dict[str, Any], name: str, place: Path) -> dict[str, Any]:
     block = nominal.get(name) or {}
     if not isinstance(block, dict):
         raise RecordingError(
-            f"{name} = {block!r}; must be a block of values ({place})", file=place, kind=ProblemKind.SHAPE, column=name
+            f"{name} = {block!r}; must be a block of values ({place})", place, ProblemKind.SHAPE, column=name
         )
     return block
 
@@ -135,6 +133,6 @@ def _positive(block: dict[str, Any], key: str, place: Path) -> float:
         number = math.nan
     if not 0.0 < number < math.inf:
         raise RecordingError(
-            f"{key} = {value!r}; must be a number in (0, inf) ({place})", file=place, kind=ProblemKind.RANGE, column=key
+            f"{key} = {value!r}; must be a number in (0, inf) ({place})", place, ProblemKind.RANGE, column=key
         )
     return number

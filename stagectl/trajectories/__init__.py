@@ -18,13 +18,14 @@ from stagectl.trajectories.limits import Peaks, peaks
 from stagectl.trajectories.motion import Motion, TrajectoryError
 from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.trajectories.profiles import Dwell, SCurve, Trapezoid
-from stagectl.trajectories.recorded import Columns, Recorded, columns
+from stagectl.trajectories.recorded import Columns, Csv, Recorded, columns
 from stagectl.trajectories.sequence import TYPES, Sequence, Sum, Trajectory
 
 __all__ = [
     "CURRENTS",
     "TYPES",
     "Columns",
+    "Csv",
     "Current",
     "CurrentMultisine",
     "CurrentSine",

@@ -8,3 +8,7 @@ BLOCK = 65536  # samples that are evaluated at once
 LEAST_ROWS = 6  # of a recorded motion: what a polynomial of degree 5 needs
 LEAST_STEP = 1e-4  # shortest step of time over the longest; below, the spline's equations lose their digits
 ROUNDING = 1e-9  # of a period: so much less than a whole one still counts as whole
+SAMPLING = 0.25  # of a control period, between two samples that extremes are taken over
+PEAK_POINTS = 32  # of a multisine to its shortest wave: they find every peak within half a per cent
+PEAK_HEIGHT = 0.99  # of the highest of these points, from which Newton's rule climbs a peak
+PEAK_STEPS = 3  # of Newton's rule

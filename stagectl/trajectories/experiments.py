@@ -14,33 +14,31 @@ import math
 from typing import Annotated, NamedTuple
 
 from stagectl.problem import Problem, ProblemKind
-from stagectl.trajectories.currents import Current, CurrentMultisine, CurrentSine, CurrentSweep
+from stagectl.trajectories.currents import CURRENTS, Current, CurrentMultisine, CurrentSine, CurrentSweep
 from stagectl.trajectories.limits import check as check_trajectory
 from stagectl.trajectories.limits import check_duration, check_intervals
 from stagectl.trajectories.motion import TrajectoryError
 from stagectl.trajectories.profiles import Dwell
-from stagectl.trajectories.sequence import Trajectory
-from stagectl.units import Quantity
-
-START = Quantity("s", "[0, 86400]", "when the current begins; absent: at once")
-AT = Quantity("s", "[0, 86400]", "when the axis is let go; absent: at the motion's end")
-WATCH = Quantity("s", "(0, 3600]", "how long it is watched afterwards")
+from stagectl.trajectories.sequence import Entry, Trajectory
+from stagectl.units import Quantity, Tagged
 
 
 class Excited(NamedTuple):
-    """A motion in closed loop, with a current injected into the command from `start` on."""
+    """A motion in closed loop while a current is injected into the command."""
 
-    motion: Annotated[Trajectory, "what the loop follows"]
-    current: Annotated[Current, "what is injected"]
-    start: Annotated[float | None, START] = None
+    motion: Entry
+    current: Annotated[Current, Tagged("type", CURRENTS)]
+    start: Annotated[float | None, Quantity("s", "[0, 86400]", "when the current begins; absent: at once")] = None
 
 
 class Released(NamedTuple):
-    """A motion in closed loop; at `at` all current ceases and the axis is watched."""
+    """A motion in closed loop; then the axis is let go, without any current, and watched."""
 
-    motion: Annotated[Trajectory, "what the loop follows before"]
-    at: Annotated[float | None, AT] = None
-    watch: Annotated[float, WATCH] = 0.5
+    motion: Entry
+    at: Annotated[float | None, Quantity("s", "[0, 86400]", "when the axis is let go; absent: at the motion's end")] = (
+        None
+    )
+    watch: Annotated[float, Quantity("s", "(0, 3600]", "how long it is watched afterwards")] = 0.5
 
 
 Experiment = Trajectory | Current | Excited | Released
@@ -102,6 +100,3 @@ def _check_current(current: Current, place: str) -> None:
     if isinstance(current, CurrentMultisine):
         check_trajectory(current.shape, place)
     check_duration(current.duration, place)
-
-
-__all__ = ["Excited", "Experiment", "Phases", "Released", "check", "phases"]

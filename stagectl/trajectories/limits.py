@@ -9,7 +9,16 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 
 from stagectl.problem import Problem, ProblemKind
-from stagectl.trajectories.bounds import BLOCK, LEAST_ROWS, LEAST_STEP, LONGEST, MOST_LINES, MOST_PERIODS, SHORTEST
+from stagectl.trajectories.bounds import (
+    BLOCK,
+    LEAST_ROWS,
+    LEAST_STEP,
+    LONGEST,
+    MOST_LINES,
+    MOST_PERIODS,
+    SAMPLING,
+    SHORTEST,
+)
 from stagectl.trajectories.motion import TrajectoryError
 from stagectl.trajectories.periodic import FLAT, Multisine
 from stagectl.trajectories.profiles import SCurve, Trapezoid
@@ -29,7 +38,7 @@ class Peaks(NamedTuple):
 
 def peaks(trajectory: Trajectory, dt: float) -> Peaks:
     """Extremes of `trajectory`, sampled at a quarter of the control period `dt` (s) and at both ends."""
-    extremes = np.array([_extremes(trajectory, t) for t in _blocks(trajectory.duration, 0.25 * dt)])
+    extremes = np.array([_extremes(trajectory, t) for t in _blocks(trajectory.duration, SAMPLING * dt)])
     lowest, (highest, speed, acceleration) = extremes[:, 0].min(), extremes[:, 1:].max(axis=0)
     return Peaks(float(lowest), float(highest), float(speed), float(acceleration))
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
-from stagectl.trajectories.bounds import ROUNDING
+from stagectl.trajectories.bounds import PEAK_HEIGHT, PEAK_POINTS, PEAK_STEPS, ROUNDING
 from stagectl.trajectories.motion import Array, Motion, contained, product, window
 from stagectl.units import Quantity
 
@@ -118,11 +118,11 @@ def _phasors(p: Multisine) -> npt.NDArray[np.complex128]:
 def _coefficients(p: Multisine) -> npt.NDArray[np.complex128]:
     """Lines (m), scaled so that the largest excursion is the amplitude."""
     lines = _phasors(p)
-    # 32 points to the shortest wave find every peak within half a per cent; Newton's rule then climbs it.
-    grid = np.arange(32 * int(p.lines[-1])) * (p.base / (32 * int(p.lines[-1])))
+    count = PEAK_POINTS * int(p.lines[-1])
+    grid = np.arange(count) * (p.base / count)
     height = np.abs(_sampled(p, lines, len(grid)))
-    t = grid[height > 0.99 * height.max()]
-    for _ in range(3):
+    t = grid[height > PEAK_HEIGHT * height.max()]
+    for _ in range(PEAK_STEPS):
         near = _sum_of_lines(p, lines, t)
         # At the flank of a peak the curvature may vanish: never step further than the grid.
         t = t - np.clip(near.velocity / near.acceleration, -grid[1], grid[1])

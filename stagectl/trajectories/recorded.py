@@ -103,6 +103,21 @@ class Recorded(NamedTuple):
         return motion
 
 
+class Csv(NamedTuple):
+    """A recorded motion from a CSV file with the columns ``time_s`` and ``reference_mm`` (or another unit)."""
+
+    file: Annotated[str, "the CSV file, relative to this one"]
+    run_up: Annotated[
+        float, Quantity("s", "[0, 60]", "time to reach the first velocity from rest; 0: it begins at rest")
+    ] = 0.0
+    run_out: Annotated[
+        float, Quantity("s", "[0, 60]", "time to come to rest from the last velocity; 0: it ends at rest")
+    ] = 0.0
+    part: Annotated[
+        tuple[float, float] | None, Quantity("s", "[-1e12, 1e12]", "first and last time to run, as in the file")
+    ] = None
+
+
 def _rise(t: Array, duration: float, velocity: float) -> Motion:
     """From rest at 0 to `velocity` (m/s) within `duration` (s), over ``velocity duration / 2``."""
     s = t / (duration or 1.0)

@@ -11,13 +11,14 @@ import numpy.typing as npt
 from stagectl.trajectories.motion import Array, Motion, contained
 from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.trajectories.profiles import Dwell, SCurve, Trapezoid
-from stagectl.trajectories.recorded import Recorded
+from stagectl.trajectories.recorded import Csv, Recorded
+from stagectl.units import Tagged
 
 
 class Sequence(NamedTuple):
-    """Parts in a row: each begins when and where the last one ended."""
+    """Trajectories one after another: each begins when and where the last one ended."""
 
-    parts: Annotated[tuple[Trajectory, ...], "trajectories, in order"]
+    parts: Annotated[tuple[Entry, ...], "list of trajectories, each a block with its type"]
 
     @property
     def duration(self) -> float:
@@ -52,9 +53,9 @@ class Sequence(NamedTuple):
 
 
 class Sum(NamedTuple):
-    """Parts at once, their motions added, such as a sine on a constant speed; a part that is over stays at its end."""
+    """Trajectories at once, such as a sine on a constant speed, their motions added; one that is over stays there."""
 
-    parts: Annotated[tuple[Trajectory, ...], "trajectories, in any order"]
+    parts: Annotated[tuple[Entry, ...], "list of trajectories, each a block with its type"]
 
     @property
     def duration(self) -> float:
@@ -82,13 +83,14 @@ class Sum(NamedTuple):
 
 Trajectory = Sine | Trapezoid | SCurve | Dwell | Multisine | Recorded | Sequence | Sum
 
-TYPES: dict[str, type[Trajectory]] = {
+TYPES: dict[str, type[Trajectory | Csv]] = {
     "sine": Sine,
     "trapezoid": Trapezoid,
     "s_curve": SCurve,
     "dwell": Dwell,
     "multisine": Multisine,
-    "csv": Recorded,
+    "csv": Csv,
     "sequence": Sequence,
     "sum": Sum,
 }
+Entry = Annotated[Trajectory, Tagged("type", TYPES)]  # of a file, in which a recorded motion is a `Csv`

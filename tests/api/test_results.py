@@ -58,8 +58,8 @@ def test_an_identification_changes_a_stage(fit: IdentifiedModel, stage: Designed
 
 
 def test_an_identification_is_saved(fit: IdentifiedModel) -> None:
-    found = json.loads(fit.save("fit.json").read_text())
-    assert found["parameters"]["inertia"]["value"] == fit["inertia"].value
+    answer = json.loads(fit.save("fit.json").read_text())
+    assert answer["parameters"]["inertia"]["value"] == fit["inertia"].value
     with pytest.raises(ArgumentError) as error:
         fit.save("fit.txt")
     assert error.value.name == "path"
@@ -107,14 +107,14 @@ def test_tuning_refuses(stage: DesignedStage) -> None:
 def test_a_comparison(stage: DesignedStage, folder: Path) -> None:
     seen: list[tuple[float, float]] = []
     noisy = stage.changed({"simulation.current_noise": 0.045})
-    found = sc.compare(
+    comparison = sc.compare(
         noisy, SINE, "off", "ptc+friction", repeats=2, folder="there", progress=lambda *step: seen.append(step)
     )
-    assert found.best == "ptc+friction" and len(found.verdict) >= 1
-    assert found["off"].shape == (2,) and np.all(found["off"] > 10.0 * found["ptc+friction"])
+    assert comparison.best == "ptc+friction" and len(comparison.verdict) >= 1
+    assert comparison["off"].shape == (2,) and np.all(comparison["off"] > 10.0 * comparison["ptc+friction"])
     assert len(list((folder / "there").glob("*.h5"))) == 4
     assert seen[-1][0] == seen[-1][1] > 0
-    assert "ptc+friction" in repr(found) and found.plot().axes[0].get_xscale() == "log"
+    assert "ptc+friction" in repr(comparison) and comparison.plot().axes[0].get_xscale() == "log"
 
 
 def test_a_comparison_refuses(stage: DesignedStage) -> None:
@@ -127,11 +127,11 @@ def test_a_comparison_refuses(stage: DesignedStage) -> None:
 
 @pytest.mark.parametrize("verdict", sorted(every()))
 def test_a_diagnosis_shows_where_which_and_how_far(verdict: str, stage: DesignedStage) -> None:
-    found = every()[verdict]
-    answer = GapDiagnosis(Path("session"), found, None, stage.setup.stage)  # type: ignore[arg-type]
+    diagnosis = every()[verdict]
+    answer = GapDiagnosis(Path("session"), diagnosis, None, stage.setup.stage)  # type: ignore[arg-type]
     assert repr(answer).startswith(f"{answer.verdict}: ") and "nan" not in repr(answer)
     assert set(answer.where.blocks) == {"controller", "drive", "mechanics", "sensor"}
-    assert answer.gap is found.gap and answer.next_experiment is found.next_experiment
+    assert answer.gap is diagnosis.gap and answer.next_experiment is diagnosis.next_experiment
     assert json.loads(answer.save("answer.json").read_text())["verdict"] == answer.verdict
     with pytest.raises(ArgumentError) as error:
         answer.plot("everything")  # type: ignore[arg-type]

@@ -32,8 +32,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def result(out: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(out)
-    return found
+    answer: dict[str, Any] = json.loads(out)
+    return answer
 
 
 def test_learn_keeps_a_current_that_simulate_uses(command: Command) -> None:
@@ -41,12 +41,12 @@ def test_learn_keeps_a_current_that_simulate_uses(command: Command) -> None:
         "learn", STAGE, "sine.yaml", "--simulate", "--without", "friction", "--trials", 4, "-o", "l.h5", "--json", "-"
     )
     assert code == 0, err
-    found = result(out)
-    peaks = [trial["tracking_error"]["peak"] for trial in found["trials"]]
+    answer = result(out)
+    peaks = [trial["tracking_error"]["peak"] for trial in answer["trials"]]
     assert len(peaks) == 4
     assert peaks[-1] < 0.06 * peaks[0]
-    assert (found["kept"], found["layers"], found["stopped"]) == (4, ["ptc"], "")
-    assert found["convergence"][0]["most"] == pytest.approx(0.2, abs=1e-3)
+    assert (answer["kept"], answer["layers"], answer["stopped"]) == (4, ["ptc"], "")
+    assert answer["convergence"][0]["most"] == pytest.approx(0.2, abs=1e-3)
     assert "trial 4: tracking error peak" in err
     assert "held by rolling friction would grow; with learning.cutoff at 70 Hz it shrinks everywhere" in err
     code, out, err = command(
@@ -62,7 +62,7 @@ def test_learn_keeps_a_current_that_simulate_uses(command: Command) -> None:
 
 def test_layers_that_are_off_are_absent(command: Command) -> None:
     """Every column of the recording, bit for bit: observer and learning switched off, and never there."""
-    found = {}
+    recording = {}
     for name, arguments in (
         ("absent.h5", (STAGE, "sine.yaml", "--without", "friction")),
         ("off.h5", ("watched.yaml", "sine.yaml", "--without", "observer")),
@@ -70,12 +70,12 @@ def test_layers_that_are_off_are_absent(command: Command) -> None:
     ):
         code, _, err = command("simulate", *arguments, "-o", name)
         assert code == 0, err
-        found[name] = open_recording(Path(name)).samples
-    assert found["absent.h5"].tobytes() == found["off.h5"].tobytes()
-    assert np.all(found["off.h5"]["observer"] == 0.0)
-    assert np.all(found["off.h5"]["learned"] == 0.0)
-    assert np.ptp(found["on.h5"]["observer"]) > 1.0
-    assert not np.array_equal(found["on.h5"]["measured"], found["off.h5"]["measured"])
+        recording[name] = open_recording(Path(name)).samples
+    assert recording["absent.h5"].tobytes() == recording["off.h5"].tobytes()
+    assert np.all(recording["off.h5"]["observer"] == 0.0)
+    assert np.all(recording["off.h5"]["learned"] == 0.0)
+    assert np.ptp(recording["on.h5"]["observer"]) > 1.0
+    assert not np.array_equal(recording["on.h5"]["measured"], recording["off.h5"]["measured"])
 
 
 def test_compare_says_what_helps(command: Command) -> None:
@@ -84,21 +84,21 @@ def test_compare_says_what_helps(command: Command) -> None:
         *("--repeats", 3, "--trials", 3, "-o", "there", "--json", "-"),
     )
     assert code == 0, err
-    found = result(out)
-    means = {one["name"]: one["peak"]["mean"] for one in found["variants"]}
+    answer = result(out)
+    means = {variant["name"]: variant["peak"]["mean"] for variant in answer["variants"]}
     assert means["ptc"] < means["off"]
     assert 0.8 < means["ptc+observer"] / means["ptc"] < 0.95
     assert means["ptc+ilc"] < 0.2 * means["ptc"]
-    assert found["best"] == "ptc+ilc"
-    assert not found["identical"]
-    assert all(one["certain"] for one in found["against_first"]["peak"])
-    assert sorted(found["order"][0]) == sorted(means)
+    assert answer["best"] == "ptc+ilc"
+    assert not answer["identical"]
+    assert all(difference["certain"] for difference in answer["against_first"]["peak"])
+    assert sorted(answer["order"][0]) == sorted(means)
     assert "ptc+ilc cuts the peak error from " in err
     assert "all 3 of 3 repeats agree (95 %: " in err
-    page = Path(found["report"]).read_text()
+    page = Path(answer["report"]).read_text()
     assert page.count("<img src=") == 3
     assert "ptc+ilc learned from 3 trials: " in page
-    recordings = [Path(path) for one in found["variants"] for path in one["recordings"]]
+    recordings = [Path(path) for variant in answer["variants"] for path in variant["recordings"]]
     assert len(recordings) == 12
     assert all(path.is_file() for path in recordings)
     last = open_recording(Path("there/repeat-3-ptc+observer.h5"))
@@ -111,9 +111,9 @@ def test_identical_repeats_are_said_to_be(command: Command) -> None:
         "compare", STAGE, "sine.yaml", "ptc", "ptc+friction", "--simulate", "--repeats", 2, "-o", "there", "--json", "-"
     )
     assert code == 0, err
-    found = result(out)
-    assert found["identical"]
-    assert found["against_first"]["peak"][0]["low"] is None
+    answer = result(out)
+    assert answer["identical"]
+    assert answer["against_first"]["peak"][0]["low"] is None
     assert "All 2 repeats are identical: nothing varied from run to run" in err
     assert "ptc+friction: the peak error goes from " in err
 
@@ -162,9 +162,9 @@ def test_a_learning_that_is_stopped_keeps_what_it_has(command: Command, monkeypa
     options = ("--simulate", "--without", "friction", "-o", "l.h5", "--json", "-")
     code, out, err = command("learn", STAGE, "sine.yaml", *options)
     assert code == 1
-    found = result(out)
-    assert (len(found["trials"]), found["kept"]) == (2, 2)
-    assert found["stopped"].startswith("trial 3: the run was stopped: following error at 0.2 s; ")
+    answer = result(out)
+    assert (len(answer["trials"]), answer["kept"]) == (2, 2)
+    assert answer["stopped"].startswith("trial 3: the run was stopped: following error at 0.2 s; ")
     assert "it is undone, and what was learned before is kept" in err
     assert np.array_equal(load(Path("l.h5")).current, calls[1].plan.setpoints[:, 5])
     calls.extend([None] * 10)
@@ -194,7 +194,7 @@ def test_what_a_wrong_friction_model_leaves_is_learned(command: Command) -> None
         *("--simulate", "--repeats", 1, "--trials", 6, "-o", "there", "--json", "-"),
     )
     assert code == 0, err
-    means = {one["name"]: one["peak"]["mean"] for one in result(out)["variants"]}
+    means = {variant["name"]: variant["peak"]["mean"] for variant in result(out)["variants"]}
     assert 0.08 < means["ptc+friction"] / means["ptc"] < 0.14
     assert means["ptc+friction+ilc"] < 0.06 * means["ptc+friction"]
     assert "--repeats 5" in err

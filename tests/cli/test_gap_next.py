@@ -22,7 +22,7 @@ HAND = NextExperiment("added mass", "", ("inertia", "force_constant"), 0.0, 900.
 def following(folder: Path, proposed: NextExperiment | None, *options: str) -> int:
     save(found("effects", next_experiment=proposed), folder)
     app = typer.Typer()
-    gap_next.register(app)
+    app.command("next")(gap_next.following)
     app.callback()(lambda: None)
     return int(app(["next", str(folder), *options], standalone_mode=False) or 0)
 
@@ -30,11 +30,11 @@ def following(folder: Path, proposed: NextExperiment | None, *options: str) -> i
 def test_the_file_and_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert following(tmp_path, MOTION) == 0
     assert (tmp_path / "micro-sweep.yaml").read_text() == TEXT
-    told = capsys.readouterr().err
-    assert "separates backlash from presliding friction by 31.4 sigma in 18 s" in told
+    message = capsys.readouterr().err
+    assert "separates backlash from presliding friction by 31.4 sigma in 18 s" in message
     path = tmp_path / "micro-sweep.yaml"
-    assert f"stagectl run STAGE.yaml {path} --output {tmp_path / 'micro-sweep-1.h5'}" in told
-    assert f"stagectl gap diagnose {tmp_path}" in told
+    assert f"stagectl run STAGE.yaml {path} --output {tmp_path / 'micro-sweep-1.h5'}" in message
+    assert f"stagectl gap diagnose {tmp_path}" in message
     assert following(tmp_path, MOTION) == 0  # again: the file is the same
 
 
@@ -54,8 +54,8 @@ def test_nothing_of_the_user_is_overwritten(tmp_path: Path) -> None:
 
 def test_by_hand_and_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert following(tmp_path, HAND) == 0
-    told = capsys.readouterr().err
-    assert "separates inertia from force constant in 15 min" in told and "Weigh a mass." in told
+    message = capsys.readouterr().err
+    assert "separates inertia from force constant in 15 min" in message and "Weigh a mass." in message
     assert following(tmp_path, HAND, "-o", str(tmp_path / "a.yaml")) == 1
     assert not (tmp_path / "a.yaml").exists()
     assert following(tmp_path, None) == 0

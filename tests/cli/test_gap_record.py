@@ -44,13 +44,13 @@ def recordings(folder: str) -> list[str]:
 def test_repeats_are_interleaved_and_each_has_its_noise(command: Command) -> None:
     code, out, err = command("gap", "record", "noisy.yaml", *QUICK, "--simulate", "-o", "there", "--json", "-")
     assert code == 0, err
-    found = json.loads(out)
-    runs = [(one["experiment"], one["repeat"], one["use"]) for one in found["runs"]]
+    answer = json.loads(out)
+    runs = [(run["experiment"], run["repeat"], run["use"]) for run in answer["runs"]]
     strong, check = ("sine-strong", "diagnose"), ("check-micro", "held-out")
     rounds = [(strong, 1), (check, 1), (strong, 2), (check, 2), (strong, 3)]  # two of what is held out
     assert runs == [(name, repeat, use) for (name, use), repeat in rounds]
-    assert found["left"] == [] and found["stopped"] == "" and found["notes"] == []
-    starts = [one["start_s"] for one in found["runs"]]
+    assert answer["left"] == [] and answer["stopped"] == "" and answer["notes"] == []
+    starts = [run["start_s"] for run in answer["runs"]]
     assert starts[0] == 0.0
     assert np.diff(starts) == pytest.approx([3.2, 3.62] * 2, abs=0.01)  # the motion, its standstill, and a pause
     assert "5 runs of 2 experiments, 0.2 min of motion, to there" in err
@@ -68,7 +68,10 @@ def test_a_folder_of_captures_keeps_use_and_clock(command: Command) -> None:
     files = [f"there/{name}" for name in recordings("there")]
     code, _, err = command("export", *files, "--to", "folder", "-o", "captures")
     assert code == 0, err
-    entries = {one["experiment"]: one for one in yaml.safe_load(Path("captures/captures.yaml").read_text())["captures"]}
+    entries = {
+        capture["experiment"]: capture
+        for capture in yaml.safe_load(Path("captures/captures.yaml").read_text())["captures"]
+    }
     assert (entries["sine-strong"]["use"], entries["check-micro"]["use"]) == ("diagnose", "held-out")
     assert entries["check-micro"]["start_s"] == pytest.approx(3.2, abs=0.01)
 
@@ -104,12 +107,12 @@ def stopping(at: int, words: str) -> Any:
     count = itertools.count(1)
 
     def pretended(*arguments: Any) -> dict[str, Any]:
-        found = session.pretend(*arguments)
+        answer = session.pretend(*arguments)
         if next(count) != at:
-            return found
+            return answer
         if not words:
             raise KeyboardInterrupt
-        return found | {"fault": words}
+        return answer | {"fault": words}
 
     return pretended
 
@@ -124,9 +127,9 @@ def test_stopped_it_goes_on_where_it_was(
     monkeypatch.setattr(campaign, "pretend", stopping(3, fault))
     code, out, err = command(*arguments)
     assert code == 1
-    found = json.loads(out)
-    assert found["stopped"].startswith(said)
-    assert found["left"] == ["sine-strong-2", "check-micro-2", "sine-strong-3"]
+    answer = json.loads(out)
+    assert answer["stopped"].startswith(said)
+    assert answer["left"] == ["sine-strong-2", "check-micro-2", "sine-strong-3"]
     assert f"sine-strong-2: {said}" in err
     assert "2 of 5 runs are kept in there; the same command with -o there goes on with sine-strong-2" in err
     assert "--skip sine-strong leaves that experiment out" in err
@@ -168,7 +171,7 @@ def test_over_the_bus_each_run_has_its_seed_and_its_time(command: Command, monke
     monkeypatch.setattr("time.time", lambda: next(clock))
     code, out, err = command("gap", "record", "noisy.yaml", *QUICK, "-o", "there", "--seed", 5, "--json", "-")
     assert code == 0, err
-    names = [one.name for one in (*battery(load_stage(STAGE)), *held_out(load_stage(STAGE)))]
+    names = [experiment.name for experiment in (*battery(load_stage(STAGE)), *held_out(load_stage(STAGE)))]
     numbers = [names.index("sine-strong"), names.index("check-micro")]
     expected = [5 + repeat + 1000 * number for repeat in (1, 2, 3) for number in numbers]
     assert seeds == expected[:5]
@@ -177,10 +180,10 @@ def test_over_the_bus_each_run_has_its_seed_and_its_time(command: Command, monke
 
 
 def test_a_virtual_drive_is_told_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
-    told = list[int]()
+    numbers = list[int]()
 
     def started(_: Path, __: str, seed: int) -> None:
-        told.append(seed)
+        numbers.append(seed)
         raise DriveError("far enough")
 
     monkeypatch.setattr(virtual_drive, "answers", lambda _: False)
@@ -188,7 +191,7 @@ def test_a_virtual_drive_is_told_its_seed(monkeypatch: pytest.MonkeyPatch) -> No
     setup = session.reseeded(load_stage(STAGE), 2**31 + 4)
     with suppress(DriveError), session.drive_present(setup, lambda _: None):
         pass
-    assert told == [4]
+    assert numbers == [4]
 
 
 REFUSED = [

@@ -21,14 +21,14 @@ def test_the_sentence_comes_first_and_nothing_is_undefined(verdict: str, monkeyp
     text = console.export_text()
     assert text.split("\n")[0].startswith(f"{FOUND[verdict].verdict}: {FOUND[verdict].sentence[:40]}")
     assert "nan" not in text and "None" not in text
-    assert ("stagectl gap apply captures STAGE.yaml" in text) == any(one.fields for one in FOUND[verdict].named)
+    assert ("stagectl gap apply captures STAGE.yaml" in text) == any(effect.fields for effect in FOUND[verdict].named)
 
 
 def test_many_captures_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     console = Console(width=160, record=True, markup=False, highlight=False)
     monkeypatch.setattr(gap_show, "console", console)
-    one = FOUND["effects"].captures[0]
-    gap_show.show(found("effects", captures=(one,) * 11), Path("captures"))
+    diagnosis = FOUND["effects"].captures[0]
+    gap_show.show(found("effects", captures=(diagnosis,) * 11), Path("captures"))
     text = console.export_text()
     assert text.count("open in sine-1.6hz-1.csv") == gap_show.MOST_SPANS and "and 3 more captures" in text
     assert "where in the loop: controller 0 %, drive 3 %, mechanics 95 %, sensor 2 %" in text

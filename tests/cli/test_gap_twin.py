@@ -37,9 +37,9 @@ def snapshot(path: Path, **changes: Any) -> Path:
 def test_drift_names_what_drifts_and_how_fast(command: Command, record: Path) -> None:
     code, out, said = command("gap", "drift", record, "--json", "-")
     assert code == 0, said
-    found = json.loads(out)
-    assert found["named"] == ["viscous"]
-    assert found["trends"]["viscous"]["slope"] == pytest.approx(-0.0014, rel=0.1)
+    answer = json.loads(out)
+    assert answer["named"] == ["viscous"]
+    assert answer["trends"]["viscous"]["slope"] == pytest.approx(-0.0014, rel=0.1)
     assert "viscous -1" in said
     assert "% a day" in said
 

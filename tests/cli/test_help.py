@@ -44,7 +44,7 @@ def test_help_has_an_example_of_this_verb(name: str) -> None:
 
 @pytest.mark.parametrize("name", VERBS)
 def test_results_for_machines(name: str) -> None:
-    assert any("--json" in one.opts for one in VERBS[name].params)
+    assert any("--json" in param.opts for param in VERBS[name].params)
 
 
 def test_all_verbs_were_walked() -> None:

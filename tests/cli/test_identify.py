@@ -29,17 +29,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_answer(command: Command) -> None:
     code, out, err = command(*LEAST_SQUARES, "log.csv", "--json", "-")
     assert code == 0
-    found: dict[str, Any] = json.loads(out)
-    assert (found["method"], found["stage"], found["held_out"]) == ("least-squares", "ball-screw stage A", [])
+    answer: dict[str, Any] = json.loads(out)
+    assert (answer["method"], answer["stage"], answer["held_out"]) == ("least-squares", "ball-screw stage A", [])
     for name, value, unit in (("inertia", J, "kg m^2"), ("viscous", D, "N m s/rad"), ("coulomb", TC, "N m")):
-        one = found["parameters"][name]
-        assert set(one) == {"value", "low", "high", "unit"} and one["unit"] == unit
-        assert one["low"] < one["value"] < one["high"]
-        assert one["value"] == pytest.approx(value, rel=0.02)
-    (capture,) = found["captures"]
+        parameter = answer["parameters"][name]
+        assert set(parameter) == {"value", "low", "high", "unit"} and parameter["unit"] == unit
+        assert parameter["low"] < parameter["value"] < parameter["high"]
+        assert parameter["value"] == pytest.approx(value, rel=0.02)
+    (capture,) = answer["captures"]
     assert (capture["name"], capture["rows"], capture["current"]) == ("log.csv", 20000, "measured_current")
-    assert found["changes"]["mechanics.inertia"] == found["parameters"]["inertia"]["value"]
-    assert found["table"] is None and {"identifiability", "notes", "details"} <= set(found)
+    assert answer["changes"]["mechanics.inertia"] == answer["parameters"]["inertia"]["value"]
+    assert answer["table"] is None and {"identifiability", "notes", "details"} <= set(answer)
     for words in ("95 % interval", "log.csv: 20000 rows every 0.5 ms, taken from measured_current", "force residual"):
         assert words in err
 

@@ -42,8 +42,8 @@ def ends(outcome: tuple[int, str, str], *words: str) -> None:
     code, out, err = outcome
     assert (code, out) == (2, ""), err
     assert "Traceback" not in err
-    for one in words:
-        assert one in err, err
+    for word in words:
+        assert word in err, err
 
 
 def test_wrong_unit(command: Command) -> None:

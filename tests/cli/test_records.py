@@ -21,10 +21,10 @@ STAGE = ROOT / "config" / "ball-screw.yaml"
 
 def stagectl(*arguments: object, expect: int = 0) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "stagectl", *map(str, arguments)]
-    found = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert found.returncode == expect, found.stderr
-    assert "Traceback" not in found.stderr
-    return found
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == expect, done.stderr
+    assert "Traceback" not in done.stderr
+    return done
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +44,9 @@ def test_export_writes_beside_the_recording(recording: Path) -> None:
 
 def test_the_page_of_a_run(recording: Path, tmp_path: Path) -> None:
     """The answer in words, the figures, and all that it takes to do it again: command, versions, configuration."""
-    found = json.loads(stagectl("report", recording, "-o", tmp_path / "page.html", "--json", "-").stdout)
+    answer = json.loads(stagectl("report", recording, "-o", tmp_path / "page.html", "--json", "-").stdout)
     page = (tmp_path / "page.html").read_text()
-    assert found["answer"].startswith("The stage tracks within ") and found["answer"] in page
+    assert answer["answer"].startswith("The stage tracks within ") and answer["answer"] in page
     assert page.count("<img ") == 3 and "Simulated, on the stage model" in page
     assert f"stagectl replay {recording}" in page and "python-can" in page
     digest = hashlib.sha256(STAGE.read_bytes()).hexdigest()
@@ -56,8 +56,8 @@ def test_the_page_of_a_run(recording: Path, tmp_path: Path) -> None:
 def test_no_peak_of_a_curve_is_lost() -> None:
     values = np.zeros(100_000)
     values[[77, 5_000]] = 3.0, -2.0
-    time, found = thinned(np.arange(100_000.0), values)
-    assert len(time) == len(found) <= 2 * BUCKETS and found.max() == 3.0 and found.min() == -2.0
+    time, numbers = thinned(np.arange(100_000.0), values)
+    assert len(time) == len(numbers) <= 2 * BUCKETS and numbers.max() == 3.0 and numbers.min() == -2.0
 
 
 def test_two_recordings_go_into_one_folder_and_come_back(recording: Path, tmp_path: Path) -> None:
@@ -85,18 +85,18 @@ def test_identify_finds_the_model_that_was_simulated(recording: Path, tmp_path: 
     arguments = ("--json", tmp_path / "found.json", "--report", page)
     result = stagectl("identify", "least-squares", STAGE, recording, *arguments)
     assert f"report: {page}" in result.stderr and "<img" in page.read_text()
-    found = json.loads((tmp_path / "found.json").read_text())
-    assert found["method"] == "least-squares" and "95 % interval" in result.stderr
+    answer = json.loads((tmp_path / "found.json").read_text())
+    assert answer["method"] == "least-squares" and "95 % interval" in result.stderr
     for name, value, within, unit in (
         ("inertia", 0.010, 0.03, "kg m^2"),
         ("viscous", 0.14, 0.03, "N m s/rad"),
         ("coulomb", 1.0, 0.10, "N m"),
     ):
-        assert found["parameters"][name]["value"] == pytest.approx(value, rel=within)
-        assert found["parameters"][name]["unit"] == unit
-    assert found["parameters"]["coulomb"]["value"] < 1.0  # presliding is softer than sign(v)
-    assert abs(found["parameters"]["offset"]["value"]) < 0.02
-    assert found["captures"][0]["current"] == "measured_current"
+        assert answer["parameters"][name]["value"] == pytest.approx(value, rel=within)
+        assert answer["parameters"][name]["unit"] == unit
+    assert answer["parameters"]["coulomb"]["value"] < 1.0  # presliding is softer than sign(v)
+    assert abs(answer["parameters"]["offset"]["value"]) < 0.02
+    assert answer["captures"][0]["current"] == "measured_current"
 
 
 @pytest.mark.parametrize(

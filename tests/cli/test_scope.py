@@ -16,9 +16,9 @@ from tests.service.serving import Served, served
 
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("scope")) as found:
-        found.ask("POST", "enable")
-        yield found
+    with served(tmp_path_factory.mktemp("scope")) as service:
+        service.ask("POST", "enable")
+        yield service
 
 
 def test_one_capture_of_a_motion(machine: Served, command: Command) -> None:
@@ -29,10 +29,10 @@ def test_one_capture_of_a_motion(machine: Served, command: Command) -> None:
     assert code == 0, err
     assert "current " in err
     assert "^ trigger" in err
-    found = json.loads(out)
-    time, current = np.array(found["time"]), np.array(found["channels"]["current"]["low"])
-    assert found["triggered"]
-    assert found["channels"]["measured"]["unit"] == "m"
+    answer = json.loads(out)
+    time, current = np.array(answer["time"]), np.array(answer["channels"]["current"]["low"])
+    assert answer["triggered"]
+    assert answer["channels"]["measured"]["unit"] == "m"
     assert len(time) == 800
     assert np.allclose(np.diff(time), 5e-4)
     place = int(np.argmin(np.abs(time)))
@@ -58,8 +58,8 @@ def test_channels_are_listed(machine: Served, command: Command) -> None:
     ],
 )
 def test_what_cannot_be_is_said(machine: Served, command: Command, words: list[str], code: int, said: str) -> None:
-    found, _, err = command("scope", *words, "--socket", machine.socket)
-    assert found == code, err
+    shown, _, err = command("scope", *words, "--socket", machine.socket)
+    assert shown == code, err
     assert said in err
 
 
@@ -76,9 +76,9 @@ def test_a_recording_of_a_second(machine: Served, command: Command, tmp_path: Pa
     code, out, err = command("record", *words, "--socket", machine.socket)
     assert code == 0, err
     assert json.loads(out)["recording"] == str(target)
-    found = open_recording(target)
-    assert found.complete
-    assert np.allclose(np.diff(found.column("time")), 5e-4)
+    recording = open_recording(target)
+    assert recording.complete
+    assert np.allclose(np.diff(recording.column("time")), 5e-4)
     code, _, err = command("record", *words, "--socket", machine.socket)
     assert code == 1
     assert "now.h5 exists already" in err

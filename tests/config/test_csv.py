@@ -21,16 +21,16 @@ def load(folder: Path, data: bytes | None) -> Recorded:
     if data is not None:
         (folder / "log.csv").write_bytes(data)
     (folder / "move.yaml").write_text("{type: csv, file: log.csv}")
-    found = load_free(folder / "move.yaml")
-    assert isinstance(found, Recorded)
-    return found
+    trajectory = load_free(folder / "move.yaml")
+    assert isinstance(trajectory, Recorded)
+    return trajectory
 
 
 @pytest.mark.parametrize("data", [GOOD, "\ufeff" + GOOD, GOOD.replace("\n", "\r\n"), GOOD.replace(",", " , ")])
 def test_usual_dialects_are_read(tmp_path: Path, data: str) -> None:
-    found = load(tmp_path, data.encode())
-    assert len(found.time) == 8
-    assert found.position[7] == pytest.approx(0.49e-3)
+    loaded = load(tmp_path, data.encode())
+    assert len(loaded.time) == 8
+    assert loaded.position[7] == pytest.approx(0.49e-3)
 
 
 @pytest.mark.parametrize(

@@ -182,8 +182,8 @@ def test_the_virtual_drive_plays_what_simulate_plays(setup: Setup) -> None:
 def test_without_jitter_the_noise_is_that_of_always(setup: Setup) -> None:
     simulation = setup.file.simulation._replace(current_noise=0.02, encoder_noise=1e-6)
     assert np.all(noise(simulation, 50)[:, 2] == 0.0)
-    one, other = noise(simulation, 1, 1e-5), noise(simulation, 1)
-    assert np.array_equal(one[0, :2], other[0, :2])
+    drawn, other = noise(simulation, 1, 1e-5), noise(simulation, 1)
+    assert np.array_equal(drawn[0, :2], other[0, :2])
 
 
 def test_nominal_loses_none_of_them(setup: Setup) -> None:

@@ -69,9 +69,9 @@ def test_compensation_foresees_the_bristle(setup: Setup) -> None:
 
 def test_the_law_stands_in_the_nominal_file(setup: Setup) -> None:
     p = setup.stage.friction.bristle
-    found = nominal_yaml._friction(setup.file)
-    assert found["law"] in ("dahl", "lugre")
-    assert {name: found[name] for name in ("coulomb", "stiffness", "exponent", "damping")} == {
+    law = nominal_yaml._friction(setup.file)
+    assert law["law"] in ("dahl", "lugre")
+    assert {name: law[name] for name in ("coulomb", "stiffness", "exponent", "damping")} == {
         name: getattr(p, name) for name in ("coulomb", "stiffness", "exponent", "damping")
     }
 

@@ -74,7 +74,7 @@ def test_values_come_back_and_the_rest_stays(
     assert max(map(len, after.splitlines())) <= max(120, *map(len, before.splitlines()))
     write(path, path, wanted)
     assert path.read_text() == after  # nothing is new the second time
-    assert [one.name for one in tmp_path.iterdir()] == [name]
+    assert [place.name for place in tmp_path.iterdir()] == [name]
 
 
 def check_values(file: StageFile, wanted: dict[str, Any]) -> None:
@@ -92,7 +92,7 @@ def test_the_shipped_file_reads_as_its_user_would_have_written_it(tmp_path: Path
     slips = [2.0 * math.pi * travel / 0.012 for travel in (0.25e-6, 1.5e-6, 14e-6)]
     friction = {"law": "stop-operators", "weight": [0.3, 0.25, 0.46], "slip": slips}
     made = write(path, path, {"mechanics.inertia": 0.01003, "friction": friction})
-    assert [str(one) for one in made[:4]] == [
+    assert [str(planned_trial) for planned_trial in made[:4]] == [
         "mechanics.inertia: 0.010 kg m^2 -> 0.01003 kg m^2",
         "friction.law: rolling -> stop-operators",
         "friction.weight: (not there) -> [0.3 N m, 0.25 N m, 0.46 N m]",
@@ -162,7 +162,7 @@ def test_what_would_be_refused_is_not_written(
         write(path, path, values)
     assert all(problem.file in (None, path) for problem in caught.value.problems)
     assert path.read_bytes() == before
-    assert [one.name for one in tmp_path.iterdir()] == ["ball-screw.yaml"]
+    assert [place.name for place in tmp_path.iterdir()] == ["ball-screw.yaml"]
     assert "tmp" not in str(caught.value).replace(str(tmp_path), "")
 
 

@@ -40,15 +40,15 @@ def exported(paths: list[Path], folder: Path, setpoints: bool = True) -> Path:
     """A folder of captures of them; without the setpoints of our own export, as from elsewhere."""
     export([open_recording(path) for path in paths], "folder", folder)
     if not setpoints:
-        edit(folder / "captures.yaml", lambda found: [one.pop("setpoints") for one in found["captures"]])
+        edit(folder / "captures.yaml", lambda values: [capture.pop("setpoints") for capture in values["captures"]])
     return folder
 
 
 def edit(path: Path, change: Callable[[dict[str, Any]], Any]) -> None:
     """Change a YAML file in place."""
-    found = yaml.safe_load(path.read_text())
-    change(found)
-    path.write_text(yaml.safe_dump(found))
+    answer = yaml.safe_load(path.read_text())
+    change(answer)
+    path.write_text(yaml.safe_dump(answer))
 
 
 def rewrite(path: Path, change: Callable[[Columns], Columns]) -> None:

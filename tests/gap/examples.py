@@ -166,7 +166,7 @@ def every() -> dict[str, DiagnosisResult]:
     return {
         "none": found("none", effects=(WEAK,), gap=gap(0.23, 0.22), gaps={"tracking_error": gap(0.23, 0.22)},
                       shares=(("parameters", 0.0), ("not repeatable", 1.0)), traces=(trace("held.csv", 0.05, 0.04),),
-                      captures=tuple(one._replace(spans=()) for one in CAPTURES), coordinates=(), **nothing),
+                      captures=tuple(capture._replace(spans=()) for capture in CAPTURES), coordinates=(), **nothing),
         "parameters": found("parameters", effects=(VISCOUS,), next_experiment=None,
                             shares=(("parameters", 0.94), ("repeatable but unexplained", 0.04),
                                     ("not repeatable", 0.02))),

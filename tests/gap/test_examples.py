@@ -22,20 +22,24 @@ def _diagnosed(place: Path, drawn: Drawn, seed: int, excluded: tuple[str, ...] =
 
 def test_a_weak_effect_behind_a_strong_one(tmp_path: Path) -> None:
     drawn = Drawn(short=True, effects=("viscous_nonlinear", "cogging"), scale=1.0)
-    found = _diagnosed(tmp_path, drawn, 41)
-    effects = [effect for effect in found.named if not effect.parameter]
+    diagnosis = _diagnosed(tmp_path, drawn, 41)
+    effects = [effect for effect in diagnosis.named if not effect.parameter]
     assert [effect.name for effect in effects] == ["viscous_nonlinear", "cogging"]
     assert (
         effects[1].share < 0.2 * effects[0].share
     )  # it is masked: what it does to the position is small beside the other
     assert effects[1].parameters["amplitude"].value == pytest.approx(0.015, rel=0.2)
-    assert found.gap.closure > 0.85
+    assert diagnosis.gap.closure > 0.85
 
 
 def test_an_effect_that_is_in_no_library(tmp_path: Path) -> None:
     drawn = Drawn(short=True, effects=("viscous_asymmetry",), scale=2.0)
-    found = _diagnosed(tmp_path, drawn, 42, excluded=("viscous_asymmetry",))
-    assert found.verdict == "unknown" and not [effect for effect in found.named if not effect.parameter]
-    assert found.unknown is not None and found.unknown.coordinate == "speed" and found.unknown.predicted > 0.8
-    assert any(name == "residual.values" for name, _ in found.unknown.fields)  # the gap shrinks by a data-based term
-    assert found.gap.closure > 0.6
+    diagnosis = _diagnosed(tmp_path, drawn, 42, excluded=("viscous_asymmetry",))
+    assert diagnosis.verdict == "unknown" and not [effect for effect in diagnosis.named if not effect.parameter]
+    assert (
+        diagnosis.unknown is not None and diagnosis.unknown.coordinate == "speed" and diagnosis.unknown.predicted > 0.8
+    )
+    assert any(
+        name == "residual.values" for name, _ in diagnosis.unknown.fields
+    )  # the gap shrinks by a data-based term
+    assert diagnosis.gap.closure > 0.6

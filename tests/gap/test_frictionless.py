@@ -40,19 +40,19 @@ def diagnosed(place: Path, machine: str, model: str) -> DiagnosisResult:
 )
 def test_a_model_without_friction(tmp_path: Path, name: str, old: str, new: str, value: float) -> None:
     assert old in ON_AIR
-    found = diagnosed(tmp_path, ON_AIR.replace(old, new), ON_AIR)
-    assert found.verdict == "parameters"
-    (one,) = found.effects
-    assert one.name == name and one.parameters[name].value == pytest.approx(value, rel=0.01)
-    assert found.gap.closure > 0.95
+    diagnosis = diagnosed(tmp_path, ON_AIR.replace(old, new), ON_AIR)
+    assert diagnosis.verdict == "parameters"
+    (effect,) = diagnosis.effects
+    assert effect.name == name and effect.parameters[name].value == pytest.approx(value, rel=0.01)
+    assert diagnosis.gap.closure > 0.95
 
 
 def test_a_machine_without_the_friction_of_its_model(tmp_path: Path) -> None:
     """No statement on the rolling zone of a machine without friction."""
-    found = diagnosed(tmp_path, ON_AIR, NOMINAL)
-    assert found.verdict == "parameters"
-    (one,) = found.effects
-    assert one.name == "coulomb" and one.parameters["change"].value == pytest.approx(-1.0, abs=1e-3)
+    diagnosis = diagnosed(tmp_path, ON_AIR, NOMINAL)
+    assert diagnosis.verdict == "parameters"
+    (effect,) = diagnosis.effects
+    assert effect.name == "coulomb" and effect.parameters["change"].value == pytest.approx(-1.0, abs=1e-3)
 
 
 def test_machines_with_another_law_where_the_refit_has_left_no_friction() -> None:
@@ -62,5 +62,5 @@ def test_machines_with_another_law_where_the_refit_has_left_no_friction() -> Non
     assert friction_family.size(p) == stage.sliding(p.friction) and friction_family.length(none.friction) == 1e-3
     assert friction_family.size(none) == pytest.approx(0.01 * p.motor.force_constant)
     model = TrackedModel(none, None, 0.0)  # type: ignore[arg-type]
-    laws = [one.change(model).stage.friction for one in null_ensemble.members(model, 6, 1, 2.0)]
+    laws = [member.change(model).stage.friction for member in null_ensemble.members(model, 6, 1, 2.0)]
     assert np.allclose([stage.sliding(law) for law in laws], 2.0)

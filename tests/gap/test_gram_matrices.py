@@ -34,14 +34,17 @@ def _defined(run: Run, x: Mapping[str, Sequence[Array]], residuals: Sequence[Arr
     """(2, c, p + 1, p + 1) by ``sum_k [X_k r_k]' [X_k r_k]``, all less their part along the run's own column."""
     own = (run.weight[:, None] * x["own"][0]).T
     own /= np.linalg.norm(own)
-    found = np.zeros((2, STROKES, len(names) + 1, len(names) + 1))
+    sums = np.zeros((2, STROKES, len(names) + 1, len(names) + 1))
     for k in range(len(residuals)):
-        each = [(run.weight[:, None] * one).T for one in (*(x[name][k % len(x[name])] for name in names), residuals[k])]
-        z = np.stack([one - np.vdot(own, one) * own for one in each], axis=1)
+        each = [
+            (run.weight[:, None] * column).T
+            for column in (*(x[name][k % len(x[name])] for name in names), residuals[k])
+        ]
+        z = np.stack([column - np.vdot(own, column) * own for column in each], axis=1)
         for stroke in range(STROKES):
             rows = z[:, :, run.cluster == stroke]
-            found[:, stroke] += rows @ np.swapaxes(rows, 1, 2)
-    return found
+            sums[:, stroke] += rows @ np.swapaxes(rows, 1, 2)
+    return sums
 
 
 @pytest.mark.parametrize(
@@ -64,8 +67,8 @@ def test_the_matrices_follow_their_definition(steps: Sequence[Sequence[str]], ch
     names = [name for step in steps for name in step] if chosen is None else list(chosen)
     g = gram_matrices.grams(p if chosen is None else gram_matrices.selected(p, names), residuals)
     assert list(g.names) == names
-    for k, (run, one) in enumerate(zip(runs, x, strict=True)):
-        wanted = _defined(run, one, residuals[k], names)
+    for k, (run, columns) in enumerate(zip(runs, x, strict=True)):
+        wanted = _defined(run, columns, residuals[k], names)
         at = g.experiment == k
         np.testing.assert_allclose(g.effort[at], wanted[0], atol=2e-5)  # columns are kept in single precision
         np.testing.assert_allclose(g.current[at], wanted[1], atol=2e-5)
@@ -102,9 +105,10 @@ def test_fold_sums_are_the_sums_of_the_half_strokes_of_each_fold(repeats: int) -
     runs = [_run(source), _run(source)._replace(cluster=np.repeat(np.arange(3), ROWS // 3))]
     x = [_columns(source) for _ in runs]
     residuals = [[source.standard_normal((ROWS, 2)) for _ in range(repeats)] for _ in runs]
-    p = gram_matrices.products(runs, [{name: one[name] for name in ("own", "a", "warm")} for one in x], "own")
+    p = gram_matrices.products(runs, [{name: columns[name] for name in ("own", "a", "warm")} for columns in x], "own")
     p = gram_matrices.selected(
-        gram_matrices.with_columns(p, [{name: one[name] for name in ("b", "step")} for one in x]), ["step", "b", "a"]
+        gram_matrices.with_columns(p, [{name: columns[name] for name in ("b", "step")} for columns in x]),
+        ["step", "b", "a"],
     )
     whole, sums = gram_matrices.grams(p, residuals), gram_matrices.fold_sums(p, residuals)
     assert sums.names == whole.names

@@ -72,12 +72,12 @@ def test_unknown_force(session: Session) -> None:
 
 def test_right(session: Session) -> None:
     gap = Gap(1.0, 0.1, 0.0, "N", 0.99, 0.9, 1.0)
-    found = DiagnosisResult("effects", "", (), gap, {}, {}, (), (), ())
-    named = found._replace(effects=(FoundEffect("stribeck", ("dwell",), 0.9, 0.5, {}),))
+    diagnosis = DiagnosisResult("effects", "", (), gap, {}, {}, (), (), ())
+    named = diagnosis._replace(effects=(FoundEffect("stribeck", ("dwell",), 0.9, 0.5, {}),))
     knock = knock_out.Knock("dwell", "in", session)
     assert knock_out.judged(knock, named).right and knock_out.judged(knock, named).named == (("stribeck", "dwell"),)
-    assert not knock_out.judged(knock, found).right
-    already = found._replace(effects=(FoundEffect("dwell", (), 0.9, 0.5, {}),))
+    assert not knock_out.judged(knock, diagnosis).right
+    already = diagnosis._replace(effects=(FoundEffect("dwell", (), 0.9, 0.5, {}),))
     assert not knock_out.judged(knock, named, already).right
 
 

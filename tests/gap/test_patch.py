@@ -123,8 +123,8 @@ def test_what_the_new_law_has_as_well_stays_as_it_was_written(stage: Path) -> No
         "  longest: 9 um", "  longest: 9 um\n  stribeck: {rise: 0.30, velocity: 2.0 rad/s} # s"
     )
     stage.write_text(text)
-    one = PRESLIDING._replace(fields=PRESLIDING.fields[:3])
-    applied(patch_of(found("effects", effects=(one,)), stage))
+    renamed = PRESLIDING._replace(fields=PRESLIDING.fields[:3])
+    applied(patch_of(found("effects", effects=(renamed,)), stage))
     assert "  stribeck: {rise: 0.30, velocity: 2.0 rad/s} # s\n" in stage.read_text()
     law = load_stage(stage).file.friction
     assert isinstance(law, Operators) and law.stribeck == friction.Stribeck(0.3, 2.0)
@@ -257,7 +257,7 @@ def run(*words: str) -> tuple[int, str]:
     import typer
 
     app = typer.Typer()
-    gap_apply.register(app)
+    app.command("apply")(gap_apply.apply)
     app.callback()(lambda: None)
     result = CliRunner().invoke(app, ["apply", *words])
     if isinstance(result.exception, StageError):

@@ -61,8 +61,10 @@ def test_the_residuals_of_two_changes_add_up() -> None:
     damped = p._replace(mechanics=p.mechanics._replace(viscous=1.2 * p.mechanics.viscous))
     heavy = p._replace(mechanics=p.mechanics._replace(inertia=1.1 * p.mechanics.inertia))
     both = damped._replace(mechanics=damped.mechanics._replace(inertia=heavy.mechanics.inertia))
-    one, two, three = (model_tracking.tracking_residual(_tied(x), path, 10).effort for x in (damped, heavy, both))
-    assert np.linalg.norm(three - one - two) < 0.02 * np.linalg.norm(three)
+    viscous, inertia, together = (
+        model_tracking.tracking_residual(_tied(x), path, 10).effort for x in (damped, heavy, both)
+    )
+    assert np.linalg.norm(together - viscous - inertia) < 0.02 * np.linalg.norm(together)
 
 
 def test_the_tracker_does_not_change_with_the_candidate() -> None:
@@ -95,8 +97,8 @@ def test_bounded_least_squares() -> None:
 
 def test_a_column_that_the_data_do_not_have_moves_nothing() -> None:
     z = np.column_stack([np.arange(5.0), np.zeros(5), 2.0 * np.arange(5.0)])
-    found = least_squares.bounded(z.T @ z, [0, 1], np.full(2, -np.inf), np.full(2, np.inf))
-    assert found == pytest.approx([2.0, 0.0], abs=1e-6)
+    fit = least_squares.bounded(z.T @ z, [0, 1], np.full(2, -np.inf), np.full(2, np.inf))
+    assert fit == pytest.approx([2.0, 0.0], abs=1e-6)
 
 
 def test_half_strokes_of_a_sine() -> None:

@@ -18,7 +18,7 @@ FOUND = every()
 
 
 def test_there_is_an_example_of_every_verdict() -> None:
-    assert {one.verdict for one in FOUND.values()} == set(VERDICTS)
+    assert {diagnosis.verdict for diagnosis in FOUND.values()} == set(VERDICTS)
 
 
 @pytest.mark.parametrize(
@@ -53,11 +53,11 @@ def test_a_value_that_is_off_hides_no_effect() -> None:
     values = [
         ASYMMETRY._replace(name=name, share=0.3, parameter=True) for name in ("inertia", "viscous", "coulomb", "bias")
     ]
-    told = found("effects", effects=(*values, ASYMMETRY._replace(share=0.05))).sentence
-    assert told.startswith(
+    sentence = found("effects", effects=(*values, ASYMMETRY._replace(share=0.05))).sentence
+    assert sentence.startswith(
         "5 % of the closable gap is viscous asymmetry (share 0.182); parameters of the model are off as well: 30 % "
     )
-    assert "and 1 smaller one." in told
+    assert "and 1 smaller one." in sentence
 
 
 def test_what_undoes_each_other_is_told_as_one() -> None:
@@ -65,8 +65,8 @@ def test_what_undoes_each_other_is_told_as_one() -> None:
         ASYMMETRY._replace(name=name, share=share, parameter=True)
         for name, share in (("viscous", -1.7), ("bias", -0.9))
     ]
-    told = found("effects", effects=(ASYMMETRY._replace(share=3.3), *values)).sentence
-    assert told.startswith(
+    sentence = found("effects", effects=(ASYMMETRY._replace(share=3.3), *values)).sentence
+    assert sentence.startswith(
         "70 % of the closable gap is viscous asymmetry (share 0.182) together with viscous friction (0.182) "
         "and constant force on the axis (0.182), which partly cancel. "
     )
@@ -87,23 +87,25 @@ def test_effects_without_a_name_are_not_in_the_sentence() -> None:
 
 @pytest.mark.parametrize("verdict", sorted(FOUND))
 def test_json_has_the_keys_of_the_design_and_comes_back(verdict: str, tmp_path: Path) -> None:
-    one = FOUND[verdict]
-    result = json.loads(json.dumps(as_json(one), allow_nan=False))
+    diagnosis = FOUND[verdict]
+    result = json.loads(json.dumps(as_json(diagnosis), allow_nan=False))
     assert {"verdict", "effects", "gap", "where", "next_experiment"} <= set(result)
     assert set(result["where"]["blocks"]) == set(BLOCKS)
     assert {"before", "after", "floor", "unit", "closure"} <= set(result["gap"])
     for effect in result["effects"]:
         assert {"name", "alternatives", "probability", "share", "parameters"} <= set(effect)
         assert all(set(value) == {"value", "low", "high", "unit"} for value in effect["parameters"].values())
-    back = load(save(one, tmp_path).parent)
+    back = load(save(diagnosis, tmp_path).parent)
     assert as_json(back) == result
-    assert [effect.fields for effect in back.effects] == [effect.fields for effect in one.effects]
-    assert back.next_experiment == one.next_experiment and back.captures == one.captures and back.traces == ()
+    assert [effect.fields for effect in back.effects] == [effect.fields for effect in diagnosis.effects]
+    assert (
+        back.next_experiment == diagnosis.next_experiment and back.captures == diagnosis.captures and back.traces == ()
+    )
 
 
 def test_curves_and_shapes_come_back(tmp_path: Path) -> None:
-    one = found("effects+unknown", effects=(COGGING,), unknown=SHAPE._replace(fields=(("mechanics.bias", 1.0),)))
-    back = load(save(one, tmp_path))
+    sentence = found("effects+unknown", effects=(COGGING,), unknown=SHAPE._replace(fields=(("mechanics.bias", 1.0),)))
+    back = load(save(sentence, tmp_path))
     assert back.unknown is not None and back.unknown.fields == (("mechanics.bias", 1.0),)
     np.testing.assert_array_equal(back.unknown.force, SHAPE.force)
     assert back.effects[0].curve is not None and COGGING.curve is not None
@@ -111,8 +113,10 @@ def test_curves_and_shapes_come_back(tmp_path: Path) -> None:
 
 
 def test_what_is_no_number_is_null() -> None:
-    one = found("effects", gap=gap(2.9, 0.34)._replace(floor=math.nan), effects=(COGGING._replace(share=math.inf),))
-    result = as_json(one)
+    sentence = found(
+        "effects", gap=gap(2.9, 0.34)._replace(floor=math.nan), effects=(COGGING._replace(share=math.inf),)
+    )
+    result = as_json(sentence)
     assert result["gap"]["floor"] is None and result["effects"][0]["share"] is None
     assert math.isnan(restored(result).gap.floor)
 

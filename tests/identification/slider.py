@@ -55,4 +55,4 @@ def errors(rows: NDArray[Any]) -> list[ReversalError]:
 def worst(rows: NDArray[Any]) -> tuple[float, float]:
     """Largest lag and lead of all reversals (um)."""
     found = errors(rows)
-    return min(one.negative for one in found) * 1e6, max(one.positive for one in found) * 1e6
+    return min(error.negative for error in found) * 1e6, max(error.positive for error in found) * 1e6

@@ -39,41 +39,41 @@ def there_and_back(speeds: tuple[float, ...], revolutions: float = 3.0, one_way:
 @pytest.mark.parametrize("ripple", [0.0, 0.05])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_damping_within_a_tenth_of_a_per_cent(ripple: float, seed: int) -> None:
-    found = identify([followed(Machine(SETUP, ripple=ripple, seed=seed), there_and_back(SPEEDS))], FILE)
-    assert found.parameters["viscous"].value == pytest.approx(D, rel=1e-3)
-    assert found.parameters["coulomb"].value == pytest.approx(TC, abs=0.003)
-    assert found.parameters["offset"].value == pytest.approx(0.0, abs=0.003)
-    assert found.changes == {"mechanics.viscous": found.parameters["viscous"].value}
-    assert len(found.details["spans"]) == 2 * len(SPEEDS)
-    assert all(one["revolutions"] >= 3 for one in found.details["spans"])
-    assert max(map(abs, found.details["residual"])) < 0.01  # N m, of forces of up to 8 N m
-    json.dumps(found.details, allow_nan=False)
+    result = identify([followed(Machine(SETUP, ripple=ripple, seed=seed), there_and_back(SPEEDS))], FILE)
+    assert result.parameters["viscous"].value == pytest.approx(D, rel=1e-3)
+    assert result.parameters["coulomb"].value == pytest.approx(TC, abs=0.003)
+    assert result.parameters["offset"].value == pytest.approx(0.0, abs=0.003)
+    assert result.changes == {"mechanics.viscous": result.parameters["viscous"].value}
+    assert len(result.details["spans"]) == 2 * len(SPEEDS)
+    assert all(span["revolutions"] >= 3 for span in result.details["spans"])
+    assert max(map(abs, result.details["residual"])) < 0.01  # N m, of forces of up to 8 N m
+    json.dumps(result.details, allow_nan=False)
 
 
 def test_averaged_over_time_ripple_biases_and_it_is_noted() -> None:
     """The same ripple over 0.7 of a revolution: what whole revolutions are good for."""
     speeds = (0.01, 0.02, 0.04)
     ways = tuple(Trapezoid(0.7 * 0.012 + 0.25 * v, v, 0.5, 0.1) for v in speeds)
-    found = identify([followed(Machine(SETUP, ripple=0.05), Sequence(ways))], FILE)
-    assert Topic.REVOLUTION in topics(found.notes)
-    assert 0.001 < abs(found.parameters["coulomb"].value / TC - 1.0) < 0.05
+    result = identify([followed(Machine(SETUP, ripple=0.05), Sequence(ways))], FILE)
+    assert Topic.REVOLUTION in topics(result.notes)
+    assert 0.001 < abs(result.parameters["coulomb"].value / TC - 1.0) < 0.05
 
 
 def test_one_capture_per_speed_is_the_same() -> None:
     captures = [followed(Machine(SETUP, seed=k), there_and_back((v,))) for k, v in enumerate((0.02, 0.05, 0.1))]
-    found = identify(captures, FILE)
-    assert found.parameters["viscous"].value == pytest.approx(D, rel=1e-3)
-    assert len(found.details["spans"]) == 6
+    result = identify(captures, FILE)
+    assert result.parameters["viscous"].value == pytest.approx(D, rel=1e-3)
+    assert len(result.details["spans"]) == 6
 
 
 def test_gravity_is_the_offset() -> None:
     p = SETUP.stage
     machine = Machine(SETUP._replace(stage=p._replace(mechanics=p.mechanics._replace(bias=-0.3))))
-    found = identify([followed(machine, there_and_back((0.02, 0.06)))], FILE)
-    assert found.parameters["offset"].value == pytest.approx(0.3, abs=0.01)
-    assert found.parameters["coulomb"].value == pytest.approx(TC, abs=0.01)
-    assert found.details["coulomb_positive"] == pytest.approx(1.3, abs=0.01)
-    assert found.details["coulomb_negative"] == pytest.approx(0.7, abs=0.01)
+    result = identify([followed(machine, there_and_back((0.02, 0.06)))], FILE)
+    assert result.parameters["offset"].value == pytest.approx(0.3, abs=0.01)
+    assert result.parameters["coulomb"].value == pytest.approx(TC, abs=0.01)
+    assert result.details["coulomb_positive"] == pytest.approx(1.3, abs=0.01)
+    assert result.details["coulomb_negative"] == pytest.approx(0.7, abs=0.01)
 
 
 def spans(seed: int, deviation: float) -> list[SpeedSpan]:
@@ -102,28 +102,28 @@ def test_intervals_hold_the_truth() -> None:
     motion = there_and_back((0.05, 0.1))
     hits = 0
     for seed in range(15):
-        found = identify([followed(Machine(SETUP, seed=seed), motion)], FILE).parameters
+        parameters = identify([followed(Machine(SETUP, seed=seed), motion)], FILE).parameters
         truths = {"viscous": D, "coulomb": TC, "offset": 0.0}
-        hits += sum(found[name].low <= truth <= found[name].high for name, truth in truths.items())
+        hits += sum(parameters[name].low <= truth <= parameters[name].high for name, truth in truths.items())
     assert 37 <= hits <= 45
-    assert found["viscous"].high - found["viscous"].low < 0.003 * D
+    assert parameters["viscous"].high - parameters["viscous"].low < 0.003 * D
 
 
 def test_one_way_only_says_what_it_cannot_tell() -> None:
     motion = there_and_back((0.01, 0.02, 0.04), one_way=True)
-    found = identify([followed(Machine(SETUP), motion)], FILE)
-    assert set(found.parameters) == {"viscous", "coulomb"}
-    assert found.parameters["viscous"].value == pytest.approx(D, rel=5e-3)
-    assert Topic.OFFSET in topics(found.notes)
+    result = identify([followed(Machine(SETUP), motion)], FILE)
+    assert set(result.parameters) == {"viscous", "coulomb"}
+    assert result.parameters["viscous"].value == pytest.approx(D, rel=5e-3)
+    assert Topic.OFFSET in topics(result.notes)
 
 
 def test_a_span_at_the_current_limit_is_left_out() -> None:
     capture = followed(Machine(SETUP), there_and_back((0.02, 0.04, 0.08)))
     clipped = capture._replace(current=np.clip(capture.current, -9.0, 9.0))
     limited = FILE._replace(drive=FILE.drive._replace(current_limit=9.0))
-    found = identify([clipped], limited)
-    assert sum(isinstance(note, Note) and note.topic is Topic.CLIPPED for note in found.notes) == 2
-    assert found.parameters["viscous"].value == pytest.approx(D, rel=5e-3)
+    result = identify([clipped], limited)
+    assert sum(isinstance(note, Note) and note.topic is Topic.CLIPPED for note in result.notes) == 2
+    assert result.parameters["viscous"].value == pytest.approx(D, rel=5e-3)
 
 
 def test_captures_without_two_speeds_are_refused() -> None:

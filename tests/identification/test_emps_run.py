@@ -27,7 +27,7 @@ EMPS = Path(__file__).resolve().parents[3] / "shared" / "data" / "emps" / "DATA_
 
 def stagectl(*arguments: object) -> str:
     """A command as a user types it; it must succeed."""
-    result = CliRunner().invoke(application(), [str(one) for one in arguments], catch_exceptions=False)
+    result = CliRunner().invoke(application(), [str(argument) for argument in arguments], catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.stdout
 
@@ -49,20 +49,20 @@ def emps(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_identify_reproduces_the_published_values(emps: Path) -> None:
     """A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019."""
-    found: dict[str, Any] = json.loads(stagectl("identify", "least-squares", STAGE, emps, "--json", "-"))
+    answer: dict[str, Any] = json.loads(stagectl("identify", "least-squares", STAGE, emps, "--json", "-"))
     for name, value, within, unit in (
         ("inertia", 95.1089, 1e-3, "kg"),
         ("viscous", 203.5034, 5e-3, "N s/m"),
         ("coulomb", 20.3935, 5e-3, "N"),
         ("offset", -3.1648, 2e-2, "N"),
     ):
-        one = found["parameters"][name]
-        assert one["value"] == pytest.approx(value, rel=within)
-        assert one["low"] < value < one["high"]
-        assert one["unit"] == unit
-    assert 4.0 <= found["force_residual_percent"] <= 4.1
-    assert np.diag(found["correlation"]) == pytest.approx(np.ones(4))
-    assert found["captures"][0]["current"] == "command"
+        parameter = answer["parameters"][name]
+        assert parameter["value"] == pytest.approx(value, rel=within)
+        assert parameter["low"] < value < parameter["high"]
+        assert parameter["unit"] == unit
+    assert 4.0 <= answer["force_residual_percent"] <= 4.1
+    assert np.diag(answer["correlation"]) == pytest.approx(np.ones(4))
+    assert answer["captures"][0]["current"] == "command"
 
 
 def test_twice_the_data_is_surer_by_the_root_of_two(emps: Path) -> None:

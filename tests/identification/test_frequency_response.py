@@ -60,14 +60,14 @@ def sines() -> list[Capture]:
 
 
 @pytest.fixture(scope="module")
-def found(sines: list[Capture]) -> IdentificationResult:
+def identified(sines: list[Capture]) -> IdentificationResult:
     return identify(sines, SETUP.file)
 
 
 @pytest.fixture(scope="module")
 def lines(sines: list[Capture]) -> dict[tuple[float, float], Curve]:
     taken = [curves(one, SETUP.file)[0][0] for one in sines]
-    return {(one.amplitude, float(one.frequency[0])): one for one in taken}
+    return {(curve.amplitude, float(curve.frequency[0])): curve for curve in taken}
 
 
 @pytest.mark.parametrize("column", ["measured_current", "command"])
@@ -104,37 +104,37 @@ def test_gain_falls_and_phase_leads_at_small_amplitude(lines: dict[tuple[float, 
 @pytest.mark.parametrize("amplitude", AMPLITUDES)
 def test_describing_function(lines: dict[tuple[float, float], Curve], frequency: float, amplitude: float) -> None:
     """Re(Kt/H) = D + 4 Tc/(pi W), with the true D and Tc, the velocity's own harmonics counted."""
-    one = lines[amplitude, frequency]
-    effort = (KT / one.response[0]).real
-    assert effort == pytest.approx(D + TC * one.relay[0].real / one.velocity[0], rel=0.02)
+    curve = lines[amplitude, frequency]
+    effort = (KT / curve.response[0]).real
+    assert effort == pytest.approx(D + TC * curve.relay[0].real / curve.velocity[0], rel=0.02)
     if amplitude > 3.0:  # at 3 A and 1 Hz the axis nearly sticks, and the textbook's sine is 3 % off
-        assert effort == pytest.approx(D + 4.0 * TC / (math.pi * one.velocity[0]), rel=0.01)
+        assert effort == pytest.approx(D + 4.0 * TC / (math.pi * curve.velocity[0]), rel=0.01)
 
 
 @pytest.mark.parametrize("frequency", [1.0, 3.0])
-def test_straight_line_over_amplitudes(found: IdentificationResult, frequency: float) -> None:
-    one = next(row for row in found.details["describing"] if row["frequency"] == frequency)
-    assert one["viscous"] == pytest.approx(D, rel=0.02)
-    assert one["coulomb"] == pytest.approx(TC, rel=0.02)
-    assert len(one["velocity"]) == len(AMPLITUDES)
+def test_straight_line_over_amplitudes(identified: IdentificationResult, frequency: float) -> None:
+    line = next(row for row in identified.details["describing"] if row["frequency"] == frequency)
+    assert line["viscous"] == pytest.approx(D, rel=0.02)
+    assert line["coulomb"] == pytest.approx(TC, rel=0.02)
+    assert len(line["velocity"]) == len(AMPLITUDES)
 
 
-def test_friction_corrected_fit(found: IdentificationResult) -> None:
-    assert found.parameters["inertia"].value == pytest.approx(J, rel=5e-3)
-    assert found.parameters["viscous"].value == pytest.approx(D, rel=1e-2)
-    assert found.parameters["coulomb"].value == pytest.approx(TC, rel=2e-2)
-    assert found.parameters["delay"].value == pytest.approx(found.details["known_delay"], abs=3e-5)
+def test_friction_corrected_fit(identified: IdentificationResult) -> None:
+    assert identified.parameters["inertia"].value == pytest.approx(J, rel=5e-3)
+    assert identified.parameters["viscous"].value == pytest.approx(D, rel=1e-2)
+    assert identified.parameters["coulomb"].value == pytest.approx(TC, rel=2e-2)
+    assert identified.parameters["delay"].value == pytest.approx(identified.details["known_delay"], abs=3e-5)
     for name, truth in (("inertia", J), ("viscous", D), ("coulomb", TC)):
-        one = found.parameters[name]
-        assert one.low < truth < one.high
-        assert one.high - one.low < 0.1 * truth
-    assert found.changes["mechanics.inertia"] == found.parameters["inertia"].value
-    json.dumps(found.details, allow_nan=False)
+        parameter = identified.parameters[name]
+        assert parameter.low < truth < parameter.high
+        assert parameter.high - parameter.low < 0.1 * truth
+    assert identified.changes["mechanics.inertia"] == identified.parameters["inertia"].value
+    json.dumps(identified.details, allow_nan=False)
 
 
-def test_curve_fit_at_the_largest_amplitude_takes_friction_for_damping(found: IdentificationResult) -> None:
+def test_curve_fit_at_the_largest_amplitude_takes_friction_for_damping(identified: IdentificationResult) -> None:
     """The paper's Fig. 4 procedure on these lines: D between 0.18 and 0.22 where the truth is 0.14."""
-    fits = {row["name"]: row for row in found.details["fits"]}
+    fits = {row["name"]: row for row in identified.details["fits"]}
     assert 0.18 <= fits["gain curve"]["viscous"] <= 0.22
     assert fits["gain curve"]["inertia"] == pytest.approx(J, rel=0.05)
     assert fits["linear, 0.25 ms of lag left in"]["viscous"] < fits["linear least squares"]["viscous"] - 0.05
@@ -198,9 +198,9 @@ def test_friction_falls_out_where_the_axis_keeps_moving() -> None:
 def test_a_record_without_its_lines_is_treated_by_welch() -> None:
     injected, _ = multisine(5.0)
     capture = opened(Machine(SETUP), injected)._replace(excitation=None)
-    found = identify([capture], SETUP.file)
-    assert found.details["curves"][0]["kind"] == "welch"
-    assert Topic.METHOD in topics(found.notes)
+    result = identify([capture], SETUP.file)
+    assert result.details["curves"][0]["kind"] == "welch"
+    assert Topic.METHOD in topics(result.notes)
     (periodic,), _ = curves(opened(Machine(SETUP), injected, meta=multisine(5.0)[1]), SETUP.file)
     (welch,), _ = curves(capture, SETUP.file)
     at = [int(np.argmin(np.abs(welch.frequency - f))) for f in (51.0, 75.0, 99.0)]
@@ -224,17 +224,17 @@ def test_poor_lines_are_shown_and_not_fitted() -> None:
     """At 0.05 A the axis answers less than its noise moves it; the other sines stay."""
     noisy = Machine(SETUP, acting=1.0)
     weak, strong = sine(noisy, 0.05, 40.0), [sine(noisy, 9.0, f) for f in (1.0, 3.0, 10.0, 30.0)]
-    found = identify([weak, *strong], SETUP.file)
-    curve = next(one for one in found.details["curves"] if one["amplitude"] == 0.05)
+    result = identify([weak, *strong], SETUP.file)
+    curve = next(line for line in result.details["curves"] if line["amplitude"] == 0.05)
     assert curve["sound"] == [False] and curve["coherence"][0] < coherence_threshold(6)
-    assert Topic.COHERENCE in topics(found.notes)
+    assert Topic.COHERENCE in topics(result.notes)
 
 
 def test_one_period_knows_no_coherence() -> None:
     current, known = multisine(5.0, periods=1)
-    found = identify([opened(Machine(SETUP), current, meta=known)], SETUP.file)
-    assert found.details["curves"][0]["coherence"][0] is None
-    assert Topic.PRECISION in topics(found.notes)
+    result = identify([opened(Machine(SETUP), current, meta=known)], SETUP.file)
+    assert result.details["curves"][0]["coherence"][0] is None
+    assert Topic.PRECISION in topics(result.notes)
 
 
 def test_chance_gives_one_of_twenty_lines() -> None:

@@ -33,37 +33,37 @@ def truth(displacement: Array, operators: friction.StopOperators = SETUP.stage.f
 
 
 @pytest.fixture(scope="module")
-def found() -> IdentificationResult:
+def identified() -> IdentificationResult:
     return identify([slow(Machine(SETUP))], FILE)
 
 
-def check_table(found: IdentificationResult, rms: float) -> None:
-    table = found.table
+def check_table(result: IdentificationResult, rms: float) -> None:
+    table = result.table
     assert table is not None
     error = table.force - truth(table.displacement)
     assert math.sqrt(np.mean(error**2)) <= rms
     assert np.max(np.abs(error)) <= 0.06
 
 
-def test_table_within_a_hundredth(found: IdentificationResult) -> None:
-    check_table(found, 0.01)
+def test_table_within_a_hundredth(identified: IdentificationResult) -> None:
+    check_table(identified, 0.01)
     for seed in (2, 3):
         check_table(identify([slow(Machine(SETUP, acting=0.0, sensed=0.045, seed=seed), seconds=35.0)], FILE), 0.01)
 
 
-def test_coulomb_and_offset_with_their_intervals(found: IdentificationResult) -> None:
-    coulomb, offset = found.parameters["coulomb"], found.parameters["offset"]
+def test_coulomb_and_offset_with_their_intervals(identified: IdentificationResult) -> None:
+    coulomb, offset = identified.parameters["coulomb"], identified.parameters["offset"]
     assert coulomb.value == pytest.approx(TC, abs=2e-3) and offset.value == pytest.approx(0.0, abs=2e-3)
     assert 1e-4 < coulomb.high - coulomb.value < 2e-3
-    assert found.details["settled"] == pytest.approx(10.3 * MICRON, rel=0.08)  # of the true table
-    json.dumps(found.details, allow_nan=False)
+    assert identified.details["settled"] == pytest.approx(10.3 * MICRON, rel=0.08)  # of the true table
+    json.dumps(identified.details, allow_nan=False)
 
 
-def test_the_table_is_what_its_operators_make(found: IdentificationResult) -> None:
+def test_the_table_is_what_its_operators_make(identified: IdentificationResult) -> None:
     """Run by the kernel: saturated one way, then the other way."""
-    table = found.table
+    table = identified.table
     assert table is not None and np.all(table.weight > 0.0)
-    assert found.changes["friction"] == {
+    assert identified.changes["friction"] == {
         "law": "stop-operators",
         "weight": table.weight.tolist(),
         "slip": table.slip.tolist(),
@@ -76,9 +76,9 @@ def test_the_table_is_what_its_operators_make(found: IdentificationResult) -> No
     assert np.all(np.diff(table.force, 2) < 1e-9)  # bends one way only
 
 
-def test_a_partial_reversal_is_compensated(found: IdentificationResult) -> None:
+def test_a_partial_reversal_is_compensated(identified: IdentificationResult) -> None:
     """2 um back and forth, where a plain table of displacement would be wrong: against the stage's own operators."""
-    table = found.table
+    table = identified.table
     assert table is not None
     ours, own = friction.bundle(table.weight, table.slip), SETUP.stage.friction.operators
     states = friction.relaxed(ours), friction.relaxed(own)
@@ -90,9 +90,9 @@ def test_a_partial_reversal_is_compensated(found: IdentificationResult) -> None:
 def test_gravity_is_the_offset() -> None:
     p = SETUP.stage
     machine = Machine(SETUP._replace(stage=p._replace(mechanics=p.mechanics._replace(bias=-0.3))))
-    found = identify([slow(machine, seconds=35.0)], FILE)
-    assert found.parameters["offset"].value == pytest.approx(0.3, abs=5e-3)
-    check_table(found, 0.01)
+    result = identify([slow(machine, seconds=35.0)], FILE)
+    assert result.parameters["offset"].value == pytest.approx(0.3, abs=5e-3)
+    check_table(result, 0.01)
 
 
 @pytest.mark.parametrize(("coulomb", "stretch"), [(0.3, 0.5), (3.0, 2.0)])
@@ -101,11 +101,11 @@ def test_other_plants(coulomb: float, stretch: float) -> None:
     p, own = SETUP.stage, SETUP.stage.friction.operators
     operators = friction.bundle([coulomb * a for a in own.weight], [stretch * d for d in own.slip])
     machine = Machine(SETUP._replace(stage=p._replace(friction=p.friction._replace(operators=operators))))
-    found = identify([slow(machine, 120.0, 0.04, 75.0)], FILE)
-    assert found.table is not None
-    error = found.table.force - truth(found.table.displacement, operators)
+    result = identify([slow(machine, 120.0, 0.04, 75.0)], FILE)
+    assert result.table is not None
+    error = result.table.force - truth(result.table.displacement, operators)
     assert math.sqrt(np.mean(error**2)) <= 0.01 * max(1.0, coulomb)
-    assert found.parameters["coulomb"].value == pytest.approx(coulomb, rel=0.02)
+    assert result.parameters["coulomb"].value == pytest.approx(coulomb, rel=0.02)
 
 
 def test_its_own_model_is_solved() -> None:
@@ -126,8 +126,8 @@ def test_only_full_strokes_count() -> None:
     strokes = full_strokes(slow(Machine(SETUP)), 0.72)
     assert [one.direction for one in strokes] == [-1.0, 1.0, -1.0, 1.0, -1.0]
     assert [one.duration for one in strokes] == pytest.approx([10.0] * 5, abs=0.3)
-    for one in strokes:
-        assert 94.0 * MICRON < one.displacement[-1] <= 95.5 * MICRON
+    for stroke in strokes:
+        assert 94.0 * MICRON < stroke.displacement[-1] <= 95.5 * MICRON
 
 
 def test_a_stroke_whose_approach_was_short_is_left_out() -> None:

@@ -33,17 +33,17 @@ def delay(p: stage.Stage, column: str, dt: float = DT) -> float:
     return hold + lag - dt / (1.0 - math.exp(-dt / lag))  # of a ramp, sampled just before each step of the current
 
 
-def errors(found: IdentificationResult, p: stage.Stage) -> dict[str, float]:
+def errors(result: IdentificationResult, p: stage.Stage) -> dict[str, float]:
     """Relative errors in percent."""
     truth = {
         "inertia": p.mechanics.inertia,
         "viscous": p.mechanics.viscous,
         "coulomb": sum(p.friction.operators.weight),
     }
-    return {name: 100.0 * (found.parameters[name].value / value - 1.0) for name, value in truth.items()}
+    return {name: 100.0 * (result.parameters[name].value / value - 1.0) for name, value in truth.items()}
 
 
-def table_error(found: IdentificationResult, p: stage.Stage) -> tuple[float, float]:
+def table_error(result: IdentificationResult, p: stage.Stage) -> tuple[float, float]:
     """Rms and largest error of the reversal table (N m), over 2.2 times the longest slip."""
     s = np.linspace(0.0, 2.2 * max(p.friction.operators.slip), 500)
 
@@ -51,8 +51,10 @@ def table_error(found: IdentificationResult, p: stage.Stage) -> tuple[float, flo
         rising = np.asarray(weight)[:, None] * (s / np.asarray(slip)[:, None] - 1.0)
         return np.asarray(np.minimum(rising, np.asarray(weight)[:, None]).sum(axis=0), dtype=np.float64)
 
-    assert found.table is not None
-    wrong = force(found.table.weight, found.table.slip) - force(p.friction.operators.weight, p.friction.operators.slip)
+    assert result.table is not None
+    wrong = force(result.table.weight, result.table.slip) - force(
+        p.friction.operators.weight, p.friction.operators.slip
+    )
     return float(np.sqrt(np.mean(wrong * wrong))), float(np.abs(wrong).max())
 
 
@@ -92,11 +94,11 @@ def test_current_sine(
     record = capture(p, sine(amplitude, frequency, duration, DT), DT, how)
     truth = delay(p, how.column)
     for given, limits in ((None, fitted), (truth, known)):
-        found = identify([record], ball_screw.file, given)
-        wrong = errors(found, p)
+        result = identify([record], ball_screw.file, given)
+        wrong = errors(result, p)
         assert abs(wrong["inertia"]) <= limits[0] and abs(wrong["viscous"]) <= limits[1]
-        assert abs(found.parameters["delay"].value - truth) <= 0.6e-3
-    rms, largest = table_error(found, p)
+        assert abs(result.parameters["delay"].value - truth) <= 0.6e-3
+    rms, largest = table_error(result, p)
     assert rms <= 0.02 and largest <= 0.06
 
 
@@ -111,9 +113,9 @@ def test_position_sine_tells_the_delay(ball_screw: Setup, tracked: Tracked) -> N
             np.ascontiguousarray(run.samples[name]) for name in ("time", "measured", column, "reference")
         )
         record = Capture("position sine", time, measured, current, DT, column, None, reference, step)
-        found = identify([record], ball_screw.file)
-        assert found.parameters["delay"].value == pytest.approx(delay(ball_screw.stage, column), abs=0.05e-3)
-        assert all(abs(one) < 0.5 for one in errors(found, ball_screw.stage).values())
+        result = identify([record], ball_screw.file)
+        assert result.parameters["delay"].value == pytest.approx(delay(ball_screw.stage, column), abs=0.05e-3)
+        assert all(abs(error) < 0.5 for error in errors(result, ball_screw.stage).values())
 
 
 @pytest.mark.parametrize(
@@ -129,9 +131,9 @@ def test_other_plants(ball_screw: Setup, factors: tuple[float, ...], nd: int, dt
     p = other(ball_screw.stage, *factors)
     p = p._replace(drive=p.drive._replace(delay_samples=nd))
     record = capture(p, sine(max(3.0, 5.0 * factors[2]), 1.6, 6.0, dt), dt, how)
-    found = identify([record], ball_screw.file, delay(p, "measured_current", dt))
-    assert all(abs(one) < 0.5 for one in errors(found, p).values())
-    rms, _ = table_error(found, p)
+    result = identify([record], ball_screw.file, delay(p, "measured_current", dt))
+    assert all(abs(error) < 0.5 for error in errors(result, p).values())
+    rms, _ = table_error(result, p)
     assert rms < 0.04 * sum(p.friction.operators.weight)
 
 
@@ -143,13 +145,13 @@ def test_linear_axis_in_metres(ball_screw: Setup) -> None:
         axis=ball_screw.file.axis._replace(kind="linear", lead=0.0),
         motor=ball_screw.file.motor._replace(force_constant=ball_screw.file.motor.force_constant / lead),
     )
-    found = identify(
+    result = identify(
         [record._replace(position=lead * record.position, encoder_step=lead * record.encoder_step)], file, 0.0
     )
     rotary = identify([record], ball_screw.file, 0.0)
-    assert found.parameters["inertia"].unit == "kg"
-    assert found.parameters["inertia"].value == pytest.approx(rotary.parameters["inertia"].value / lead**2, rel=1e-4)
-    assert found.parameters["coulomb"].value == pytest.approx(rotary.parameters["coulomb"].value / lead, rel=1e-4)
+    assert result.parameters["inertia"].unit == "kg"
+    assert result.parameters["inertia"].value == pytest.approx(rotary.parameters["inertia"].value / lead**2, rel=1e-4)
+    assert result.parameters["coulomb"].value == pytest.approx(rotary.parameters["coulomb"].value / lead, rel=1e-4)
 
 
 def test_intervals_hold_what_they_say(ball_screw: Setup) -> None:
@@ -164,7 +166,7 @@ def test_intervals_hold_what_they_say(ball_screw: Setup) -> None:
         command = sine(source.uniform(3.5, 6.0), source.uniform(0.9, 2.0), 1.5, DT, source.uniform(0.0, 6.0))
         how = Sensor(sensor=NOISE, seed=seed) if seed % 2 else Sensor(process=NOISE, seed=seed)
         record = capture(p, command, DT, how)
-        found = identify([record], ball_screw.file)
+        result = identify([record], ball_screw.file)
         truth = {
             "inertia": 0.010,
             "viscous": 0.14,
@@ -172,8 +174,8 @@ def test_intervals_hold_what_they_say(ball_screw: Setup) -> None:
             "delay": delay(p, record.current_column),
         }
         for name, value in truth.items():
-            one = found.parameters[name]
-            inside[name] += one.low <= value <= one.high
+            parameter = result.parameters[name]
+            inside[name] += parameter.low <= value <= parameter.high
     assert min(inside.values()) >= runs - 3
     assert sum(inside.values()) >= 4 * runs - 8
 
@@ -181,8 +183,8 @@ def test_intervals_hold_what_they_say(ball_screw: Setup) -> None:
 def test_intervals_are_no_wider_than_needed(ball_screw: Setup) -> None:
     """Half of the interval with the delay known: noise of 0.045 A over ten seconds is worth 0.03 to 0.08 %."""
     record = capture(ball_screw.stage, sine(5.0, 1.6, 10.0, DT), DT, Sensor(sensor=NOISE))
-    one = identify([record], ball_screw.file, delay(ball_screw.stage, "measured_current")).parameters["inertia"]
-    assert 0.03 < 100.0 * 0.5 * (one.high - one.low) / one.value < 0.08
+    parameter = identify([record], ball_screw.file, delay(ball_screw.stage, "measured_current")).parameters["inertia"]
+    assert 0.03 < 100.0 * 0.5 * (parameter.high - parameter.low) / parameter.value < 0.08
 
 
 @pytest.mark.parametrize("frequency", [1.6, 0.8])
@@ -190,25 +192,25 @@ def test_ripple_does_not_bias_the_inertia(ball_screw: Setup, frequency: float) -
     """0.05 N m once per revolution: less than 0.3 %, and it is said."""
     how = Sensor(sensor=NOISE, ripple=0.05)
     record = capture(ball_screw.stage, sine(5.0, frequency, 10.0, DT), DT, how)
-    found = identify([record], ball_screw.file, delay(ball_screw.stage, "measured_current"))
-    assert abs(errors(found, ball_screw.stage)["inertia"]) < 0.3
-    assert found.details["ripple"] == pytest.approx(0.05, rel=0.2)
-    assert Topic.RIPPLE in topics(found.notes)
+    result = identify([record], ball_screw.file, delay(ball_screw.stage, "measured_current"))
+    assert abs(errors(result, ball_screw.stage)["inertia"]) < 0.3
+    assert result.details["ripple"] == pytest.approx(0.05, rel=0.2)
+    assert Topic.RIPPLE in topics(result.notes)
 
 
 def test_a_ripple_that_is_not_there_is_not_taken_out(ball_screw: Setup) -> None:
     record = capture(ball_screw.stage, sine(5.0, 1.6, 4.0, DT), DT, Sensor(sensor=NOISE))
-    found = identify([record], ball_screw.file, delay(ball_screw.stage, "measured_current"))
-    assert found.details["ripple"] is None
-    assert any(isinstance(note, Note) and note.topic is Topic.RIPPLE and "0.43" in note for note in found.notes)
+    result = identify([record], ball_screw.file, delay(ball_screw.stage, "measured_current"))
+    assert result.details["ripple"] is None
+    assert any(isinstance(note, Note) and note.topic is Topic.RIPPLE and "0.43" in note for note in result.notes)
 
 
 def test_gravity_is_the_offset(ball_screw: Setup) -> None:
     """A bias of the mechanics pushes towards positive positions, so the current's effort is less by it."""
     p = ball_screw.stage._replace(mechanics=ball_screw.stage.mechanics._replace(bias=0.2))
-    found = identify([capture(p, sine(5.0, 1.6, 4.0, DT), DT, Sensor(sensor=NOISE))], ball_screw.file)
-    assert found.parameters["offset"].value == pytest.approx(-0.2, abs=2e-3)
-    assert Topic.OFFSET in topics(found.notes)
+    result = identify([capture(p, sine(5.0, 1.6, 4.0, DT), DT, Sensor(sensor=NOISE))], ball_screw.file)
+    assert result.parameters["offset"].value == pytest.approx(-0.2, abs=2e-3)
+    assert Topic.OFFSET in topics(result.notes)
 
 
 def test_tied_parameters_are_noted(ball_screw: Setup) -> None:
@@ -225,7 +227,7 @@ def test_tied_parameters_are_noted(ball_screw: Setup) -> None:
     assert Topic.REFERENCE not in topics(still.notes)
     assert not any("and delay" in note for note in given.notes)
     assert len(given.details["identifiability"]["names"]) == 4
-    assert all(topics(found.notes[:1]) == {Topic.FORCE_CONSTANT} for found in (fitted, given))
+    assert all(topics(fit.notes[:1]) == {Topic.FORCE_CONSTANT} for fit in (fitted, given))
 
 
 def test_sensitivity_to_the_delay(ball_screw: Setup) -> None:
@@ -240,11 +242,11 @@ def test_sensitivity_to_the_delay(ball_screw: Setup) -> None:
 def test_several_captures_are_one_answer(ball_screw: Setup) -> None:
     """Two captures know more than each, and one at rest is left out and named."""
     p, truth = ball_screw.stage, delay(ball_screw.stage, "measured_current")
-    one = capture(p, sine(5.0, 1.6, 2.0, DT), DT, Sensor(sensor=NOISE, seed=1))
+    captured = capture(p, sine(5.0, 1.6, 2.0, DT), DT, Sensor(sensor=NOISE, seed=1))
     two = capture(p, sine(5.0, 0.8, 2.0, DT), DT, Sensor(sensor=NOISE, seed=2))
     rest = capture(p, np.zeros(2000), DT, Sensor(sensor=NOISE))._replace(name="standing.h5")
-    apart = [identify([record], ball_screw.file, truth).parameters["viscous"] for record in (one, two)]
-    both = identify([one, two, rest], ball_screw.file, truth)
+    apart = [identify([record], ball_screw.file, truth).parameters["viscous"] for record in (captured, two)]
+    both = identify([captured, two, rest], ball_screw.file, truth)
     together = both.parameters["viscous"]
     assert together.high - together.low < min(part.high - part.low for part in apart)
     assert abs(errors(both, p)["inertia"]) < 0.3
@@ -297,26 +299,26 @@ def test_progress_and_changes(ball_screw: Setup) -> None:
     """Progress ends at its total; the changes are what the stage file takes, and they are what was found."""
     calls: list[tuple[int, int]] = []
     record = capture(ball_screw.stage, sine(5.0, 1.6, 1.0, DT), DT, Sensor(sensor=NOISE))
-    found = identify([record], ball_screw.file, 0.0, lambda done, total: calls.append((done, total)))
+    result = identify([record], ball_screw.file, 0.0, lambda done, total: calls.append((done, total)))
     assert calls == sorted(calls) and calls[-1] == (5, 5)
-    changes = found.changes
-    assert changes["mechanics.inertia"] == found.parameters["inertia"].value
-    assert sum(changes["friction"]["weight"]) == pytest.approx(found.parameters["coulomb"].value, rel=1e-4)
+    changes = result.changes
+    assert changes["mechanics.inertia"] == result.parameters["inertia"].value
+    assert sum(changes["friction"]["weight"]) == pytest.approx(result.parameters["coulomb"].value, rel=1e-4)
     assert len(changes["friction"]["weight"]) == len(changes["friction"]["slip"]) <= 64
 
 
 def test_the_loop_flattens(ball_screw: Setup) -> None:
     """The paper's Fig. 9: at J = D = 0 the loop stands 3.6 N m high, with both right 1 N m, and flat on top."""
     record = capture(ball_screw.stage, sine(5.0, 1.6, 4.0, DT), DT, Sensor(sensor=NOISE))
-    found = identify([record], ball_screw.file)
-    curves = {name: np.asarray(values) for name, values in found.details["curves"].items()}
-    J, D = (found.parameters[name].value for name in ("inertia", "viscous"))  # noqa: N806
+    result = identify([record], ball_screw.file)
+    curves = {name: np.asarray(values) for name, values in result.details["curves"].items()}
+    J, D = (result.parameters[name].value for name in ("inertia", "viscous"))  # noqa: N806
     left = curves["force"] - J * curves["acceleration"] - D * curves["velocity"]
     top = left[curves["velocity"] > 2.0]
     assert np.abs(curves["force"]).max() == pytest.approx(3.6, abs=0.1)
     assert top.mean() == pytest.approx(1.0, abs=0.01) and top.std() < 0.02
-    drawn = report.pictures(found, [record], ball_screw.file)
-    assert len(drawn) == 3 and all(one.image.startswith("data:image/png") for one in drawn)
+    drawn = report.pictures(result, [record], ball_screw.file)
+    assert len(drawn) == 3 and all(mark.image.startswith("data:image/png") for mark in drawn)
 
 
 @pytest.mark.parametrize("frequency", [1.6, 0.8])
@@ -324,9 +326,9 @@ def test_a_log_of_100_hz_keeps_viscous_friction_out_of_the_stage_file(ball_screw
     """Friction that reverses between two rows looks viscous; neither it nor a vague inertia may be written."""
     fine = capture(ball_screw.stage, sine(5.0, frequency, 10.0, DT), DT, Sensor(sensor=NOISE))
     slow = fine._replace(time=fine.time[::20], position=fine.position[::20], current=fine.current[::20], dt=20.0 * DT)
-    found = identify([slow], ball_screw.file)
-    assert "mechanics.viscous" not in found.changes and "mechanics.inertia" not in found.changes
-    assert Topic.WITHHELD in topics(found.notes)
+    result = identify([slow], ball_screw.file)
+    assert "mechanics.viscous" not in result.changes and "mechanics.inertia" not in result.changes
+    assert Topic.WITHHELD in topics(result.notes)
     assert {"mechanics.viscous", "mechanics.inertia", "friction"} == set(identify([fine], ball_screw.file).changes)
 
 
@@ -336,9 +338,9 @@ def test_a_reference_costs_no_certainty(ball_screw: Setup) -> None:
     reference = 2.6 * np.sin(2.0 * math.pi * 1.6 * time) * np.minimum(time, 1.0) ** 2
     inside = 0
     for seed in (31, 32, 34, 36):
-        found = identify([held(Machine(ball_screw, acting=0.0, sensed=NOISE, seed=seed), reference)], ball_screw.file)
-        one = found.parameters["delay"]
-        inside += one.low <= delay(ball_screw.stage, "measured_current") <= one.high
-        assert abs(one.value - delay(ball_screw.stage, "measured_current")) < 0.05e-3
-        assert Topic.REFERENCE in topics(found.notes)
+        result = identify([held(Machine(ball_screw, acting=0.0, sensed=NOISE, seed=seed), reference)], ball_screw.file)
+        parameter = result.parameters["delay"]
+        inside += parameter.low <= delay(ball_screw.stage, "measured_current") <= parameter.high
+        assert abs(parameter.value - delay(ball_screw.stage, "measured_current")) < 0.05e-3
+        assert Topic.REFERENCE in topics(result.notes)
     assert inside >= 3

@@ -38,17 +38,17 @@ def test_the_lags_are_andrews_choice(rho: float) -> None:
 @pytest.mark.parametrize("rho", [0.0, 0.6])
 def test_the_mean_of_coloured_noise_is_known_as_well_as_theory_says(rho: float) -> None:
     """Variance of a mean: the textbook's times ``(1 + rho)/(1 - rho)``, of which the rows' worth is the inverse."""
-    noise, one = coloured(rho), np.ones((ROWS, 1))
+    noise, ones = coloured(rho), np.ones((ROWS, 1))
     grown = (1.0 + rho) / (1.0 - rho)
-    assert float((covariance(one, noise) / white(one, noise))[0, 0]) == pytest.approx(grown, rel=0.15)
+    assert float((covariance(ones, noise) / white(ones, noise))[0, 0]) == pytest.approx(grown, rel=0.15)
     assert independent(noise) == pytest.approx(ROWS / grown, rel=0.05)
 
 
 def test_the_noise_of_a_residual_is_separated_from_slower_parts() -> None:
     """Second differences of white noise have six times its variance; a slow wave cancels."""
     slow = 5.0 * np.sin(2.0 * math.pi * np.arange(ROWS) / 2000.0)
-    found = float(np.mean(errors_in_variables.noise(coloured(0.0) + slow)))
-    assert found == pytest.approx(1.0, rel=0.05)
+    drawn = float(np.mean(errors_in_variables.noise(coloured(0.0) + slow)))
+    assert drawn == pytest.approx(1.0, rel=0.05)
 
 
 def test_long_run_covariance_is_bartletts() -> None:

@@ -67,9 +67,9 @@ def test_one_signature_each(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": SOURCES, "XDG_CACHE_HOME": str(tmp_path)}
     command = [sys.executable, "-c", SIGNATURES]
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
-    found = {name: int(count) for name, count in (line.split() for line in done.stdout.splitlines())}
-    assert sum(count == 1 for count in found.values()) >= 12
-    assert {name: count for name, count in found.items() if count > 1} == {}
+    counts = {name: int(count) for name, count in (line.split() for line in done.stdout.splitlines())}
+    assert sum(count == 1 for count in counts.values()) >= 12
+    assert {name: count for name, count in counts.items() if count > 1} == {}
 
 
 def test_the_cache_is_named_after_the_sources(tmp_path: Path) -> None:

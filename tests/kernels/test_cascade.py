@@ -33,22 +33,22 @@ def test_a_span_of_two_is_the_mean_of_two_positions_differenced() -> None:
     """The EMPS benchmark's velocity: ((q2 + q1)/2 - (q1 + q0)/2) / Ts."""
     p = cascade.Cascade(0.0, 1.0, 0.0, 0.0, 0.0, 2, 0.1)
     x, positions = cascade.AT_REST, [0.0, 0.3, 0.35, 0.1]
-    found = []
+    outputs = []
     for position in positions:
         terms, x = cascade.step(p, x, (0.0, 0.0), position)
-        found.append(-sum(terms))
-    assert found == pytest.approx([0.0, 1.5, 1.75, -1.0])
+        outputs.append(-sum(terms))
+    assert outputs == pytest.approx([0.0, 1.5, 1.75, -1.0])
 
 
 @pytest.mark.parametrize("span", [1, 2])
 def test_the_transfer_function_is_that_of_the_kernel(span: int) -> None:
     """Response to an impulse of the position, against the inverse of the transfer function that the margins use."""
     p = cascade.Cascade(160.0, 3.0, 0.05, 0.3, 1.0, span, 5e-4)
-    x, found = law.AT_REST.cascade._replace(last=0.0, before=0.0), []
+    x, outputs = law.AT_REST.cascade._replace(last=0.0, before=0.0), []
     for k in range(64):
         position = 1.0 if k == 0 else 0.0
         terms, x = cascade.step(p, x, (-position, 0.0), position)
-        found.append(-sum(terms))
+        outputs.append(-sum(terms))
     numerator, denominator = design.compensator(p, 5e-4)
     expected = np.zeros(64)
     impulse = np.zeros(64)
@@ -56,7 +56,7 @@ def test_the_transfer_function_is_that_of_the_kernel(span: int) -> None:
     for k in range(64):
         past = sum(denominator[j] * expected[k - j] for j in range(1, len(denominator)) if k >= j)
         expected[k] = (impulse[k] - past) / denominator[0]
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(outputs, expected, rtol=1e-9, atol=1e-6)
 
 
 LAW = law.Law(feedback.ABSENT, 5.0, P, True)

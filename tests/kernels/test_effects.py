@@ -62,15 +62,15 @@ def moving(p: stage.Stage, velocity: float) -> stage.State:
 def test_the_path_with_effects_is_the_plain_one_where_they_vanish(ball_screw: Setup) -> None:
     """Two ways of writing the same integrator."""
     p = ball_screw.stage
-    one, other = stage.at_rest(p), stage.at_rest(p)
+    state, other = stage.at_rest(p), stage.at_rest(p)
     for k in range(400):
         current = 3.0 * math.sin(0.05 * k)
-        one = stage.period(p, one, current, stage.SILENT, DT, 10)
+        state = stage.period(p, state, current, stage.SILENT, DT, 10)
         other = stage.commanded(p.drive, other, current)
         other = stage.latched(p, kernels.drifted(p, other, stage.SILENT, DT, 10))
-    assert abs(one.position) > 1e-3
-    assert other.position == pytest.approx(one.position, rel=1e-9)
-    assert other.velocity == pytest.approx(one.velocity, rel=1e-9)
+    assert abs(state.position) > 1e-3
+    assert other.position == pytest.approx(state.position, rel=1e-9)
+    assert other.velocity == pytest.approx(state.velocity, rel=1e-9)
 
 
 def test_what_only_shapes_a_neutral_effect_changes_no_bit(ball_screw: Setup) -> None:
@@ -316,8 +316,8 @@ def test_stribecks_velocity_lags() -> None:
         lagged += (0.5 * (velocity + x.velocity) - lagged) * -math.expm1(-DT / 0.02)
         velocity = x.velocity
         forces.append((x.force, TC * (1.0 + 0.5 * math.exp(-lagged / 3.0))))
-    found, expected = np.array(forces[20:]).T
-    np.testing.assert_allclose(found, expected, rtol=1e-3)
+    measured, expected = np.array(forces[20:]).T
+    np.testing.assert_allclose(measured, expected, rtol=1e-3)
 
 
 @pytest.mark.parametrize("bristled", [False, True])
@@ -405,11 +405,11 @@ def test_halving_the_step_changes_nothing_that_matters(ball_screw: Setup, split:
 
 
 def _path(p: stage.Stage, steps: int) -> NDArray[np.float64]:
-    x, found = stage.at_rest(p), []
+    x, states = stage.at_rest(p), []
     for k in range(400):
         x = stage.period(p, x, 3.0 * math.sin(0.03 * k), stage.SILENT, DT, steps)
-        found.append(x.position)
-    return np.array(found)
+        states.append(x.position)
+    return np.array(states)
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.4])

@@ -19,8 +19,8 @@ def test_each_term_is_tustins_rule(dt: float) -> None:
     kp, ki, kd, a = GAINS
     terms = [([kp], [1.0]), ([ki], [1.0, 0.0]), ([kd * a, 0.0], [1.0, a])]
     expected = np.stack([lfilter(*bilinear(*term, fs=1.0 / dt), error) for term in terms], axis=1)
-    p, x, found = feedback.discretised(GAINS, dt), feedback.AT_REST, []
-    for one in error.tolist():
-        output, x = feedback.step(p, x, one)
-        found.append(output)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * kp)
+    p, x, outputs = feedback.discretised(GAINS, dt), feedback.AT_REST, []
+    for value in error.tolist():
+        output, x = feedback.step(p, x, value)
+        outputs.append(output)
+    np.testing.assert_allclose(outputs, expected, rtol=1e-9, atol=1e-9 * kp)

@@ -100,14 +100,14 @@ def test_each_layer_switches_off_alone() -> None:
     desired = np.array([sine(k * DT) for k in range(102)])
     operators = bundle([0.5], [1e-3])
     seen = ff.Foreseen(desired[:-2, 0].copy(), desired, desired, desired[:-2, 0].copy())
-    found = {}
+    rows_by_layer = {}
     for ptc in (True, False):
         for friction in (True, False):
             rows = np.zeros((100, 8))
             p = ff.Feedforward(ff.held(PLANT, KT, DT), operators, KT, ptc, friction)
             ff.setpoints(p, seen, relaxed(operators), rows)
-            found[ptc, friction] = rows
-    assert np.array_equal(found[True, False][:, :3], found[True, True][:, :3])
-    assert np.array_equal(found[False, True][:, 3], found[True, True][:, 3])
-    assert not found[False, False][:, 2:4].any()
-    assert np.array_equal(found[False, False][:, 1], desired[:-2, 0])
+            rows_by_layer[ptc, friction] = rows
+    assert np.array_equal(rows_by_layer[True, False][:, :3], rows_by_layer[True, True][:, :3])
+    assert np.array_equal(rows_by_layer[False, True][:, 3], rows_by_layer[True, True][:, 3])
+    assert not rows_by_layer[False, False][:, 2:4].any()
+    assert np.array_equal(rows_by_layer[False, False][:, 1], desired[:-2, 0])

@@ -41,17 +41,17 @@ def delayed(p: stage.Stage, current: NDArray[Any]) -> NDArray[Any]:
     whole = math.floor(total)
     line = np.zeros(whole + 2)
     line[whole], line[whole + 1] = 1.0 - (total - whole), total - whole
-    found: NDArray[Any] = lfilter(line, [1.0], current)
-    return found
+    filtered: NDArray[Any] = lfilter(line, [1.0], current)
+    return filtered
 
 
 def observed(p: observer.Observer, position: NDArray[Any], current: NDArray[Any]) -> NDArray[Any]:
     """Estimates (n,) for these measured positions and commands."""
-    x, found = observer.AT_REST, []
+    x, estimates = observer.AT_REST, []
     for measured, ampere in zip(position.tolist(), current.tolist(), strict=True):
-        found.append(observer.estimate(p, x, measured))
+        estimates.append(observer.estimate(p, x, measured))
         x = observer.updated(p, x, measured, ampere)
-    return np.array(found)
+    return np.array(estimates)
 
 
 @pytest.mark.parametrize(("nd", "nm", "lag"), DELAYS)
@@ -65,14 +65,14 @@ def test_a_step_is_found_with_the_designed_poles(
     disturbance = np.where(np.arange(400) >= 20, 1.5, 0.0)
     (_, n1, n2), denominator = sampled(p)
     position = 0.3 + lfilter([0.0, n1, n2], denominator, delayed(p, current) + disturbance)
-    found = observed(observer.designed(p, DT, bandwidth), position, current)
+    estimate = observed(observer.designed(p, DT, bandwidth), position, current)
     q = math.exp(-2.0 * math.pi * bandwidth * DT)
     gain = (1.0 - q) ** 3 / (n1 + n2)
     expected = lfilter([0.0, gain * n1, gain * n2], np.poly([q, q, q]), disturbance)
-    np.testing.assert_allclose(found, expected, atol=2e-8)
+    np.testing.assert_allclose(estimate, expected, atol=2e-8)
     pt = 2.0 * math.pi * bandwidth * DT * np.arange(380)
     limit = 1.5 * (1.0 - np.exp(-pt) * (1.0 + pt + 0.5 * pt * pt))
-    assert np.max(np.abs(found[20:] - limit)) < 1.5 * 2.0 * math.pi * bandwidth * DT
+    assert np.max(np.abs(estimate[20:] - limit)) < 1.5 * 2.0 * math.pi * bandwidth * DT
 
 
 def test_nothing_is_found_where_nothing_is(ball_screw: Setup) -> None:
@@ -107,7 +107,9 @@ def test_absent_is_nothing() -> None:
         x = observer.updated(observer.ABSENT, x, measured, current)
     assert x.commands == observer.AT_REST.commands
     assert math.isnan(x.position)
-    assert [np.all(one == 0.0) for one in observer.transfer(observer.ABSENT, np.exp(1j * np.array([0.1, 1.0])))]
+    assert [
+        np.all(transfer == 0.0) for transfer in observer.transfer(observer.ABSENT, np.exp(1j * np.array([0.1, 1.0])))
+    ]
 
 
 def test_more_delay_than_the_line_holds_is_refused(ball_screw: Setup) -> None:
@@ -150,5 +152,7 @@ def test_the_law_subtracts_what_is_estimated(ball_screw: Setup) -> None:
     """Replayed by hand: the observer is told the limited current, less the friction compensation."""
     run = tracking(ball_screw, "ptc", "friction", "observer")
     samples = run.samples
-    told = samples["current"] - samples["friction"]
-    np.testing.assert_array_equal(samples["observer"], 0.0 - observed(run.law.observer, samples["measured"], told))
+    difference = samples["current"] - samples["friction"]
+    np.testing.assert_array_equal(
+        samples["observer"], 0.0 - observed(run.law.observer, samples["measured"], difference)
+    )

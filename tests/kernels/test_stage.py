@@ -98,8 +98,8 @@ def test_a_held_position_rings_at_the_presliding_resonance(ball_screw: Setup) ->
         x = stage.period(p, x, 0.0, stage.SILENT, DT, 20)
         positions.append(x.position)
     crossings = np.flatnonzero(np.diff(np.sign(positions)) != 0)
-    found = 0.5 * (len(crossings) - 1) / ((crossings[-1] - crossings[0]) * DT)
-    assert found == pytest.approx(expected, rel=0.01)
+    frequency = 0.5 * (len(crossings) - 1) / ((crossings[-1] - crossings[0]) * DT)
+    assert frequency == pytest.approx(expected, rel=0.01)
 
 
 def test_it_converges_with_the_square_of_the_step(ball_screw: Setup) -> None:

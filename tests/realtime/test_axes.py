@@ -57,8 +57,8 @@ class Group:
 
     def moves(self) -> dict[str, Order]:
         return {
-            name: one.start(one.move(distance, 0.03, None), 2)
-            for (name, one), distance in zip(self.manned.items(), (0.002, -0.001), strict=True)
+            name: value.start(value.move(distance, 0.03, None), 2)
+            for (name, value), distance in zip(self.manned.items(), (0.002, -0.001), strict=True)
         }
 
 
@@ -76,8 +76,8 @@ def test_moves_begin_in_one_period(ball_screw: Setup, monkeypatch: pytest.Monkey
     group.run(1500)
     assert group.states() == [State.STANDING, State.STANDING]
     scale = ball_screw.file.axis.travel_per_unit
-    found = [axis.seen.position * scale for axis in group.loop.axes]
-    assert found == pytest.approx([0.002, -0.001], abs=3e-7)
+    positions = [axis.seen.position * scale for axis in group.loop.axes]
+    assert positions == pytest.approx([0.002, -0.001], abs=3e-7)
 
 
 def test_a_move_that_waits_for_another_is_in_no_stops_way(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,25 +15,25 @@ ENDS = {Category.COAST: State.COASTING, Category.RAMP: State.QUICK_STOPPING}
 @pytest.mark.parametrize("state", State)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_every_fault_in_every_state_ends_where_its_category_says(state: State, fault: Fault) -> None:
-    found, category = following(state, event_of(fault)), STOPS[fault].category
+    next_state, category = following(state, event_of(fault)), STOPS[fault].category
     if state in (State.OFFLINE, State.CONNECTING):
-        assert found is State.OFFLINE
+        assert next_state is State.OFFLINE
     elif state in (State.DISABLED, State.ENABLING, State.FAULT):
-        assert found is State.FAULT  # nothing moves: nothing to stop
+        assert next_state is State.FAULT  # nothing moves: nothing to stop
     elif state in STOPS_GOING_ON:
-        assert found is (State.COASTING if category is Category.COAST else state)  # a stop is never made weaker
+        assert next_state is (State.COASTING if category is Category.COAST else state)  # a stop is never made weaker
     elif category is Category.HOLD:
-        assert found is (State.STANDING if state is State.STANDING else State.STOPPING)
+        assert next_state is (State.STANDING if state is State.STANDING else State.STOPPING)
     else:
-        assert found is ENDS[category]
+        assert next_state is ENDS[category]
 
 
 @pytest.mark.parametrize("state", [*POWERED, *STOPS_GOING_ON, State.ENABLING])
 @pytest.mark.parametrize("order", [Event.STOP, Event.QUICK_STOP, Event.DISABLE])
 def test_a_stop_is_never_refused(state: State, order: Event) -> None:
-    found = following(state, order)
-    assert found is not None
-    assert found not in (State.MOVING, State.HOMING, State.ENABLING)
+    next_state = following(state, order)
+    assert next_state is not None
+    assert next_state not in (State.MOVING, State.HOMING, State.ENABLING)
 
 
 def test_only_enabling_brings_power_and_only_standing_begins_a_motion() -> None:

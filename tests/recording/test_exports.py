@@ -57,8 +57,8 @@ def table(path: Path) -> dict[str, Array]:
 
 def test_csv_keeps_every_bit_and_names_units(sine: Recording, tmp_path: Path) -> None:
     export([sine], "csv", tmp_path / "a.csv")
-    found = table(tmp_path / "a.csv")
-    assert list(found)[:2] == ["time_s", "reference_rad"]
+    columns = table(tmp_path / "a.csv")
+    assert list(columns)[:2] == ["time_s", "reference_rad"]
     for header, name in (
         ("reference_rad", "reference"),
         ("target_rad", "target"),
@@ -66,25 +66,25 @@ def test_csv_keeps_every_bit_and_names_units(sine: Recording, tmp_path: Path) ->
         ("measured_rad", "measured"),
         ("late", "late"),
     ):
-        np.testing.assert_array_equal(found[header], sine.column(name))
-    assert len(found) == len(sine.samples.dtype.names or ())
+        np.testing.assert_array_equal(columns[header], sine.column(name))
+    assert len(columns) == len(sine.samples.dtype.names or ())
 
 
 def test_parquet_carries_units_and_meta(sine: Recording, tmp_path: Path) -> None:
     export([sine], "parquet", tmp_path / "a.parquet")
-    found = pyarrow.parquet.read_table(tmp_path / "a.parquet")
+    columns = pyarrow.parquet.read_table(tmp_path / "a.parquet")
     for name in sine.samples.dtype.names or ():
-        np.testing.assert_array_equal(found[name].to_numpy(), sine.column(name))
-    assert found.schema.field("proportional").metadata[b"unit"] == b"A"
-    assert json.loads(found.schema.metadata[b"stagectl"])["law"] == sine.meta["law"]
+        np.testing.assert_array_equal(columns[name].to_numpy(), sine.column(name))
+    assert columns.schema.field("proportional").metadata[b"unit"] == b"A"
+    assert json.loads(columns.schema.metadata[b"stagectl"])["law"] == sine.meta["law"]
 
 
 def test_mat_is_a_struct_with_units(sine: Recording, tmp_path: Path) -> None:
     export([sine], "mat", tmp_path / "a.mat")
-    found = loadmat(tmp_path / "a.mat", simplify_cells=True)
-    np.testing.assert_array_equal(found["samples"]["measured"], sine.column("measured"))
-    assert found["units"]["command"] == "A" and found["units"]["time"] == "s"
-    assert json.loads(found["meta"])["name"] == "ball-screw stage A"
+    content = loadmat(tmp_path / "a.mat", simplify_cells=True)
+    np.testing.assert_array_equal(content["samples"]["measured"], sine.column("measured"))
+    assert content["units"]["command"] == "A" and content["units"]["time"] == "s"
+    assert json.loads(content["meta"])["name"] == "ball-screw stage A"
 
 
 def frame_matrices(model: dict[str, float]) -> tuple[Array, Array, Array, Array]:
@@ -140,9 +140,9 @@ def recomputed(folder: Path, file: str) -> tuple[Array, Array]:
 def test_the_folder_alone_gives_the_commands_again(sine: Recording, tmp_path: Path) -> None:
     """The claim of the capture folder's description: 1e-5 A; the command itself is above 1 A."""
     export([sine], "folder", tmp_path / "out")
-    found, recorded_command = recomputed(tmp_path / "out", "sine-1.csv")
+    command, recorded_command = recomputed(tmp_path / "out", "sine-1.csv")
     assert np.abs(recorded_command).max() > 1.0
-    assert np.abs(found - recorded_command).max() <= 1e-5
+    assert np.abs(command - recorded_command).max() <= 1e-5
 
 
 def test_gains_in_the_folder_are_the_published_ones(sine: Recording, tmp_path: Path) -> None:
@@ -158,7 +158,10 @@ def test_gains_in_the_folder_are_the_published_ones(sine: Recording, tmp_path: P
 def test_a_folder_comes_back_as_it_went(sine: Recording, tmp_path: Path) -> None:
     export([sine, sine], "folder", tmp_path / "out")
     captures = yaml.safe_load((tmp_path / "out" / "captures.yaml").read_text())["captures"]
-    assert [(one["file"], one["experiment"], one["repeat"], one["use"], one["start_s"]) for one in captures] == [
+    assert [
+        (capture["file"], capture["experiment"], capture["repeat"], capture["use"], capture["start_s"])
+        for capture in captures
+    ] == [
         ("sine-1.csv", "sine", 1, "diagnose", 0.0),
         ("sine-2.csv", "sine", 2, "diagnose", 0.0),
     ]
@@ -185,14 +188,14 @@ def test_what_was_added_to_the_command_goes_along(sine: Recording, tmp_path: Pat
     samples["learned"] = 0.1 * np.sin(sine.column("time"))
     samples["injection"] = 0.2
     added = sine._replace(samples=samples)
-    found = export([added, sine], "folder", tmp_path / "out")[0]
-    captures = yaml.safe_load((found.path / "captures.yaml").read_text())["captures"]
-    assert [one.get("injection") for one in captures] == ["sine-1-injection.csv", None]
-    beside = table(found.path / "sine-1-injection.csv")
+    exported = export([added, sine], "folder", tmp_path / "out")[0]
+    captures = yaml.safe_load((exported.path / "captures.yaml").read_text())["captures"]
+    assert [capture.get("injection") for capture in captures] == ["sine-1-injection.csv", None]
+    beside = table(exported.path / "sine-1-injection.csv")
     np.testing.assert_array_equal(beside["injection_A"], 0.2 + samples["learned"])
     np.testing.assert_array_equal(beside["time_s"], sine.column("time"))
-    assert found.notes == []
-    back = read(found.path)[0]
+    assert exported.notes == []
+    back = read(exported.path)[0]
     for name in ("learned", "injection"):
         np.testing.assert_array_equal(back.column(name), samples[name])
 
@@ -273,9 +276,9 @@ def test_a_part_of_a_file_runs(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(f"time_s,reference_mm\n{rows}")
     axis = axis_of(load_stage(CONFIG / "linear-slider.yaml"))
     (tmp_path / "a.yaml").write_text("type: csv\nfile: a.csv\npart: [1 s, 2000 ms]\nrun_up: 0.1 s\nrun_out: 100 ms\n")
-    found = phases(load_trajectory(tmp_path / "a.yaml", axis)).motion
-    assert found.duration == pytest.approx(1.2)
-    assert found.end == pytest.approx(5.0e-3 + 5.0e-3 * 0.1)
+    trajectory = phases(load_trajectory(tmp_path / "a.yaml", axis)).motion
+    assert trajectory.duration == pytest.approx(1.2)
+    assert trajectory.end == pytest.approx(5.0e-3 + 5.0e-3 * 0.1)
     (tmp_path / "a.yaml").write_text("type: csv\nfile: a.csv\npart: [5 s, 6 s]\n")
     with refused(ConfigError, kind=ProblemKind.CONFLICT, key="part", value="[5 s, 6 s]", unit="s"):
         load_trajectory(tmp_path / "a.yaml", axis)
@@ -305,10 +308,10 @@ def test_a_machine_without_current_lacks_the_column(sine: Recording, tmp_path: P
     samples = sine.samples.copy()
     samples["measured_current"] = np.nan
     save(tmp_path / "dumb.h5", sine.meta, samples, "complete")
-    found = export([open_recording(tmp_path / "dumb.h5")], "folder", tmp_path / "out")[0]
-    assert found.notes == ["sine-1.csv: there is no current"]
+    recording = export([open_recording(tmp_path / "dumb.h5")], "folder", tmp_path / "out")[0]
+    assert recording.notes == ["sine-1.csv: there is no current"]
     assert "current_A" not in table(tmp_path / "out" / "sine-1.csv")
 
 
 def test_the_command_line_knows_every_format() -> None:
-    assert {one.value for one in Format} == set(FORMATS)
+    assert {file_format.value for file_format in Format} == set(FORMATS)

@@ -34,8 +34,8 @@ def one(folder: Path, text: str, nominal: str = "") -> Recording:
     (folder / "log.csv").write_text(text)
     if nominal:
         (folder / "nominal.yaml").write_text(nominal)
-    (found,) = read(folder / "log.csv")
-    return found
+    (recording,) = read(folder / "log.csv")
+    return recording
 
 
 @pytest.mark.parametrize(
@@ -58,42 +58,42 @@ def one(folder: Path, text: str, nominal: str = "") -> Recording:
 )
 def test_units_become_ours(tmp_path: Path, header: str, column: str, value: float) -> None:
     row = ",2" * (1 + header.count(","))
-    found = one(tmp_path, f"time_s,{header}\n0{row}\n1{row}\n", NOMINAL)
-    assert found.column(column) == pytest.approx([value, value], rel=1e-12)
+    recording = one(tmp_path, f"time_s,{header}\n0{row}\n1{row}\n", NOMINAL)
+    assert recording.column(column) == pytest.approx([value, value], rel=1e-12)
 
 
 def test_forces_on_a_linear_axis(tmp_path: Path) -> None:
     nominal = "stage: {kind: linear, position_unit: m, force_constant: 20}"
-    found = one(tmp_path, "time_ms,position_mm,force_N\n0,1,10\n1,2,-10\n", nominal)
-    assert found.column("measured") == pytest.approx([1e-3, 2e-3])
-    assert found.column("measured_current") == pytest.approx([0.5, -0.5])
-    assert found.meta["dt"] == pytest.approx(1e-3)
-    assert found.meta["axis"]["kind"] == "linear"
+    recording = one(tmp_path, "time_ms,position_mm,force_N\n0,1,10\n1,2,-10\n", nominal)
+    assert recording.column("measured") == pytest.approx([1e-3, 2e-3])
+    assert recording.column("measured_current") == pytest.approx([0.5, -0.5])
+    assert recording.meta["dt"] == pytest.approx(1e-3)
+    assert recording.meta["axis"]["kind"] == "linear"
 
 
 def test_the_stage_file_gives_the_scales(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("time_s,position_counts,torque_Nm\n0,0,0.72\n1,1048576,1.44\n")
-    (found,) = read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"))
-    assert found.column("measured") == pytest.approx([0.0, 2.0 * math.pi])
-    assert found.column("measured_current") == pytest.approx([1.0, 2.0])
+    (recording,) = read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"))
+    assert recording.column("measured") == pytest.approx([0.0, 2.0 * math.pi])
+    assert recording.column("measured_current") == pytest.approx([1.0, 2.0])
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:
-    found = one(tmp_path, "time_s,position_mm,current_command_V,temperature_C\n5,1,0,20\n6,2,0,20\n8,3,0,20\n")
-    assert found.samples.dtype.names == ("time", "measured")
-    np.testing.assert_array_equal(found.column("time"), [0.0, 1.0, 3.0])
-    notes = "\n".join(found.meta["notes"])
+    recording = one(tmp_path, "time_s,position_mm,current_command_V,temperature_C\n5,1,0,20\n6,2,0,20\n8,3,0,20\n")
+    assert recording.samples.dtype.names == ("time", "measured")
+    np.testing.assert_array_equal(recording.column("time"), [0.0, 1.0, 3.0])
+    notes = "\n".join(recording.meta["notes"])
     assert "current_command_V is left out: a voltage has no scale: write drive.amplifier_A_per_V" in notes
     assert "temperature_C is left out" in notes
     for words in ("no reference", "no command", "no measured current"):
         assert words in notes
     with refused(RecordingError, kind=ProblemKind.UNKNOWN, column="command"):
-        found.column("command")
+        recording.column("command")
 
 
 def test_an_empty_cell_is_a_gap(tmp_path: Path) -> None:
-    found = one(tmp_path, "time_s,position_m,current_A\n0,0,1\n1,0,\n")
-    np.testing.assert_array_equal(found.column("measured_current"), [1.0, np.nan])
+    recording = one(tmp_path, "time_s,position_m,current_A\n0,0,1\n1,0,\n")
+    np.testing.assert_array_equal(recording.column("measured_current"), [1.0, np.nan])
 
 
 KIND = ProblemKind
@@ -146,17 +146,17 @@ def test_rows_before_the_numbers_are_skipped(tmp_path: Path, separator: str, dec
     text = TITLED.replace(",", separator).replace("0.5", f"0{decimal}5")
     (tmp_path / "log.csv").write_text(text)
     words = {"time": "1:ms", "position": "2:mm", "current": "3:A"}
-    (found,) = read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"), words)
-    np.testing.assert_allclose(found.column("time"), [0.0, 0.5e-3, 1e-3])
-    np.testing.assert_allclose(found.column("measured"), [0.0, 2.0 * math.pi, 4.0 * math.pi])
-    np.testing.assert_allclose(found.column("measured_current"), [1.0, 2.0, 3.0])
-    assert "its first 4 rows are no numbers and are skipped" in found.meta["notes"]
+    (recording,) = read(tmp_path / "log.csv", load_stage(CONFIG / "ball-screw.yaml"), words)
+    np.testing.assert_allclose(recording.column("time"), [0.0, 0.5e-3, 1e-3])
+    np.testing.assert_allclose(recording.column("measured"), [0.0, 2.0 * math.pi, 4.0 * math.pi])
+    np.testing.assert_allclose(recording.column("measured_current"), [1.0, 2.0, 3.0])
+    assert "its first 4 rows are no numbers and are skipped" in recording.meta["notes"]
 
 
 def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
-    found = one(tmp_path, "time_s;position_m;current_A\n0,0;0,25;1,5\n0,5;0,5;-1e-1\n")
-    np.testing.assert_array_equal(found.column("measured"), [0.25, 0.5])
-    np.testing.assert_array_equal(found.column("measured_current"), [1.5, -0.1])
+    recording = one(tmp_path, "time_s;position_m;current_A\n0,0;0,25;1,5\n0,5;0,5;-1e-1\n")
+    np.testing.assert_array_equal(recording.column("measured"), [0.25, 0.5])
+    np.testing.assert_array_equal(recording.column("measured_current"), [1.5, -0.1])
 
 
 @pytest.mark.parametrize(
@@ -221,18 +221,18 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 
 def test_an_import_is_a_recording(tmp_path: Path) -> None:
     """It is stored, opened, exported in every format and read back; only a replay it refuses."""
-    found = one(tmp_path, "time_s,position_m,reference_m\n0,0.125,0\n1,0.25,1\n2,0.5,2\n3,1,3\n4,1,4\n5,1,5\n")
-    (path,) = store([found], found.path, tmp_path / "new" / "log.h5")
+    recording = one(tmp_path, "time_s,position_m,reference_m\n0,0.125,0\n1,0.25,1\n2,0.5,2\n3,1,3\n4,1,4\n5,1,5\n")
+    (path,) = store([recording], recording.path, tmp_path / "new" / "log.h5")
     stored = open_recording(path)
     assert stored.complete and stored.ended == "imported from log.csv"
     assert stored.meta["source"]["sha256"] == hashlib.sha256((tmp_path / "log.csv").read_bytes()).hexdigest()
-    np.testing.assert_array_equal(stored.samples, found.samples)
+    np.testing.assert_array_equal(stored.samples, recording.samples)
     for to in ("csv", "parquet", "mat", "trajectory", "folder"):
         export([stored], to, tmp_path / to / "log.csv")
     (back,) = read(tmp_path / "csv" / "log.csv")
-    np.testing.assert_array_equal(back.samples, found.samples)
+    np.testing.assert_array_equal(back.samples, recording.samples)
     (back,) = read(tmp_path / "folder" / "log.csv")  # a folder of this name
-    np.testing.assert_array_equal(back.samples, found.samples)
+    np.testing.assert_array_equal(back.samples, recording.samples)
     with refused(RecordingError, kind=KIND.MISSING, file=stored.path):
         replay(stored)
 
@@ -242,9 +242,9 @@ def test_the_session_clock_survives(tmp_path: Path) -> None:
     (tmp_path / "captures.yaml").write_text(f"captures: [{entry}]")
     (tmp_path / "a.csv").write_text("time_s,position_m\n0,1\n1,2\n")
     (tmp_path / "d.csv").write_text("time_s,injection_A\n0,0.25\n1,-0.5\n")
-    (found,) = read(tmp_path)
-    np.testing.assert_array_equal(found.column("injection"), [0.25, -0.5])
-    text = (export([found], "folder", tmp_path / "out")[0].path / "captures.yaml").read_text()
+    (recording,) = read(tmp_path)
+    np.testing.assert_array_equal(recording.column("injection"), [0.25, -0.5])
+    text = (export([recording], "folder", tmp_path / "out")[0].path / "captures.yaml").read_text()
     for words in (
         "repeat: 4",
         "use: held-out",
@@ -268,8 +268,8 @@ def test_an_injection_finds_its_rows(tmp_path: Path, text: str, expected: list[f
     (tmp_path / "captures.yaml").write_text("captures: [{file: a.csv, injection: d.csv}]")
     (tmp_path / "a.csv").write_text("time_s,position_m\n0,1\n0.1,2\n0.2,2\n0.3,2\n")
     (tmp_path / "d.csv").write_text(text)
-    (found,) = read(tmp_path)
-    assert found.column("injection") == pytest.approx(expected, rel=1e-12)
+    (recording,) = read(tmp_path)
+    assert recording.column("injection") == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -295,19 +295,19 @@ def test_an_injection_that_cannot_be_used(tmp_path: Path, text: str, kind: Probl
 @pytest.mark.skipif(not EMPS.exists(), reason="the EMPS record is not beside this repository (../shared/data/emps)")
 def test_the_benchmark_comes_in(tmp_path: Path) -> None:
     """24 841 samples of 1 ms; gtau 35.1507 N/V; 5e-8 m a count."""
-    (found,) = read(EMPS)
-    assert found.samples.dtype.names == ("time", "reference", "command", "measured")
-    assert len(found.samples) == 24841
-    assert found.meta["dt"] == pytest.approx(1e-3, rel=1e-4)
-    assert found.meta["nominal"]["stage"]["force_constant"] == pytest.approx(35.1507, abs=5e-5)
-    assert "an amplifier of 1 A/V" in found.meta["notes"][0]
-    error = found.column("reference") - found.column("measured")
+    (recording,) = read(EMPS)
+    assert recording.samples.dtype.names == ("time", "reference", "command", "measured")
+    assert len(recording.samples) == 24841
+    assert recording.meta["dt"] == pytest.approx(1e-3, rel=1e-4)
+    assert recording.meta["nominal"]["stage"]["force_constant"] == pytest.approx(35.1507, abs=5e-5)
+    assert "an amplifier of 1 A/V" in recording.meta["notes"][0]
+    error = recording.column("reference") - recording.column("measured")
     assert 1e-4 < np.abs(error).max() < 1e-2
     # The published control law holds between the columns (0.0037 V rms of 1.54 V).
-    kp, kv = (found.meta["nominal"]["controller"][name] for name in ("kp", "kv"))
-    smooth = 0.5 * (found.column("measured")[1:] + found.column("measured")[:-1])
+    kp, kv = (recording.meta["nominal"]["controller"][name] for name in ("kp", "kv"))
+    smooth = 0.5 * (recording.column("measured")[1:] + recording.column("measured")[:-1])
     law = kv * (kp * error[2:] - np.diff(smooth) / 1e-3)
-    assert np.std(law - found.column("command")[2:]) == pytest.approx(0.0037, rel=0.2)
+    assert np.std(law - recording.column("command")[2:]) == pytest.approx(0.0037, rel=0.2)
 
 
 def test_columns_by_name_and_number(tmp_path: Path) -> None:
@@ -320,10 +320,10 @@ def test_columns_by_name_and_number(tmp_path: Path) -> None:
         ("named.csv", {"time": "1:s", "position": "2:mm", "command": "3"}, "command"),
         ("bare.csv", {"time": "2:ms", "position": "3:mm", "current": "4:mA"}, "measured_current"),
     ):
-        (found,) = read(tmp_path / name, setup, words)
-        np.testing.assert_allclose(found.column("time"), [0.0, 0.5])
-        np.testing.assert_allclose(found.column("measured"), [0.0, 2.0 * math.pi])
-        np.testing.assert_allclose(found.column(current), [1.0, 2.0])
+        (recording,) = read(tmp_path / name, setup, words)
+        np.testing.assert_allclose(recording.column("time"), [0.0, 0.5])
+        np.testing.assert_allclose(recording.column("measured"), [0.0, 2.0 * math.pi])
+        np.testing.assert_allclose(recording.column(current), [1.0, 2.0])
 
 
 def test_variables_of_a_mat_file(tmp_path: Path) -> None:
@@ -331,14 +331,14 @@ def test_variables_of_a_mat_file(tmp_path: Path) -> None:
     time, angle, current = np.arange(3.0), np.array([0.0, 0.5, 1.0]), np.array([1.0, 2.0, 3.0])
     savemat(tmp_path / "told.mat", {"log": {"time_ms": 1e3 * time, "position_rad": angle, "current": current}})
     savemat(tmp_path / "table.mat", {"X": np.column_stack([time, angle]), "u": current, "s": "text"})
-    (told,) = read(tmp_path / "told.mat")
-    assert "log.current has no unit: it is taken as the current in A" in told.meta["notes"]
+    (recording,) = read(tmp_path / "told.mat")
+    assert "log.current has no unit: it is taken as the current in A" in recording.meta["notes"]
     words = {"time": "X[1]", "position": "X[2]:rad", "current": "u"}
     (named,) = read(tmp_path / "table.mat", columns=words)
-    for found in (told, named):
-        np.testing.assert_allclose(found.column("time"), time)
-        np.testing.assert_allclose(found.column("measured"), angle)
-        np.testing.assert_allclose(found.column("measured_current"), current)
+    for imported in (recording, named):
+        np.testing.assert_allclose(imported.column("time"), time)
+        np.testing.assert_allclose(imported.column("measured"), angle)
+        np.testing.assert_allclose(imported.column("measured_current"), current)
     for wrong, kind, column in (
         ({"position": "X[3]:rad"}, KIND.UNKNOWN, "X"),
         ({"position": "X:rad"}, KIND.SHAPE, "X"),
@@ -354,11 +354,11 @@ def test_variables_of_a_mat_file(tmp_path: Path) -> None:
 
 
 def test_our_own_mat_export_comes_back(tmp_path: Path) -> None:
-    found = one(tmp_path, "time_s,position_rad,current_A\n0,0.125,0\n1,0.25,1\n2,0.5,2\n", NOMINAL)
-    export([found], "mat", tmp_path / "log.mat")
+    recording = one(tmp_path, "time_s,position_rad,current_A\n0,0.125,0\n1,0.25,1\n2,0.5,2\n", NOMINAL)
+    export([recording], "mat", tmp_path / "log.mat")
     (back,) = read(tmp_path / "log.mat")
-    np.testing.assert_array_equal(back.samples, found.samples)
-    assert back.meta["axis"] == found.meta["axis"]
+    np.testing.assert_array_equal(back.samples, recording.samples)
+    assert back.meta["axis"] == recording.meta["axis"]
 
 
 @pytest.mark.parametrize(

@@ -31,8 +31,8 @@ class Moment:
     ],
 )
 def test_how_far_one_is_ahead(leader: tuple[int, ...], other: tuple[int, ...]) -> None:
-    found: Any = (Moment(*leader), Moment(*other))
-    assert ahead(*found) == 4
+    moments: Any = (Moment(*leader), Moment(*other))
+    assert ahead(*moments) == 4
 
 
 def filled(rows: int, capacity: int, base: float) -> Ring:
@@ -43,8 +43,8 @@ def filled(rows: int, capacity: int, base: float) -> Ring:
 
 
 def test_a_row_is_what_both_wrote_in_the_same_period() -> None:
-    one = Joined([filled(30, 100, 0.0), filled(20, 100, 10.0)])
-    first, raw = one.read(5, 100)
+    joined = Joined([filled(30, 100, 0.0), filled(20, 100, 10.0)])
+    first, raw = joined.read(5, 100)
     rows = np.frombuffer(raw).reshape(-1, 4)
     assert first == 10  # the second had not begun
     assert (rows[:, 0] == rows[:, 2]).all()
@@ -52,8 +52,8 @@ def test_a_row_is_what_both_wrote_in_the_same_period() -> None:
 
 
 def test_what_one_of_them_has_lost_is_left_out() -> None:
-    one = Joined([filled(30, 100, 0.0), filled(30, 8, 0.0)])
-    assert (one.capacity, one.width, one.written) == (8, 4, 30)
-    first, raw = one.read(0, 30)
+    joined = Joined([filled(30, 100, 0.0), filled(30, 8, 0.0)])
+    assert (joined.capacity, joined.width, joined.written) == (8, 4, 30)
+    first, raw = joined.read(0, 30)
     assert first == 22
     assert np.frombuffer(raw).reshape(-1, 4)[:, 2].tolist() == [float(number) for number in range(22, 30)]

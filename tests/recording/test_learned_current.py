@@ -31,14 +31,14 @@ def made(setup: Setup, path: Path, without: frozenset[str] = NOTHING) -> learned
 
 
 def test_it_survives_the_file_and_reaches_the_setpoints(ball_screw: Setup, tmp_path: Path) -> None:
-    found = made(ball_screw, tmp_path / "a.h5")
+    written = made(ball_screw, tmp_path / "a.h5")
     motion = prepare(ball_screw, SINE, NOTHING, None, tmp_path / "a.h5")
-    assert np.array_equal(motion.plan.setpoints[:, 5], np.sin(np.arange(len(found.current)) * 0.01))
+    assert np.array_equal(motion.plan.setpoints[:, 5], np.sin(np.arange(len(written.current)) * 0.01))
     assert motion.meta["layers"] == ["friction", "ptc", "ilc"]
     assert motion.meta["learned"]["kept"] == 3
     bare = prepare(ball_screw, SINE, NOTHING, None)
     assert np.array_equal(np.delete(motion.plan.setpoints, 5, 1), np.delete(bare.plan.setpoints, 5, 1))
-    assert np.array_equal(with_current(bare, found.current).plan.setpoints, motion.plan.setpoints)
+    assert np.array_equal(with_current(bare, written.current).plan.setpoints, motion.plan.setpoints)
 
 
 def changed(setup: Setup, **changes: Any) -> Setup:

@@ -35,11 +35,11 @@ def test_another_reader_finds_every_bit(sine: Recording, tmp_path: Path) -> None
         (connection,) = reader.connections
         assert (connection.topic, connection.msgtype) == ("/axis", "stagectl_msgs/msg/Period")
         assert "float64 current_A  # command handed to the drive, after the limit\n" in connection.msgdef.data
-        found = [(stamp, reader.deserialize(raw, connection.msgtype)) for _, stamp, raw in reader.messages()]
+        messages = [(stamp, reader.deserialize(raw, connection.msgtype)) for _, stamp, raw in reader.messages()]
     names = {"time_s": "time", "error_rad": "error", "measured_rad": "measured", "current_A": "current"}
     for header, name in names.items():
-        assert np.array_equal([getattr(row, header) for _, row in found], sine.column(name)), header
-    assert np.all(np.diff([stamp for stamp, _ in found]) == 500_000)
+        assert np.array_equal([getattr(row, header) for _, row in messages], sine.column(name)), header
+    assert np.all(np.diff([stamp for stamp, _ in messages]) == 500_000)
 
 
 def test_it_says_what_it_is(sine: Recording, tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_it_says_what_it_is(sine: Recording, tmp_path: Path) -> None:
     with (tmp_path / "sine.mcap").open("rb") as file:
         reader = make_reader(file)
         (about,) = reader.iter_metadata()
-        names = [one.name for one in reader.iter_attachments()]
+        names = [iter_attachment.name for iter_attachment in reader.iter_attachments()]
     assert json.loads(about.metadata["meta"]) == sine.meta
     assert names == ["ball-screw.yaml", "sine.yaml"]
 

@@ -17,20 +17,20 @@ SINE = [math.sin(2.0 * math.pi * k / 100.0) for k in range(2000)]
 def scoped(settings: Settings, values: list[float], piece: int = 7) -> tuple[Scope, list[Capture]]:
     """All captures of a scope that looks after each `piece` of rows (number, value)."""
     ring = Ring.create(2, 4096)
-    scope, found = Scope(settings, 0), []
+    scope, captures = Scope(settings, 0), []
     for k, value in enumerate(values):
         ring.write((float(k), value))
         if k % piece == piece - 1 and (capture := scope.look(ring)) is not None:
-            found.append(capture)
-    return scope, found
+            captures.append(capture)
+    return scope, captures
 
 
 @pytest.mark.parametrize("piece", [1, 7, 60])
 def test_it_triggers_where_the_level_is_crossed(piece: int) -> None:
     """sin crosses 0.5 upwards at 8.33 of 100 rows: the ninth row is the first above it."""
-    _, found = scoped(Settings(50, 20, Trigger(1, 0.5), "normal"), SINE, piece)
-    assert len(found) >= 18 if piece < 60 else len(found) >= 9
-    for capture in found:
+    _, captures = scoped(Settings(50, 20, Trigger(1, 0.5), "normal"), SINE, piece)
+    assert len(captures) >= 18 if piece < 60 else len(captures) >= 9
+    for capture in captures:
         number = capture.first + capture.at
         assert number % 100 == 9
         assert SINE[number - 1] < 0.5 <= SINE[number]
@@ -52,24 +52,24 @@ def test_nothing_is_no_crossing() -> None:
 
 
 def test_single_takes_one_and_no_more() -> None:
-    scope, found = scoped(Settings(50, 0, Trigger(1, 0.5), "single"), SINE)
-    assert len(found) == 1
+    scope, captures = scoped(Settings(50, 0, Trigger(1, 0.5), "single"), SINE)
+    assert len(captures) == 1
     assert scope.done
 
 
 def test_normal_waits_and_auto_does_not() -> None:
     never = Trigger(1, 2.0)
     assert scoped(Settings(50, 10, never, "normal"), SINE)[1] == []
-    _, found = scoped(Settings(50, 10, never, "auto", patience=100), SINE)
-    assert 5 <= len(found) <= 2000 // 150
-    assert not any(capture.triggered for capture in found)
+    _, captures = scoped(Settings(50, 10, never, "auto", patience=100), SINE)
+    assert 5 <= len(captures) <= 2000 // 150
+    assert not any(capture.triggered for capture in captures)
 
 
 def test_a_peak_between_two_looks_is_not_missed() -> None:
     values = [0.0] * 1000
     values[444] = 1.0
-    _, found = scoped(Settings(100, 50, Trigger(1, 0.9), "normal"), values, piece=250)
-    assert [capture.first + capture.at for capture in found] == [444]
+    _, captures = scoped(Settings(100, 50, Trigger(1, 0.9), "normal"), values, piece=250)
+    assert [capture.first + capture.at for capture in captures] == [444]
 
 
 def test_rows_that_were_overwritten_give_no_capture() -> None:

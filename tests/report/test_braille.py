@@ -13,7 +13,7 @@ def test_a_ramp_by_hand() -> None:
     """Four columns of dots, one line: a falling ramp from the upper left to the lower right."""
     values = [3.5, 2.5, 1.5, 0.5]
     (line,) = curve(values, values, (0.0, 4.0), (2, 1))
-    left, right = (ord(one) - 0x2800 for one in line)
+    left, right = (ord(mark) - 0x2800 for mark in line)
     assert left & 0x01
     assert left & 0x10
     assert right & 0x04
@@ -27,7 +27,7 @@ def test_a_peak_of_one_bucket_is_seen_wherever_it_falls() -> None:
         high = [0.0] * 1000
         high[place] = 1.0
         top, *_ = curve([0.0] * 1000, high, (-0.1, 1.0), (20, 4))
-        assert sum(one != "\u2800" for one in top) == 1
+        assert sum(mark != "\u2800" for mark in top) == 1
 
 
 def test_nothing_is_drawn_where_nothing_is_known() -> None:

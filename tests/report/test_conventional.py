@@ -35,14 +35,16 @@ def closed() -> Iterator[None]:
 
 def test_bode_and_describing_function() -> None:
     captures = [sine(Machine(SETUP), a, f) for a in (5.0, 7.0, 9.0) for f in (3.0, 10.0, 40.0)]
-    found = frequency_response.identify(captures, SETUP.file)
-    bode, describing = figures(found, SETUP.file).values()
+    result = frequency_response.identify(captures, SETUP.file)
+    bode, describing = figures(result, SETUP.file).values()
     gain, phase, coherence = bode.axes
     assert [axes.get_ylabel() for axes in bode.axes] == ["gain [dB re 1 rad/(s A)]", "phase [deg]", "coherence"]
     labels = gain.get_legend_handles_labels()[1]
-    assert {"5 A sine", "7 A sine", "9 A sine"} <= set(labels) and any("identified: J = 0.01" in one for one in labels)
+    assert {"5 A sine", "7 A sine", "9 A sine"} <= set(labels) and any(
+        "identified: J = 0.01" in label for label in labels
+    )
     line = next(one for one in gain.lines if drawn(one).shape == (2, 3))
-    curve = found.details["curves"][0]
+    curve = result.details["curves"][0]
     np.testing.assert_allclose(drawn(line)[1], 20.0 * np.log10(curve["gain"]))
     assert coherence.get_xlabel() == "frequency [Hz]" and len(phase.lines) >= 5
     assert describing.axes[0].get_ylabel() == "Re(Kt/H) [N m s/rad]"
@@ -50,20 +52,20 @@ def test_bode_and_describing_function() -> None:
 
 def test_force_over_speed() -> None:
     motion = Sequence(tuple(Trapezoid(0.012 + 0.3 * v, v, 0.5, 0.1) for v in (0.03, 0.06)))
-    found = constant_speed.identify([followed(Machine(SETUP), motion)], SETUP.file)
-    (figure,) = figures(found, SETUP.file).values()
+    result = constant_speed.identify([followed(Machine(SETUP), motion)], SETUP.file)
+    (figure,) = figures(result, SETUP.file).values()
     points = figure.axes[0].lines[-1]
-    np.testing.assert_allclose(drawn(points)[0], [one["speed"] for one in found.details["spans"]])
+    np.testing.assert_allclose(drawn(points)[0], [span["speed"] for span in result.details["spans"]])
     assert figure.axes[1].get_xlabel() == "speed [rad/s]" and figure.axes[1].get_ylabel() == "residual [mN m]"
 
 
 def test_rolling_friction_in_travel() -> None:
-    found = low_speed.identify([slow(Machine(SETUP), seconds=35.0)], SETUP.file)
-    (picture,) = pictures(found, [], SETUP.file)
+    result = low_speed.identify([slow(Machine(SETUP), seconds=35.0)], SETUP.file)
+    (picture,) = pictures(result, [], SETUP.file)
     assert picture.image.startswith("data:image/png;base64,") and picture.caption == "Rolling-friction characteristic."
-    (figure,) = figures(found, SETUP.file).values()
+    (figure,) = figures(result, SETUP.file).values()
     whole, near = figure.axes
     assert whole.get_xlabel() == "travel since the reversal [µm]"
-    assert 90.0 < max(np.max(drawn(one)[0], initial=0.0) for one in whole.lines) < 100.0
+    assert 90.0 < max(np.max(drawn(line)[0], initial=0.0) for line in whole.lines) < 100.0
     assert 15.0 < near.get_xlim()[1] < 45.0
     assert whole.get_legend_handles_labels()[1].count("stop operators") == 1

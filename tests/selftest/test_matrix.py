@@ -39,19 +39,19 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         cwd=ROOT, env={**os.environ, "XDG_RUNTIME_DIR": str(folder)}, capture_output=True, text=True, timeout=900,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads((folder / "out.json").read_text())
-    found["page"] = (folder / "page.html").read_text(encoding="utf-8")
-    return found
+    answer: dict[str, Any] = json.loads((folder / "out.json").read_text())
+    answer["page"] = (folder / "page.html").read_text(encoding="utf-8")
+    return answer
 
 
 def test_each_case_ends_within_its_limits(result: dict[str, Any]) -> None:
     cases = result["faults"]
     assert len(cases) == 17 * len(SOME) == result["passed"]
-    for found in cases:
-        assert found["passed"], found
-        if found["stop_time"] is not None and found["stop_time_limit"] is not None:
-            assert 0.0 <= found["stop_time"] <= found["stop_time_limit"]
-            assert 0.0 <= found["stop_distance"] <= found["stop_distance_limit"]
+    for row in cases:
+        assert row["passed"], row
+        if row["stop_time"] is not None and row["stop_time_limit"] is not None:
+            assert 0.0 <= row["stop_time"] <= row["stop_time_limit"]
+            assert 0.0 <= row["stop_distance"] <= row["stop_distance_limit"]
 
 
 def test_a_moving_axis_stops_as_the_time_outs_say(result: dict[str, Any]) -> None:
@@ -70,25 +70,25 @@ def test_a_moving_axis_stops_as_the_time_outs_say(result: dict[str, Any]) -> Non
 def test_the_services_axis_is_tried_in_every_state_of_its_table(result: dict[str, Any]) -> None:
     tried = {case["state"] for case in result["faults"]}
     assert {f"service {state.name.lower().replace('_', ' ')}" for state in State} < tried
-    found = {(case["name"], case["state"].removeprefix("service ")): case for case in result["faults"]}
+    cases = {(case["name"], case["state"].removeprefix("service ")): case for case in result["faults"]}
     for state in ("moving", "homing", "stopping"):
-        assert found["cable-out", state]["reason"] == "FEEDBACK_LOST"
-        assert 0.45 < found["cable-out", state]["stop_time"] < 0.75
-        assert found["encoder-stuck", state]["category"] == 0
-    assert found["cable-out", "enabling"]["reason"] == "DRIVE_FAULT"  # given up after its five seconds
-    assert found["cable-out", "quick stopping"]["stop_time"] < 0.05  # its ramp is the drive's: it needs no cable
-    assert found["drive-disabled", "quick stopping"]["category"] == 0
-    assert found["clock-skewed", "homing"]["category"] is None
+        assert cases["cable-out", state]["reason"] == "FEEDBACK_LOST"
+        assert 0.45 < cases["cable-out", state]["stop_time"] < 0.75
+        assert cases["encoder-stuck", state]["category"] == 0
+    assert cases["cable-out", "enabling"]["reason"] == "DRIVE_FAULT"  # given up after its five seconds
+    assert cases["cable-out", "quick stopping"]["stop_time"] < 0.05  # its ramp is the drive's: it needs no cable
+    assert cases["drive-disabled", "quick stopping"]["category"] == 0
+    assert cases["clock-skewed", "homing"]["category"] is None
 
 
 def test_a_state_that_the_table_does_not_lead_to_is_found_out(ball_screw: Setup) -> None:
     bench = matrix.virtual(ball_screw, frozenset({"drive-fault"}))._replace(states=("service moving",))
-    (found,) = matrix.matrix(bench)
-    assert found.passed and found.reason in ("DRIVE_FAULT", "EMERGENCY")
+    (row,) = matrix.matrix(bench)
+    assert row.passed and row.reason in ("DRIVE_FAULT", "EMERGENCY")
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(states.TABLE, (State.QUICK_STOPPING, Event.FAILED), State.DISABLED)  # a fault that is forgotten
-        (found,) = matrix.matrix(bench)
-    assert not found.passed and found.words == "ended in state disabled; must be: fault"
+        (row,) = matrix.matrix(bench)
+    assert not row.passed and row.words == "ended in state disabled; must be: fault"
 
 
 def test_the_page_is_signed_and_shows_every_case(result: dict[str, Any], tmp_path: Path) -> None:
@@ -107,16 +107,16 @@ def test_coasting_follows_its_closed_form(ball_screw: Setup) -> None:
     while v > 0.0:
         v -= (1.0 + p.mechanics.viscous * v) / p.mechanics.inertia * dt
         x, t = x + v * dt, t + dt
-    found = limits.coast(p, 20.0)
-    assert found.distance == pytest.approx(1.5 * x, rel=1e-3)
-    assert found.time == pytest.approx(1.5 * t, rel=1e-3)
+    limit = limits.coast(p, 20.0)
+    assert limit.distance == pytest.approx(1.5 * x, rel=1e-3)
+    assert limit.time == pytest.approx(1.5 * t, rel=1e-3)
 
 
 def test_a_limit_that_is_too_tight_is_found_out(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(matrix, "STATES", ("moving",))
     monkeypatch.setattr(case, "limit", lambda *_: limits.Limit(1e-3, 1e-6))
-    (found,) = matrix.matrix(matrix.virtual(ball_screw, frozenset({"drive-fault"})))
-    assert not found.passed and found.words in ("too late", "still moves", "too far")
+    (row,) = matrix.matrix(matrix.virtual(ball_screw, frozenset({"drive-fault"})))
+    assert not row.passed and row.words in ("too late", "still moves", "too far")
 
 
 def test_a_drive_that_hears_its_stop_by_no_pdo_hears_it_by_sdo(ball_screw: Setup) -> None:
@@ -127,11 +127,11 @@ def test_a_drive_that_hears_its_stop_by_no_pdo_hears_it_by_sdo(ball_screw: Setup
     setup = ball_screw._replace(file=ball_screw.file._replace(drive=drive))
     states = ("moving", "stopping", "service moving", "service stopping", "service quick stopping")
     bench = matrix.virtual(setup, frozenset({"command-lost"}))._replace(states=states)
-    found = {one.state: one for one in matrix.matrix(bench)}
-    assert all(one.passed and one.category == 1 for one in found.values()), found
+    cases = {row.state: row for row in matrix.matrix(bench)}
+    assert all(row.passed and row.category == 1 for row in cases.values()), cases
     for state in ("stopping", "service stopping", "service quick stopping"):
-        assert (found[state].stop_time or 0.0) < 0.1  # at once, and not by the ten seconds after which it is given up
-    assert 1.0 < (found["moving"].stop_time or 0.0) < 1.5  # where the motion wants another current
+        assert (cases[state].stop_time or 0.0) < 0.1  # at once, and not by the ten seconds after which it is given up
+    assert 1.0 < (cases["moving"].stop_time or 0.0) < 1.5  # where the motion wants another current
 
 
 @pytest.mark.parametrize("name", ["loop-stalled", "frames-delayed"])
@@ -145,7 +145,7 @@ def test_an_axis_that_stands_in_a_late_loop_is_stopped_where_the_stage_file_says
         (ball_screw, ""),
     ):
         bench = matrix.virtual(setup, frozenset({name}))._replace(states=("holding", "service standing"))
-        assert [(one.passed, one.reason) for one in matrix.matrix(bench)] == 2 * [(True, reason)]
+        assert [(row.passed, row.reason) for row in matrix.matrix(bench)] == 2 * [(True, reason)]
 
 
 def test_what_an_axis_may_do_that_was_braking_follows_from_the_motion_it_makes(ball_screw: Setup) -> None:
@@ -155,10 +155,10 @@ def test_what_an_axis_may_do_that_was_braking_follows_from_the_motion_it_makes(b
     for _ in range(round(t / dt)):
         v += (calm - (2.0 * 1.0 + p.mechanics.viscous * v) / p.mechanics.inertia) * dt
         x += v * dt
-    found = limits.turned(ball_screw, row, faults.default("cable-out"), calm)
+    limit = limits.turned(ball_screw, row, faults.default("cable-out"), calm)
     stop = 1.5 * v / (5.0 / 12e-3 * 2.0 * math.pi)
-    assert found.time == pytest.approx(t + stop + 0.06, rel=0.01)
-    assert found.distance == pytest.approx(x + stop * v / 2.0 + 1.5 * v * 0.008, rel=0.01)
+    assert limit.time == pytest.approx(t + stop + 0.06, rel=0.01)
+    assert limit.distance == pytest.approx(x + stop * v / 2.0 + 1.5 * v * 0.008, rel=0.01)
 
 
 def test_frames_take_their_time_on_the_wire_one_after_the_other() -> None:

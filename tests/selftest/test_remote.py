@@ -45,9 +45,9 @@ def tried(machine: tuple[Setup, VirtualNode, End, Timeline], *names: str, states
         plain(command)
 
     node.axis.plant.command = watched  # type: ignore[method-assign]
-    found = list(matrix(bench._replace(states=states)))
+    cases = list(matrix(bench._replace(states=states)))
     assert 0.5 < largest[0] <= GENTLE.current
-    return found
+    return cases
 
 
 def test_a_moving_axis_stops_as_the_table_says(machine: tuple[Setup, VirtualNode, End, Timeline]) -> None:

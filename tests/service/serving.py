@@ -97,8 +97,8 @@ class Served:
 
     def axis(self, name: str = "") -> dict[str, Any]:
         axes = self.ask("GET", "status")["axes"]
-        found: dict[str, Any] = next(axis for axis in axes if name in ("", axis["axis"]))
-        return found
+        row: dict[str, Any] = next(axis for axis in axes if name in ("", axis["axis"]))
+        return row
 
     def faults(self) -> list[str]:
         return [entry["fault"] for entry in self.ask("GET", "faults")]
@@ -130,11 +130,11 @@ class Served:
     def descriptors(self) -> list[str]:
         """What the service holds open, but for those who ask and for files."""
         assert self.process is not None
-        found = []
-        for one in Path(f"/proc/{self.process.pid}/fd").iterdir():
+        targets = []
+        for path in Path(f"/proc/{self.process.pid}/fd").iterdir():
             with contextlib.suppress(FileNotFoundError):
-                found.append(os.readlink(one).partition(":")[0])
-        return sorted(one for one in found if one in ("pipe", "/memfd"))
+                targets.append(os.readlink(path).partition(":")[0])
+        return sorted(target for target in targets if target in ("pipe", "/memfd"))
 
     def holds_no_more_than(self, held: list[str]) -> bool:
         """Whether it comes back to that, within 10 s."""

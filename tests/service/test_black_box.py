@@ -115,9 +115,9 @@ def test_every_export_takes_it(box: Recording, tmp_path: Path, to: str) -> None:
     if to == "csv":
         assert np.array_equal(pyarrow.csv.read_csv(target)["measured_rad"].to_numpy(), measured)
     elif to == "parquet":
-        found = pyarrow.parquet.read_table(target)
-        assert np.array_equal(found["measured"].to_numpy(), measured)
-        assert json.loads(found.schema.metadata[b"stagectl"])["blackbox"]["fault"] == "jump"
+        columns = pyarrow.parquet.read_table(target)
+        assert np.array_equal(columns["measured"].to_numpy(), measured)
+        assert json.loads(columns.schema.metadata[b"stagectl"])["blackbox"]["fault"] == "jump"
     elif to == "mat":
         assert np.array_equal(loadmat(target)["samples"]["measured"][0, 0].ravel(), measured)
     elif to == "mcap":

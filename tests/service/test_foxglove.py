@@ -27,8 +27,8 @@ ROWS, MESSAGE_DATA = 3000, 1
 
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("foxglove"), "--foxglove", f"127.0.0.1:{PORT}") as found:
-        yield found
+    with served(tmp_path_factory.mktemp("foxglove"), "--foxglove", f"127.0.0.1:{PORT}") as service:
+        yield service
 
 
 def told(link: ClientConnection, op: str) -> dict[str, object]:
@@ -36,8 +36,8 @@ def told(link: ClientConnection, op: str) -> dict[str, object]:
     while True:
         text = link.recv(timeout=60.0)
         if isinstance(text, str) and json.loads(text)["op"] == op:
-            found: dict[str, object] = json.loads(text)
-            return found
+            answer: dict[str, object] = json.loads(text)
+            return answer
 
 
 def subscribed(link: ClientConnection) -> dict[str, str]:
@@ -52,14 +52,14 @@ def subscribed(link: ClientConnection) -> dict[str, str]:
 
 def messages(link: ClientConnection, count: int) -> list[tuple[int, bytes]]:
     """Log time (ns) and body of so many."""
-    found: list[tuple[int, bytes]] = []
-    while len(found) < count:
+    heard: list[tuple[int, bytes]] = []
+    while len(heard) < count:
         raw = link.recv(timeout=60.0)
         if isinstance(raw, bytes) and raw[0] == MESSAGE_DATA:
             subscription, stamp = struct.unpack_from("<IQ", raw, 1)
             assert subscription == 7
-            found.append((stamp, raw[13:]))
-    return found
+            heard.append((stamp, raw[13:]))
+    return heard
 
 
 def test_every_row_comes_as_another_reader_understands_it(machine: Served) -> None:
@@ -70,15 +70,15 @@ def test_every_row_comes_as_another_reader_understands_it(machine: Served) -> No
     machine.begin_moving()
     with connect(ADDRESS, subprotocols=[Subprotocol("foxglove.sdk.v1")]) as link:
         channel = subscribed(link)
-        found = messages(link, ROWS)
+        heard = messages(link, ROWS)
     assert (channel["topic"], channel["encoding"]) == ("/axis", "cdr")
     store.register(get_types_from_msg(channel["schema"], channel["schemaName"]))
-    rows: list[Any] = [store.deserialize_cdr(raw, channel["schemaName"]) for _, raw in found]
+    rows: list[Any] = [store.deserialize_cdr(raw, channel["schemaName"]) for _, raw in heard]
     time = np.array([row.time_s for row in rows])
     assert np.diff(time) == pytest.approx(5e-4)  # none is missing
     assert np.ptp([row.reference_rad for row in rows]) > 0.0
     assert np.max(np.abs([row.error_rad for row in rows])) < 1e-2
-    assert np.all(np.diff([stamp for stamp, _ in found]) > 0)
+    assert np.all(np.diff([stamp for stamp, _ in heard]) > 0)
     machine.ask("POST", "disable")
 
 

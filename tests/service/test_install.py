@@ -58,17 +58,17 @@ def test_systemd_rates_the_unit_as_hardened(on_can: Setup, tmp_path: Path) -> No
     install(wanted(on_can), tmp_path, True)
     command = ["systemd-analyze", "security", "--offline=true", f"--root={tmp_path}", "stagectl.service"]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    found = re.search(r"Overall exposure level for stagectl.service: ([\d.]+)", said)
-    assert found is not None, said
-    assert 0.5 < float(found[1]) <= MOST_EXPOSED
+    match = re.search(r"Overall exposure level for stagectl.service: ([\d.]+)", said)
+    assert match is not None, said
+    assert 0.5 < float(match[1]) <= MOST_EXPOSED
 
 
 def test_what_was_installed_is_removed_and_nothing_else(on_can: Setup, tmp_path: Path) -> None:
     own = tmp_path / "etc/systemd/network/10-eth0.network"
     own.parent.mkdir(parents=True)
     own.write_text("[Match]\n")
-    told = install(wanted(on_can), tmp_path, True)
-    assert any("systemctl enable --now stagectl.service" in line for line in told)  # said, not run: another root
+    files = install(wanted(on_can), tmp_path, True)
+    assert any("systemctl enable --now stagectl.service" in line for line in files)  # said, not run: another root
     assert all((tmp_path / place).is_file() for place in PLACES.values())
     remove(tmp_path)
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == [own]

@@ -97,7 +97,7 @@ def test_a_stop_ends_a_motion_that_is_still_being_laid_out(bench: Bench) -> None
 
     refused, waited, stopped = bench.serve(bench.move("1 mm"), bench.move("2 mm"), later())
     assert stopped is None
-    for one in (refused, waited):  # the second one waits for the first
-        assert isinstance(one, ServiceError)
-        assert "stopped before it began" in str(one)
+    for answer in (refused, waited):  # the second one waits for the first
+        assert isinstance(answer, ServiceError)
+        assert "stopped before it began" in str(answer)
     assert bench.axis.status.motions == 0

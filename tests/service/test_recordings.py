@@ -50,12 +50,12 @@ def test_it_begins_before_it_was_asked_for_and_ends_when_asked(axis: AxisControl
     assert status is not None
     assert status["seconds"] == pytest.approx(0.4)
     assert recordings.end("axis") == path
-    found = open_recording(path)
-    assert found.complete
-    assert found.lost_rows == 0
-    assert np.array_equal(found.column("error"), np.arange(800.0, 1600.0))
-    assert found.meta["steady"] == pytest.approx([801 * 5e-4, 1601 * 5e-4])
-    assert found.meta["duration"] == pytest.approx(0.8)
+    recording = open_recording(path)
+    assert recording.complete
+    assert recording.lost_rows == 0
+    assert np.array_equal(recording.column("error"), np.arange(800.0, 1600.0))
+    assert recording.meta["steady"] == pytest.approx([801 * 5e-4, 1601 * 5e-4])
+    assert recording.meta["duration"] == pytest.approx(0.8)
     with pytest.raises(ServiceError, match="exists already"):
         recordings.begin(axis, "one", 0.0, 1.0)
     with pytest.raises(ServiceError, match="is not being recorded"):
@@ -86,10 +86,10 @@ def test_the_end_of_the_real_time_process_is_written_down(axis: AxisController, 
     path = recordings.begin(axis, "cut", 1.0, 3600.0)
     for child, patience in recordings.cut():
         assert child.wait(patience) == 0
-    found = open_recording(path)
-    assert not found.complete
-    assert found.ended == "the loop process died"
-    assert len(found.samples) == 10
+    recording = open_recording(path)
+    assert not recording.complete
+    assert recording.ended == "the loop process died"
+    assert len(recording.samples) == 10
 
 
 def test_what_killed_processes_have_left_is_cleared_away_or_kept(axis: AxisController, tmp_path: Path) -> None:
@@ -106,8 +106,8 @@ def test_what_killed_processes_have_left_is_cleared_away_or_kept(axis: AxisContr
     writing.close()
     assert list(recordings.tidy()) == ["two.h5"]
     assert [path.name for path in folder.iterdir()] == ["two.h5"]
-    found = open_recording(folder / "two.h5")
-    assert len(found.samples) == 3 and not found.complete
+    recording = open_recording(folder / "two.h5")
+    assert len(recording.samples) == 3 and not recording.complete
 
 
 def test_a_recorder_killed_before_its_file_can_be_read(axis: AxisController, tmp_path: Path) -> None:

@@ -26,8 +26,8 @@ MOST_MEMORY = 80 * 1024  # KiB, of the real-time process
 
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("served"), "--tcp", f"127.0.0.1:{PORT}") as found:
-        yield found
+    with served(tmp_path_factory.mktemp("served"), "--tcp", f"127.0.0.1:{PORT}") as service:
+        yield service
 
 
 @pytest.fixture(autouse=True)
@@ -48,9 +48,9 @@ def test_from_power_to_a_position_and_back(machine: Served, command: Command) ->
     code, out, err = command("move", "2 mm", "--socket", machine.socket, "--json", "-")
     assert code == 0, err
     assert '"state": "standing"' in out
-    found = machine.axis()
-    assert found["position"] == pytest.approx(2e-3, abs=3e-7)
-    assert found["in_position"]
+    axis = machine.axis()
+    assert axis["position"] == pytest.approx(2e-3, abs=3e-7)
+    assert axis["in_position"]
     assert command("move", "--by", "--socket", machine.socket, "--", "-1 mm")[0] == 0
     assert machine.axis()["position"] == pytest.approx(1e-3, abs=3e-7)
     code, _, err = command("move", "60 mm", "--socket", machine.socket)
@@ -121,8 +121,8 @@ def test_the_interface_describes_itself_and_refuses_what_it_does_not_know(machin
 
 
 def test_the_real_time_process_is_small_and_alone(machine: Served) -> None:
-    found = Path(f"/proc/{machine.child('stagectl.realtime.axes')}/status").read_text()
-    fields = dict(re.findall(r"(?m)^(\w+):\s+(\d+)", found))
+    status = Path(f"/proc/{machine.child('stagectl.realtime.axes')}/status").read_text()
+    fields = dict(re.findall(r"(?m)^(\w+):\s+(\d+)", status))
     assert int(fields["VmRSS"]) < MOST_MEMORY
     assert fields["Threads"] == "1"
     mapped = Path(f"/proc/{machine.child('stagectl.realtime.axes')}/maps").read_text()

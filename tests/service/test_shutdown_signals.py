@@ -22,11 +22,11 @@ ANSWER = 5.0  # s for a status, on a machine that is busy; a new process is held
 
 def processes(folder: Path) -> list[str]:
     """Command lines of all processes that have to do with this folder."""
-    found = []
-    for one in Path("/proc").glob("[0-9]*/cmdline"):
+    pids = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
-            found.append(one.read_bytes().replace(b"\0", b" ").decode())
-    return [words for words in found if str(folder) in words]
+            pids.append(path.read_bytes().replace(b"\0", b" ").decode())
+    return [words for words in pids if str(folder) in words]
 
 
 def held_back(machine: Served) -> bool:
@@ -81,8 +81,8 @@ def test_a_signal_that_comes_early(tmp_path: Path, moment: str, number: int) -> 
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Iterator[Served]:
-    with served(tmp_path) as found:
-        yield found
+    with served(tmp_path) as service:
+        yield service
 
 
 def test_it_answers_while_its_real_time_process_is_restarted(machine: Served) -> None:

@@ -17,7 +17,7 @@ BASELINES = {"oracle": 1.0, "refit": 0.0, "sparse": 0.5}  # chance to be right
 def records(trials: int, seed: int, skill: float = 0.9) -> list[Record]:
     """An exam of an examinee that names a hidden effect with this probability if it is of typical size or more."""
     random = np.random.default_rng(seed)
-    return [_record(one, random, skill) for one in plan(trials, seed)]
+    return [_record(trial, random, skill) for trial in plan(trials, seed)]
 
 
 def _record(planned: Planned, random: np.random.Generator, skill: float) -> Record:
@@ -26,7 +26,7 @@ def _record(planned: Planned, random: np.random.Generator, skill: float) -> Reco
     nameable = planned.stratum not in ("alien", "left-out")
     truth = Truth(planned.effects, (), offsets, planned.stratum == "poor", nameable)
     said = [_entry(name, random, skill * min(scale, 1.0)) for name in planned.effects if nameable]
-    named = [one for one in said if one is not None]
+    named = [name for name in said if name is not None]
     unknown = not nameable and random.random() < skill
     verdict = "unknown" if unknown else "effects" if named else "none"
     closure = float(random.uniform(0.8, 1.0)) if named or unknown else 0.1
@@ -66,13 +66,13 @@ def _entry(name: str, random: np.random.Generator, chance: float) -> Entry | Non
 
 def _where(planned: Planned, random: np.random.Generator) -> Record:
     block = BLOCKS[(EFFECTS.get(planned.effects[0]) or ALIENS[planned.effects[0]]).seen_in][0]
-    found = {
+    where = {
         "block": block,
         "block_right": True,
         "coordinate": "speed",
         "coordinate_right": bool(random.random() < 0.7),
     }
-    return {"f1": float(random.uniform(0.6, 1.0)), "precision": 0.9, "recall": 0.9, **found}
+    return {"f1": float(random.uniform(0.6, 1.0)), "precision": 0.9, "recall": 0.9, **where}
 
 
 def _baseline(truth: Truth, random: np.random.Generator, chance: float, gap: Record) -> Record:

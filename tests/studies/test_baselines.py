@@ -37,12 +37,12 @@ def answered(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Session]:
 
 
 def said(place: Path, name: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((place / name / "answer.json").read_text())
-    return found
+    reply: dict[str, Any] = json.loads((place / name / "answer.json").read_text())
+    return reply
 
 
 def effects(place: Path, name: str) -> list[str]:
-    return [one["name"] for one in said(place, name)["effects"] if not one["parameter"]]
+    return [effect["name"] for effect in said(place, name)["effects"] if not effect["parameter"]]
 
 
 def gap(session: Session, folder: Path) -> float:
@@ -51,15 +51,15 @@ def gap(session: Session, folder: Path) -> float:
     assert sorted(path.name for path in folder.iterdir()) == sorted(Path(log.name).name for log in held)
     lacking = []
     for log in held:
-        found = pyarrow.csv.read_csv(folder / Path(log.name).name)["position_rad"].to_numpy()
-        lacking.append(log.position - found)
+        position = pyarrow.csv.read_csv(folder / Path(log.name).name)["position_rad"].to_numpy()
+        lacking.append(log.position - position)
     return float(np.sqrt(np.mean(np.concatenate(lacking) ** 2)))
 
 
 def nominal(session: Session) -> float:
     held = [log for log in session.logs if log.held_out]
     rows = rollouts.simulated_logs(session, session.stage, held)
-    lacking = [log.position - column(one, "measured")[: log.rows] for log, one in zip(held, rows, strict=True)]
+    lacking = [log.position - column(row, "measured")[: log.rows] for log, row in zip(held, rows, strict=True)]
     return float(np.sqrt(np.mean(np.concatenate(lacking) ** 2)))
 
 
@@ -105,7 +105,7 @@ def test_the_greedy_path_takes_one_form_of_each_effect_as_long_as_the_criterion_
     x[:, 2] = 0.9 * x[:, 1] + 0.4 * x[:, 2]  # another form of the same effect takes much of it
     y = 7.0 * x[:, 0] + 2.0 * x[:, 1] + 0.5 * x[:, 3] - 0.5 * x[:, 4] + random.standard_normal(4000)
     chosen = greedy(matrix(x, y), [0], FORMS, 4000.0)
-    assert [(one.effect.name, one.names) for one in chosen] == [("a", ("1",)), ("b", ("3", "4"))]
+    assert [(entry.effect.name, entry.names) for entry in chosen] == [("a", ("1",)), ("b", ("3", "4"))]
     assert greedy(matrix(x, random.standard_normal(4000)), [0], FORMS, 4000.0) == []
 
 

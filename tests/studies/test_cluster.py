@@ -42,14 +42,20 @@ def test_the_same_bytes_on_a_cluster(scheduler: str, tmp_path: Path) -> None:
     )
     assert not (tmp_path / "deadly" / "deadly").exists()
     assert len((tmp_path / "there" / "register.jsonl").read_text().splitlines()) == 4
-    assert [len(one.get("rounds", [])) for one in sorted(there, key=lambda one: one["stratum"])] == [0, 3, 3]
+    assert [len(record.get("rounds", [])) for record in sorted(there, key=lambda record: record["stratum"])] == [
+        0,
+        3,
+        3,
+    ]
     calm = code(tmp_path / "calm", deadly=False)
     exam.prepared(tmp_path / "here", ASKED, calm, resume=False)
-    for one in planned:
-        sit(Job(one, str(tmp_path / "here"), calm))
-        name = f"trials/{one.number:04d}/record.json"
+    for planned_trial in planned:
+        sit(Job(planned_trial, str(tmp_path / "here"), calm))
+        name = f"trials/{planned_trial.number:04d}/record.json"
         assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes()
-    scores = [json.dumps(totals(one), sort_keys=True) for one in (there, exam.records(tmp_path / "here", planned))]
+    scores = [
+        json.dumps(totals(scored), sort_keys=True) for scored in (there, exam.records(tmp_path / "here", planned))
+    ]
     assert scores[0] == scores[1]
 
 
@@ -70,8 +76,8 @@ def failing(folder: Path) -> str:
 def test_what_fails_is_tried_again_and_holds_up_no_other(scheduler: str, tmp_path: Path) -> None:
     """Once more is not enough here: the others come first, then what was raised."""
     folders = [tmp_path / name for name in "abc"]
-    for one in folders:
-        one.mkdir()
+    for folder in folders:
+        folder.mkdir()
     for _ in range(2):
         (folders[1] / str(_)).touch()
     coming = on_cluster(failing, folders, scheduler, retries=1)

@@ -31,9 +31,9 @@ def test_the_plan() -> None:
     assert set(single) == set(EFFECTS) and max(single.values()) - min(single.values()) <= 1
     assert len({one.seed for one in made}) == 300
     assert Counter(one.stratum for one in made[:60]).most_common(1)[0][1] < 20  # mixed
-    for one in made:
-        assert not any(len(pair & set(one.effects)) > 1 for pair in EXACT)
-        assert set(one.effects) <= set(one.exclude) or one.stratum != "left-out"
+    for planned_trial in made:
+        assert not any(len(pair & set(planned_trial.effects)) > 1 for pair in EXACT)
+        assert set(planned_trial.effects) <= set(planned_trial.exclude) or planned_trial.stratum != "left-out"
 
 
 def test_quotas() -> None:
@@ -56,27 +56,27 @@ def sat(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root, code = tmp_path_factory.mktemp("exam"), tmp_path_factory.mktemp("code")
     (code / "stand_in.py").write_bytes((ANSWERING / "stand_in.py").read_bytes())
     killing = [code / "deadly", code / "dying"]
-    for one in killing:
-        one.touch()
+    for path in killing:
+        path.touch()
     manner = MANNER._replace(code=str(code))
     planned = exam.prepared(root, ASKED, manner, resume=False)
     exam.held(root, planned, manner, lambda jobs: local(jobs, 2), lambda *_: None)
-    assert not any(one.exists() for one in killing)
+    assert not any(place.exists() for place in killing)
     return root
 
 
 def test_six_trials(sat: Path) -> None:
-    found = exam.records(sat, plan(*ASKED))
-    assert [one["state"] for one in found] == ["scored"] * 6
-    assert {one["answer"]["named"][0][0] for one in found} == {"cogging"}
+    records = exam.records(sat, plan(*ASKED))
+    assert [record["state"] for record in records] == ["scored"] * 6
+    assert {record["answer"]["named"][0][0] for record in records} == {"cogging"}
     for folder in sorted(sat.glob("trials/*")):
         assert broken(folder, answers(folder), sat / "register.jsonl") == []
         assert not (folder / "captures").exists() and not (folder / "sealed").exists()
     register = (sat / "register.jsonl").read_text().splitlines()
     assert len(register) == 8  # whoever was killed had sealed, and so two trials were sealed twice, or one three times
-    told = totals(found)
-    assert told["strata"] == {"alien": 1, "left-out": 1, "null-law": 1, "pair": 2, "single-2": 1}
-    alarms = next(row for row in told["rows"] if row["name"] == "null, false alarms")
+    summary = totals(records)
+    assert summary["strata"] == {"alien": 1, "left-out": 1, "null-law": 1, "pair": 2, "single-2": 1}
+    alarms = next(row for row in summary["rows"] if row["name"] == "null, false alarms")
     assert (alarms["value"], alarms["trials"], alarms["reached"]) == (1.0, 1, "no")
 
 
@@ -84,9 +84,9 @@ def test_the_same_bytes_from_one_worker(sat: Path, tmp_path: Path) -> None:
     """Records hold no time and no salt: one worker writes what two wrote, one of whom was killed."""
     planned = exam.prepared(tmp_path, ASKED, MANNER, resume=False)
     chosen = [one for one in planned if one.number == 4]
-    for one in chosen:
-        run_trial.sit(Job(one, str(tmp_path), MANNER))
-        name = f"trials/{one.number:04d}/record.json"
+    for planned_trial in chosen:
+        run_trial.sit(Job(planned_trial, str(tmp_path), MANNER))
+        name = f"trials/{planned_trial.number:04d}/record.json"
         assert (tmp_path / name).read_bytes() == (sat / name).read_bytes()
     with pytest.raises(ExamError, match=r"1 holds another exam|are not finished"):
         exam.records(tmp_path, planned)

@@ -26,9 +26,9 @@ def test_a_whole_exam(tmp_path: Path) -> None:
 
 
 def test_an_exam_of_one_trial(tmp_path: Path) -> None:
-    found = result(1)
-    found["baselines"], found["beside"], found["oracle_ratios"] = [], [], []
-    assert "What was asked" in write(page(found, {}, []), tmp_path / "exam.html").read_text()
+    reply = result(1)
+    reply["baselines"], reply["beside"], reply["oracle_ratios"] = [], [], []
+    assert "What was asked" in write(page(reply, {}, []), tmp_path / "exam.html").read_text()
 
 
 def test_the_answer_names_what_is_missed() -> None:

@@ -21,9 +21,9 @@ def made_up(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def entered(folder: Path) -> list[dict[str, Any]]:
     """The ledger: the line of an exam that is begun, and those with scores."""
-    begun, *scored = (json.loads(one) for one in (folder / "ledger.jsonl").read_text().splitlines())
+    begun, *scored = (json.loads(splitline) for splitline in (folder / "ledger.jsonl").read_text().splitlines())
     assert begun["begun"] and "scores" not in begun and begun["seed"] == 3 and begun["date"].endswith("Z")
-    assert all("scores" in one for one in scored)
+    assert all("scores" in record for record in scored)
     assert list(ledger.read(folder / "ledger.jsonl")) == scored
     return scored
 

@@ -93,7 +93,7 @@ def test_one_that_always_dies_holds_up_no_other(tmp_path: Path, monkeypatch: pyt
         return {"number": job.planned.number}
 
     monkeypatch.setattr(workers, "apart", apart)
-    coming = local([Job(PLANNED._replace(number=one), str(tmp_path), Manner()) for one in (1, 2, 3)], 1)
+    coming = local([Job(PLANNED._replace(number=number), str(tmp_path), Manner()) for number in (1, 2, 3)], 1)
     assert sorted(next(coming)["number"] for _ in "23") == [2, 3]
     with pytest.raises(ExamError, match="trial 1 has no record; go on with --resume"):
         next(coming)

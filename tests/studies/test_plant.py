@@ -72,8 +72,8 @@ def test_an_effect_of_no_size_is_absent_to_the_last_bit(name: str) -> None:
     plain = rig_of("maxwell")
     nothing = applied(name, plain, draw_of(name, 5, 0.0, AROUND))
     a, b = moved(plain, noise=True), moved(nothing, noise=True)
-    for one, other in zip(a[:5], b[:5], strict=True):
-        assert np.array_equal(one, other)
+    for field, other in zip(a[:5], b[:5], strict=True):
+        assert np.array_equal(field, other)
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))
@@ -118,9 +118,9 @@ def test_resonance_of_a_load_behind_a_spring() -> None:
     machine = rig_of("maxwell").machine
     j, share, k = machine.body.inertia, 0.3, 800.0
     machine = machine._replace(coupling=Coupling(share=share, stiffness=k))
-    found = eigenfrequencies(machine, ("x", "v", "load", "load_speed"))
+    frequencies = eigenfrequencies(machine, ("x", "v", "load", "load_speed"))
     wanted = np.sqrt(k * (1.0 / (j * share) + 1.0 / (j * (1.0 - share)))) / (2.0 * np.pi)
-    assert found == pytest.approx([wanted], rel=1e-6)
+    assert frequencies == pytest.approx([wanted], rel=1e-6)
 
 
 def test_two_bodies_hold_no_momentum_of_their_own() -> None:

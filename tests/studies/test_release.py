@@ -20,11 +20,11 @@ def test_released_the_slider_rings_at_40_hz_and_moves_up_to_20_um(speed: str) ->
     setup = slider()
     rows = recorded(setup, load_trajectory(CONFIG / "experiments" / f"release-{speed}mms.yaml", axis_of(setup)))
     opened = float(rows["time"][np.argmin(rows["closed"])])
-    found = released(rows["time"], rows["measured"], opened, 10e-9)
-    assert 39.5 < found.frequency.value < 40.5
-    assert found.frequency.low < found.frequency.value < found.frequency.high < found.frequency.low + 0.5
-    assert -20e-6 < found.offset < -15e-6  # back, against the motion before
-    assert 20e-6 < found.travel < 35e-6  # it overshoots the place where it comes to rest
+    release = released(rows["time"], rows["measured"], opened, 10e-9)
+    assert 39.5 < release.frequency.value < 40.5
+    assert release.frequency.low < release.frequency.value < release.frequency.high < release.frequency.low + 0.5
+    assert -20e-6 < release.offset < -15e-6  # back, against the motion before
+    assert 20e-6 < release.travel < 35e-6  # it overshoots the place where it comes to rest
 
 
 def test_half_the_integration_step_rings_alike() -> None:
@@ -54,10 +54,10 @@ def swinging(frequency: float, decay: float, offset: float) -> tuple[np.ndarray,
 
 @pytest.mark.parametrize("frequency", [12.0, 40.0, 150.0])
 def test_a_damped_swing_has_its_own_frequency(frequency: float) -> None:
-    found = released(*swinging(frequency, 0.1, 3e-6), 0.3)
-    assert found.frequency.value == pytest.approx(frequency, rel=2e-3)
-    assert found.offset == pytest.approx(-10e-6, abs=0.1e-6)
-    assert found.travel == pytest.approx(10e-6 * (1.0 + np.exp(-0.5 / frequency / 0.1)), rel=0.02)
+    release = released(*swinging(frequency, 0.1, 3e-6), 0.3)
+    assert release.frequency.value == pytest.approx(frequency, rel=2e-3)
+    assert release.offset == pytest.approx(-10e-6, abs=0.1e-6)
+    assert release.travel == pytest.approx(10e-6 * (1.0 + np.exp(-0.5 / frequency / 0.1)), rel=0.02)
 
 
 def test_an_axis_that_stays_where_it_is_is_refused() -> None:

@@ -83,70 +83,70 @@ def test_the_bench_draws_its_noise_by_its_seed() -> None:
 
 
 def test_inertia_viscous_and_coulomb_friction_of_the_proposed_method(outcome: Outcome) -> None:
-    found = outcome.numbers()["parameters"]
+    parameters = outcome.numbers()["parameters"]
     for name, within in (("inertia", 0.005), ("viscous", 0.005), ("coulomb", 0.01)):
-        ours, true = found[name]["ours"], found[name]["truth"]
-        for method, one in ours.items():
+        ours, true = parameters[name]["ours"], parameters[name]["truth"]
+        for method, our in ours.items():
             if method.startswith("simultaneous"):
-                assert one["value"] == pytest.approx(true, rel=0.015 if "3 A" in method else within), (method, name)
-                assert one["low"] < one["value"] < one["high"] < one["value"] * 1.03
-    assert found["viscous"]["paper"] == {"curve fit": 0.10, "constant speed": 0.14, "proposed": 0.14}
-    assert found["inertia"]["truth"] == found["inertia"]["paper"]["proposed"] == 0.010
+                assert our["value"] == pytest.approx(true, rel=0.015 if "3 A" in method else within), (method, name)
+                assert our["low"] < our["value"] < our["high"] < our["value"] * 1.03
+    assert parameters["viscous"]["paper"] == {"curve fit": 0.10, "constant speed": 0.14, "proposed": 0.14}
+    assert parameters["inertia"]["truth"] == parameters["inertia"]["paper"]["proposed"] == 0.010
 
 
 def test_friction_lowers_the_gain_and_lets_the_phase_lead(outcome: Outcome) -> None:
     """The design's own trials: 7.4, 3.7, 2.4, 1.8 dB at 1 Hz; 35, 20, 14 and 10 to 11 deg at 10 Hz."""
-    found = outcome.numbers()["figure 2"]
+    numbers = outcome.numbers()["figure 2"]
     for amplitude, gain, lead in ((3, -7.4, 35.0), (5, -3.7, 20.0), (7, -2.4, 14.0), (9, -1.8, 10.5)):
-        one = found[f"{amplitude} A"]
-        assert one["gain_db_at_1_hz"] == pytest.approx(gain, abs=0.15)
-        assert one["phase_lead_deg_at_10_hz"] == pytest.approx(lead, abs=1.2)
-    for one in found["describing"]:
-        assert one["viscous"] == pytest.approx(0.14, rel=0.02)
-        assert one["coulomb"] == pytest.approx(1.0, rel=0.02)
+        curve = numbers[f"{amplitude} A"]
+        assert curve["gain_db_at_1_hz"] == pytest.approx(gain, abs=0.15)
+        assert curve["phase_lead_deg_at_10_hz"] == pytest.approx(lead, abs=1.2)
+    for curve in numbers["describing"]:
+        assert curve["viscous"] == pytest.approx(0.14, rel=0.02)
+        assert curve["coulomb"] == pytest.approx(1.0, rel=0.02)
 
 
 def test_a_curve_fit_errs_upwards_and_a_lag_left_in_brings_the_papers_value(outcome: Outcome) -> None:
-    found = outcome.numbers()["figure 4"]
-    assert 0.18 < found["curve fit to the gain"]["viscous"] < 0.22
-    assert found["with friction in the model"]["viscous"] == pytest.approx(0.14, rel=0.01)
-    lagged = found["lag left in"]
+    numbers = outcome.numbers()["figure 4"]
+    assert 0.18 < numbers["curve fit to the gain"]["viscous"] < 0.22
+    assert numbers["with friction in the model"]["viscous"] == pytest.approx(0.14, rel=0.01)
+    lagged = numbers["lag left in"]
     assert lagged["150 Hz"]["0.25 ms"] < lagged["100 Hz"]["0.25 ms"] < lagged["100 Hz"]["0 ms"]
     assert lagged["150 Hz"]["0.25 ms"] < 0.14 < 0.2 < lagged["50 Hz"]["0 ms"]
 
 
 def test_constant_speed_and_ultra_low_speed(evidence: ball_screw.Evidence, outcome: Outcome) -> None:
-    found = outcome.numbers()
-    assert found["figure 5"]["viscous"]["value"] == pytest.approx(0.14, rel=1e-3)
-    assert found["figure 5"]["viscous"]["low"] < 0.14 < found["figure 5"]["viscous"]["high"]
-    assert 0.0005 < found["figure 6"]["table_error"]["rms"] <= 0.01
-    assert 8e-6 < found["figure 6"]["settled"] < 15e-6
+    numbers = outcome.numbers()
+    assert numbers["figure 5"]["viscous"]["value"] == pytest.approx(0.14, rel=1e-3)
+    assert numbers["figure 5"]["viscous"]["low"] < 0.14 < numbers["figure 5"]["viscous"]["high"]
+    assert 0.0005 < numbers["figure 6"]["table_error"]["rms"] <= 0.01
+    assert 8e-6 < numbers["figure 6"]["settled"] < 15e-6
     assert float(truth(evidence).weight.sum()) == pytest.approx(1.0)
 
 
 def test_the_proposed_table_in_all_drive_conditions(outcome: Outcome) -> None:
-    found = outcome.numbers()["figure 10"]
-    for name, one in found.items():
-        assert one["inertia"] == pytest.approx(0.010, rel=0.015), name
-        assert one["viscous"] == pytest.approx(0.14, rel=0.015), name
-        assert 0.001 < one["table_error"]["rms"] <= 0.02, name
-        assert one["table_error"]["max"] <= 0.06, name
+    numbers = outcome.numbers()["figure 10"]
+    for name, value in numbers.items():
+        assert value["inertia"] == pytest.approx(0.010, rel=0.015), name
+        assert value["viscous"] == pytest.approx(0.14, rel=0.015), name
+        assert 0.001 < value["table_error"]["rms"] <= 0.02, name
+        assert value["table_error"]["max"] <= 0.06, name
     assert outcome.numbers()["figure 9"]["misprint"] == {"inertia": 0.1, "viscous": 0.01}
 
 
 @pytest.mark.parametrize(("motion", "bare"), [("sine-3.2hz", 5.95), ("sine-1.6hz", 5.74), ("sine-0.8hz", 5.20)])
 def test_tracking_with_what_was_identified(outcome: Outcome, motion: str, bare: float) -> None:
     """The design's own trials with nd = 1: 5.95, 5.74, 5.20 um without compensation."""
-    found = outcome.numbers()["figure 13"][motion]
-    quiet, noisy = found["without noise"], found["with noise"]
+    numbers = outcome.numbers()["figure 13"][motion]
+    quiet, noisy = numbers["without noise"], numbers["with noise"]
     assert quiet["none"]["peak"] * 1e6 == pytest.approx(bare, rel=0.02)
     assert 0.005e-6 < quiet["proposed"]["peak"] <= 0.10e-6
     assert 0.005e-6 < quiet["conventional"]["peak"] <= 0.10e-6
     assert 40.0 <= quiet["proposed"]["times_lower"] < 1000.0
     assert 0.05e-6 < noisy["proposed"]["peak"] <= 0.15e-6
     assert 25.0 <= noisy["proposed"]["times_lower"] < 120.0
-    for one in (quiet, noisy):
-        assert one["proposed"]["peak"] <= one["conventional"]["peak"] + 0.05e-6
+    for runs in (quiet, noisy):
+        assert runs["proposed"]["peak"] <= runs["conventional"]["peak"] + 0.05e-6
     assert quiet["proposed"]["true_peak"] == pytest.approx(quiet["proposed"]["peak"], abs=0.012e-6)  # an encoder step
 
 
@@ -163,19 +163,19 @@ def test_the_ball_screw_page_holds_every_figure_and_says_what_differs(outcome: O
 
 
 def test_the_slider_rings_and_holds_as_the_paper_says(slider_outcome: Outcome) -> None:
-    found = slider_outcome.numbers()
+    numbers = slider_outcome.numbers()
     for speed in SHORT_SLIDER.speeds:
-        assert found["figure 4"][speed]["ours"] == pytest.approx(5.3, abs=0.05)
-        assert found["figure 5"][speed]["frequency"] == pytest.approx(40.0, abs=1.0)
-        assert 15e-6 <= -found["figure 5"][speed]["offset"] <= 20e-6
-        assert 4.0 < found["figure 3"]["force_at_reversal"][speed] < 5.3
+        assert numbers["figure 4"][speed]["ours"] == pytest.approx(5.3, abs=0.05)
+        assert numbers["figure 5"][speed]["frequency"] == pytest.approx(40.0, abs=1.0)
+        assert 15e-6 <= -numbers["figure 5"][speed]["offset"] <= 20e-6
+        assert 4.0 < numbers["figure 3"]["force_at_reversal"][speed] < 5.3
 
 
 @pytest.mark.parametrize("speed", ["5", "10"])
 def test_the_slider_compensated(slider_outcome: Outcome, speed: str) -> None:
-    found = slider_outcome.numbers()["figure 10"]
+    numbers = slider_outcome.numbers()["figure 10"]
     bare, ours, best, tustin, free = (
-        found[f"{speed} mm/s, {form}"]
+        numbers[f"{speed} mm/s, {form}"]
         for form in ("none", "exponential", "displacement", "symmetric", "symmetric-free")
     )
     assert -5.0e-6 < bare["negative"] < -4.0e-6
@@ -185,7 +185,7 @@ def test_the_slider_compensated(slider_outcome: Outcome, speed: str) -> None:
     for other in (tustin, free):
         assert other["negative"] < ours["negative"] < best["negative"]
         assert other["positive"] > 1.5 * ours["positive"] > 1.5 * best["positive"]
-    assert found["paper"] == {"none": -4.7e-6, "proposed": -2.4e-6, "conventional, positive": 1.5e-6}
+    assert numbers["paper"] == {"none": -4.7e-6, "proposed": -2.4e-6, "conventional, positive": 1.5e-6}
 
 
 def test_the_slider_page_holds_every_figure(slider_outcome: Outcome, tmp_path: Path) -> None:
@@ -198,14 +198,14 @@ def test_the_slider_page_holds_every_figure(slider_outcome: Outcome, tmp_path: P
 
 
 def test_progress_grows_to_its_end() -> None:
-    told: list[tuple[int, int]] = []
-    course = Course({"first": 1.0, "second": 3.0}, lambda done, total: told.append((done, total)))
+    steps: list[tuple[int, int]] = []
+    course = Course({"first": 1.0, "second": 3.0}, lambda done, total: steps.append((done, total)))
     tell = course.begin("first")
     tell(1, 2)
     tell = course.begin("second")
     tell(1, 3)
     course.finish()
-    assert told == [(0, 400), (0, 400), (50, 400), (100, 400), (200, 400), (400, 400)]
+    assert steps == [(0, 400), (0, 400), (50, 400), (100, 400), (200, 400), (400, 400)]
 
 
 def test_an_unknown_paper_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

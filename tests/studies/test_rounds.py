@@ -54,22 +54,24 @@ def test_two_rounds_and_no_third(sat: tuple[dict[str, Any], Path]) -> None:
 
 def test_each_answer_is_sealed_before_the_labels_are_opened(sat: tuple[dict[str, Any], Path]) -> None:
     folder = sat[1]
-    events = [one["event"] for one in json.loads((folder / "journal.json").read_text())]
+    events = [load["event"] for load in json.loads((folder / "journal.json").read_text())]
     assert events == ["labels sealed", *["answer sealed"] * 3, "labels opened"]
-    assert [one.name for one in answers(folder)] == ["answer", "answer-1", "answer-2"]
+    assert [answer.name for answer in answers(folder)] == ["answer", "answer-1", "answer-2"]
     assert broken(folder, answers(folder), folder.parents[1] / "register.jsonl") == []
 
 
 def test_what_was_asked_for_is_in_the_folder(sat: tuple[dict[str, Any], Path]) -> None:
     captures = sat[1] / "captures"
     lines = yaml.safe_load((captures / "captures.yaml").read_text())["captures"]
-    new = [one for one in lines if one["experiment"].startswith("asked-")]
-    assert [one["file"] for one in new] == [f"asked-{number}-{repeat}.csv" for number in (1, 2) for repeat in (1, 2, 3)]
-    assert {one["use"] for one in new} == {"diagnose"} and lines[-6:] == new
+    new = [line for line in lines if line["experiment"].startswith("asked-")]
+    assert [captured["file"] for captured in new] == [
+        f"asked-{number}-{repeat}.csv" for number in (1, 2) for repeat in (1, 2, 3)
+    ]
+    assert {captured["use"] for captured in new} == {"diagnose"} and lines[-6:] == new
     clock = 0.0
-    for one in lines:  # the session goes on: nothing is recorded before what came before has ended
-        assert one["start_s"] > clock
-        clock = one["start_s"] + table(captures / one["file"])[0][-1]
+    for capture in lines:  # the session goes on: nothing is recorded before what came before has ended
+        assert capture["start_s"] > clock
+        clock = capture["start_s"] + table(captures / capture["file"])[0][-1]
     assert "injection" not in new[0] and new[3]["injection"] == "asked-2-injection.csv"
     first, second = (table(captures / f"asked-2-{repeat}.csv") for repeat in (1, 2))
     assert np.array_equal(first[1], second[1]) and 1e-6 < float(np.std(first[2] - second[2])) < 5e-5

@@ -24,7 +24,7 @@ def scored(t: Truth, *named: Entry, verdict: str = "effects") -> dict[str, objec
 def test_every_effect_has_a_class_and_a_coordinate() -> None:
     assert set(rules.CLASS_OF) == set(EFFECTS)
     assert set(rules.COORDINATES) == set(EFFECTS) - {"controller"}
-    assert {one.seen_in for one in EFFECTS.values()} == set(rules.BLOCKS)
+    assert {effect.seen_in for effect in EFFECTS.values()} == set(rules.BLOCKS)
 
 
 def test_the_name_first() -> None:
@@ -80,8 +80,8 @@ def test_companions_are_passed_over() -> None:
 
 def test_the_controller_is_an_answer() -> None:
     assert rules.entries({"verdict": "controller", "effects": []}) == [Entry("controller", (), 1.0, False)]
-    found = rules.entries({"verdict": "controller"})
-    assert scored(truth("controller"), *found, verdict="controller")["top1"]
+    entries = rules.entries({"verdict": "controller"})
+    assert scored(truth("controller"), *entries, verdict="controller")["top1"]
 
 
 def test_each_effect_has_an_entry_of_its_own() -> None:
@@ -106,8 +106,12 @@ def test_when_the_gap_is_open() -> None:
     told = {"effects": [{"name": "dwell"}], "noise_free": {"a-1.csv": "a-1.csv", "a-2.csv": "a-1.csv"}}
     arrays = {"where/dwell/a-1.csv": rows}
     spans_of = [{"file": name, "spans": [[0.075, 0.125]]} for name in told["noise_free"]]
-    found = spans.judged(told, arrays, spans_of)
-    assert {name: found[name] for name in ("precision", "recall", "f1")} == {"precision": 0.5, "recall": 0.5, "f1": 0.5}
+    judgement = spans.judged(told, arrays, spans_of)
+    assert {name: judgement[name] for name in ("precision", "recall", "f1")} == {
+        "precision": 0.5,
+        "recall": 0.5,
+        "f1": 0.5,
+    }
     assert spans.judged(told, arrays, spans_of[:1])["recall"] == 0.25
     assert spans.judged(told, arrays, [])["f1"] == 0.0
 
@@ -136,11 +140,11 @@ def test_limits() -> None:
             p = 1.0 / (1.0 + np.exp(-2.0 * np.log2(scale / limit)))
             trials.append(Noticed(kind, scale, bool(random.random() < p)))
     trials += [Noticed("parameters", scale, True) for scale in (0.5, 1.0, 2.0, 4.0) * 5]
-    found = limits(trials)
-    assert abs(np.log2(found["drive"] / 0.7)) < 0.5 and abs(np.log2(found["structure"] / 2.0)) < 0.5
-    assert found["parameters"] < 0.4 and limits([]) == {}
+    end = limits(trials)
+    assert abs(np.log2(end["drive"] / 0.7)) < 0.5 and abs(np.log2(end["structure"] / 2.0)) < 0.5
+    assert end["parameters"] < 0.4 and limits([]) == {}
     between = intervals_of(trials)
-    assert all(between[kind][0] <= found[kind] <= between[kind][1] for kind in found)
+    assert all(between[kind][0] <= end[kind] <= between[kind][1] for kind in end)
     assert between["drive"][0] < 0.7 < between["drive"][1] and between["structure"][0] < 2.0 < between["structure"][1]
     few = intervals_of(trials[:40])["drive"]
     assert few[1] / few[0] > 1.3 * between["drive"][1] / between["drive"][0]  # a quarter of the trials

@@ -112,15 +112,16 @@ def test_each_answer_is_sealed_before_the_labels_are_opened(trial: Path) -> None
         seal.answered(answer)
     seal.opened()
     assert broken(trial, answers, register) == []
-    (found,) = broken(trial, answers[:1], register)
+    (complaint,) = broken(trial, answers[:1], register)
     assert (
-        "labels sealed, answer sealed, answer sealed, labels opened; must be labels sealed, answer sealed, l" in found
+        "labels sealed, answer sealed, answer sealed, labels opened; must be labels sealed, answer sealed, l"
+        in complaint
     )
     (answers[1] / "answer.json").write_text("0")
     assert broken(trial, answers, register) == ["the answer-1 is not the one that was sealed"]
     seal.answered(answers[1])
-    (found,) = broken(trial, answers, register)
-    assert "labels opened, answer sealed; must be" in found
+    (complaint,) = broken(trial, answers, register)
+    assert "labels opened, answer sealed; must be" in complaint
 
 
 def test_what_a_diagnosis_may_read(trial: Path, tmp_path: Path) -> None:

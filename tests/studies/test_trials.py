@@ -121,12 +121,12 @@ def test_repeats_differ_by_noise_only(staged: tuple[trials.Trial, Path]) -> None
 
 def test_truth(staged: tuple[trials.Trial, Path]) -> None:
     trial, directory = staged
-    told = json.loads((directory / "sealed" / "truth.json").read_text())
-    assert [one["name"] for one in told["effects"]] == ["cogging", "dwell"]
-    assert "machine.forces.cogging" in told["effects"][0]["parameters"]
-    assert set(told["noise_free"]) == {capture.file for capture in trial.captures}
+    answer = json.loads((directory / "sealed" / "truth.json").read_text())
+    assert [effect["name"] for effect in answer["effects"]] == ["cogging", "dwell"]
+    assert "machine.forces.cogging" in answer["effects"][0]["parameters"]
+    assert set(answer["noise_free"]) == {capture.file for capture in trial.captures}
     with np.load(directory / "sealed" / "truth.npz") as arrays:
-        for file in set(told["noise_free"].values()):
+        for file in set(answer["noise_free"].values()):
             rows = arrays[f"position/{file}"].size
             assert arrays[f"where/dwell/{file}"].shape == (rows,) and arrays[f"where/dwell/{file}"].dtype == bool
             recorded = table(directory / "captures" / file)
@@ -155,13 +155,15 @@ def test_null_exact_is_the_nominal_model() -> None:
 
 def test_batteries_are_as_long_as_said() -> None:
     def seconds(battery: list[Any]) -> float:
-        return float(sum(one.reference.size for one in battery)) * PERIOD
+        return float(sum(experiment.reference.size for experiment in battery)) * PERIOD
 
     assert 75.0 < seconds(recommended(1)) < 90.0
     assert 15.0 < seconds(short(1)) < 25.0
     assert 8.0 < seconds(three_sines()) < 20.0
     assert 20.0 < seconds(held_out(1)) < 45.0
-    assert all(np.abs(one.reference).max() < 31.5 for one in [*recommended(1), *held_out(1), *held_out(2)])
+    assert all(
+        np.abs(experiment.reference).max() < 31.5 for experiment in [*recommended(1), *held_out(1), *held_out(2)]
+    )
 
 
 def test_the_exam_imports_nothing_of_the_rest() -> None:
@@ -172,7 +174,7 @@ def test_the_exam_imports_nothing_of_the_rest() -> None:
             if isinstance(node, ast.ImportFrom) and node.level == 0:
                 names = [str(node.module)]
             elif isinstance(node, ast.Import):
-                names = [one.name for one in node.names]
+                names = [word.name for word in node.names]
             else:
                 assert not isinstance(node, ast.ImportFrom), path
                 continue

@@ -57,8 +57,8 @@ def child(parent: int, module: str) -> int:
     """Process id of the child of `parent` that runs `module`."""
     deadline = time.monotonic() + 120.0
     while time.monotonic() < deadline:
-        if (found := child_of(parent, module)) is not None:
-            return found
+        if (pid := child_of(parent, module)) is not None:
+            return pid
         time.sleep(0.02)
     raise AssertionError(f"no {module} was started")
 

@@ -49,8 +49,8 @@ def stage_file(folder: Path, name: str = "stage", **changes: str) -> Path:
     """Stage A on vcan0 with the figures of a real drive, and other `changes`."""
     text = (CONFIG / "ball-screw.yaml").read_text()
     for key, value in {**REAL, **changes}.items():
-        text, found = re.subn(rf"(?m)^(  +{key}:) [^#\n]*", rf"\1 {value} ", text)
-        assert found == 1, key
+        text, count = re.subn(rf"(?m)^(  +{key}:) [^#\n]*", rf"\1 {value} ", text)
+        assert count == 1, key
     path = folder / f"{name}.yaml"
     path.write_text(text.replace("eds: drives/", f"eds: {CONFIG / 'drives'}/"))
     return path

@@ -56,9 +56,9 @@ def machine(drive: Traced) -> Iterator[Installed]:
     """The service as `stagectl service install` leaves it, on the drive of `drive`."""
     place = Path("/etc/stagectl")
     place.mkdir(exist_ok=True)
-    found = Installed(stage_file(place))
-    found.verb("service", "install", str(found.stage))
-    found.until(lambda axis: axis["state"] == "disabled")
-    yield found
+    service = Installed(stage_file(place))
+    service.verb("service", "install", str(service.stage))
+    service.until(lambda axis: axis["state"] == "disabled")
+    yield service
     with contextlib.suppress(Exception):
         drive.clear()

@@ -42,8 +42,8 @@ class Installed:
         return ask(SYSTEM, method, f"/v1/{what}", body or None)
 
     def axis(self) -> dict[str, Any]:
-        (found,) = self.ask("GET", "status")["axes"]
-        return dict(found)
+        (shown,) = self.ask("GET", "status")["axes"]
+        return dict(shown)
 
     def faults(self) -> list[str]:
         return [entry["fault"] for entry in self.ask("GET", "faults")]
@@ -91,8 +91,8 @@ class Installed:
         if not module:
             return main
         tasks = Path(f"/proc/{main}/task")
-        children = [int(one) for task in tasks.iterdir() for one in (task / "children").read_text().split()]
-        return next(one for one in children if module.encode() in Path(f"/proc/{one}/cmdline").read_bytes())
+        children = [int(path) for task in tasks.iterdir() for path in (task / "children").read_text().split()]
+        return next(pid for pid in children if module.encode() in Path(f"/proc/{pid}/cmdline").read_bytes())
 
     def kill(self, module: str = "", number: int = signal.SIGKILL) -> float:
         """Send a signal; when (s, monotonic)."""

@@ -33,8 +33,8 @@ def can_utils(vcan: str) -> None:
 
 @pytest.fixture
 def bus(vcan: str) -> Iterator[SocketCan]:
-    with contextlib.closing(SocketCan(vcan)) as found:
-        yield found
+    with contextlib.closing(SocketCan(vcan)) as wire:
+        yield wire
 
 
 @contextlib.contextmanager
@@ -130,6 +130,6 @@ def _positions(frames: list[tuple[int, bytes]]) -> list[int]:
     return [struct.unpack_from("<i", data, 2)[0] for identifier, data in frames if identifier == TPDO]
 
 
-def _within(wanted: list[int], found: list[int]) -> bool:
+def _within(wanted: list[int], seen: list[int]) -> bool:
     """Whether the one is a run of the other without a gap."""
-    return any(found[at : at + len(wanted)] == wanted for at in range(len(found) - len(wanted) + 1))
+    return any(seen[at : at + len(wanted)] == wanted for at in range(len(seen) - len(wanted) + 1))

@@ -29,8 +29,8 @@ def moved(stage: Path, folder: Path, seconds: float) -> tuple[dict[str, Any], An
     command = [sys.executable, "-m", "stagectl", "run", str(stage), str(motion), "-o", str(folder / "run.h5")]
     done = subprocess.run([*command, "--json", str(result)], check=False, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
-    found: dict[str, Any] = json.loads(result.read_text())
-    return found, open_recording(folder / "run.h5").samples
+    answer: dict[str, Any] = json.loads(result.read_text())
+    return answer, open_recording(folder / "run.h5").samples
 
 
 @pytest.mark.parametrize(("period", "bandwidth", "cycles"), [("2 ms", "10 Hz", 60_000)])
@@ -38,13 +38,13 @@ def test_no_cycle_is_late(guest: None, tmp_path: Path, period: str, bandwidth: s
     assert Path("/sys/kernel/realtime").read_text().strip() == "1"  # PREEMPT_RT
     stage = stage_file(tmp_path, period=period, bandwidth=bandwidth, **LIGHT)
     with traced(stage, tmp_path):
-        found, rows = moved(stage, tmp_path, cycles * float(period.split()[0]) * 1e-3)
+        worst, rows = moved(stage, tmp_path, cycles * float(period.split()[0]) * 1e-3)
     lateness = 1e6 * rows["lateness"]
     shown = {"cycles": len(rows), "late": int(rows["late"].sum()), **_spread(lateness)}
     keep(f"deadlines {period}", shown)
     assert len(rows) >= cycles
     assert not rows["late"].any(), shown
-    assert found["late_cycles"] == 0
+    assert worst["late_cycles"] == 0
     assert np.all(np.diff(rows["time"]) < 1.5e-3 * float(period.split()[0]))  # no period is missing
     assert 1.0 < shown["p50"] < 0.1 * 1e3 * float(period.split()[0])  # us: it slept, and woke soon
 

@@ -38,10 +38,10 @@ def test_one_command_installs_a_service_that_runs(machine: Installed) -> None:
 
 
 def test_systemd_rates_the_running_unit_as_hardened(machine: Installed) -> None:
-    found = re.search(r"Overall exposure level for \S+: ([\d.]+)", said("systemd-analyze", "security", UNIT))
-    assert found is not None
-    keep("exposure", {"systemd-analyze security": float(found[1])})
-    assert 0.5 < float(found[1]) <= MOST_EXPOSED
+    match = re.search(r"Overall exposure level for \S+: ([\d.]+)", said("systemd-analyze", "security", UNIT))
+    assert match is not None
+    keep("exposure", {"systemd-analyze security": float(match[1])})
+    assert 0.5 < float(match[1]) <= MOST_EXPOSED
     said("systemd-analyze", "verify", f"/{PLACES[UNIT]}")
 
 

@@ -32,11 +32,11 @@ SHOTS = os.environ.get("STAGECTL_SCREENSHOTS")  # a folder, for who wants to loo
 
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("page"), "--tcp", f"127.0.0.1:{PORT}") as found:
+    with served(tmp_path_factory.mktemp("page"), "--tcp", f"127.0.0.1:{PORT}") as service:
         end = time.monotonic() + 30.0
         while assets.available() is None and time.monotonic() < end:
             time.sleep(0.2)
-        yield found
+        yield service
 
 
 @pytest.fixture(scope="module")
@@ -85,8 +85,8 @@ def view(browser: Any, machine: Served) -> Iterator[Any]:
         return opened[-1]
 
     yield show
-    for one in opened:
-        one.end()
+    for page in opened:
+        page.end()
 
 
 @pytest.fixture(autouse=True)
@@ -241,11 +241,11 @@ def test_a_recording_is_made_and_fetched(view: Any, machine: Served, tmp_path: P
     with page.expect_download() as caught:
         page.click("#files button[aria-label='Download first one.h5 as h5']")
     caught.value.save_as(tmp_path / "one.h5")
-    found = open_recording(tmp_path / "one.h5")
-    assert found.complete and found.lost_rows == 0
-    time_ = found.column("time")
+    recording = open_recording(tmp_path / "one.h5")
+    assert recording.complete and recording.lost_rows == 0
+    time_ = recording.column("time")
     assert np.allclose(np.diff(time_), 5e-4)
-    assert found.meta["steady"] == pytest.approx([time_[0], time_[-1] + 5e-4])
+    assert recording.meta["steady"] == pytest.approx([time_[0], time_[-1] + 5e-4])
     with page.expect_download() as caught:
         page.click("#files button[aria-label='Download first one.h5 as csv']")
     caught.value.save_as(tmp_path / "one.csv")

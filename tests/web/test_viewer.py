@@ -43,7 +43,7 @@ class Heard:
         return list(self.said)
 
     def captures(self) -> list[ReceivedCapture]:
-        return [unpacked(one) for one in self.frame() if isinstance(one, bytes)]
+        return [unpacked(message) for message in self.frame() if isinstance(message, bytes)]
 
 
 def test_the_status_says_how_the_machine_is(service: Service, write: Write) -> None:
@@ -78,10 +78,10 @@ def test_a_new_real_time_process_is_followed(service: Service, axis: AxisControl
     heard = Heard(service)
     heard.ask(strip={"channels": ["error"], "span": 1.0, "points": 100, "number": 4})
     write(100)
-    assert [one for one in heard.frame() if isinstance(one, bytes)]
+    assert [frame for frame in heard.frame() if isinstance(frame, bytes)]
     axis.begin()  # as after its death
     write(100)
-    (raw,) = [one for one in heard.frame() if isinstance(one, bytes)]
+    (raw,) = [frame for frame in heard.frame() if isinstance(frame, bytes)]
     assert np.frombuffer(raw)[2] == 5  # all of the new ring
 
 

@@ -104,15 +104,15 @@ def run(setup: Setup, proposed: NextExperiment, model: Stage, place: Path, seed:
     laid_out = plan(setup, load_trajectory(path, axis_of(setup)), controller.feedforward)
     noise = {"current_noise": 0.0, "encoder_noise": 0.0} if seed is None else {"seed": seed}
     file = setup.file._replace(simulation=setup.file.simulation._replace(**noise))
-    found = simulate(setup, laid_out, controller.law, setup._replace(stage=model, file=file))
-    return np.stack([found["measured"], found["measured_current"]], axis=1)
+    rows = simulate(setup, laid_out, controller.law, setup._replace(stage=model, file=file))
+    return np.stack([rows["measured"], rows["measured_current"]], axis=1)
 
 
 @pytest.fixture(scope="module")
 def proposed(session: Session) -> NextExperiment:
-    found = experiment_proposal.propose(session, rivals(session.stage), NAN)
-    assert found is not None
-    return found
+    proposal = experiment_proposal.propose(session, rivals(session.stage), NAN)
+    assert proposal is not None
+    return proposal
 
 
 def test_the_poor_battery_does_not_tell_and_the_proposed_experiment_does(
@@ -160,20 +160,20 @@ def test_within_what_the_logs_have_shown(
     session: Session, proposed: NextExperiment, folder: Path, tmp_path: Path
 ) -> None:
     """Travel, speed and current stay within those of the sines, or the words say by how much they do not."""
-    found = operating_range.operating_range(session)
+    reach = operating_range.operating_range(session)
     per_unit = session.travel_per_unit
-    assert found.known and found.start == 0.0
-    assert found.seen.speed * per_unit == pytest.approx(2 * math.pi * 0.8 * 0.01, rel=0.01)
-    assert (found.scale.low, found.scale.high) == pytest.approx((-0.01, 0.01), rel=0.01)
-    assert found.cautions() == []
+    assert reach.known and reach.start == 0.0
+    assert reach.seen.speed * per_unit == pytest.approx(2 * math.pi * 0.8 * 0.01, rel=0.01)
+    assert (reach.scale.low, reach.scale.high) == pytest.approx((-0.01, 0.01), rel=0.01)
+    assert reach.cautions() == []
     setup = load_stage(folder / "stage.yaml")
     path = tmp_path / "next.yaml"
     path.write_text(proposed.text)
     feedforward = design.design(setup.stage, setup.file.control).feedforward
     rows = plan(setup, load_trajectory(path, axis_of(setup)), feedforward)
     reference = rows.setpoints[:, 0]
-    assert np.ptp(reference) <= 1.01 * (found.seen.high - found.seen.low)
-    assert np.abs(np.diff(reference)).max() / session.dt < 1.1 * found.seen.speed
+    assert np.ptp(reference) <= 1.01 * (reach.seen.high - reach.seen.low)
+    assert np.abs(np.diff(reference)).max() / session.dt < 1.1 * reach.seen.speed
     assert "beyond" not in proposed.words and "farther" not in proposed.words
 
 
@@ -197,12 +197,12 @@ def test_what_goes_beyond_is_said_and_comes_last(session: Session) -> None:
 def test_the_promising_bear_on_what_is_to_be_told(session: Session) -> None:
     """Those that bear on both come first, none is longer than a minute, all together are affordable."""
     known = made(operating_range.operating_range(session).scale, catalogue.RECIPES)
-    found = experiment_proposal.promising(known, ("viscous_nonlinear", "stribeck"))
-    shared = [len({"viscous_nonlinear", "stribeck"} & set(experiment.effects)) for experiment in found]
+    proposal = experiment_proposal.promising(known, ("viscous_nonlinear", "stribeck"))
+    shared = [len({"viscous_nonlinear", "stribeck"} & set(experiment.effects)) for experiment in proposal]
     assert shared[0] == 2 and shared == sorted(shared, reverse=True) and shared[-1] >= 1
     assert (
-        max(experiment.duration for experiment in found) <= 60.0
-        and sum(experiment.duration for experiment in found) <= 90.0
+        max(experiment.duration for experiment in proposal) <= 60.0
+        and sum(experiment.duration for experiment in proposal) <= 90.0
     )
 
 
@@ -224,14 +224,14 @@ def test_a_folder_from_elsewhere_and_one_without_a_controller(folder: Path, tmp_
     other = load([place])
     assert operating_range.operating_range(other).known
     blind = other._replace(law=None, nominal={k: v for k, v in other.nominal.items() if k != "controller"})
-    found = operating_range.operating_range(blind)
-    assert not found.known
-    assert "The deployed controller is not known" in found.cautions()[-1]
+    reach = operating_range.operating_range(blind)
+    assert not reach.known
+    assert "The deployed controller is not known" in reach.cautions()[-1]
     planned = experiment_proposal.planned_run(
-        blind, found, prediction_distance.noise_of(blind, NAN), made(found.scale, catalogue.RECIPES)[0]
+        blind, reach, prediction_distance.noise_of(blind, NAN), made(reach.scale, catalogue.RECIPES)[0]
     )
     values = prediction_distance.predict(planned, blind.stage)
-    assert np.isfinite(values.values).all() and values.current < 1.1 * found.scale.current_limit
+    assert np.isfinite(values.values).all() and values.current < 1.1 * reach.scale.current_limit
 
 
 def test_noise_of_the_repeats_and_without_them(session: Session) -> None:
@@ -297,9 +297,9 @@ def test_a_one_sided_record_starts_in_the_middle(session: Session) -> None:
     """Logs that go up from where they begin leave no room downwards; the middle does, and the words say so."""
     up = [log._replace(position=log.position + 5.236, reference=log.position + 5.236) for log in session.logs]
     begins = [log._replace(reference=np.concatenate([[0.0], log.position[1:]])) for log in up]
-    found = operating_range.operating_range(session._replace(logs=tuple(begins)))
-    assert found.start == pytest.approx(5.236, rel=1e-3)
-    assert found.cautions()[0].startswith("Start in the middle of the travel, at 10")
+    reach = operating_range.operating_range(session._replace(logs=tuple(begins)))
+    assert reach.start == pytest.approx(5.236, rel=1e-3)
+    assert reach.cautions()[0].startswith("Start in the middle of the travel, at 10")
 
 
 def test_a_gentle_record_asks_to_see_that_the_machine_may(session: Session) -> None:
@@ -309,6 +309,6 @@ def test_a_gentle_record_asks_to_see_that_the_machine_may(session: Session) -> N
         for log in session.logs
         if log.command is not None and log.current is not None
     ]
-    found = experiment_proposal.propose(session._replace(logs=tuple(gentle)), {}, NAN)
-    assert found is not None and found.name == "stairs"
-    assert "It goes beyond what the logs have shown, to " in found.words and " A (the logs: 0.1" in found.words
+    proposal = experiment_proposal.propose(session._replace(logs=tuple(gentle)), {}, NAN)
+    assert proposal is not None and proposal.name == "stairs"
+    assert "It goes beyond what the logs have shown, to " in proposal.words and " A (the logs: 0.1" in proposal.words

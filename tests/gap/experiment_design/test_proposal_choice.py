@@ -69,7 +69,7 @@ def test_the_first_ambiguous_effect_is_separated_from_its_alternatives(
     monkeypatch.setattr(experiment_proposal, "propose", lambda session, models, floor: asked.append((models, floor)))
     monkeypatch.setattr(verdict, "rivals", lambda e, selected, effect: {"presliding": "rival"})
     session: Any = SimpleNamespace(stage="stage")
-    found: Any = SimpleNamespace(named=named, gap=SimpleNamespace(floor=2e-7))
+    diagnosis: Any = SimpleNamespace(named=named, gap=SimpleNamespace(floor=2e-7))
     selected: Any = SimpleNamespace(fitted=SimpleNamespace(equipped=SimpleNamespace(stage="fitted")))
-    experiment_proposal.next_experiment(session, found, selected, NOTHING)
+    experiment_proposal.next_experiment(session, diagnosis, selected, NOTHING)
     assert asked == [(models, 2e-7)]

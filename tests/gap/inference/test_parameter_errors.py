@@ -15,8 +15,8 @@ def shift(name: str, change: float, sure: bool = True) -> Shift:
 
 
 def test_one_common_shift_is_the_force_constant() -> None:
-    found = common([shift("inertia", 0.05), shift("viscous", 0.052), shift("coulomb", 0.049)])
-    assert found is not None and found.name == "force_constant" and found.change == pytest.approx(1.0 / 1.05 - 1.0)
+    shifts = common([shift("inertia", 0.05), shift("viscous", 0.052), shift("coulomb", 0.049)])
+    assert shifts is not None and shifts.name == "force_constant" and shifts.change == pytest.approx(1.0 / 1.05 - 1.0)
 
 
 def test_two_that_agree_may_be_the_force_constant() -> None:
@@ -26,7 +26,7 @@ def test_two_that_agree_may_be_the_force_constant() -> None:
 
 
 @pytest.mark.parametrize(
-    "found",
+    "shifts",
     [
         [shift("inertia", 0.09), shift("viscous", -0.09), shift("coulomb", 0.02)],
         [shift("inertia", 0.05), shift("viscous", 0.05, sure=False)],
@@ -34,8 +34,8 @@ def test_two_that_agree_may_be_the_force_constant() -> None:
         [],
     ],
 )
-def test_otherwise_it_is_no_candidate(found: list[Shift]) -> None:
-    assert shared(found) == frozenset()
+def test_otherwise_it_is_no_candidate(shifts: list[Shift]) -> None:
+    assert shared(shifts) == frozenset()
 
 
 @pytest.mark.parametrize(
@@ -43,9 +43,11 @@ def test_otherwise_it_is_no_candidate(found: list[Shift]) -> None:
     [(1.05, 0.01, 0.3, True), (1.05, 0.02, 0.3, False), (1.005, 0.0, 0.3, False), (1.05, 0.01, 0.001, False)],
 )
 def test_a_shift_is_sure_large_and_material(value: float, deviation: float, share: float, sure: bool) -> None:
-    found = parameter_errors._shift("inertia", Estimate(value, 1.0, deviation, 1.0), share, "rotary")
-    assert found.sure is sure and found.value.unit == "kg m^2"
-    assert found.change == pytest.approx(value - 1.0) and found.value.high == pytest.approx(value + 1.96 * deviation)
+    changed = parameter_errors._shift("inertia", Estimate(value, 1.0, deviation, 1.0), share, "rotary")
+    assert changed.sure is sure and changed.value.unit == "kg m^2"
+    assert changed.change == pytest.approx(value - 1.0) and changed.value.high == pytest.approx(
+        value + 1.96 * deviation
+    )
 
 
 def test_the_misfit_that_returns_is_what_the_others_cannot_take() -> None:

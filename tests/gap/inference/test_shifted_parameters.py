@@ -28,8 +28,8 @@ def now(ball_screw: Setup) -> Any:
 
 
 def test_a_common_scale_stands_for_the_three_and_the_rest_stays(session: Any, now: Any) -> None:
-    found = [shift(name, 0.25) for name in ("inertia", "viscous", "coulomb")]
-    force_constant, bias = shifted_parameters.shifted(session, [*found, shift("bias", 0.1)], now)
+    changed = [shift(name, 0.25) for name in ("inertia", "viscous", "coulomb")]
+    force_constant, bias = shifted_parameters.shifted(session, [*changed, shift("bias", 0.1)], now)
     assert force_constant.name == "force_constant" and bias.name == "bias"
     ((place, value),) = force_constant.fields
     assert place == "motor.force_constant"
@@ -38,8 +38,8 @@ def test_a_common_scale_stands_for_the_three_and_the_rest_stays(session: Any, no
 
 
 def test_shifts_come_by_their_share_and_name_the_force_constant_where_two_agree(session: Any, now: Any) -> None:
-    found = [shift("inertia", 0.09, 0.1), shift("viscous", -0.09, 0.5), shift("coulomb", -0.0905, 0.4)]
-    entries = shifted_parameters.shifted(session, found, now)
+    changed = [shift("inertia", 0.09, 0.1), shift("viscous", -0.09, 0.5), shift("coulomb", -0.0905, 0.4)]
+    entries = shifted_parameters.shifted(session, changed, now)
     assert [entry.name for entry in entries] == ["viscous", "coulomb", "inertia"]
     assert ["force_constant" in entry.alternatives for entry in entries] == [True, True, False]
     assert entries[2].fields == (("mechanics.inertia", 1.09),)

@@ -27,9 +27,12 @@ def _logs(step: float, gain: float = 0.0) -> list[MissingCurrent]:
 
 @pytest.mark.parametrize("step", [0.012, 0.02, 0.05])
 def test_the_step_of_a_command_is_read_off(step: float) -> None:
-    found = signatures.quantised(DELAY, _logs(step))
-    assert found is not None and found.value == pytest.approx(step, rel=2e-3)
-    assert found.effect.parameters["step"].low < step * 1.002 and found.effect.parameters["step"].high > step * 0.998
+    signature = signatures.quantised(DELAY, _logs(step))
+    assert signature is not None and signature.value == pytest.approx(step, rel=2e-3)
+    assert (
+        signature.effect.parameters["step"].low < step * 1.002
+        and signature.effect.parameters["step"].high > step * 0.998
+    )
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.03])
@@ -50,8 +53,8 @@ def _jittering(size: float) -> list[list[MissingCurrent]]:
 
 
 def test_jitter_is_what_grows_with_the_slope_of_the_current() -> None:
-    found = signatures.jittered(_jittering(5e-5))
-    assert found is not None and found.value == pytest.approx(5e-5, rel=0.05)
+    signature = signatures.jittered(_jittering(5e-5))
+    assert signature is not None and signature.value == pytest.approx(5e-5, rel=0.05)
     assert signatures.jittered(_jittering(0.0)) is None
 
 

@@ -36,11 +36,11 @@ def test_the_tracker_answers_as_its_poles_say(model: TrackedModel, frequency: fl
     x = np.exp(2j * math.pi * frequency * TIME)
     answered = _answered(model, x.real) + 1j * _answered(model, x.imag)
     middle = slice(ROWS // 4, 3 * ROWS // 4)
-    found = np.vdot(x[middle], answered[middle]) / np.vdot(x[middle], x[middle])
+    gain = np.vdot(x[middle], answered[middle]) / np.vdot(x[middle], x[middle])
     # Half a period of hold beside the continuous loop.
     expected = _closed_form(model, frequency)
-    assert abs(found) == pytest.approx(abs(expected), rel=0.08)
-    assert np.angle(found / expected) == pytest.approx(0.0, abs=2.0 * math.pi * frequency * 1.0 * DT + 0.01)
+    assert abs(gain) == pytest.approx(abs(expected), rel=0.08)
+    assert np.angle(gain / expected) == pytest.approx(0.0, abs=2.0 * math.pi * frequency * 1.0 * DT + 0.01)
 
 
 def test_what_the_tracker_answered_is_brought_back(model: TrackedModel) -> None:

@@ -33,28 +33,28 @@ def test_an_effect_left_out_is_told_by_where_it_is(
     stage_trial(draw(4711, "single", Drawn(short=True, effects=(effect,), scale=3.0)), tmp_path)
     session = load_session.load([tmp_path / "captures"])
     options = diagnose.Options(excluded=(effect,), advice=False)
-    found = diagnose.diagnose(session, options, lambda _: None).found
-    assert found.verdict in ("unknown", "effects+unknown") and found.unknown is not None
-    assert (found.unknown.coordinate, found.unknown.block) == (coordinate, block)
-    assert words in found.sentence and len(found.unknown.grid) == len(found.unknown.force) > 3
+    diagnosis = diagnose.diagnose(session, options, lambda _: None).found
+    assert diagnosis.verdict in ("unknown", "effects+unknown") and diagnosis.unknown is not None
+    assert (diagnosis.unknown.coordinate, diagnosis.unknown.block) == (coordinate, block)
+    assert words in diagnosis.sentence and len(diagnosis.unknown.grid) == len(diagnosis.unknown.force) > 3
 
 
 def test_what_stays_open_in_the_loop_is_unknown_whatever_lies_along_the_path(tmp_path: Path) -> None:
     """A gap between motor and load, left out: what is left may be friction's form, but the loop's gap stays."""
     stage_trial(draw(1418111386, "single", Drawn(short=True, effects=("backlash",), scale=4.0)), tmp_path)
     session = load_session.load([tmp_path / "captures"])
-    found = diagnose.diagnose(session, diagnose.Options(excluded=("backlash",), advice=False), lambda _: None).found
-    assert found.gap.after > 10.0 * found.gap.floor
-    assert found.verdict == "unknown" and found.unknown == UNORDERED
-    assert "no coordinate predicts most of it" in found.sentence
+    diagnosis = diagnose.diagnose(session, diagnose.Options(excluded=("backlash",), advice=False), lambda _: None).found
+    assert diagnosis.gap.after > 10.0 * diagnosis.gap.floor
+    assert diagnosis.verdict == "unknown" and diagnosis.unknown == UNORDERED
+    assert "no coordinate predicts most of it" in diagnosis.sentence
 
 
 def test_the_noise_of_a_machine_that_ran_once_is_nothing_unknown(tmp_path: Path) -> None:
     stage_trial(draw(7, "null-exact", Drawn(short=True)), tmp_path)
     session = load_session.load([tmp_path / "captures"])
     once = session._replace(logs=tuple(log for log in session.logs if log.repeat == 1))
-    found = diagnose.diagnose(once, diagnose.Options(advice=False), lambda _: None).found
-    assert found.verdict == "none" and "floor not known" in found.sentence
+    diagnosis = diagnose.diagnose(once, diagnose.Options(advice=False), lambda _: None).found
+    assert diagnosis.verdict == "none" and "floor not known" in diagnosis.sentence
 
 
 def test_a_band_holds_what_lies_in_it() -> None:

@@ -27,15 +27,15 @@ def diagnose(folder: Path, answer: Path, predictions: Path) -> None:
     said = told("cogging", "encoder_eccentricity") if "scan" in names else poorly(asked)
     spans = [{"file": one["file"], "spans": [[0.0, 1.0]]} for one in lines if one["use"] == "diagnose"]
     where = {"blocks": {"mechanics": 0.9, "sensor": 0.1}, "coordinates": [], "captures": spans}
-    found = {"verdict": "effects", "where": where, "gap": {"closure": 0.5, "predicted": 0.4}, **said}
-    answer.write_text(json.dumps(found))
+    reply = {"verdict": "effects", "where": where, "gap": {"closure": 0.5, "predicted": 0.4}, **said}
+    answer.write_text(json.dumps(reply))
     predictions.mkdir()
-    for one in lines:
-        rows = np.loadtxt(folder / one["file"], delimiter=",", skiprows=1)
-        if one["use"] == "held-out":
+    for line in lines:
+        rows = np.loadtxt(folder / line["file"], delimiter=",", skiprows=1)
+        if line["use"] == "held-out":
             content = rows[:, [0, 1, 4]]
             header = "time_s,position_rad,current_A"
-            np.savetxt(predictions / one["file"], content, delimiter=",", header=header, comments="")
+            np.savetxt(predictions / line["file"], content, delimiter=",", header=header, comments="")
 
 
 def told(name: str, *alternatives: str) -> dict[str, Any]:

@@ -39,11 +39,11 @@ def blackbox(g: Ground) -> Answer:
     scale = float(np.std(y)) or 1.0
     trees = HistGradientBoostingRegressor(max_iter=300, learning_rate=0.08, max_leaf_nodes=63, random_state=SEED)
     trees.fit(x, y / scale)
-    found = []
+    models = []
     for log, rows in zip(held, simulated[len(training) :], strict=True):
         learnt: Array = scale * np.asarray(trees.predict(features(session, log, rows)), dtype=np.float64)
-        found.append(column(rows, "measured")[: log.rows] + learnt)
-    return Answer((), None, predicted=tuple(found))
+        models.append(column(rows, "measured")[: log.rows] + learnt)
+    return Answer((), None, predicted=tuple(models))
 
 
 def _lacking(log: Log, rows: Array) -> Array:
@@ -58,7 +58,7 @@ def features(session: Session, log: Log, rows: Array) -> Array:
     moving = [speed, since, current, np.gradient(speed, session.dt)]
     pitch = session.stage.mechanics.pitch
     still = [position, np.mod(position, pitch) if pitch else position, log.start + session.dt * np.arange(log.rows)]
-    return np.stack([*(_late(one, lag) for one in moving for lag in LAGS), *still], axis=1)
+    return np.stack([*(_late(curve, lag) for curve in moving for lag in LAGS), *still], axis=1)
 
 
 def since_reversal(position: Array, speed: Array) -> Array:
@@ -66,8 +66,8 @@ def since_reversal(position: Array, speed: Array) -> Array:
     turned = np.flatnonzero(np.diff(np.sign(speed)) != 0.0) + 1
     last = np.zeros(len(position), dtype=np.int64)
     last[turned] = turned
-    found: Array = position - position[np.maximum.accumulate(last)]
-    return found
+    since: Array = position - position[np.maximum.accumulate(last)]
+    return since
 
 
 def _late(signal: Array, lag: int) -> Array:

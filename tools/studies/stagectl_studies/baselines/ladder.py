@@ -27,5 +27,5 @@ def ladder(g: Ground) -> Answer:
     for rung in RUNGS:
         effects = [effect_of(best[name]) for name in rung if name in best and best[name].gain > 0.0]
         fits.append(refine.refine(g.evidence, g.evidence.base.model, effects, 2))
-    chosen = min(fits, key=lambda one: one.residual_sum_of_squares)
-    return Answer(tuple(one.effect.name for one in chosen.effects), chosen.equipped.stage, shifts(g))
+    chosen = min(fits, key=lambda fit: fit.residual_sum_of_squares)
+    return Answer(tuple(effect.effect.name for effect in chosen.effects), chosen.equipped.stage, shifts(g))

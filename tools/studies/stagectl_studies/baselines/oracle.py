@@ -9,17 +9,17 @@ from stagectl.gap.selection.candidate_scores import effect_of
 from stagectl_studies.baselines.baseline_common import Answer, Ground, scored, shifts
 
 
-def oracle(g: Ground, told: Sequence[str]) -> Answer:
+def oracle(g: Ground, names: Sequence[str]) -> Answer:
     """All effects that are told, the largest first, each refined beside the ones before it.
 
     What the library does not hold (a value that the model has, an effect on no list) stays with the base refit.
     """
     now = refine.start(g.evidence)
-    waiting = [name for name in told if name in {form.effect.name for form in g.library.forms}]
+    waiting = [name for name in names if name in {form.effect.name for form in g.library.forms}]
     while waiting:
         best = scored(g, now)
-        name = max(waiting, key=lambda one: best[one].gain)
+        name = max(waiting, key=lambda word: best[word].gain)
         waiting.remove(name)
         after = refine.refine(g.evidence, now.model, [*now.effects, effect_of(best[name])])
         now = after if after.residual_sum_of_squares < now.residual_sum_of_squares else now
-    return Answer(tuple(one.effect.name for one in now.effects), now.equipped.stage, shifts(g))
+    return Answer(tuple(effect.effect.name for effect in now.effects), now.equipped.stage, shifts(g))

@@ -53,11 +53,6 @@ class _How(NamedTuple):
     ledger: Path
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb to the group."""
-    app.command("exam")(exam)
-
-
 def exam(
     output: Output,
     trials: Trials = 300,
@@ -148,7 +143,7 @@ def _now() -> tuple[str, str]:
 
 def _sources(records: Sequence[Mapping[str, Any]]) -> list[str]:
     """The versions that sat the trials, by the hash of their sources; more than one where an exam went on later."""
-    return list(dict.fromkeys(one["sources"] for one in records if "sources" in one))
+    return list(dict.fromkeys(record["sources"] for record in records if "sources" in record))
 
 
 def _runner(workers: int, scheduler: str | None) -> Any:
@@ -179,25 +174,25 @@ def _entered(path: Path, result: Mapping[str, Any], seconds: Mapping[str, Sequen
     console.print(f"entered into {path}")
 
 
-def _show(found: Mapping[str, Any], seconds: Mapping[str, Sequence[float]]) -> None:
+def _show(summary: Mapping[str, Any], seconds: Mapping[str, Sequence[float]]) -> None:
     from rich.table import Table
 
     from stagectl_studies.exam.page import HEAD, answer, cells
 
     table = Table(*HEAD)
-    for row in found["rows"]:
+    for row in summary["rows"]:
         table.add_row(*cells(row))
     console.print(table)
-    for kind in found["classes"]:
+    for kind in summary["classes"]:
         limit = f"below {kind['limit']:.2g}" if kind["below"] else f"{kind['limit']:.2g}"
         limit += f" (95 %: {kind['low']:.2g} to {kind['high']:.2g})"
         named = f"named {kind['named']} of {kind['clear']} at twice that"
         console.print(f"{kind['class']}: half are noticed at {limit} x typical ({kind['trials']} trials); {named}")
-    if found["void"]:
-        console.print(f"{len(found['void'])} trials are void and not counted", style="bold")
+    if summary["void"]:
+        console.print(f"{len(summary['void'])} trials are void and not counted", style="bold")
     for name, each in seconds.items():
         console.print(f"{name}: {sorted(each)[len(each) // 2]:.1f} s median, {max(each):.1f} s most")
-    console.print(answer(found))
+    console.print(answer(summary))
 
 
 def _page(result: Mapping[str, Any], seconds: Mapping[str, Sequence[float]], output: Path) -> Path:

@@ -17,11 +17,6 @@ Paper = Annotated[str, typer.Argument(metavar="PAPER", help="ball-screw or slide
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the page and its numbers.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb to the command line."""
-    app.command("reproduce")(reproduce)
-
-
 def reproduce(paper: Paper, output: Output = Path("reproduced"), json: Json = None) -> None:
     """Reproduce the experiments of a source paper on a virtual machine: every figure, next to the paper's numbers.
 
@@ -40,8 +35,8 @@ def reproduce(paper: Paper, output: Output = Path("reproduced"), json: Json = No
     with bar(f"reproduce {paper}", 1) as update:
         outcome = papers.reproduce(paper, update)
         page = papers.page(paper, outcome, output / f"{paper}.html")
-    found = outcome.numbers()
-    (output / f"{paper}.json").write_text(jsonlib.dumps(found, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    numbers = outcome.numbers()
+    (output / f"{paper}.json").write_text(jsonlib.dumps(numbers, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     console.print(f"simulated: {outcome.answer}")
     console.print(f"report: {page}")
-    emit(found, json)
+    emit(numbers, json)

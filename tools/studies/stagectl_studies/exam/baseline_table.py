@@ -17,29 +17,38 @@ OURS = "diagnosis"
 
 def beside(records: Sequence[Record], clear: Sequence[Record]) -> list[Record]:
     """One entry for the diagnosis and one for each baseline; `clear`: singles at twice their limit."""
-    names = sorted({name for one in records for name in one.get("baselines", {})})
-    found = [{"name": name, "rows": [row._asdict() for row in _rows(name, records, clear)]} for name in (OURS, *names)]
-    return found if names else []
+    names = sorted({name for record in records for name in record.get("baselines", {})})
+    answers = [
+        {"name": name, "rows": [row._asdict() for row in _rows(name, records, clear)]} for name in (OURS, *names)
+    ]
+    return answers if names else []
 
 
 def _rows(name: str, records: Sequence[Record], clear: Sequence[Record]) -> list[Row]:
     def of(kept: Sequence[Record]) -> list[Record]:
-        return [one if name == OURS else one["baselines"][name] for one in kept if name == OURS or _has(one, name)]
+        return [
+            record if name == OURS else record["baselines"][name]
+            for record in kept
+            if name == OURS or _has(record, name)
+        ]
 
-    closures = [one["gap"]["closure"] for one in of([each for each in clear if is_open(each)])]
+    closures = [record["gap"]["closure"] for record in of([each for each in clear if is_open(each)])]
     if name == ORACLE:  # it is told the names
         records, clear = [], []
-    several = [one for one in records if one["stratum"] in ("pair", "triple")]
-    nulls = [one for one in records if one["stratum"].startswith("null")]
+    several = [record for record in records if record["stratum"] in ("pair", "triple")]
+    nulls = [record for record in records if record["stratum"].startswith("null")]
     return [
-        rate("null, false alarms", [bool(one["naming"]["effects_alarm"]) for one in of(nulls)]),
-        rate("single, top-1", [bool(one["naming"]["top1_effects"]) for one in of(clear)]),
-        rate("single, named and nothing beside it", [bool(one["naming"]["only"]) for one in of(clear)]),
-        rate("pairs and triples, all found", [bool(one["naming"]["all_found"]) for one in of(several)]),
-        rate("pairs and triples, found and nothing beside them", [bool(one["naming"]["only"]) for one in of(several)]),
+        rate("null, false alarms", [bool(record["naming"]["effects_alarm"]) for record in of(nulls)]),
+        rate("single, top-1", [bool(record["naming"]["top1_effects"]) for record in of(clear)]),
+        rate("single, named and nothing beside it", [bool(record["naming"]["only"]) for record in of(clear)]),
+        rate("pairs and triples, all found", [bool(record["naming"]["all_found"]) for record in of(several)]),
+        rate(
+            "pairs and triples, found and nothing beside them",
+            [bool(record["naming"]["only"]) for record in of(several)],
+        ),
         median("closure, single effect", closures),
     ]
 
 
-def _has(one: Record, name: str) -> bool:
-    return name in one.get("baselines", {})
+def _has(record: Record, name: str) -> bool:
+    return name in record.get("baselines", {})

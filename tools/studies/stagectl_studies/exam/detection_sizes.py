@@ -33,13 +33,13 @@ class Noticed(NamedTuple):
 
 def singles(records: Sequence[dict[str, Any]]) -> list[Noticed]:
     """All trials with one effect."""
-    found = []
-    for one in records:
-        if one["stratum"].startswith("single"):
-            effect = next(each for each in one["truth"]["effects"] if not each["companion"])
+    curves = []
+    for record in records:
+        if record["stratum"].startswith("single"):
+            effect = next(each for each in record["truth"]["effects"] if not each["companion"])
             kind = CLASS_OF[effect["name"]]
-            found.append(Noticed(kind, effect["realised_scale"], bool(one["naming"]["alarm"])))
-    return found
+            curves.append(Noticed(kind, effect["realised_scale"], bool(record["naming"]["alarm"])))
+    return curves
 
 
 def limits(trials: Sequence[Noticed]) -> dict[str, float]:
@@ -61,12 +61,12 @@ def _bounded(octaves: float) -> Any:
 
 def _fitted(trials: Sequence[Noticed]) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation of log2 s50 of each class."""
-    kinds = sorted({one.kind for one in trials})
+    kinds = sorted({trial.kind for trial in trials})
     if not kinds:
         return {}
-    place = np.array([kinds.index(one.kind) for one in trials])
-    octaves = np.log2([one.scale for one in trials])
-    seen = np.array([1.0 if one.noticed else -1.0 for one in trials])
+    place = np.array([kinds.index(trial.kind) for trial in trials])
+    octaves = np.log2([trial.scale for trial in trials])
+    seen = np.array([1.0 if trial.noticed else -1.0 for trial in trials])
 
     def cost(p: Any) -> float:
         steep, middle, each = np.exp(p[0]), p[1], p[2:]
@@ -84,8 +84,10 @@ def _fitted(trials: Sequence[Noticed]) -> dict[str, tuple[float, float]]:
 def _curvature(cost: Callable[[Any], float], at: NDArray[np.float64], step: float = 1e-3) -> NDArray[np.float64]:
     """Second derivatives (n, n) of a smooth cost, by central differences."""
     moves = step * np.eye(len(at))
-    found = [[cost(at + a + b) - cost(at + a - b) - cost(at - a + b) + cost(at - a - b) for b in moves] for a in moves]
-    return np.array(found) / (4.0 * step * step)
+    hessian = [
+        [cost(at + a + b) - cost(at + a - b) - cost(at - a + b) + cost(at - a - b) for b in moves] for a in moves
+    ]
+    return np.array(hessian) / (4.0 * step * step)
 
 
 def beyond(record: dict[str, Any], known: dict[str, float], factor: float = 2.0) -> bool:

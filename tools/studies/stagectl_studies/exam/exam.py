@@ -70,14 +70,14 @@ def _before(root: Path) -> Record | None:
     if not path.exists():
         return None
     try:
-        found: Record = json.loads(path.read_text(encoding="utf-8"))
-        wrong = sorted({*_described(Asked(1, 0), Manner())} ^ {*found})
-        int(found["seed"])
+        answer: Record = json.loads(path.read_text(encoding="utf-8"))
+        wrong = sorted({*_described(Asked(1, 0), Manner())} ^ {*answer})
+        int(answer["seed"])
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise ExamError(f"{path} describes no exam: {type(error).__name__}: {error}; choose another folder") from error
     if wrong:
         raise ExamError(f"{path} is of another version, which differs in {', '.join(wrong)}; choose another folder")
-    return found
+    return answer
 
 
 def _option(name: str, value: Any) -> str:
@@ -97,9 +97,9 @@ def _again(root: Path, before: Record) -> str:
 
 def held(root: Path, planned: Sequence[Planned], manner: Manner, run: Runner, say: Say) -> list[Record]:
     """Run every trial that has no record yet; all records in the order of their numbers."""
-    waiting = [one for one in planned if finished(root, one.number) is None]
+    waiting = [planned_trial for planned_trial in planned if finished(root, planned_trial.number) is None]
     done = len(planned) - len(waiting)
-    for record in run([Job(one, str(root), manner) for one in waiting]):
+    for record in run([Job(planned_trial, str(root), manner) for planned_trial in waiting]):
         done += 1
         say(done, len(planned), record)
     return records(root, planned)
@@ -107,18 +107,18 @@ def held(root: Path, planned: Sequence[Planned], manner: Manner, run: Runner, sa
 
 def records(root: Path, planned: Sequence[Planned]) -> list[Record]:
     """All records in the order of their numbers; raises ExamError where one is missing."""
-    found = [finished(root, one.number) for one in planned]
-    missing = [str(one.number) for one, record in zip(planned, found, strict=True) if record is None]
+    found = [finished(root, planned_trial.number) for planned_trial in planned]
+    missing = [str(trial.number) for trial, record in zip(planned, found, strict=True) if record is None]
     if missing:
         raise ExamError(f"{root}: the trials {', '.join(missing)} are not finished; go on with --resume")
-    return [one for one in found if one is not None]
+    return [record for record in found if record is not None]
 
 
 def seconds(root: Path, planned: Sequence[Planned]) -> dict[str, list[float]]:
     """Seconds of staging, diagnosis and scoring, of each trial; beside the scores, as no two exams agree in them."""
     found: dict[str, list[float]] = {}
-    for one in planned:
-        path = folder_of(root, one.number) / TIMES
+    for planned_trial in planned:
+        path = folder_of(root, planned_trial.number) / TIMES
         times = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         for name, took in times.items():
             found.setdefault(name, []).append(took)

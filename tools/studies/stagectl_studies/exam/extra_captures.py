@@ -39,7 +39,7 @@ class Wanted(NamedTuple):
 def read(name: str, path: Path) -> Wanted:
     """What `gap next --samples` wrote; raises RefusedError where it is none."""
     try:
-        return Wanted(name, *(column(path, one) for one in ("time_s", "reference_rad", "injection_A")))
+        return Wanted(name, *(column(path, column_name) for column_name in ("time_s", "reference_rad", "injection_A")))
     except (OSError, KeyError, ValueError) as error:
         raise RefusedError(f"{name}: no rows that a machine can run: {type(error).__name__}: {error}") from error
 
@@ -53,7 +53,7 @@ def check(wanted: Wanted, known: Collection[str]) -> None:
         raise RefusedError(f"{name}: {n * PERIOD:g} s; must lie in [{8 * PERIOD:g}, {LONGEST:g}] s")
     if not np.abs(wanted.time - np.arange(n) * PERIOD).max() < 1e-9:
         raise RefusedError(f"{name}: rows that are not {PERIOD:g} s apart")
-    if not all(np.isfinite(one).all() for one in (wanted.reference, wanted.injection)):
+    if not all(np.isfinite(values).all() for values in (wanted.reference, wanted.injection)):
         raise RefusedError(f"{name}: not every row holds a number")
     farthest = float(np.abs(wanted.reference).max())
     if farthest > HALF_STROKE:
@@ -68,13 +68,13 @@ def begun(trial: Trial) -> float:
 def with_experiment(trial: Trial, wanted: Wanted) -> Trial:
     """The trial whose session goes on with `wanted`, as often as each experiment for diagnosis."""
     reference = np.round(begun(trial) + wanted.reference, 12)
-    one = Experiment(wanted.name, USE, reference, np.round(wanted.injection, 7))
+    experiment = Experiment(wanted.name, USE, reference, np.round(wanted.injection, 7))
     last, added = trial.captures[-1], []
     clock = last.start + last.experiment.reference.size * PERIOD + BREAK
     for repeat in range(1, REPEATS[USE] + 1):
-        added.append(Capture(f"{one.name}-{repeat}.csv", one, repeat, round(clock, 4)))
+        added.append(Capture(f"{experiment.name}-{repeat}.csv", experiment, repeat, round(clock, 4)))
         clock += reference.size * PERIOD + BREAK
-    rows = {**trial.rows, one.name: prepared(trial.model, trial.loop, reference, one.injection)}
+    rows = {**trial.rows, experiment.name: prepared(trial.model, trial.loop, reference, experiment.injection)}
     return trial._replace(captures=(*trial.captures, *added), rows=rows)
 
 
@@ -83,7 +83,7 @@ def ran(trial: Trial, wanted: Wanted, folder: Path) -> Trial:
 
     Raises RefusedError where it cannot be run, or where the axis is lost in it.
     """
-    check(wanted, {one.experiment.name for one in trial.captures})
+    check(wanted, {capture.experiment.name for capture in trial.captures})
     longer = with_experiment(trial, wanted)
     new = range(len(trial.captures), len(longer.captures))
     traces = [noisy(longer, number) for number in new]
@@ -92,5 +92,5 @@ def ran(trial: Trial, wanted: Wanted, folder: Path) -> Trial:
         raise RefusedError(f"{wanted.name}: the axis was lost in {', '.join(lost)}")
     for k, trace in zip(new, traces, strict=True):
         write_capture(longer.captures[k], trace, folder)
-    write_yaml(folder / "captures.yaml", {"captures": [entry(one) for one in longer.captures]})
+    write_yaml(folder / "captures.yaml", {"captures": [entry(capture) for capture in longer.captures]})
     return longer

@@ -41,7 +41,7 @@ def confusion(counts: Sequence[Sequence[Any]]) -> Figure:
             axes.imshow(shown, cmap=colours, vmin=0.0, vmax=2.2, aspect="auto")
         for row, column in np.argwhere(table > 0.0):
             axes.text(column, row, f"{table[row, column]:.0f}", ha="center", va="center", fontsize=7.5, color=TARGET)
-        axes.set_xticks(range(len(answers)), [called(one) for one in answers], rotation=90, fontsize=7.5)
+        axes.set_xticks(range(len(answers)), [called(reply) for reply in answers], rotation=90, fontsize=7.5)
         axes.set_yticks(range(len(truths)), [called(one) for one in truths], fontsize=7.5)
         axes.set_xticks(np.arange(len(answers) - 1) + 0.5, minor=True)
         axes.set_yticks(np.arange(len(truths) - 1) + 0.5, minor=True)
@@ -61,14 +61,14 @@ def limits(classes: Sequence[Mapping[str, Any]]) -> Figure:
     """Each class a row: trials that were noticed and that were not, and the size that divides them."""
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 0.9 + 0.42 * max(len(classes), 3)))
-        for row, one in enumerate(reversed(classes)):
-            points = np.array([(size, float(seen)) for size, seen in one["points"]]).reshape(-1, 2)
+        for row, kind in enumerate(reversed(classes)):
+            points = np.array([(size, float(seen)) for size, seen in kind["points"]]).reshape(-1, 2)
             jitter = 0.13 * ((np.arange(len(points)) % 5) - 2) / 2.0
             for seen, colour, label in ((1.0, WITH, "noticed"), (0.0, WITHOUT, "not noticed")):
                 mine = points[:, 1] == seen
                 place = row + jitter[mine] + (0.12 if seen else -0.12)
                 axes.plot(points[mine, 0], place, "o", color=colour, markersize=3.2, label="" if row else label)
-            axes.plot([one["limit"]] * 2, [row - 0.36, row + 0.36], color=TARGET, linewidth=2.0)
+            axes.plot([kind["limit"]] * 2, [row - 0.36, row + 0.36], color=TARGET, linewidth=2.0)
         axes.set_xscale("log", base=2)
         axes.set_xlim(_SHOWN[0] * 0.9, _SHOWN[1] * 1.1)
         axes.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
@@ -87,13 +87,18 @@ def reliability(bins: Sequence[Mapping[str, Any]]) -> Figure:
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 3.6))
         axes.plot([0.0, 1.0], [0.0, 1.0], color=_GREY, linewidth=1.0, linestyle="--")
-        for one in known:
-            axes.plot([one["said"]] * 2, [one["low"], one["high"]], color=WITH, linewidth=1.2)
-            axes.plot(one["said"], one["right"], "o", color=WITH, markersize=4.0)
-            side = (-5, "right") if one["said"] > 0.5 else (5, "left")
+        for group in known:
+            axes.plot(
+                [group["said"]] * 2,
+                [group["low"], group["high"]],
+                color=WITH,
+                linewidth=1.2,
+            )
+            axes.plot(group["said"], group["right"], "o", color=WITH, markersize=4.0)
+            side = (-5, "right") if group["said"] > 0.5 else (5, "left")
             axes.annotate(
-                str(one["count"]),
-                (one["said"], one["right"]),
+                str(group["count"]),
+                (group["said"], group["right"]),
                 (side[0], 4),
                 textcoords="offset points",
                 ha=side[1],
@@ -110,16 +115,16 @@ def reliability(bins: Sequence[Mapping[str, Any]]) -> Figure:
 
 def closures(records: Sequence[Mapping[str, Any]]) -> Figure:
     """Closure expected beforehand against closure on the withheld runs, one point a trial."""
-    found = [one["gap"] for one in records if one["gap"]["predicted"] is not None]
-    return _against(found, "predicted", ("closure expected beforehand [%]", "closure on withheld runs [%]"))
+    gaps = [record["gap"] for record in records if record["gap"]["predicted"] is not None]
+    return _against(gaps, "predicted", ("closure expected beforehand [%]", "closure on withheld runs [%]"))
 
 
-def _against(found: Sequence[Mapping[str, Any]], key: str, labels: tuple[str, str]) -> Figure:
+def _against(records: Sequence[Mapping[str, Any]], key: str, labels: tuple[str, str]) -> Figure:
     low = 0.0
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 3.6))
-        x = np.clip([100.0 * one[key] for one in found], low, 100.0)
-        y = np.clip([100.0 * one["closure"] for one in found], low, 100.0)
+        x = np.clip([100.0 * gap[key] for gap in records], low, 100.0)
+        y = np.clip([100.0 * gap["closure"] for gap in records], low, 100.0)
         axes.plot([low, 100.0], [low, 100.0], color=_GREY, linewidth=1.0, linestyle="--")
         axes.plot(x, y, "o", color=WITH, markersize=3.5, alpha=0.7, clip_on=False)
         axes.set_xlim(low, 102.0)
@@ -130,9 +135,9 @@ def _against(found: Sequence[Mapping[str, Any]], key: str, labels: tuple[str, st
     return figure
 
 
-def ratios(found: Sequence[float]) -> Figure:
+def ratios(values: Sequence[float]) -> Figure:
     """Gap left over the gap left by the oracle: the share of trials below each value."""
-    ordered = np.sort(np.asarray(found, dtype=np.float64))
+    ordered = np.sort(np.asarray(values, dtype=np.float64))
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 3.6))
         share = 100.0 * (np.arange(len(ordered)) + 1.0) / max(len(ordered), 1)

@@ -28,7 +28,7 @@ def page(result: Mapping[str, Any], seconds: Mapping[str, Sequence[float]], comm
         [Table("What was asked", HEAD, [cells(row) for row in result["rows"]])],
         commands,
         versions(),
-        sections=tuple(one for one in sections if one is not None),
+        sections=tuple(section for section in sections if section is not None),
     )
 
 
@@ -51,14 +51,14 @@ def _notes(result: Mapping[str, Any]) -> list[str]:
     exam = result["exam"]
     battery = "a battery of 20 s" if exam["short"] else "the recommended battery"
     path = "full" if exam["full"] else "fast"
-    found = [f"Seed {exam['seed']}, {battery}, the diagnosis' {path} path. Trials: {_strata(result['strata'])}."]
+    notes = [f"Seed {exam['seed']}, {battery}, the diagnosis' {path} path. Trials: {_strata(result['strata'])}."]
     if "stopped after" in exam:
-        found.append(f"The first {exam['stopped after']} of {exam['trials']} trials, in the order that the seed gives.")
+        notes.append(f"The first {exam['stopped after']} of {exam['trials']} trials, in the order that the seed gives.")
     if result["void"]:
-        found.append(f"Void and not counted: {_reasons(result['void'])}.")
+        notes.append(f"Void and not counted: {_reasons(result['void'])}.")
     if result["failed"]:
-        found.append(f"Failed, and counted as having said nothing: {_reasons(result['failed'])}.")
-    return found
+        notes.append(f"Failed, and counted as having said nothing: {_reasons(result['failed'])}.")
+    return notes
 
 
 def _strata(strata: Mapping[str, int]) -> str:
@@ -66,7 +66,7 @@ def _strata(strata: Mapping[str, int]) -> str:
 
 
 def _reasons(trials: Sequence[Mapping[str, Any]]) -> str:
-    return "; ".join(f"trial {one['number']} ({'; '.join(one['reasons'])})" for one in trials)
+    return "; ".join(f"trial {trial['number']} ({'; '.join(trial['reasons'])})" for trial in trials)
 
 
 def cells(row: Mapping[str, Any]) -> list[str]:
@@ -90,67 +90,67 @@ def number(row: Mapping[str, Any], key: str) -> str:
 def _naming(result: Mapping[str, Any]) -> Section | None:
     if not result["confusion"]:
         return None
-    told = (
+    remark = (
         "Trials with one hidden effect of any size, or none. What is true beside it (values that are off) is left out."
     )
     picture = _picture(figures.confusion(result["confusion"]), "Numbers of trials; orange: taken for something else.")
-    return Section("What was taken for what", [told], [picture._replace(least=760)], [])
+    return Section("What was taken for what", [remark], [picture._replace(least=760)], [])
 
 
 def _size(result: Mapping[str, Any]) -> Section | None:
     if not result["classes"]:
         return None
-    told = (
+    remark = (
         "The bar is the size at which half of the trials of a class are noticed, from a logistic curve with one "
         "steepness for all. Naming is judged at twice that."
     )
     rows = [
         [
-            one["class"],
-            f"{'< ' if one['below'] else ''}{one['limit']:.2g}",
-            f"{one['low']:.2g} to {one['high']:.2g}",
-            f"{one['noticed']} of {one['trials']}",
-            f"{one['named']} of {one['clear']}",
+            kind["class"],
+            f"{'< ' if kind['below'] else ''}{kind['limit']:.2g}",
+            f"{kind['low']:.2g} to {kind['high']:.2g}",
+            f"{kind['noticed']} of {kind['trials']}",
+            f"{kind['named']} of {kind['clear']}",
         ]
-        for one in result["classes"]
+        for kind in result["classes"]
     ]
     table = Table("", ["class", "limit, x typical", "95 %", "noticed", "named at twice the limit"], rows)
     picture = _picture(figures.limits(result["classes"]), "One point a trial.")
-    return Section("From which size effects are noticed", [told], [picture], [table, _effects(result)])
+    return Section("From which size effects are noticed", [remark], [picture], [table, _effects(result)])
 
 
 def _effects(result: Mapping[str, Any]) -> Table:
     rows = [
-        [figures.called(name), str(one["trials"]), str(one["noticed"]), str(one["named"])]
-        for name, one in result["by_effect"].items()
+        [figures.called(name), str(value["trials"]), str(value["noticed"]), str(value["named"])]
+        for name, value in result["by_effect"].items()
     ]
     return Table("Single effects, all sizes", ["effect", "trials", "noticed", "named first"], rows)
 
 
 def _sure(result: Mapping[str, Any]) -> Section | None:
-    if not any(one["count"] for one in result["reliability"]):
+    if not any(group["count"] for group in result["reliability"]):
         return None
     picture = _picture(figures.reliability(result["reliability"]), "Numbers: entries of answers in that bin.")
     return Section("How sure, and how often right", [], [picture], [])
 
 
 def _far(result: Mapping[str, Any]) -> Section | None:
-    hidden = [one for one in result["records"] if one["state"] != "void" and one["truth"]["hidden"]]
-    open_ = [one for one in hidden if one["gap"]["before"] > one["gap"]["floor"]]
+    hidden = [record for record in result["records"] if record["state"] != "void" and record["truth"]["hidden"]]
+    open_ = [record for record in hidden if record["gap"]["before"] > record["gap"]["floor"]]
     pictures = []
-    if any(one["gap"]["predicted"] is not None for one in open_):
+    if any(record["gap"]["predicted"] is not None for record in open_):
         pictures.append(_picture(figures.closures(open_), "One point a trial whose gap exceeds the floor."))
     if result["oracle_ratios"]:
         pictures.append(_picture(figures.ratios(result["oracle_ratios"]), "Share of trials below each ratio."))
-    told = "The closure is computed from the withheld runs without noise, which the diagnosis never had."
-    return Section("How far the gap closes", [told], pictures, []) if pictures else None
+    remark = "The closure is computed from the withheld runs without noise, which the diagnosis never had."
+    return Section("How far the gap closes", [remark], pictures, []) if pictures else None
 
 
 def _beside(result: Mapping[str, Any]) -> Section | None:
     if not result["beside"]:
         return None
-    head = ["", *(one["name"] for one in result["beside"])]
-    lines = zip(*(one["rows"] for one in result["beside"]), strict=True)
+    head = ["", *(baseline["name"] for baseline in result["beside"])]
+    lines = zip(*(baseline["rows"] for baseline in result["beside"]), strict=True)
     rows = [[line[0]["name"], *(_with_interval(row) for row in line)] for line in lines]
     return Section("Beside simpler methods on the same trials", [], [], [Table("", head, rows)])
 

@@ -32,7 +32,9 @@ QUOTAS = {  # of 300 trials; at least 30 in each group: null, single, pair, trip
 SIZES = {"pair": 2, "triple": 3}
 _STOPPING = frozenset({"controller"})  # with another controller than the one described, nothing else is judged
 _FITTED = frozenset({"inertia", "viscous", "coulomb", "bias", "time_shift", "presliding"})  # by the base refit anyway
-_NEVER_LEFT_OUT = frozenset({*_FITTED, "friction_lag", *(name for one in EXACT for name in one)})  # another holds them
+_NEVER_LEFT_OUT = frozenset(
+    {*_FITTED, "friction_lag", *(name for pair in EXACT for name in pair)}
+)  # another holds them
 
 
 class ExamError(Exception):
@@ -82,11 +84,11 @@ def quotas(trials: int, strata: Sequence[str] = ()) -> dict[str, int]:
     chosen = {name: QUOTAS[name] for name in expanded(strata)}
     whole = sum(chosen.values())
     exact = {name: trials * weight / whole for name, weight in chosen.items()}
-    found = {name: int(share) for name, share in exact.items()}
-    largest = sorted(exact, key=lambda name: found[name] - exact[name])
-    for name in largest[: trials - sum(found.values())]:
-        found[name] += 1
-    return found
+    counts = {name: int(share) for name, share in exact.items()}
+    largest = sorted(exact, key=lambda name: counts[name] - exact[name])
+    for name in largest[: trials - sum(counts.values())]:
+        counts[name] += 1
+    return counts
 
 
 def expanded(strata: Sequence[str]) -> list[str]:
@@ -94,13 +96,13 @@ def expanded(strata: Sequence[str]) -> list[str]:
 
     Raises ExamError where a name is none.
     """
-    found = []
+    groups = []
     for asked in strata or QUOTAS:
         mine = [name for name in QUOTAS if name == asked or (asked in ("null", "single") and name.startswith(asked))]
         if not mine:
             raise ExamError(f"--strata {asked}: no such stratum; must be one of null, single, {', '.join(QUOTAS)}")
-        found += [name for name in mine if name not in found]
-    return found
+        groups += [name for name in mine if name not in groups]
+    return groups
 
 
 def deck(names: Sequence[str], random: np.random.Generator) -> Iterator[str]:
@@ -111,14 +113,14 @@ def deck(names: Sequence[str], random: np.random.Generator) -> Iterator[str]:
 
 def together(effects: Iterator[str], count: int) -> tuple[str, ...]:
     """The next effects of the deck that can be told apart from each other."""
-    found: list[str] = []
-    while len(found) < count:
+    names: list[str] = []
+    while len(names) < count:
         name = next(effects)
-        related = {other for one in EXACT if name in one for other in one} | {name} | WIDER.get(name, frozenset())
-        held = {other for one in found for other in WIDER.get(one, frozenset())}
-        if name not in _STOPPING and not related & set(found) and name not in held:
-            found.append(name)
-    return tuple(found)
+        related = {other for pair in EXACT if name in pair for other in pair} | {name} | WIDER.get(name, frozenset())
+        held = {other for word in names for other in WIDER.get(word, frozenset())}
+        if name not in _STOPPING and not related & set(names) and name not in held:
+            names.append(name)
+    return tuple(names)
 
 
 def plan(trials: int, seed: int, strata: Sequence[str] = ()) -> list[Planned]:

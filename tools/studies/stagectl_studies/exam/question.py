@@ -68,12 +68,12 @@ def diagnosed(place: Place, planned: Planned, manner: Manner) -> str:
     return failure
 
 
-def baselines(place: Place, planned: Planned, manner: Manner, told: Sequence[str] = ()) -> str:
+def baselines(place: Place, planned: Planned, manner: Manner, names: Sequence[str] = ()) -> str:
     """The baselines that are told nothing or, where the truth is `told`, the oracle."""
-    place = place._replace(out=TOLD) if told else place
-    words = [str(place.folder / CAPTURES), str(place.folder / place.out), *([ORACLE] if told else BLIND)]
-    words += ["--exclude", ",".join(planned.exclude)] if planned.exclude and not told else []
-    words += ["--told", ",".join(told)] if told else []
+    place = place._replace(out=TOLD) if names else place
+    words = [str(place.folder / CAPTURES), str(place.folder / place.out), *([ORACLE] if names else BLIND)]
+    words += ["--exclude", ",".join(planned.exclude)] if planned.exclude and not names else []
+    words += ["--told", ",".join(names)] if names else []
     return asked(place, "stagectl_studies.baselines", words, manner)
 
 

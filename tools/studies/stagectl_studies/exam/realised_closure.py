@@ -37,9 +37,9 @@ def known_rows(position: Floats) -> slice:
     return slice(int(beyond[0]) if beyond.size else 0, None)
 
 
-def held_out(told: Mapping[str, Any], arrays: Arrays) -> list[str]:
+def held_out(truth: Mapping[str, Any], arrays: Arrays) -> list[str]:
     """Names of the held-out captures."""
-    return [file for file in told["noise_free"] if f"nominal/{first(file)}" in arrays]
+    return [file for file in truth["noise_free"] if f"nominal/{first(file)}" in arrays]
 
 
 def first(file: str) -> str:
@@ -47,11 +47,11 @@ def first(file: str) -> str:
     return f"{file.rsplit('-', 1)[0]}-1.csv"
 
 
-def left(told: Mapping[str, Any], arrays: Arrays, simulated: Mapping[str, Floats]) -> float:
+def left(truth: Mapping[str, Any], arrays: Arrays, simulated: Mapping[str, Floats]) -> float:
     """Root mean square over all held-out captures of `simulated` (by file) less the withheld run, rad."""
     total, count = 0.0, 0
-    for file in held_out(told, arrays):
-        clean = arrays[f"position/{told['noise_free'][file]}"]
+    for file in held_out(truth, arrays):
+        clean = arrays[f"position/{truth['noise_free'][file]}"]
         rows = known_rows(clean)
         difference = (simulated[file] - clean)[rows]
         squares = float(np.sum(difference * difference))  # not @: BLAS adds in another order with more threads
@@ -62,20 +62,20 @@ def left(told: Mapping[str, Any], arrays: Arrays, simulated: Mapping[str, Floats
 def predicted(folder: Path, files: list[str]) -> dict[str, Floats] | None:
     """Predicted positions by file, rad; None where one is missing or is no prediction."""
     try:
-        found = {file: column(folder / file, "position_rad") for file in files}
+        positions = {file: column(folder / file, "position_rad") for file in files}
     except (OSError, KeyError, ValueError):
         return None
-    return found if all(np.isfinite(one).all() for one in found.values()) else None
+    return positions if all(np.isfinite(position).all() for position in positions.values()) else None
 
 
-def gaps(told: Mapping[str, Any], arrays: Arrays, folder: Path, captures: Path) -> dict[str, float | None]:
+def gaps(truth: Mapping[str, Any], arrays: Arrays, folder: Path, captures: Path) -> dict[str, float | None]:
     """Gap before and after and the repeats' floor (rad), closure and factor; without predictions nothing closes."""
-    files = held_out(told, arrays)
-    before = left(told, arrays, {file: arrays[f"nominal/{first(file)}"] for file in files})
+    files = held_out(truth, arrays)
+    before = left(truth, arrays, {file: arrays[f"nominal/{first(file)}"] for file in files})
     simulated = predicted(folder, files)
-    whole = {file: arrays[f"position/{told['noise_free'][file]}"].size for file in files}
+    whole = {file: arrays[f"position/{truth['noise_free'][file]}"].size for file in files}
     fits = simulated is not None and all(simulated[file].size == whole[file] for file in files)
-    after = left(told, arrays, simulated) if simulated is not None and fits else before
-    floor = left(told, arrays, {file: column(captures / file, "position_rad") for file in files})
+    after = left(truth, arrays, simulated) if simulated is not None and fits else before
+    floor = left(truth, arrays, {file: column(captures / file, "position_rad") for file in files})
     closure = 1.0 - (after / before) ** 2 if before > 0.0 else None
     return {"before": before, "after": after, "floor": floor, "closure": closure}

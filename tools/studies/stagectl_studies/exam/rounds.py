@@ -47,7 +47,7 @@ class Said(NamedTuple):
 def held(place: Place, planned: Planned, manner: Manner, seal: Seal) -> Said:
     """The rounds after the first answer; each answer is sealed when it is in."""
     trial = drawn(planned, manner.short)
-    found: list[Round] = []
+    rounds: list[Round] = []
     for number in range(1, ROUNDS + 1):
         try:
             wanted = asked_for(place, manner, number)
@@ -55,14 +55,14 @@ def held(place: Place, planned: Planned, manner: Manner, seal: Seal) -> Said:
                 break
             trial = ran(trial, wanted, place.folder / CAPTURES)
         except RefusedError as error:
-            return Said(tuple(found), f"experiment {number} was not run: {error}")
+            return Said(tuple(rounds), f"experiment {number} was not run: {error}")
         place = place._replace(out=f"{ANSWER}-{number}")
         failure = diagnosed(place, planned, manner)
         seal.answered(place.folder / place.out)
-        found.append(Round(wanted.name, place.out, failure))
+        rounds.append(Round(wanted.name, place.out, failure))
         if failure:
             break
-    return Said(tuple(found))
+    return Said(tuple(rounds))
 
 
 def asked_for(place: Place, manner: Manner, number: int) -> Wanted | None:
@@ -99,5 +99,5 @@ def scored(labels: bytes, place: Place, rounds: Sequence[Round]) -> list[Record]
 def _scored(labels: bytes, place: Place, one: Round) -> Record:
     folder = place.folder / one.out
     answer = None if one.failure else scoring.read(folder / "answer.json")
-    found = scoring.strictly(labels, answer, folder / "predictions", place.folder / CAPTURES)
-    return {"experiment": one.experiment, "failure": one.failure, **found}
+    record = scoring.strictly(labels, answer, folder / "predictions", place.folder / CAPTURES)
+    return {"experiment": one.experiment, "failure": one.failure, **record}

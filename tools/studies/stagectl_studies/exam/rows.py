@@ -50,8 +50,8 @@ def median(name: str, values: Sequence[float], asked: Asked = Asked()) -> Row:  
     return _row(name, intervals.median(values), len(values), "median", asked)
 
 
-def _row(name: str, found: tuple[float, float, float], count: int, kind: str, asked: Asked) -> Row:
-    value, low, high = (one if math.isfinite(one) else None for one in found)
+def _row(name: str, interval: tuple[float, float, float], count: int, kind: str, asked: Asked) -> Row:
+    value, low, high = (end if math.isfinite(end) else None for end in interval)
     return Row(name, value, low, high, count, kind, asked.target, asked.must, asked.most, _reached(value, asked))
 
 
@@ -62,7 +62,7 @@ def _reached(value: float | None, asked: Asked) -> str:
     return "target" if side(asked.target) else "must" if side(asked.must) else "no"
 
 
-def is_open(one: Record, factor: float = 1.0) -> bool:
+def is_open(record: Record, factor: float = 1.0) -> bool:
     """Whether there is a gap to close: above so many floors, and not of another controller."""
-    gap = one["gap"]
-    return bool(one["truth"]["hidden"] != ["controller"] and gap["before"] > factor * gap["floor"])
+    gap = record["gap"]
+    return bool(record["truth"]["hidden"] != ["controller"] and gap["before"] > factor * gap["floor"])

@@ -59,15 +59,15 @@ class Truth(NamedTuple):
     nameable: bool = True  # False: on no list, or left out of it
 
 
-def truth_of(told: Mapping[str, Any]) -> Truth:
+def truth_of(truth: Mapping[str, Any]) -> Truth:
     """From truth.json."""
-    effects = told["effects"]
+    effects = truth["effects"]
     return Truth(
-        tuple(one["name"] for one in effects if not one["companion"]),
-        tuple(one["name"] for one in effects if one["companion"]),
-        tuple(name for name, ratio in told["nominal_over_plain"].items() if abs(ratio - 1.0) > OFF),
-        told["stratum"] == "poor",
-        told["stratum"] not in ("alien", "left-out"),
+        tuple(effect["name"] for effect in effects if not effect["companion"]),
+        tuple(effect["name"] for effect in effects if effect["companion"]),
+        tuple(name for name, ratio in truth["nominal_over_plain"].items() if abs(ratio - 1.0) > OFF),
+        truth["stratum"] == "poor",
+        truth["stratum"] not in ("alien", "left-out"),
     )
 
 
@@ -77,13 +77,13 @@ def entries(answer: Mapping[str, Any]) -> list[Entry]:
         return [Entry("controller", (), 1.0, False)]
     return [
         Entry(
-            one["name"],
-            tuple(one.get("alternatives", ())),
-            float(one["probability"]),
-            bool(one.get("parameter", False)),
-            (one.get("parameters", {}).get("change") or {}).get("value"),
+            effect["name"],
+            tuple(effect.get("alternatives", ())),
+            float(effect["probability"]),
+            bool(effect.get("parameter", False)),
+            (effect.get("parameters", {}).get("change") or {}).get("value"),
         )
-        for one in answer.get("effects", [])
+        for effect in answer.get("effects", [])
     ]
 
 
@@ -101,14 +101,14 @@ def any_same(names: Iterable[str], poor: bool) -> frozenset[str]:
 
 def with_common_scale(named: Sequence[Entry]) -> list[Entry]:
     """The entries, a common change of inertia, viscous and Coulomb friction as the one entry that it is."""
-    mine = [one for one in named if one.parameter and one.name in SCALED and one.change is not None]
-    changes = [one.change for one in mine if one.change is not None]
-    if {one.name for one in mine} != SCALED or max(changes) - min(changes) > COMMON:
+    mine = [entry for entry in named if entry.parameter and entry.name in SCALED and entry.change is not None]
+    changes = [entry.change for entry in mine if entry.change is not None]
+    if {entry.name for entry in mine} != SCALED or max(changes) - min(changes) > COMMON:
         return list(named)
     first = named.index(mine[0])
-    one = Entry("force_constant", ("current_gain",), min(e.probability for e in mine), True)
+    scale = Entry("force_constant", ("current_gain",), min(e.probability for e in mine), True)
     rest = [other for other in named if other not in mine]
-    return [*rest[:first], one, *rest[first:]]
+    return [*rest[:first], scale, *rest[first:]]
 
 
 def considered(truth: Truth, named: Sequence[Entry]) -> list[Entry]:
@@ -118,13 +118,13 @@ def considered(truth: Truth, named: Sequence[Entry]) -> list[Entry]:
         named = with_common_scale(named)
     beside = {*truth.companions} - hidden
     shifts = {*truth.offsets} - hidden
-    return [one for one in named if one.name not in beside and not (one.parameter and one.name in shifts)]
+    return [entry for entry in named if entry.name not in beside and not (entry.parameter and entry.name in shifts)]
 
 
 def found(truth: Truth, named: Sequence[Entry]) -> list[bool]:
     """Whether each hidden effect stands in an entry, each in an entry of its own: the best such assignment."""
     wanted = [same(name, truth.poor) for name in truth.hidden]
-    held = [frozenset({one.name, *one.alternatives}) for one in named]
+    held = [frozenset({entry.name, *entry.alternatives}) for entry in named]
 
     def best(k: int, free: frozenset[int]) -> list[bool]:
         if k == len(wanted):

@@ -65,10 +65,10 @@ def finished(root: Path, number: int) -> dict[str, Any] | None:
     """The record of a trial that was held before; None where there is none."""
     path = folder_of(root, number) / RECORD
     try:
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        answer: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found
+    return answer
 
 
 def finished_job(job: Job) -> dict[str, Any] | None:
@@ -101,21 +101,21 @@ def _sat(root: Path, job: Job) -> dict[str, Any]:
     del labels
     clock("staging")
     with taken(root, job.manner.threads) as cores:
-        found = _answered(Place(root, folder, cores), job, seal, clock)
+        record = _answered(Place(root, folder, cores), job, seal, clock)
     if not job.manner.keep:
         shutil.rmtree(folder / CAPTURES)
-    return _kept(folder, planned, found, clock.times)
+    return _kept(folder, planned, record, clock.times)
 
 
 def _answered(place: Place, job: Job, seal: Seal, clock: Clock) -> dict[str, Any]:
-    found = judged(place, seal, _said(place, job, seal, clock))
-    if job.manner.baselines and found["state"] != VOID:
-        effects = [one["name"] for one in found["truth"]["effects"]]
+    record = judged(place, seal, _said(place, job, seal, clock))
+    if job.manner.baselines and record["state"] != VOID:
+        effects = [effect["name"] for effect in record["truth"]["effects"]]
         failure = baselines(place, job.planned, job.manner, effects or ["none"])
-        found["reasons"] += [failure] if failure else []
-        found["baselines"] |= scoring.beside(seal.again(), place.folder, (TOLD, (ORACLE,)))
+        record["reasons"] += [failure] if failure else []
+        record["baselines"] |= scoring.beside(seal.again(), place.folder, (TOLD, (ORACLE,)))
     clock("scoring")
-    return found
+    return record
 
 
 def _said(place: Place, job: Job, seal: Seal, clock: Clock) -> Said:
@@ -135,8 +135,8 @@ def _said(place: Place, job: Job, seal: Seal, clock: Clock) -> Said:
     return later._replace(rounds=(first, *later.rounds), beside=beside)
 
 
-def _kept(folder: Path, planned: Planned, found: Mapping[str, Any], times: Mapping[str, float]) -> dict[str, Any]:
-    made = {"number": planned.number, "stratum": planned.stratum, "sources": _version(), **found}
+def _kept(folder: Path, planned: Planned, record: Mapping[str, Any], times: Mapping[str, float]) -> dict[str, Any]:
+    made = {"number": planned.number, "stratum": planned.stratum, "sources": _version(), **record}
     _write(folder / TIMES, times)
     _write(folder / RECORD, made)  # the last file: with it the trial is finished
     return made
@@ -169,15 +169,15 @@ def _scored(labels: bytes, place: Place, said: Said) -> dict[str, Any]:
     """The first answer's record; beside it, where more could be asked for, how right each answer was."""
     folder, failure = place.folder, said.rounds[0].failure
     answer = None if failure else scoring.read(folder / ANSWER / "answer.json")
-    found = scoring.record(labels, answer, folder / ANSWER / "predictions", folder / CAPTURES)
+    record = scoring.record(labels, answer, folder / ANSWER / "predictions", folder / CAPTURES)
     state = SCORED if answer is not None else FAILED
     why = [failure or "no answer"] if answer is None else []
     why += [f"after {one.experiment}: {one.failure}" for one in said.rounds[1:] if one.failure]
-    if found["stratum"] in rounds.STRATA:
-        found["rounds"] = rounds.scored(labels, place, said.rounds)
+    if record["stratum"] in rounds.STRATA:
+        record["rounds"] = rounds.scored(labels, place, said.rounds)
     why += filter(None, [said.refused, said.beside])
     beside = scoring.beside(labels, folder, (ANSWER, BLIND)) if said.beside is not None else {}
-    return {"state": state, "reasons": why, **found, "baselines": beside}
+    return {"state": state, "reasons": why, **record, "baselines": beside}
 
 
 def _lines(path: Path) -> list[str]:

@@ -52,34 +52,34 @@ def caches() -> tuple[str, ...]:
     """Where libraries keep what they have made, and devices: written by whoever runs."""
     chosen = [os.environ.get("XDG_CACHE_HOME"), os.environ.get("NUMBA_CACHE_DIR"), os.environ.get("MPLCONFIGDIR")]
     folders = (str(Path.home() / ".cache"), str(Path.home() / ".config"), *filter(None, chosen), "/dev")
-    return tuple(dict.fromkeys(os.path.realpath(one) for one in folders))
+    return tuple(dict.fromkeys(os.path.realpath(folder) for folder in folders))
 
 
 def known_folders() -> tuple[str, ...]:
     """Where interpreter, libraries and this package lie."""
     packages = (Path(file).resolve().parent for file in (stagectl.__file__, stagectl_studies.__file__))
     libraries = [*sysconfig.get_paths().values(), *site.getsitepackages(), sys.prefix, sys.base_prefix]
-    return tuple(dict.fromkeys(os.path.realpath(one) for one in (*map(str, packages), *libraries, *SYSTEM))) + PROC
+    return tuple(dict.fromkeys(os.path.realpath(path) for path in (*map(str, packages), *libraries, *SYSTEM))) + PROC
 
 
 def rules(own: Sequence[str], out: Sequence[str], closed: Sequence[str]) -> Rules:
     """The rules of one diagnosis; the exam's own code is closed to it."""
     code = [str(Path(stagectl_studies.__file__).resolve().parent / room) for room in ("exam", "machine")]
-    mine, writable = (tuple(os.path.realpath(one) for one in each) for each in (own, out))
-    path = tuple(os.path.realpath(one) for one in (*sys.path, __file__))
+    mine, writable = (tuple(os.path.realpath(place) for place in each) for each in (own, out))
+    path = tuple(os.path.realpath(place) for place in (*sys.path, __file__))
     known = (*known_folders(), *_metadata(path))
-    shut = (*(os.path.realpath(one) for one in closed), *code)
+    shut = (*(os.path.realpath(place) for place in closed), *code)
     return Rules(mine, (*writable, *caches()), shut, known, path)
 
 
 def _metadata(path: Sequence[str]) -> list[str]:
     """What packages say of themselves, where libraries look for plug-ins; an editable install has it in its tree."""
-    return [str(found) for one in path for kind in ("*.dist-info", "*.egg-info") for found in Path(one).glob(kind)]
+    return [str(found) for place in path for kind in ("*.dist-info", "*.egg-info") for found in Path(place).glob(kind)]
 
 
 def inside(path: str, folders: Sequence[str]) -> bool:
     """Whether a path is one of the folders or lies below it."""
-    return any(path == one or path.startswith(one.rstrip("/") + "/") for one in folders)
+    return any(path == folder or path.startswith(folder.rstrip("/") + "/") for folder in folders)
 
 
 def allowed(path: str, p: Rules, writing: bool = False) -> bool:
@@ -113,8 +113,8 @@ def _forbidden(p: Rules, event: str, arguments: tuple[Any, ...]) -> str:
     """The first path of an event that may not be touched so; empty where there is none."""
     writing = event in WRITTEN or (event == "open" and isinstance(arguments[2], int) and bool(arguments[2] & _WRITING))
     given = [arguments[place] for place in (READ | WRITTEN).get(event, ())]
-    named = [one for one in given if isinstance(one, (str, bytes, os.PathLike))]
-    paths = [os.path.realpath(os.fsdecode(one)) for one in named]
+    named = [path for path in given if isinstance(path, (str, bytes, os.PathLike))]
+    paths = [os.path.realpath(os.fsdecode(entry)) for entry in named]
     return next((path for path in paths if not allowed(path, p, writing)), "")
 
 

@@ -22,7 +22,7 @@ def record(labels: bytes, answer: Mapping[str, Any] | None, predictions: Path, c
     truth, said = rules.truth_of(told), answer or {}
     predictions = predictions if answer is not None else NOWHERE
     every = rules.entries(said)
-    named = [one for one in every if one.probability >= rules.NAMED]
+    named = [entry for entry in every if entry.probability >= rules.NAMED]
     left = rules.considered(truth, named)
     return {
         "stratum": told["stratum"],
@@ -41,7 +41,7 @@ def strictly(labels: bytes, answer: Mapping[str, Any] | None, predictions: Path,
     told, arrays = unpacked(labels)
     truth, said = rules.truth_of(told)._replace(poor=False), answer or {}
     predictions = predictions if answer is not None else NOWHERE
-    named = [one for one in rules.entries(said) if one.probability >= rules.NAMED]
+    named = [entry for entry in rules.entries(said) if entry.probability >= rules.NAMED]
     return {
         "answer": _answer(said, named),
         "naming": naming(truth, said, named, rules.considered(truth, named)),
@@ -52,10 +52,10 @@ def strictly(labels: bytes, answer: Mapping[str, Any] | None, predictions: Path,
 def read(path: Path) -> Record | None:
     """An answer; None where there is none."""
     try:
-        found: Record = json.loads(path.read_text(encoding="utf-8"))
+        answer: Record = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found
+    return answer
 
 
 def beside(labels: bytes, folder: Path, asked: tuple[str, Sequence[str]]) -> Record:
@@ -67,17 +67,17 @@ def beside(labels: bytes, folder: Path, asked: tuple[str, Sequence[str]]) -> Rec
     places = [(name, folder / where / name) for name in names]
     each = [(name, place, read(place / "answer.json")) for name, place in places]
     records = [(name, record(labels, said, place / "predictions", folder / "captures")) for name, place, said in each]
-    return {name: {part: one[part] for part in ("naming", "gap")} for name, one in records}
+    return {name: {part: trial_record[part] for part in ("naming", "gap")} for name, trial_record in records}
 
 
-def _truth(told: Mapping[str, Any], truth: Truth) -> Record:
+def _truth(labels: Mapping[str, Any], truth: Truth) -> Record:
     kept = ("name", "scale", "realised_scale", "companion", "share")
     return {
-        "effects": [{name: one[name] for name in kept} for one in told["effects"]],
+        "effects": [{name: effect[name] for name in kept} for effect in labels["effects"]],
         "hidden": list(truth.hidden),
         "offsets": list(truth.offsets),
-        "law": told["law"],
-        "exclude": told["exclude"],
+        "law": labels["law"],
+        "exclude": labels["exclude"],
     }
 
 
@@ -85,8 +85,8 @@ def _answer(said: Mapping[str, Any], named: Sequence[Entry]) -> Record:
     following = said.get("next_experiment")
     return {
         "verdict": said.get("verdict", "failed"),
-        "named": [[one.name, *one.alternatives] for one in named],
-        "probability": [one.probability for one in named],
+        "named": [[entry.name, *entry.alternatives] for entry in named],
+        "probability": [entry.probability for entry in named],
         "next_experiment": following["name"] if following else None,
         "separates": list(following["separates"]) if following else [],
     }
@@ -95,11 +95,11 @@ def _answer(said: Mapping[str, Any], named: Sequence[Entry]) -> Record:
 def naming(truth: Truth, said: Mapping[str, Any], named: Sequence[Entry], left: Sequence[Entry]) -> Record:
     """Alarms, ranks and sets; see `rules`."""
     verdict = str(said.get("verdict", "failed"))
-    effects = [one for one in left if not one.parameter]
+    effects = [entry for entry in left if not entry.parameter]
     beyond = verdict not in ("none", "parameters", "effects", "failed")
     hidden = rules.any_same(truth.hidden, truth.poor)
-    others = [one for one in left if not one.parameter or one.name in hidden]
-    sets = [one for one in named if not one.parameter]
+    others = [entry for entry in left if not entry.parameter or entry.name in hidden]
+    sets = [entry for entry in named if not entry.parameter]
     hits = rules.found(truth, left)
     return {
         "top": rules.top(said, left),
@@ -120,24 +120,24 @@ def naming(truth: Truth, said: Mapping[str, Any], named: Sequence[Entry], left: 
 def probabilities(truth: Truth, every: Sequence[Entry]) -> list[list[float]]:
     """Pairs (probability, 1 where it is so else 0): each entry, and each nameable effect that none has with 0."""
     true = rules.any_same((*truth.hidden, *truth.companions, *truth.offsets), truth.poor)
-    said = {one.name for one in every}
+    said = {entry.name for entry in every}
     missed = [name for name in truth.hidden if truth.nameable and not rules.same(name, truth.poor) & said]
-    return [[one.probability, float(one.name in true)] for one in every] + [[0.0, 1.0] for _ in missed]
+    return [[entry.probability, float(entry.name in true)] for entry in every] + [[0.0, 1.0] for _ in missed]
 
 
 def _where(told: Mapping[str, Any], arrays: Mapping[str, Any], said: Mapping[str, Any], truth: Truth) -> Record | None:
     if not truth.hidden:
         return None
     where = said.get("where", {})
-    found = spans.judged(told, arrays, where.get("captures", []))
+    judgement = spans.judged(told, arrays, where.get("captures", []))
     blocks = {name: share for name, share in where.get("blocks", {}).items() if share is not None}
     largest = max(blocks, key=lambda name: blocks[name]) if blocks else ""
     ranked = sorted(where.get("coordinates", []), key=lambda one: -(one["share"] or 0.0))
-    right = {block for one in told["effects"] for block in rules.BLOCKS[one["seen_in"]]}
-    wanted = {name for one in truth.hidden for name in rules.COORDINATES.get(one, ())}
+    right = {block for effect in told["effects"] for block in rules.BLOCKS[effect["seen_in"]]}
+    wanted = {name for effect in truth.hidden for name in rules.COORDINATES.get(effect, ())}
     coordinate = ranked[0]["name"] if ranked else ""
     return {
-        **found,
+        **judgement,
         "block": largest,
         "block_right": largest in right,
         "coordinate": coordinate,
@@ -146,8 +146,8 @@ def _where(told: Mapping[str, Any], arrays: Mapping[str, Any], said: Mapping[str
 
 
 def _gap(
-    told: Mapping[str, Any], arrays: Mapping[str, Any], said: Mapping[str, Any], places: tuple[Path, Path]
+    truth: Mapping[str, Any], arrays: Mapping[str, Any], said: Mapping[str, Any], places: tuple[Path, Path]
 ) -> Record:
-    found = realised_closure.gaps(told, arrays, *places)
+    gaps = realised_closure.gaps(truth, arrays, *places)
     gap = said.get("gap", {})
-    return {**found, "stated": gap.get("closure"), "predicted": gap.get("predicted")}
+    return {**gaps, "stated": gap.get("closure"), "predicted": gap.get("predicted")}

@@ -71,7 +71,7 @@ class Seal:
 
     def opened(self) -> bytes:
         """The labels; raises SealError before the answer is fixed, or where they are not those that were sealed."""
-        events = [one["event"] for one in _read(self.folder)]
+        events = [entry["event"] for entry in _read(self.folder)]
         _enter(self.folder, OPENED, self._salt.hex())
         if ANSWERED not in events:
             raise SealError("the truth was opened before the answer was sealed")
@@ -95,20 +95,20 @@ def broken(folder: Path, answers: Sequence[Path], register: Path) -> list[str]:
     """
     try:
         events = _read(folder)
-        found = _order(events, len(answers))
-        if not found:
-            found = _contents(folder, answers, events, registered(register).get(folder.name))
+        complaint = _order(events, len(answers))
+        if not complaint:
+            complaint = _contents(folder, answers, events, registered(register).get(folder.name))
     except (OSError, ValueError, KeyError, TypeError) as error:
         return [f"the journal cannot be read: {type(error).__name__}: {error}"]
-    return found
+    return complaint
 
 
 def _order(events: Sequence[dict[str, Any]], answers: int) -> list[str]:
     names, chain = [one["event"] for one in events], ""
-    for one in events:
-        chain = _link(chain, one["event"], one["sha256"])
-        if chain != one["chain"]:
-            return [f"the entry '{one['event']}' of the journal was changed"]
+    for event in events:
+        chain = _link(chain, event["event"], event["sha256"])
+        if chain != event["chain"]:
+            return [f"the entry '{event['event']}' of the journal was changed"]
     if OPENED in names and (ANSWERED not in names or names.index(OPENED) < names.index(ANSWERED)):
         return ["the truth was opened before the answer was sealed"]
     wanted = [SEALED, *[ANSWERED] * answers, OPENED]
@@ -116,20 +116,20 @@ def _order(events: Sequence[dict[str, Any]], answers: int) -> list[str]:
 
 
 def _contents(folder: Path, answers: Sequence[Path], events: Sequence[dict[str, Any]], known: str | None) -> list[str]:
-    sealed, *answered, salt = (one["sha256"] for one in events)
-    key, found = bytes.fromhex(salt), []
+    sealed, *answered, salt = (event["sha256"] for event in events)
+    key, complaints = bytes.fromhex(salt), []
     if digest(key, enciphered((folder / LABELS).read_bytes(), key)) != sealed:
-        found.append("the labels are not those that were sealed")
+        complaints.append("the labels are not those that were sealed")
     if known != sealed:
-        found.append("the hash of the labels is not that in the exam's register")
+        complaints.append("the hash of the labels is not that in the exam's register")
     changed = [path.name for path, known in zip(answers, answered, strict=True) if answer_digest(path) != known]
-    return [*found, *(f"the {name} is not the one that was sealed" for name in changed)]
+    return [*complaints, *(f"the {name} is not the one that was sealed" for name in changed)]
 
 
 def registered(register: Path) -> dict[str, str]:
     """Hash of the labels by trial; of a trial that was begun again the last."""
     lines = [json.loads(line) for line in register.read_text(encoding="utf-8").splitlines() if line.endswith("}")]
-    return {one["trial"]: one["sha256"] for one in lines}
+    return {line["trial"]: line["sha256"] for line in lines}
 
 
 def _link(before: str, event: str, content: str) -> str:
@@ -143,8 +143,8 @@ def _enter(folder: Path, event: str, content: str) -> None:
 
 
 def _read(folder: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads((folder / JOURNAL).read_text(encoding="utf-8"))
-    return found
+    answer: list[dict[str, Any]] = json.loads((folder / JOURNAL).read_text(encoding="utf-8"))
+    return answer
 
 
 def _write(folder: Path, events: list[dict[str, Any]]) -> None:

@@ -21,23 +21,25 @@ def rows_of(spans: Sequence[Sequence[float]], n: int) -> Flags:
     return flags
 
 
-def open_rows(told: Mapping[str, Any], arrays: Mapping[str, Any], file: str) -> Flags:
+def open_rows(truth: Mapping[str, Any], arrays: Mapping[str, Any], file: str) -> Flags:
     """Rows of one capture where any hidden effect acts."""
-    source = told["noise_free"][file]
-    each = [arrays[f"where/{one['name']}/{source}"] for one in told["effects"]]
+    source = truth["noise_free"][file]
+    each = [arrays[f"where/{effect['name']}/{source}"] for effect in truth["effects"]]
     return np.asarray(np.logical_or.reduce(each), dtype=np.bool_)
 
 
-def judged(told: Mapping[str, Any], arrays: Mapping[str, Any], captures: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def judged(
+    truth: Mapping[str, Any], arrays: Mapping[str, Any], captures: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
     """Precision, recall and F1 of the answer's spans; captures for diagnosis that it does not list count as closed.
 
     `everywhere`: F1 of an answer that calls all rows open, which an answer has to surpass.
     """
-    listed = {one["file"]: one["spans"] for one in captures}
-    files = [file for file in told["noise_free"] if file in listed or not file.startswith("held-")]
+    listed = {capture["file"]: capture["spans"] for capture in captures}
+    files = [file for file in truth["noise_free"] if file in listed or not file.startswith("held-")]
     both = said = true = whole = 0
     for file in files:
-        actual = open_rows(told, arrays, file)
+        actual = open_rows(truth, arrays, file)
         flags = rows_of(listed.get(file, ()), actual.size)
         both, said, true = both + int((actual & flags).sum()), said + int(flags.sum()), true + int(actual.sum())
         whole += actual.size

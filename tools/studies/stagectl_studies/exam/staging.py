@@ -50,11 +50,11 @@ def staged(planned: Planned, folder: Path, short: bool) -> bytes:
     except RuntimeError as error:
         raise ExamError(f"trial {planned.number}: {error}") from error
     sealed = folder / "sealed"
-    told = json.loads((sealed / "truth.json").read_text(encoding="utf-8"))
+    answer = json.loads((sealed / "truth.json").read_text(encoding="utf-8"))
     with np.load(sealed / "truth.npz") as arrays:
         everything = {name: arrays[name] for name in arrays.files} | nominal(trial)
     shutil.rmtree(sealed)
-    return packed({**told, "stratum": planned.stratum, "exclude": list(planned.exclude)}, everything)
+    return packed({**answer, "stratum": planned.stratum, "exclude": list(planned.exclude)}, everything)
 
 
 def nominal(trial: Trial) -> dict[str, Floats]:
@@ -63,24 +63,28 @@ def nominal(trial: Trial) -> dict[str, Floats]:
     law = Law(MAXWELL, weight / weight.sum(), 1.0 / slip)
     body = Body(trial.model.inertia, trial.model.viscous, float(weight.sum()), 0.0)
     rig = Rig(ideal(Machine(law, body)), trial.loop)
-    held = [one for one in trial.captures if one.experiment.use == "held-out" and one.file == first(one.file)]
-    found = {}
-    for one in held:
-        rows = trial.rows[one.experiment.name]
-        trace = simulated(rig.machine, rig.loop, rows, silent(rows.target.size), Setting(start=one.start))
-        found[f"nominal/{one.file}"] = trace.position
-    return found
+    held = [
+        captured
+        for captured in trial.captures
+        if captured.experiment.use == "held-out" and captured.file == first(captured.file)
+    ]
+    columns = {}
+    for capture in held:
+        rows = trial.rows[capture.experiment.name]
+        trace = simulated(rig.machine, rig.loop, rows, silent(rows.target.size), Setting(start=capture.start))
+        columns[f"nominal/{capture.file}"] = trace.position
+    return columns
 
 
-def packed(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> bytes:
+def packed(truth: Mapping[str, Any], arrays: Mapping[str, Any]) -> bytes:
     """Truth and arrays as one zip, the same content the same bytes."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as file:
-        _entry(file, "truth.json", json.dumps(told).encode())
+        _entry(file, "truth.json", json.dumps(truth).encode())
         for name, values in arrays.items():
-            one = io.BytesIO()
-            np.save(one, values)
-            _entry(file, name, one.getvalue())
+            archive = io.BytesIO()
+            np.save(archive, values)
+            _entry(file, name, archive.getvalue())
     return buffer.getvalue()
 
 
@@ -93,6 +97,6 @@ def _entry(file: zipfile.ZipFile, name: str, content: bytes) -> None:
 def unpacked(labels: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
     """Truth and arrays."""
     with zipfile.ZipFile(io.BytesIO(labels)) as file:
-        told = json.loads(file.read("truth.json"))
+        answer = json.loads(file.read("truth.json"))
         arrays = {name: np.load(io.BytesIO(file.read(name))) for name in file.namelist() if name != "truth.json"}
-    return told, arrays
+    return answer, arrays

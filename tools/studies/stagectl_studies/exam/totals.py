@@ -22,13 +22,19 @@ LARGE = 10.0  # times the floor: a gap from which the factor counts
 
 def totals(records: Sequence[Record]) -> Record:
     """Everything that the exam says, without any time in it."""
-    counted = [one for one in records if one["state"] != VOID]
+    counted = [record for record in records if record["state"] != VOID]
     known = limits(singles(counted))
     return {
         "trials": len(records),
-        "void": [{"number": one["number"], "reasons": one["reasons"]} for one in records if one["state"] == VOID],
-        "failed": [{"number": one["number"], "reasons": one["reasons"]} for one in records if one["state"] == FAILED],
-        "strata": dict(sorted(Counter(one["stratum"] for one in counted).items())),
+        "void": [
+            {"number": record["number"], "reasons": record["reasons"]} for record in records if record["state"] == VOID
+        ],
+        "failed": [
+            {"number": record["number"], "reasons": record["reasons"]}
+            for record in records
+            if record["state"] == FAILED
+        ],
+        "strata": dict(sorted(Counter(record["stratum"] for record in counted).items())),
         "rows": [row._asdict() for row in rows(counted, known)],
         "limits": known,
         "classes": classes(counted, known),
@@ -36,7 +42,7 @@ def totals(records: Sequence[Record]) -> Record:
         "confusion": confusion(counted),
         "reliability": reliability(counted),
         "oracle_ratios": oracle_ratios(counted),
-        "beside": beside(counted, [one for one in singles_of(counted) if beyond(one, known)]),
+        "beside": beside(counted, [single for single in singles_of(counted) if beyond(single, known)]),
     }
 
 
@@ -44,9 +50,9 @@ def rows(records: Sequence[Record], known: Mapping[str, float]) -> list[Row]:
     """The table of section 7 of the design, and what stands behind it."""
     group = _groups(records)
     single = group["single"]
-    clear = [one for one in single if beyond(one, dict(known))]
-    placed = [one for one in (*clear, *group["pair"], *group["triple"]) if one["where"] is not None]
-    full = [one for one in records if one["stratum"] not in ("left-out", "alien", "poor")]
+    clear = [record for record in single if beyond(record, dict(known))]
+    placed = [record for record in (*clear, *group["pair"], *group["triple"]) if record["where"] is not None]
+    full = [record for record in records if record["stratum"] not in ("left-out", "alien", "poor")]
     return [
         *_nulls(group),
         rate("single effect, top-1 at >= 2x its limit", _naming(clear, "top1"), Asked(0.92, 0.85)),
@@ -61,29 +67,29 @@ def rows(records: Sequence[Record], known: Mapping[str, float]) -> list[Row]:
         mean("  share of the answers that is right, pairs and triples", _precision(group)),
         *_unknowns(group, full),
         *_poor(group["poor"]),
-        mean("WHERE F1", [one["where"]["f1"] for one in placed], Asked(0.85, 0.75)),
-        mean("  single effects", [one["where"]["f1"] for one in placed if one in clear]),
+        mean("WHERE F1", [record["where"]["f1"] for record in placed], Asked(0.85, 0.75)),
+        mean("  single effects", [record["where"]["f1"] for record in placed if record in clear]),
         mean("  of one who calls all rows open", _everywhere(placed)),
-        rate("  block of the loop", [bool(one["where"]["block_right"]) for one in placed]),
+        rate("  block of the loop", [bool(record["where"]["block_right"]) for record in placed]),
         rate("  coordinate", _coordinates(placed)),
-        *_closures(clear, [one for one in records if one["truth"]["hidden"]]),
+        *_closures(clear, [record for record in records if record["truth"]["hidden"]]),
         mean("Brier score", _brier(records)),
     ]
 
 
 def singles_of(records: Sequence[Record]) -> list[Record]:
     """Trials with one effect, of any size."""
-    return [one for one in records if one["stratum"].startswith("single")]
+    return [record for record in records if record["stratum"].startswith("single")]
 
 
 def _groups(records: Sequence[Record]) -> dict[str, list[Record]]:
     nulls = ("null-exact", "null-parameters", "null-law", "null")
     names = (*nulls, "single", "pair", "triple", "left-out", "alien", "poor")
-    return {name: [one for one in records if one["stratum"].startswith(name)] for name in names}
+    return {name: [record for record in records if record["stratum"].startswith(name)] for name in names}
 
 
 def _naming(records: Iterable[Record], key: str) -> list[bool]:
-    return [bool(one["naming"][key]) for one in records]
+    return [bool(record["naming"][key]) for record in records]
 
 
 def _nulls(group: Mapping[str, list[Record]]) -> list[Row]:
@@ -99,72 +105,75 @@ def _nulls(group: Mapping[str, list[Record]]) -> list[Row]:
 
 def _sizes(records: Sequence[Record]) -> list[float]:
     """Mean size of the sets of each answer that names an effect."""
-    each = [one["naming"]["sizes"] for one in records]
+    each = [record["naming"]["sizes"] for record in records]
     return [sum(sizes) / len(sizes) for sizes in each if sizes]
 
 
 def _everywhere(records: Sequence[Record]) -> list[float]:
-    found = [one["where"].get("everywhere") for one in records]  # an exam begun before it was counted has none
-    return [one for one in found if one is not None]
+    scores = [record["where"].get("everywhere") for record in records]  # an exam begun before it was counted has none
+    return [score for score in scores if score is not None]
 
 
 def _brier(records: Sequence[Record]) -> list[float]:
     """Mean over the entries of each answer."""
-    each = [one["probabilities"] for one in records]
+    each = [record["probabilities"] for record in records]
     return [sum((p - y) ** 2 for p, y in pairs) / len(pairs) for pairs in each if pairs]
 
 
 def _precision(group: Mapping[str, list[Record]]) -> list[float]:
-    return [float(one["naming"]["precision"]) for one in (*group["pair"], *group["triple"])]
+    return [float(record["naming"]["precision"]) for record in (*group["pair"], *group["triple"])]
 
 
 def _unknowns(group: Mapping[str, list[Record]], full: Sequence[Record]) -> list[Row]:
     return [
         rate("effect left out: unknown", _naming(group["left-out"], "unknown"), Asked(0.85, 0.7)),
-        rate("  and no effect named beside it", [_nothing_else(one) for one in group["left-out"]]),
-        rate("  and its coordinate", _coordinates([one for one in group["left-out"] if one["naming"]["unknown"]])),
+        rate("  and no effect named beside it", [_nothing_else(record) for record in group["left-out"]]),
+        rate(
+            "  and its coordinate",
+            _coordinates([record for record in group["left-out"] if record["naming"]["unknown"]]),
+        ),
         rate("unknown where nothing is", _naming(full, "unknown"), Asked(0.08, 0.15, True)),
         rate("  alien effect: unknown", _naming(group["alien"], "unknown")),
     ]
 
 
-def _nothing_else(one: Record) -> bool:
-    return bool(one["naming"]["unknown"]) and not one["naming"]["sizes"]
+def _nothing_else(record: Record) -> bool:
+    return bool(record["naming"]["unknown"]) and not record["naming"]["sizes"]
 
 
 def _poor(poor: Sequence[Record]) -> list[Row]:
-    spoken = [one for one in poor if one["naming"]["alarm"]]
-    advised = [one["answer"]["next_experiment"] is not None for one in poor if not one["naming"]["covered"]]
+    spoken = [record for record in poor if record["naming"]["alarm"]]
+    advised = [record["answer"]["next_experiment"] is not None for record in poor if not record["naming"]["covered"]]
     return [
         rate("  poor battery, set holds the effect when it speaks", _naming(spoken, "covered")),
         rate("  poor battery, a next experiment where it does not know", advised),
-        *_asked_for([one["rounds"] for one in poor if "rounds" in one]),  # an exam begun before there were any
+        *_asked_for([record["rounds"] for record in poor if "rounds" in record]),  # an exam begun before there were any
     ]
 
 
 def _asked_for(trials: Sequence[Sequence[Record]]) -> list[Row]:
     """How often the answer is right after how many of the experiments it asked for; one that asks no more stands."""
-    found = []
+    lines = []
     for count, words in enumerate(("at once", "after one experiment", "after two experiments")):
-        then = [one[min(count, len(one) - 1)] for one in trials]
-        found.append(rate(f"  poor battery, named first {words}", _naming(then, "top1")))
-        found.append(rate(f"  poor battery, set holds the effect {words}", _naming(then, "covered")))
-    return [*found, mean("  poor battery, experiments run", [len(one) - 1.0 for one in trials])]
+        then = [trial[min(count, len(trial) - 1)] for trial in trials]
+        lines.append(rate(f"  poor battery, named first {words}", _naming(then, "top1")))
+        lines.append(rate(f"  poor battery, set holds the effect {words}", _naming(then, "covered")))
+    return [*lines, mean("  poor battery, experiments run", [len(trial) - 1.0 for trial in trials])]
 
 
 def _coordinates(records: Sequence[Record]) -> list[bool]:
-    known = [one["where"]["coordinate_right"] for one in records]
-    return [bool(one) for one in known if one is not None]
+    known = [record["where"]["coordinate_right"] for record in records]
+    return [bool(right) for right in known if right is not None]
 
 
 def _closures(clear: Sequence[Record], hidden: Sequence[Record]) -> list[Row]:
-    one = [each["gap"]["closure"] for each in clear if is_open(each)]
+    closures = [each["gap"]["closure"] for each in clear if is_open(each)]
     large = [_left(each, "before") / _left(each, "after") for each in hidden if is_open(each, LARGE)]
     foretold = [each for each in hidden if is_open(each) and each["gap"]["predicted"] is not None]
     missed = [100.0 * abs(each["gap"]["predicted"] - each["gap"]["closure"]) for each in foretold]
     ratios = oracle_ratios(hidden)
     return [
-        median("closure, single effect", one, Asked(0.95, 0.85)),
+        median("closure, single effect", closures, Asked(0.95, 0.85)),
         median("RMS factor, gap >= 10x floor", large, Asked(8.0, 5.0)),
         median("predicted against realised closure, points", missed, Asked(3.0, 6.0, True)),
         median("oracle ratio", ratios, Asked(1.05, 1.2, True)),
@@ -174,23 +183,23 @@ def _closures(clear: Sequence[Record], hidden: Sequence[Record]) -> list[Row]:
 def oracle_ratios(records: Sequence[Record]) -> list[float]:
     """Gap left over that of the oracle, where the library holds what the oracle was told."""
     strata = ("single", "pair", "triple")
-    told = [one for one in records if one["stratum"].startswith(strata) and is_open(one)]
-    known = [one for one in told if "oracle" in one.get("baselines", {})]
-    return [_left(one, "after") / _left(one["baselines"]["oracle"], "after") for one in known]
+    open_records = [record for record in records if record["stratum"].startswith(strata) and is_open(record)]
+    known = [record for record in open_records if "oracle" in record.get("baselines", {})]
+    return [_left(record, "after") / _left(record["baselines"]["oracle"], "after") for record in known]
 
 
-def _left(one: Mapping[str, Any], when: str) -> float:
+def _left(record: Mapping[str, Any], when: str) -> float:
     """The gap as a user sees it: with the noise of his runs in it, rad."""
-    return math.hypot(one["gap"][when], one["gap"]["floor"])
+    return math.hypot(record["gap"][when], record["gap"]["floor"])
 
 
 def classes(records: Sequence[Record], known: Mapping[str, float]) -> list[Record]:
     """Of each class of effect: limit, trials, noticed, named."""
-    single = [one for one in records if one["stratum"].startswith("single")]
+    single = [record for record in records if record["stratum"].startswith("single")]
     between, found = intervals_of(singles(records)), []
     for kind, limit in known.items():
-        mine = [one for one in single if CLASS_OF[one["truth"]["hidden"][0]] == kind]
-        clear = [one for one in mine if beyond(one, dict(known))]
+        mine = [record for record in single if CLASS_OF[record["truth"]["hidden"][0]] == kind]
+        clear = [record for record in mine if beyond(record, dict(known))]
         found.append(
             {
                 "class": kind,
@@ -202,7 +211,9 @@ def classes(records: Sequence[Record], known: Mapping[str, float]) -> list[Recor
                 "noticed": sum(_naming(mine, "alarm")),
                 "clear": len(clear),
                 "named": sum(_naming(clear, "top1")),
-                "points": [[one["truth"]["effects"][-1]["realised_scale"], one["naming"]["alarm"]] for one in mine],
+                "points": [
+                    [record["truth"]["effects"][-1]["realised_scale"], record["naming"]["alarm"]] for record in mine
+                ],
             }
         )
     return found
@@ -210,37 +221,39 @@ def classes(records: Sequence[Record], known: Mapping[str, float]) -> list[Recor
 
 def by_effect(records: Sequence[Record]) -> dict[str, Record]:
     """Of each effect in single trials: how often noticed and named."""
-    found: dict[str, Record] = {}
-    for one in sorted(records, key=lambda record: record["number"]):
-        if one["stratum"].startswith("single"):
-            line = found.setdefault(one["truth"]["hidden"][0], {"trials": 0, "noticed": 0, "named": 0})
+    records_by_effect: dict[str, Record] = {}
+    for trial_record in sorted(records, key=lambda record: record["number"]):
+        if trial_record["stratum"].startswith("single"):
+            line = records_by_effect.setdefault(
+                trial_record["truth"]["hidden"][0], {"trials": 0, "noticed": 0, "named": 0}
+            )
             line["trials"] += 1
-            line["noticed"] += bool(one["naming"]["alarm"])
-            line["named"] += bool(one["naming"]["top1"])
-    return dict(sorted(found.items()))
+            line["noticed"] += bool(trial_record["naming"]["alarm"])
+            line["named"] += bool(trial_record["naming"]["top1"])
+    return dict(sorted(records_by_effect.items()))
 
 
 def confusion(records: Sequence[Record]) -> list[list[Any]]:
     """(truth, answer, trials) of all trials with one effect or none."""
     pairs = Counter(
-        (one["truth"]["hidden"][0] if one["truth"]["hidden"] else "none", one["naming"]["top"])
-        for one in records
-        if one["stratum"].startswith(("single", "null"))
+        (record["truth"]["hidden"][0] if record["truth"]["hidden"] else "none", record["naming"]["top"])
+        for record in records
+        if record["stratum"].startswith(("single", "null"))
     )
     return [[truth, answer, count] for (truth, answer), count in sorted(pairs.items())]
 
 
 def reliability(records: Sequence[Record]) -> list[Record]:
     """Probabilities against what came true, by bins; entries that nobody named count in the Brier score alone."""
-    pairs = [(p, y) for one in records for p, y in one["probabilities"] if p > 0.0]
-    found = []
+    pairs = [(p, y) for record in records for p, y in record["probabilities"] if p > 0.0]
+    bins = []
     for low, high in itertools.pairwise(BINS):
         mine = [(p, y) for p, y in pairs if low <= p < high or p == high == 1.0]
         hits = sum(int(y) for _, y in mine)
         below, above = intervals.wilson(hits, len(mine))
         said = sum(p for p, _ in mine) / len(mine) if mine else None
         right = hits / len(mine) if mine else None
-        found.append(
+        bins.append(
             {"from": low, "to": high, "said": said, "right": right, "low": below, "high": above, "count": len(mine)}
         )
-    return found
+    return bins

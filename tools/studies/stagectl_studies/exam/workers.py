@@ -64,9 +64,9 @@ def apart(job: Job, stop: threading.Event) -> dict[str, Any]:
             process.terminate()
             process.join()
             break
-        found = finished_job(job)
-        if found is not None:
-            return found
+        record = finished_job(job)
+        if record is not None:
+            return record
     output = folder_of(Path(job.root), job.planned.number) / OUTPUT
     raise ExamError(
         f"trial {job.planned.number} has no record: its worker died {ATTEMPTS} times, the last time with code "

@@ -138,4 +138,4 @@ def held_out(seed: int) -> list[Experiment]:
 
 def held_out_short(seed: int) -> list[Experiment]:
     """Two of what is held out."""
-    return [one for one in held_out(seed) if one.name in ("held-sine-b", "held-micro")]
+    return [experiment for experiment in held_out(seed) if experiment.name in ("held-sine-b", "held-micro")]

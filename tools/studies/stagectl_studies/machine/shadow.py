@@ -91,9 +91,9 @@ def torque_share(without: Rig, trace: Trace, setting: Setting) -> Floats:
 def current_share(rig: Rig, without: Rig, trace: Trace, noise: Noise) -> Floats:
     """Current of an effect at each row, A."""
     both, calm = np.zeros((2, trace.position.size)), silent(trace.position.size)
-    for one, out in zip((rig, without), both, strict=True):
-        late = arrivals(one.machine, noise if one.machine.drive.jitter > 0.0 else calm, one.loop.period, 20)
-        drive_along(one.machine, (trace.command, trace.true_speed, late), one.loop.period, out)
+    for machine, out in zip((rig, without), both, strict=True):
+        late = arrivals(machine.machine, noise if machine.machine.drive.jitter > 0.0 else calm, machine.loop.period, 20)
+        drive_along(machine.machine, (trace.command, trace.true_speed, late), machine.loop.period, out)
     return np.asarray(both[0] - both[1])
 
 

@@ -21,7 +21,7 @@ from stagectl_studies.machine.truth import write_truth
 def stage_trial(trial: Trial, directory: Path) -> None:
     """Write the user's folder `captures` and the sealed truth beside it."""
     traces = [noisy(trial, number) for number in range(len(trial.captures))]
-    lost = [one.file for one, trace in zip(trial.captures, traces, strict=True) if trace.lost]
+    lost = [capture.file for capture, trace in zip(trial.captures, traces, strict=True) if trace.lost]
     if lost:
         raise RuntimeError(f"seed {trial.seed}, {trial.stratum}: the axis was lost in {', '.join(lost)}")
     write_folder(trial, traces, directory / "captures")
@@ -44,9 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     began = time.monotonic()
     trial = draw(given.seed, given.stratum, options)
     stage_trial(trial, given.output)
-    found = ", ".join(f"{one.name} x{one.realised:g}" for one in trial.hidden) or "nothing hidden"
+    hidden = ", ".join(f"{effect.name} x{effect.realised:g}" for effect in trial.hidden) or "nothing hidden"
     seconds = time.monotonic() - began
-    print(f"{given.output}: {len(trial.captures)} captures, law {trial.law}, {found}; {seconds:.1f} s")
+    print(f"{given.output}: {len(trial.captures)} captures, law {trial.law}, {hidden}; {seconds:.1f} s")
 
 
 if __name__ == "__main__":

@@ -80,8 +80,8 @@ def believed(machine: Machine, random: np.random.Generator, off: float) -> Model
         s = np.linspace(0.0, 60.0 * UM, 1201)
         grid = np.geomspace(0.3, 14.0, 12) * UM
         basis = np.clip(s[:, None] / grid - 1.0, -1.0, 1.0)
-        found = nnls(basis, reversal(law, s))[0]
-        weight, lengths = found[found > 0.0], grid[found > 0.0]
+        weights = nnls(basis, reversal(law, s))[0]
+        weight, lengths = weights[weights > 0.0], grid[weights > 0.0]
         weight = weight / weight.sum()
     wrong = 1.0 + off * random.uniform(-1.0, 1.0, 3)
     return Model(

@@ -79,10 +79,10 @@ def session(experiments: Sequence[Experiment]) -> tuple[Capture, ...]:
     clock = 5.0
     for use, repeats in REPEATS.items():
         for repeat in range(1, repeats + 1):
-            for one in experiments:
-                if one.use == use:
-                    captures.append(Capture(f"{one.name}-{repeat}.csv", one, repeat, round(clock, 4)))
-                    clock += one.reference.size * PERIOD + BREAK
+            for experiment in experiments:
+                if experiment.use == use:
+                    captures.append(Capture(f"{experiment.name}-{repeat}.csv", experiment, repeat, round(clock, 4)))
+                    clock += experiment.reference.size * PERIOD + BREAK
     return tuple(captures)
 
 
@@ -97,19 +97,22 @@ def experiments_of(seed: int, stratum: str, short: bool) -> list[Experiment]:
 
 def prepared_rows(model: Model, loop: Loop, captures: Sequence[Capture]) -> dict[str, Rows]:
     """What the documented controller knows beforehand, by experiment."""
-    experiments = {one.experiment.name: one.experiment for one in captures}
-    return {name: prepared(model, loop, one.reference, one.injection) for name, one in experiments.items()}
+    experiments = {capture.experiment.name: capture.experiment for capture in captures}
+    return {
+        name: prepared(model, loop, experiment.reference, experiment.injection)
+        for name, experiment in experiments.items()
+    }
 
 
 def around(rows: dict[str, Rows], captures: Sequence[Capture]) -> Around:
     """What realistic sizes hang on: length, peak current, speed and voltage of the captures for diagnosis."""
-    used = [one for one in captures if one.experiment.use == "diagnose"]
+    used = [capture for capture in captures if capture.experiment.use == "diagnose"]
     speed = current = voltage = 0.0
-    for one in (rows[capture.experiment.name] for capture in used if capture.repeat == 1):
-        v = np.gradient(one.reference, PERIOD)
+    for run in (rows[capture.experiment.name] for capture in used if capture.repeat == 1):
+        v = np.gradient(run.reference, PERIOD)
         speed = max(speed, float(np.abs(v).max()))
-        current = max(current, float(np.abs(one.feedforward).max()))
-        voltage = max(voltage, float(np.abs(Drive().resistance * one.feedforward + Drive().back_emf * v).max()))
+        current = max(current, float(np.abs(run.feedforward).max()))
+        voltage = max(voltage, float(np.abs(Drive().resistance * run.feedforward + Drive().back_emf * v).max()))
     end = used[-1].start + used[-1].experiment.reference.size * PERIOD
     return Around(end, current, speed, voltage, HALF_STROKE)
 
@@ -152,16 +155,16 @@ def offset_of_trial(stratum: str, options: Options, random: np.random.Generator)
 def sane(rig: Rig, rows: dict[str, Rows], captures: Sequence[Capture], seed: int) -> bool:
     """Whether the loop stays in its bounds and calm, jitter and all."""
     for capture in captures:
-        one = capture.experiment
-        if capture.repeat > 1 or one.name in UNCHECKED:
+        experiment = capture.experiment
+        if capture.repeat > 1 or experiment.name in UNCHECKED:
             continue
-        noise = quiet_noise(rig, one.reference.size, seed)
+        noise = quiet_noise(rig, experiment.reference.size, seed)
         setting = Setting(substeps=10, start=capture.start)
-        trace = simulated(ideal(rig.machine), rig.loop, rows[one.name], noise, setting)
-        rough = float(np.sqrt(np.mean(np.diff(trace.command - one.injection) ** 2)))
+        trace = simulated(ideal(rig.machine), rig.loop, rows[experiment.name], noise, setting)
+        rough = float(np.sqrt(np.mean(np.diff(trace.command - experiment.injection) ** 2)))
         if trace.lost or float(np.abs(trace.command).max()) > LARGEST_COMMAND:
             return False
-        if one.name in CALM and rough > ROUGHEST_COMMAND:
+        if experiment.name in CALM and rough > ROUGHEST_COMMAND:
             return False
     return True
 
@@ -214,7 +217,7 @@ def draw(seed: int, stratum: str, options: Options = Options()) -> Trial:  # noq
 
 def at_rest(trial: Trial, capture: Capture) -> Floats:
     """Contact as the move before this experiment left it: the same in each repeat."""
-    kinds = sorted({one.experiment.name for one in trial.captures})
+    kinds = sorted({captured.experiment.name for captured in trial.captures})
     random = np.random.default_rng([trial.seed, 7, kinds.index(capture.experiment.name)])
     if trial.rig.machine.law.kind != MAXWELL:
         return np.zeros(MEMORY)

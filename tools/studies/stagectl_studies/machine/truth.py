@@ -18,19 +18,19 @@ from stagectl_studies.machine.trials import Capture, Trial, at_rest, quiet_noise
 SHARE, QUANTILE = 0.2, 0.95
 
 
-def changes(one: Any, other: Any, path: str = "") -> dict[str, Any]:
+def changes(before: Any, other: Any, path: str = "") -> dict[str, Any]:
     """Fields in which two nested NamedTuples differ, with the first one's values."""
-    found: dict[str, Any] = {}
-    for name in one._fields:
-        a, b, here = getattr(one, name), getattr(other, name), f"{path}{name}"
+    changed: dict[str, Any] = {}
+    for name in before._fields:
+        a, b, here = getattr(before, name), getattr(other, name), f"{path}{name}"
         if hasattr(a, "_fields"):
-            found.update(changes(a, b, f"{here}."))
+            changed.update(changes(a, b, f"{here}."))
         elif isinstance(a, np.ndarray):
             if not np.array_equal(a, b):
-                found[here] = [float(value) for value in a]
+                changed[here] = [float(value) for value in a]
         elif a != b:
-            found[here] = a
-    return found
+            changed[here] = a
+    return changed
 
 
 def drifting(trial: Trial) -> bool:
@@ -63,9 +63,9 @@ def quiet_run(trial: Trial, capture: Capture) -> tuple[Trace, list[Floats]]:
     trace = simulated(rig.machine, rig.loop, rows, noise, setting)
     shares = [
         command_share(trial.rig, trial.without[k], trace, rows)
-        if one.seen_in == "command"
+        if effect.seen_in == "command"
         else share_of(trial, k, trace, setting, noise)
-        for k, one in enumerate(trial.hidden)
+        for k, effect in enumerate(trial.hidden)
     ]
     return trace._replace(fine=np.zeros((0, 4))), shares
 
@@ -81,19 +81,19 @@ def size_of(shares: list[Floats]) -> float:
 def places(shares: list[Floats]) -> list[NDArray[np.bool_]]:
     """Rows where an effect exceeds 20 % of its size."""
     size = size_of(shares)
-    return [np.abs(one) > SHARE * size for one in shares]
+    return [np.abs(share) > SHARE * size for share in shares]
 
 
 def quiet_captures(trial: Trial) -> list[Capture]:
     """Captures whose runs without noise are told apart: all of a drifting stage, else one repeat."""
-    return [one for one in trial.captures if one.repeat == 1 or drifting(trial)]
+    return [capture for capture in trial.captures if capture.repeat == 1 or drifting(trial)]
 
 
 def description(trial: Trial, sizes: list[float]) -> dict[str, Any]:
     """The truth in words and numbers."""
     body, model = trial.rig.machine.body, trial.model
     plain = trial.without[0].machine.body if len(trial.without) == 1 else body
-    kept = {one.file for one in quiet_captures(trial)}
+    kept = {quiet_capture.file for quiet_capture in quiet_captures(trial)}
     return {
         "seed": trial.seed,
         "stratum": trial.stratum,
@@ -101,15 +101,15 @@ def description(trial: Trial, sizes: list[float]) -> dict[str, Any]:
         "level": "limits each element" if trial.rig.machine.speed.limits else "scales the contact",
         "effects": [
             {
-                "name": one.name,
-                "scale": one.scale,
-                "realised_scale": one.realised,
-                "seen_in": one.seen_in,
-                "companion": one.companion,
+                "name": effect.name,
+                "scale": effect.scale,
+                "realised_scale": effect.realised,
+                "seen_in": effect.seen_in,
+                "companion": effect.companion,
                 "share": sizes[k],
                 "parameters": changes(trial.rig, trial.without[k]),
             }
-            for k, one in enumerate(trial.hidden)
+            for k, effect in enumerate(trial.hidden)
         ],
         "true": {"inertia": body.inertia, "viscous": body.viscous, "coulomb": body.coulomb, "bias": body.bias},
         "nominal_over_plain": {
@@ -118,7 +118,8 @@ def description(trial: Trial, sizes: list[float]) -> dict[str, Any]:
             "coulomb": float(model.weight.sum()) / plain.coulomb,
         },
         "noise_free": {
-            one.file: one.file if one.file in kept else f"{one.experiment.name}-1.csv" for one in trial.captures
+            capture.file: capture.file if capture.file in kept else f"{capture.experiment.name}-1.csv"
+            for capture in trial.captures
         },
         "where": f"boolean rows of truth.npz: share beyond {SHARE:g} of its {QUANTILE:g} quantile",
     }
@@ -137,8 +138,8 @@ def write_truth(trial: Trial, folder: Path) -> None:
         arrays[f"position/{capture.file}"], arrays[f"current/{capture.file}"] = trace.position, trace.current
         shares.append(share)
     sizes = [size_of([share[k] for share in shares]) for k in range(len(trial.hidden))]
-    for k, one in enumerate(trial.hidden):
+    for k, effect in enumerate(trial.hidden):
         marked = places([share[k] for share in shares])
-        arrays |= {f"where/{one.name}/{capture.file}": at for capture, at in zip(captures, marked, strict=True)}
+        arrays |= {f"where/{effect.name}/{capture.file}": at for capture, at in zip(captures, marked, strict=True)}
     np.savez(folder / "truth.npz", **arrays)
     (folder / "truth.json").write_text(json.dumps(description(trial, sizes), indent=1), encoding="utf-8")

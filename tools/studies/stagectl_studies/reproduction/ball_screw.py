@@ -65,15 +65,17 @@ def evidence(course: Course, extent: Extent = WHOLE, seed: int = SEED) -> Eviden
     runs = _experiments(course, bench, extent)
     captures = {name: captured(run) for name, run in runs.items()}
     file = bench.believed.file
-    sweeps = [one for name in (*extent.sweeps, MOVING) for one in captures[name]]
+    sweeps = [capture for name in (*extent.sweeps, MOVING) for capture in captures[name]]
     response = frequency_response.identify(sweeps, file, course.begin("frequency responses"))
     tell = course.begin("conventional")
     speed = constant_speed.identify(captures[SPEEDS], file)
     tell(1, 2)
     slow = low_speed.identify(captures[SLOW], file)
     proposed = _proposed(course, captures, bench, extent)
-    found = tracked(bench, {"conventional": slow, "proposed": proposed[MAIN]}, extent.motions, course.begin("tracking"))
-    return Evidence(bench, runs, captures, response, speed, slow, proposed, found)
+    tracking = tracked(
+        bench, {"conventional": slow, "proposed": proposed[MAIN]}, extent.motions, course.begin("tracking")
+    )
+    return Evidence(bench, runs, captures, response, speed, slow, proposed, tracking)
 
 
 def _experiments(course: Course, bench: Bench, extent: Extent) -> dict[str, Run]:
@@ -90,10 +92,10 @@ def _experiments(course: Course, bench: Bench, extent: Extent) -> dict[str, Run]
 def experiment(name: str, setup: Setup, extent: Extent = WHOLE) -> Experiment:
     """The experiment or motion of that name, from the configuration."""
     folder = "trajectories" if name.startswith("sine-") else "experiments"
-    found: Any = load_trajectory(CONFIG / folder / f"{name}.yaml", axis_of(setup))
-    if isinstance(found, CurrentSweep) and extent.frequencies:
-        return found._replace(frequencies=extent.frequencies)
-    return found  # type: ignore[no-any-return]
+    trajectory: Any = load_trajectory(CONFIG / folder / f"{name}.yaml", axis_of(setup))
+    if isinstance(trajectory, CurrentSweep) and extent.frequencies:
+        return trajectory._replace(frequencies=extent.frequencies)
+    return trajectory  # type: ignore[no-any-return]
 
 
 def _proposed(
@@ -102,10 +104,10 @@ def _proposed(
     """By experiment; the main one once more with the delay known from how a drive samples."""
     tell = course.begin("simultaneous")
     names = (MAIN, *extent.others)
-    found = {}
+    results = {}
     for number, name in enumerate(names):
-        found[name] = simultaneous.identify(captures[name], bench.believed.file)
+        results[name] = simultaneous.identify(captures[name], bench.believed.file)
         tell(number + 1, len(names) + 1)
     delay = known_delay(captures[MAIN][0], bench.believed.file)
-    found[CALIBRATED] = simultaneous.identify(captures[MAIN], bench.believed.file, delay=delay)
-    return found
+    results[CALIBRATED] = simultaneous.identify(captures[MAIN], bench.believed.file, delay=delay)
+    return results

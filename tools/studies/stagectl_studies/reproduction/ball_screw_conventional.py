@@ -39,26 +39,26 @@ def truth(e: Evidence) -> Characteristic:
 
 
 def _responses(e: Evidence) -> Part:
-    found, kt = e.response, e.bench.machine.stage.motor.force_constant
-    moving = next(one["viscous"] for one in found.details["fits"] if one["of"] == "axis kept moving")
+    response, kt = e.response, e.bench.machine.stage.motor.force_constant
+    moving = next(fit["viscous"] for fit in response.details["fits"] if fit["of"] == "axis kept moving")
     model = _best(e)
     rows: list[list[str]] = []
     numbers: dict[str, Any] = {}
-    for one in found.details["curves"]:
-        if one["moving"]:
+    for curve in response.details["curves"]:
+        if curve["moving"]:
             continue
-        gain, lead = _over(one, kt, model)
-        name = f"{one['amplitude']:g} A"
+        gain, lead = _over(curve, kt, model)
+        name = f"{curve['amplitude']:g} A"
         numbers[name] = {"gain_db_at_1_hz": gain, "phase_lead_deg_at_10_hz": lead}
         rows.append([f"R = {name}", f"{gain:+.1f} dB", f"{lead:+.0f} deg"])
-    describing = [one for one in found.details["describing"] if one["frequency"] in (1.0, 3.0)]
+    describing = [row for row in response.details["describing"] if row["frequency"] in (1.0, 3.0)]
     straight = [
         [
-            f"{one['frequency']:g} Hz",
-            f"{one['viscous']:.4f} ({percent(one['viscous'], published.VISCOUS)})",
-            f"{one['coulomb']:.4f}",
+            f"{row['frequency']:g} Hz",
+            f"{row['viscous']:.4f} ({percent(row['viscous'], published.VISCOUS)})",
+            f"{row['coulomb']:.4f}",
         ]
-        for one in describing
+        for row in describing
     ]
     words = [
         "The paper: the response from current to velocity loses gain and gains phase at low frequencies as the "
@@ -75,10 +75,10 @@ def _responses(e: Evidence) -> Part:
         Table("What friction does to the response", ["amplitude", "gain at 1 Hz", "phase at 10 Hz"], rows),
         Table("Describing function", ["frequency", "D [N m s/rad]", "Tc [N m]"], straight),
     ]
-    pictures = figures.responses(found.details["curves"], kt, model)
-    straight_lines = embedded(shared.describing(found, e.bench.believed.file), DPI)
+    pictures = figures.responses(response.details["curves"], kt, model)
+    straight_lines = embedded(shared.describing(response, e.bench.believed.file), DPI)
     pictures.append(Picture(straight_lines, "(d) Friction told from damping by its describing function.", 560))
-    numbers["describing"] = [{k: one[k] for k in ("frequency", "viscous", "coulomb")} for one in describing]
+    numbers["describing"] = [{k: row[k] for k in ("frequency", "viscous", "coulomb")} for row in describing]
     return Part("figure 2", Section("Fig. 2 - Frequency response", words, pictures, tables), numbers)
 
 
@@ -133,7 +133,7 @@ def _curve_fit(e: Evidence) -> Part:
     rows.append(["paper, Fig. 4", f"{published.INERTIA:.3f}", f"{published.VISCOUS_CURVE_FIT:.2f}"])
     rows.append(["paper, constant speed; truth here", f"{published.INERTIA:.3f}", f"{published.VISCOUS:.2f}"])
     lagged, numbers["lag left in"] = _lags(curve, kt)
-    written = next(one for one in reversed(e.response.details["curves"]) if not one["moving"])
+    written = next(line for line in reversed(e.response.details["curves"]) if not line["moving"])
     words = [
         "The paper: fitting Kt/(J s + D) to the response at R = 9 gives J 0.010 and D 0.10, where constant speed gives "
         "D 0.14. Ours, fitted to the gain at the largest amplitude, errs the other way: friction adds 4 Tc/(pi W) to "
@@ -158,17 +158,17 @@ def _curve_fit(e: Evidence) -> Part:
 
 def _best(e: Evidence) -> tuple[float, float]:
     """Inertia and viscous friction of the fit to all sines that knows of friction."""
-    row = next(one for one in e.response.details["fits"] if one["name"] == "friction-corrected")
+    row = next(fit for fit in e.response.details["fits"] if fit["name"] == "friction-corrected")
     return float(row["inertia"]), float(row["viscous"])
 
 
 def _largest(e: Evidence) -> Curve:
     """The response at the largest amplitude."""
     file = e.bench.believed.file
-    found = [one for name in e.captures if name.startswith("frf-") for one in curves(e.captures[name][0], file)[0]]
-    still = [one for one in found if not one.moving]
-    largest = max(one.amplitude for one in still)
-    return joined_curve([one for one in still if one.amplitude == largest])
+    found = [curve for name in e.captures if name.startswith("frf-") for curve in curves(e.captures[name][0], file)[0]]
+    still = [curve for curve in found if not curve.moving]
+    largest = max(curve.amplitude for curve in still)
+    return joined_curve([curve for curve in still if curve.amplitude == largest])
 
 
 def _lags(curve: Curve, kt: float) -> tuple[list[list[str]], dict[str, Any]]:
@@ -181,7 +181,7 @@ def _lags(curve: Curve, kt: float) -> tuple[list[list[str]], dict[str, Any]]:
         names = ("frequency", "response", "deviation", "coherence", "velocity", "relay")
         lines = fits.lines([curve._replace(**{name: getattr(curve, name)[keep] for name in names})], kt)
         viscous = [float(fits.linear(lines, lag).values[1]) for lag in LAGS]
-        rows.append([f"{band:g} Hz", *(f"{one:+.3f}" for one in viscous)])
+        rows.append([f"{band:g} Hz", *(f"{viscou:+.3f}" for viscou in viscous)])
         numbers[f"{band:g} Hz"] = dict(zip((f"{1e3 * lag:g} ms" for lag in LAGS), viscous, strict=True))
     return rows, numbers
 
@@ -210,7 +210,7 @@ def _constant_speed(e: Evidence) -> Part:
         [Picture(embedded(shared.force_over_speed(e.speed, e.bench.believed.file), DPI), "Each point: one span.", 560)],
         [Table("", ["", "paper", "ours", "95 % interval"], rows)],
     )
-    return Part("figure 5", section, {name: one._asdict() for name, one in p.items()})
+    return Part("figure 5", section, {name: value._asdict() for name, value in p.items()})
 
 
 def _ultra_low_speed(e: Evidence) -> Part:

@@ -29,8 +29,8 @@ def parts(e: Evidence) -> list[Part]:
     return [_responses(e), _flattening(e), _conditions(e), parameters(e)]
 
 
-def _model(found: IdentificationResult) -> tuple[float, float]:
-    return found.parameters["inertia"].value, found.parameters["viscous"].value
+def _model(result: IdentificationResult) -> tuple[float, float]:
+    return result.parameters["inertia"].value, result.parameters["viscous"].value
 
 
 def _responses(e: Evidence) -> Part:
@@ -54,9 +54,9 @@ def _responses(e: Evidence) -> Part:
 
 
 def _flattening(e: Evidence) -> Part:
-    found = e.proposed[MAIN]
-    inertia, viscous = _model(found)
-    columns = figures.columns(found.details, e.runs[MAIN].scale)
+    result = e.proposed[MAIN]
+    inertia, viscous = _model(result)
+    columns = figures.columns(result.details, e.runs[MAIN].scale)
     words = [
         "The paper turns J and D by hand until the loop of T_d = Kt i - J a - D w over the position lies flat: first D "
         "until the sides run parallel, then J until they lie parallel to the axis, then both finely. Ours is the same "
@@ -71,7 +71,7 @@ def _flattening(e: Evidence) -> Part:
     numbers = {
         "inertia": inertia,
         "viscous": viscous,
-        "residual_percent": found.details.get("force_residual_percent"),
+        "residual_percent": result.details.get("force_residual_percent"),
         "misprint": {"inertia": published.MISPRINT_INERTIA, "viscous": published.MISPRINT_VISCOUS},
     }
     pictures = figures.flattening(columns, inertia, viscous, (published.MISPRINT_INERTIA, published.MISPRINT_VISCOUS))
@@ -82,13 +82,16 @@ def _conditions(e: Evidence) -> Part:
     model, own = _model(e.proposed[MAIN]), truth(e)
     pictures, rows, numbers = [], [], {}
     scale = e.runs[MAIN].scale
-    for name, found in e.proposed.items():
-        inertia, viscous = _model(found)
-        assert found.table is not None
-        error = table_error(found.table, own, COMPARED / scale)
-        delay = found.parameters["delay"].value
+    for name, result in e.proposed.items():
+        inertia, viscous = _model(result)
+        assert result.table is not None
+        error = table_error(result.table, own, COMPARED / scale)
+        delay = result.parameters["delay"].value
         numbers[name] = {"inertia": inertia, "viscous": viscous, "delay": delay, "table_error": error}
-        j, d = (percent(value, one) for value, one in ((inertia, published.INERTIA), (viscous, published.VISCOUS)))
+        j, d = (
+            percent(value, published_value)
+            for value, published_value in ((inertia, published.INERTIA), (viscous, published.VISCOUS))
+        )
         rows.append(
             [
                 CONDITIONS[name],
@@ -99,7 +102,7 @@ def _conditions(e: Evidence) -> Part:
             ]
         )
         if name not in (MAIN, CALIBRATED):
-            columns = figures.columns(found.details, e.runs[name].scale)
+            columns = figures.columns(result.details, e.runs[name].scale)
             pictures.append(figures.condition(columns, model, CONDITIONS[name], "At the J and D of Fig. 9."))
     table = e.proposed[MAIN].table
     assert table is not None and e.slow.table is not None
@@ -162,21 +165,23 @@ def parameters(e: Evidence) -> Part:
 
 def _by_method(e: Evidence) -> dict[str, dict[str, Parameter | float]]:
     """Methods in the paper's order, each with what it finds."""
-    rows = {one["name"]: one for one in e.response.details["fits"] if one["of"] != "axis kept moving"}
-    moving = [one for one in e.response.details["fits"] if one["of"] == "axis kept moving"]
-    found: dict[str, dict[str, Parameter | float]] = {
+    rows = {fit["name"]: fit for fit in e.response.details["fits"] if fit["of"] != "axis kept moving"}
+    moving = [fit for fit in e.response.details["fits"] if fit["of"] == "axis kept moving"]
+    parameter: dict[str, dict[str, Parameter | float]] = {
         "frequency response, curve fit to the gain": {k: rows["gain curve"][k] for k in ("inertia", "viscous")},
         "frequency response, friction told apart": {
             k: rows["friction-corrected"][k] for k in ("inertia", "viscous", "coulomb")
         },
     }
     if moving:
-        found["frequency response, axis kept moving"] = {k: moving[0][k] for k in ("inertia", "viscous")}
-    found["constant speed"] = {k: e.speed.parameters[k] for k in ("viscous", "coulomb")}
-    found["ultra-low speed"] = {"coulomb": e.slow.parameters["coulomb"]}
-    for name, one in e.proposed.items():
-        found[f"simultaneous: {CONDITIONS[name]}"] = {k: one.parameters[k] for k in ("inertia", "viscous", "coulomb")}
-    return found
+        parameter["frequency response, axis kept moving"] = {k: moving[0][k] for k in ("inertia", "viscous")}
+    parameter["constant speed"] = {k: e.speed.parameters[k] for k in ("viscous", "coulomb")}
+    parameter["ultra-low speed"] = {"coulomb": e.slow.parameters["coulomb"]}
+    for name, result in e.proposed.items():
+        parameter[f"simultaneous: {CONDITIONS[name]}"] = {
+            k: result.parameters[k] for k in ("inertia", "viscous", "coulomb")
+        }
+    return parameter
 
 
 def _cell(value: Parameter | float | None, true: float) -> str:

@@ -31,29 +31,31 @@ def _course(run: Run, controller: str) -> figures.Course:
 
 def _references(e: Evidence) -> Part:
     t = e.tracking
-    pictures = figures.references([(_title(one), _course(t.quiet[one, "none"], "none")) for one in t.motions])
-    found = {
-        one: float(np.max(np.abs(t.quiet[one, "none"].samples["reference"]))) * t.quiet[one, "none"].scale
-        for one in t.motions
+    pictures = figures.references([(_title(motion), _course(t.quiet[motion, "none"], "none")) for motion in t.motions])
+    sizes = {
+        motion: float(np.max(np.abs(t.quiet[motion, "none"].samples["reference"]))) * t.quiet[motion, "none"].scale
+        for motion in t.motions
     }
     words = [
         "The paper: sines of 3.2, 1.6 and 0.8 Hz; their amplitudes are in its figure only. Ours: "
-        f"{', '.join(f'{1e3 * size:.0f} mm at {_title(one)}' for one, size in found.items())}, faded in and out over "
-        "a period each."
+        f"{', '.join(f'{1e3 * size:.0f} mm at {_title(motion)}' for motion, size in sizes.items())}, faded in and out "
+        "over a period each."
     ]
-    return Part("figure 12", Section("Fig. 12 - Target trajectory", words, pictures, []), {"amplitude": found})
+    return Part("figure 12", Section("Fig. 12 - Target trajectory", words, pictures, []), {"amplitude": sizes})
 
 
 def _errors(e: Evidence) -> Part:
     t, found = e.tracking, numbers(e.tracking)
     pictures, rows = [], []
     for motion in t.motions:
-        quiet, noisy = ([_course(runs[motion, one], one) for one in CONTROLLERS] for runs in (t.quiet, t.noisy))
+        quiet, noisy = (
+            [_course(runs[motion, controller], controller) for controller in CONTROLLERS] for runs in (t.quiet, t.noisy)
+        )
         pictures += figures.errors(_title(motion), noisy, quiet, t.quiet[motion, "none"].plan.steady)
         for noise, row in found[motion].items():
-            cells = [length(row[one]["peak"], "m") for one in CONTROLLERS]
-            times = [f"{row[one]['times_lower']:.0f}" for one in CONTROLLERS[1:]]
-            rms = [length(row[one]["rms"], "m") for one in CONTROLLERS[1:]]
+            cells = [length(row[controller]["peak"], "m") for controller in CONTROLLERS]
+            times = [f"{row[controller]['times_lower']:.0f}" for controller in CONTROLLERS[1:]]
+            rms = [length(row[controller]["rms"], "m") for controller in CONTROLLERS[1:]]
             rows.append([f"{_title(motion)}, {noise}", *cells, *times, *rms])
     head = ["", "none", "conventional", "proposed", "times lower: conv.", "prop.", "rms: conv.", "prop."]
     words = [
@@ -74,12 +76,16 @@ def _errors(e: Evidence) -> Part:
 
 def _inputs(e: Evidence) -> Part:
     t, found = e.tracking, numbers(e.tracking)
-    courses = [(_title(one), [_course(t.quiet[one, c], c) for c in ("none", "proposed")]) for one in t.motions]
-    peaks = {one: {c: found[one]["without noise"][c]["peak_current"] for c in CONTROLLERS} for one in t.motions}
+    courses = [(_title(motion), [_course(t.quiet[motion, c], c) for c in ("none", "proposed")]) for motion in t.motions]
+    peaks = {
+        motion: {c: found[motion]["without noise"][c]["peak_current"] for c in CONTROLLERS} for motion in t.motions
+    }
     words = [
         "The paper: the currents of the three. Ours, without noise: friction compensation changes the current's sign "
         "of friction at the reversal at once, where without it the feedback must first see an error.",
-        "Largest current: " + ", ".join(f"{peaks[one]['proposed']:.2f} A at {_title(one)}" for one in t.motions) + ".",
+        "Largest current: "
+        + ", ".join(f"{peaks[motion]['proposed']:.2f} A at {_title(motion)}" for motion in t.motions)
+        + ".",
     ]
     section = Section("Fig. 14 - Control input", words, figures.inputs(courses), [])
     return Part("figure 14", section, {"peak_current": peaks})

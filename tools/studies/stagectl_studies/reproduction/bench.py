@@ -91,9 +91,9 @@ def captured(run: Run) -> list[Capture]:
         "duration": run.plan.duration,
         "excitation": [span._asdict() for span in run.plan.excitation],
     }
-    told = run.samples.copy()
-    told["true_position"] = np.nan
-    return prepared([Recording(Path(run.name), meta, told, True, "", 0)], run.setup)
+    rows = run.samples.copy()
+    rows["true_position"] = np.nan
+    return prepared([Recording(Path(run.name), meta, rows, True, "", 0)], run.setup)
 
 
 def believing(setup: Setup, inertia: float, viscous: float, table: Characteristic) -> Setup:

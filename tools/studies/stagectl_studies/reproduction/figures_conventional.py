@@ -25,16 +25,16 @@ def linear(frequency: Array, force_constant: float, model: Model) -> NDArray[np.
 def responses(curves: list[dict[str, Any]], force_constant: float, model: Model) -> list[Picture]:
     """Fig. 2: gain, phase and coherence at several amplitudes, and with the axis kept moving."""
     gains, phases, coherences = [], [], []
-    still = [one for one in curves if not one["moving"]]
-    for one in (*still, *(one for one in curves if one["moving"])):
-        f, sound = np.array(one["frequency"]), np.array(one["sound"])
-        moving = one["moving"]
-        colour = WITH if moving else SHADES[min(still.index(one), len(SHADES) - 1)]
-        label = "axis kept moving" if moving else f"R = {one['amplitude']:g} A"
+    still = [line for line in curves if not line["moving"]]
+    for curve in (*still, *(line for line in curves if line["moving"])):
+        f, sound = np.array(curve["frequency"]), np.array(curve["sound"])
+        moving = curve["moving"]
+        colour = WITH if moving else SHADES[min(still.index(curve), len(SHADES) - 1)]
+        label = "axis kept moving" if moving else f"R = {curve['amplitude']:g} A"
         style, width = ("." if moving else ".-"), 1.0
-        gains.append(Line(f[sound], 20 * np.log10(np.array(one["gain"])[sound]), label, colour, style, width))
-        phases.append(Line(f[sound], np.degrees(np.array(one["phase"])[sound]), label, colour, style, width))
-        seen = np.array([np.nan if x is None else x for x in one["coherence"]])
+        gains.append(Line(f[sound], 20 * np.log10(np.array(curve["gain"])[sound]), label, colour, style, width))
+        phases.append(Line(f[sound], np.degrees(np.array(curve["phase"])[sound]), label, colour, style, width))
+        seen = np.array([np.nan if x is None else x for x in curve["coherence"]])
         coherences.append(Line(f, seen, label, colour, style, width))
     f = np.geomspace(1.0, 250.0, 200)
     response = linear(f, force_constant, model)
@@ -66,7 +66,7 @@ def characteristics(
     lines = [
         Line(speed, sign * (viscous * np.abs(speed) + stribeck), "the equation with $T_s$ = 1.6 $T_c$", TRUTH, "--"),
         Line(speed, sign * coulomb + viscous * speed, "$D\\omega + T_c$ sgn $\\omega$, as found", WITH),
-        Line([one["speed"] for one in spans], [one["force"] for one in spans], "constant speed", WITHOUT, "o"),
+        Line([span["speed"] for span in spans], [span["force"] for span in spans], "constant speed", WITHOUT, "o"),
     ]
     caption = "Stage A shows no Stribeck effect; the dashed line is what the paper's equation adds near zero speed."
     position, torque = loop
@@ -106,10 +106,10 @@ def reversal(
 ) -> Picture:
     """Fig. 6: torque over the displacement since a reversal, measured and by `tables` (label, style, table)."""
     lines = []
-    for number, one in enumerate(strokes):
-        s = 1e6 * scale * np.array(one["displacement"])
+    for number, stroke in enumerate(strokes):
+        s = 1e6 * scale * np.array(stroke["displacement"])
         label = "measured, both directions" if number == 0 else ""
-        lines.append(Line(s, one["force"], label, WITHOUT, ".", 0.5))
+        lines.append(Line(s, stroke["force"], label, WITHOUT, ".", 0.5))
     colours = (CONVENTIONAL, WITH)
     dense = np.linspace(0.0, most / scale, 400)
     for number, (name, style, table) in enumerate(tables):
@@ -122,11 +122,11 @@ def reversal(
 def slow_loop(strokes: list[dict[str, Any]], table: Characteristic, scale: float) -> Picture:
     """Fig. 6: torque over position of full strokes, and the model's loop; the middle of a stroke is 0."""
     measured, modelled = [], []
-    for number, one in enumerate(strokes):
-        s, way = np.array(one["displacement"]), one["direction"]
+    for number, stroke in enumerate(strokes):
+        s, way = np.array(stroke["displacement"]), stroke["direction"]
         place = 1e6 * scale * way * (s - 0.5 * s[-1])
         label = number == 0
-        measured.append(Line(place, way * np.array(one["force"]), "measured" * label, WITHOUT, ".", 0.5))
+        measured.append(Line(place, way * np.array(stroke["force"]), "measured" * label, WITHOUT, ".", 0.5))
         modelled.append(Line(place, way * force_after(table, s), "model" * label, CONVENTIONAL, "-", 1.4))
     frame = Frame("table position [µm]", "torque [N m]", "over position", ylim=(-1.6, 1.6), columns=2)
     return picture([*measured, *modelled], frame, "The loop of the ultra-slow sine; block means of the torque.")

@@ -19,7 +19,7 @@ class Course:
     def begin(self, name: str) -> Tell:
         """The step `name` begins; the one before is done.  Returns what tells its own progress (done, total)."""
         names = list(self._steps)
-        self._done = sum(self._steps[one] for one in names[: names.index(name)])
+        self._done = sum(self._steps[word] for word in names[: names.index(name)])
         self._step = self._steps[name]
         self._report(0.0)
         return lambda done, total: self._report(self._step * min(done / max(total, 1), 1.0))

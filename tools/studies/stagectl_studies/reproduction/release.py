@@ -115,9 +115,9 @@ def _dwells(time: Array, velocity: Array) -> list[slice]:
     """Rows of each standstill behind a motion, without the first STANDING seconds."""
     standing = np.concatenate([[0], (np.asarray(velocity) == 0.0).astype(np.int64), [0]])
     edges = np.diff(standing)
-    found = []
+    rows = []
     for first, end in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
         begin = int(np.searchsorted(time, time[first] + STANDING))
         if first > 0 and end - begin > BLOCKS:
-            found.append(slice(begin, int(end)))
-    return found
+            rows.append(slice(begin, int(end)))
+    return rows

@@ -34,10 +34,10 @@ def reversal_errors(position: Array, velocity: Array, measured: Array, dt: float
     cut = legs(position, velocity, dt)
     middles = 0.5 * (cut.start + np.minimum(cut.end, dt * len(position)))
     time = dt * np.arange(len(position))
-    found = []
+    errors = []
     for leg in cut.reversals().tolist():
         inside = (time >= middles[leg - 1]) & (time < middles[leg])
         error = cut.way[leg] * (measured[inside] - position[inside])
         negative, positive = float(np.min(error, initial=0.0)), float(np.max(error, initial=0.0))
-        found.append(ReversalError(float(cut.start[leg]), float(cut.way[leg]), negative, positive))
-    return found
+        errors.append(ReversalError(float(cut.start[leg]), float(cut.way[leg]), negative, positive))
+    return errors

@@ -73,15 +73,15 @@ def evidence(course: Course, extent: Extent = WHOLE, seed: int = SEED) -> Eviden
     fastest = extent.speeds[-1]
     bare = carried_out(ahead, _motion(ahead.believed, fastest), f"{fastest} mm/s", NO_FRICTION)
     tell = course.begin("fits")
-    found = zero_crossing.identify(captured(bare), ahead.believed.file, tell, seed=seed)
+    result = zero_crossing.identify(captured(bare), ahead.believed.file, tell, seed=seed)
     tell = course.begin("compensation")
     compensated = {}
     for number, speed in enumerate(extent.speeds):
         for form in extent.compensations:
-            compensated[speed, form] = _compensated(ahead, found, speed, form)
+            compensated[speed, form] = _compensated(ahead, result, speed, form)
         tell(number + 1, len(extent.speeds))
     errors = {key: _errors(run) for key, run in compensated.items()}
-    return Evidence(plain, reversals, stops, releases, held, ringing, found, compensated, errors)
+    return Evidence(plain, reversals, stops, releases, held, ringing, result, compensated, errors)
 
 
 Runs = dict[str, Run]
@@ -115,19 +115,19 @@ def _fed_forward(setup: Setup, share: float) -> Setup:
     return setup._replace(file=setup.file._replace(control=control._replace(velocity_feedforward=share)))
 
 
-def form_of(found: IdentificationResult, name: str) -> Form:
+def form_of(result: IdentificationResult, name: str) -> Form:
     """The fitted form of that name."""
     free = name == FREE
-    described = found.details["forms"]["symmetric" if free else name]
+    described = result.details["forms"]["symmetric" if free else name]
     values = (described["unbounded"] if free else described)["parameters"]
-    return FORMS["symmetric" if free else name]._make(one["value"] for one in values.values())
+    return FORMS["symmetric" if free else name]._make(value["value"] for value in values.values())
 
 
-def _compensated(bench: Bench, found: IdentificationResult, speed: str, form: str) -> Run:
+def _compensated(bench: Bench, result: IdentificationResult, speed: str, form: str) -> Run:
     believed = bench.believed
     if form == NONE:
         return carried_out(bench, _motion(believed, speed), f"{speed} mm/s", NO_FRICTION)
-    file = believed.file._replace(compensation=form_of(found, form))
+    file = believed.file._replace(compensation=form_of(result, form))
     here = bench._replace(believed=believed._replace(file=file))
     return carried_out(here, _motion(believed, speed), f"{speed} mm/s, {form}", _ALL)
 
@@ -144,4 +144,4 @@ def opened(run: Run) -> float:
 
 def extremes(errors: list[ReversalError]) -> tuple[float, float]:
     """Largest lag (negative) and largest lead (positive) of all reversals (m)."""
-    return min(one.negative for one in errors), max(one.positive for one in errors)
+    return min(error.negative for error in errors), max(error.positive for error in errors)

@@ -72,7 +72,10 @@ def _stroke_end(e: Evidence) -> Part:
 
 def _standstill(e: Evidence) -> Part:
     stops = [_shown(e, run, f"{speed} mm/s", _turn(run)) for speed, run in e.stops.items()]
-    rows = [[f"{speed} mm/s", f"{published.HOLDING_FORCE} N", f"{one.value:.2f} N"] for speed, one in e.holding.items()]
+    rows = [
+        [f"{speed} mm/s", f"{published.HOLDING_FORCE} N", f"{result.value:.2f} N"]
+        for speed, result in e.holding.items()
+    ]
     words = [
         "The paper: the force falls while the axis slows down, and about 5.3 N keep it at zero velocity. Ours: it "
         "falls by M a, 0.6 N, and the axis then stands for 0.2 s behind each stroke. That the force is 5.3 N at "
@@ -83,7 +86,7 @@ def _standstill(e: Evidence) -> Part:
         embedded(figures.stroke_end(stops, (-0.15, 0.15), "stop")), "Slowing down to a standstill and standing.", LEAST
     )
     table = Table("Force at zero velocity", ["speed before", "paper", "ours"], rows)
-    numbers = {speed: {"ours": one.value, "paper": published.HOLDING_FORCE} for speed, one in e.holding.items()}
+    numbers = {speed: {"ours": result.value, "paper": published.HOLDING_FORCE} for speed, result in e.holding.items()}
     return Part("figure 4", Section("Fig. 4 - Zero velocity", words, [image], [table]), numbers)
 
 
@@ -91,12 +94,17 @@ def _release(e: Evidence) -> Part:
     runs = [_shown(e, run, f"{speed} mm/s before", opened(run)) for speed, run in e.releases.items()]
     low, high = published.RELEASE_TRAVEL
     rows, numbers = [], {}
-    for speed, one in e.ringing.items():
-        f = one.frequency
+    for speed, result in e.ringing.items():
+        f = result.frequency
         rows.append(
-            [f"{speed} mm/s", f"{f.value:.2f} Hz", f"{1e6 * abs(one.offset):.1f} µm", f"{1e6 * one.travel:.1f} µm"]
+            [
+                f"{speed} mm/s",
+                f"{f.value:.2f} Hz",
+                f"{1e6 * abs(result.offset):.1f} µm",
+                f"{1e6 * result.travel:.1f} µm",
+            ]
         )
-        numbers[speed] = {"frequency": f.value, "offset": one.offset, "travel": one.travel}
+        numbers[speed] = {"frequency": f.value, "offset": result.offset, "travel": result.travel}
     rows.append(["paper", f"{published.VIBRATION:g} Hz", f"{1e6 * low:.0f} to {1e6 * high:.0f} µm", ""])
     words = [
         "The paper: the output force is set to zero and the guide springs back: up to 20 µm (2000 pulses), more than "
@@ -146,8 +154,8 @@ def _models(e: Evidence) -> Part:
 def _forces(e: Evidence) -> Part:
     details = e.found.details
     rows, numbers = [], {}
-    for name, one in details["forms"].items():
-        for bounds, fit in (("physical", one), ("free", one.get("unbounded"))):
+    for name, form in details["forms"].items():
+        for bounds, fit in (("physical", form), ("free", form.get("unbounded"))):
             if fit is None:
                 continue
             rows.append([NAMES[name], bounds, *_fit_cells(name, fit)])
@@ -173,7 +181,7 @@ def _forces(e: Evidence) -> Part:
 
 
 def _fit_cells(name: str, fit: dict[str, Any]) -> list[str]:
-    p = {key: one["value"] for key, one in fit["parameters"].items()}
+    p = {key: parameter["value"] for key, parameter in fit["parameters"].items()}
     shapes = {
         "displacement": f"vs {1e3 * p.get('velocity', 0.0):.2f} mm/s, delta {1e6 * p.get('slip', 0.0):.1f} µm",
         "symmetric": f"t1 {1e3 * p.get('before', 0.0):.1f} ms",
@@ -221,7 +229,7 @@ def _compensation(e: Evidence) -> Part:
     )
     head = ["compensation", "paper", "ours, negative", "ours, positive", "lag cut by"]
     tables = [Table(f"Position error at the reversals, {fastest} mm/s", head, rows), _other_speeds(e, fastest)]
-    section = Section("Fig. 10 - Compensation", words, [image], [one for one in tables if one.rows])
+    section = Section("Fig. 10 - Compensation", words, [image], [table for table in tables if table.rows])
     return Part("figure 10", section, {**numbers, "paper": _paper()})
 
 

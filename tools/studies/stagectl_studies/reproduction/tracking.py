@@ -64,11 +64,11 @@ def errors(run: Run) -> dict[str, float]:
 
 def numbers(tracking: Tracking) -> dict[str, Any]:
     """Errors of all runs (m), and how many times each compensation lowers the peak."""
-    found: dict[str, Any] = {}
+    rows_by_motion: dict[str, Any] = {}
     for noise, runs in zip(NOISES, (tracking.quiet, tracking.noisy), strict=True):
         for motion in tracking.motions:
             row = {controller: errors(runs[motion, controller]) for controller in CONTROLLERS}
             for controller in CONTROLLERS[1:]:
                 row[controller]["times_lower"] = row["none"]["peak"] / row[controller]["peak"]
-            found.setdefault(motion, {})[noise] = row
-    return found
+            rows_by_motion.setdefault(motion, {})[noise] = row
+    return rows_by_motion

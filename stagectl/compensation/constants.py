@@ -1,0 +1,4 @@
+"""Numbers that decide something in the compensation of friction."""
+
+ROUNDING = 1e-9  # of the largest speed: a slower reference is at rest; rounding
+SMALLEST = 1e-6  # least divisor of the shape between two legs; avoids a division by zero

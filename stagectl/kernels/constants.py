@@ -1,0 +1,19 @@
+"""Numbers that decide something in the plant and its friction.  Chosen, not derived, unless a line says otherwise."""
+
+# The drive.
+FOLDBACK_BEGINS = 0.8  # share of the heat at which the current limit begins to fall
+
+# Integration of the mechanics.
+LARGEST_ANGLE = 0.15  # rad of the fastest mode in one step; 0.1 % of its frequency (`transmission`)
+STRAIGHT_BELOW = 1e-6  # rad/s | m/s below which the root of the speed goes over into a straight line
+SERIES_BELOW = 0.01  # y of a decay below which its mean is a series: as exact, and a fifth of the time
+PHI2_SERIES_BELOW = 0.5  # z below which phi_2 is a series, as its difference would cancel; rounding
+
+# Friction.
+LEAST_LIMIT = 1e-9  # share of the bristle's limit that is always left: it divides by it
+LEAST_FORCE = 1e-300  # N m | N, divisor of a friction that has no limit; avoids a division by zero
+EXPONENT_OF_TWO = 1e-6  # exponents this near to 2 take the rheology's formula for 2; rounding
+TURN_SHARE = 0.1  # of the mean slip: a way back that is shorter is no reversal
+
+# The plant at rest.
+READING_STEPS = 20  # towards a reading of the encoder, each as much nearer as its error is flat
