@@ -18,6 +18,8 @@ CERTAIN_FAULT_CYCLES = 3  # cycles; chosen; state Fault lasts so long before pow
 STANDSTILL_CYCLES = 100  # cycles; chosen; without motion for so long, the axis stands still
 STANDING = 1e-4  # s; chosen; times the ramp's deceleration: speed below which an axis counts as standing
 
+YOUNG_HEARTBEAT = 1.0  # s; chosen; a drive heard so lately, after its last answer, is there; decides words alone
+
 # A drive under power (canopen/operation_watch.py)
 LEARNING_TIME = 0.05  # s; chosen; from Operation enabled on: statusword bits 9 and 12 that the drive shows are demanded
 STATUS_BIT_TIME = 0.005  # s; chosen; a demanded bit may be missing so long, and for CERTAIN_CYCLES

@@ -414,7 +414,7 @@ class Echo:
     """A drive that answers each SYNC in no time."""
 
     def __init__(self, drive: CanopenDrive) -> None:
-        drive._bus = self
+        drive._bus = drive._line._bus = self
         self._answer = frame(0x185, struct.pack("<Hih", 0x1237, 123456, 100))
 
     def send(self, raw: bytes) -> None:

@@ -106,7 +106,7 @@ TOWARDS_ENABLED: dict[DriveState, DeviceCommand] = {
     DriveState.OPERATION_ENABLED: DeviceCommand.ENABLE_OPERATION,
     DriveState.QUICK_STOP_ACTIVE: DeviceCommand.QUICK_STOP,  # until it stands; then Disable voltage
     DriveState.FAULT_REACTION_ACTIVE: DeviceCommand.DISABLE_VOLTAGE,
-    DriveState.FAULT: DeviceCommand.DISABLE_VOLTAGE,  # a person resets it
+    DriveState.FAULT: DeviceCommand.FAULT_RESET,  # by a person's order alone
 }
 
 OPTIONS: dict[int, tuple[str, dict[int, str]]] = {

@@ -138,7 +138,6 @@ class CanopenDrive:
             self._supervise()
         if raw is None:
             return self._failed(Fault.REBOOTED if self._reports.rebooted else Fault.FEEDBACK_LOST)
-        self._reports.answered = True
         statusword, counts, current = self._answer.decode(raw)
         self._pace.add(counts * self._step)
         if power is not _ON:
@@ -209,7 +208,7 @@ class CanopenDrive:
         """Identity, time-outs, option codes in words and scales, as read back from the drive."""
         s = self._settings
         unwatched = ", ".join(map(str, self._reports.watch.unshown)) or "none"
-        watched = {"statusword bits never shown, and not watched": unwatched} if self._reports.answered else {}
+        watched = {"statusword bits never shown, and not watched": unwatched} if self._reports.signs.answered else {}
         return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._description, **watched}
 
     def explain(self) -> str:

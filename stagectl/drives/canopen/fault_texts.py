@@ -41,14 +41,9 @@ class DriveSigns(NamedTuple):
     answered: bool  # it has answered a SYNC since it was configured
     heartbeat_age: float  # s; NaN: none was heard
     nmt: int | None  # NMT state in its last heartbeat
-
-    @property
-    def alive(self) -> bool:
-        """Whether its last heartbeat is young: then power, wiring and bit rate are right."""
-        return self.heartbeat_age < _YOUNG
+    alive: bool  # its heartbeat was heard after its last answer: power, wiring and bit rate are right
 
 
-_YOUNG = 1.0  # s; chosen; only the words depend on it
 _NMT = {
     cia402.INITIALISING: "initialising",
     cia402.STOPPED: "stopped",
@@ -180,7 +175,7 @@ def not_enabled(node: int, last: Feedback, signs: DriveSigns) -> str:
 
 def explained(node: int, last: Feedback, signs: DriveSigns) -> str:
     """The fault of the `last` feedback with its probable causes."""
-    problem, emergency, _, heartbeat_age, _ = signs
+    problem, emergency, heartbeat_age = signs.problem, signs.emergency, signs.heartbeat_age
     said = problem.words if problem else ""
     parts = [said] if problem and problem.alone else [_what(last, signs), said]
     parts.append(f"state {_state(last, signs)}")

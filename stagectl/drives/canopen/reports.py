@@ -15,6 +15,7 @@ from stagectl.drives.canopen.fault_texts import Deviation, DriveSigns, Emergency
 from stagectl.drives.canopen.operation_watch import OperationWatch
 from stagectl.drives.canopen.pdo import FeedbackPdo
 from stagectl.drives.drive import Canopen, Fault
+from stagectl.drives.limits import YOUNG_HEARTBEAT
 
 _EMERGENCY = struct.Struct("<8xHB5s")
 _EMERGENCIES, _RPDO, _ANSWERS, _HEARTBEATS = 0x080, 0x200, 0x580, 0x700  # identifiers, less the node
@@ -34,7 +35,7 @@ class Reports:
         self.problem: Deviation | None = None  # what we saw for ourselves
         self.emergency: Emergency | None = None
         self.rebooted = False  # since it was configured
-        self.answered = False  # a SYNC, since it was configured
+        self._answered = math.nan  # s, monotonic, of its last answer to SYNC since it was configured
         self.serving = False  # enabled, and not asked to stop
         self._heard = math.nan  # s, monotonic, when its heartbeat was last heard
         self._nmt: int | None = None  # NMT state in it
@@ -47,15 +48,18 @@ class Reports:
     @property
     def signs(self) -> DriveSigns:
         """What is known, for the words of a fault."""
-        return DriveSigns(self.problem, self.emergency, self.answered, self.now() - self._heard, self._nmt)
+        age, answered = self.now() - self._heard, self._answered == self._answered
+        after = not answered or self._heard > self._answered
+        return DriveSigns(self.problem, self.emergency, answered, age, self._nmt, after and age < YOUNG_HEARTBEAT)
 
     def fault(self, statusword: int) -> Fault:
         """What the drive, its heartbeat and this answer say."""
+        self._answered = now = self.now()
         if self.rebooted:
             return Fault.REBOOTED
         if self.emergency is not None:
             return Fault.EMERGENCY
-        silence = self.now() - self._heard  # NaN: never heard
+        silence = now - self._heard  # NaN: never heard
         if self.serving and silence > self._timeout:
             self.problem = fault_texts.MUTE.filled(silence)
             return Fault.FEEDBACK_LOST
