@@ -168,7 +168,8 @@ class Rig(BaseRig):
 
     def connect(self) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
-        return CanopenDrive(self.settings, self.ours, self.setup.stage.encoder.step, self.setup.dt, clock=self.time)
+        step, brake = self.setup.stage.encoder.step, self.setup.file.brake
+        return CanopenDrive(self.settings, self.ours, step, self.setup.dt, clock=self.time, brake=brake)
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""
