@@ -5,7 +5,7 @@ Every line has ``t`` (s, CLOCK_MONOTONIC: the same clock in all processes of a m
 =========  ==========================================================================================
 start      variant and node id: the drive is on the bus, though perhaps not booted
 boot       boot-up message sent; ``why``
-nmt        new NMT ``state``
+nmt        new NMT ``state``; ``requests`` by SDO so far
 sdo        ``key``, ``name``, ``value`` (hex, little endian), ``abort`` (0: confirmed), ``state``: a write
 state      CiA 402 ``state`` and ``why``
 lost       ``monitor`` that ran out, ``option`` of 0x6007 that was followed
@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import json
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -80,6 +81,19 @@ class Diary:
         """Widest span of positions under power while no monitor could have stopped it (m); -1: it never was so."""
         bare = [line["x"] for line in self.lines("sample") if line["enabled"] and not line["monitors"]]
         return max(bare) - min(bare) if bare else -1.0
+
+    def dropped(self) -> float:
+        """How far a weight fell (m): in the first 0.12 s under power, and after each end of power."""
+        return max([0.0, *self._sinking(True, 0.12), *self._sinking(False, 5.0)])
+
+    def _sinking(self, powered: bool, seconds: float) -> list[float]:
+        samples = self.lines("sample")
+        turns = [new for old, new in pairwise(samples) if new["powered"] == powered != old["powered"]]
+        return [
+            turn["x"]
+            - min(s["x"] for s in samples if turn["t"] <= s["t"] <= turn["t"] + seconds and s["powered"] == powered)
+            for turn in turns
+        ]
 
     def held(self) -> dict[int, str]:
         """The last confirmed write to each object since the last boot, by key."""

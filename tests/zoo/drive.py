@@ -34,13 +34,14 @@ class Drive:
         self.rpdos = [Pdo(number, 0x1400, 0x1600), Pdo(number, 0x1401, 0x1601)]
         self.tpdos = [Pdo(number, 0x1800, 0x1A00), Pdo(number, 0x1801, 0x1A01)]
         memory.written = self._written
-        self.now = self._sampled = 0.0
+        self.now = self._sampled = self._brake_since = 0.0
         self._moved_from: float | None = None
         self._active_before = True
         self.event_over = False
         self.forget()
         if variant.fault_at_start:
             self.trip(variant.fault_at_start, reaction=0)
+        self.power.cause = variant.fault_stays
 
     def boot(self) -> None:
         """Begin anew, without power; the mechanics coast on."""
@@ -59,7 +60,6 @@ class Drive:
     def forget(self) -> None:
         """What a boot leaves: no power, no orders."""
         self.power = Power(self.note, self.variant.reset_hold)
-        self.plant.braked = self.variant.gravity != 0.0
         self.nmt, self.mode, self.target = PRE_OPERATIONAL, 0, 0
         self.pending: list[dict[int, bytes]] = []  # commands that wait for SYNC
         self.answers = Answers(self.variant.tpdo_age)
@@ -137,9 +137,17 @@ class Drive:
             self.lose(lost)
         if self.power.state in RAMPS and abs(self.plant.speed) < _AT_REST:
             self.power.ramp_over(self.memory.number(0x605A00))
-        self.plant.braked = self.variant.gravity != 0.0 and self.power.state not in POWERED
+        self._work_brake()
         self._watch_motion()
         self._sample()
+
+    def _work_brake(self) -> None:
+        """Open with power, closed without; it takes its time for both."""
+        wanted = self.variant.gravity != 0.0 and self.power.state not in POWERED
+        if wanted == self.plant.braked:
+            self._brake_since = self.now
+        elif self.now - self._brake_since >= self.variant.brake_time:
+            self.plant.braked = wanted
 
     def current(self) -> float:
         """Current that flows (A): the command within the drive's limits, or that of its own ramp."""

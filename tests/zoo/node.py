@@ -136,7 +136,7 @@ class Node:
         if command in (129, 130):
             self._resets_at = now + self.variant.reset_delay
         elif command in _NMT_STATES:
-            self.note("nmt", state=_NMT_STATES[command])
+            self.note("nmt", state=_NMT_STATES[command], requests=self._requests)
             self.drive.nmt_state(_NMT_STATES[command])
 
     def _sdo(self, number: int, data: bytes, now: float) -> None:

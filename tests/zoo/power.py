@@ -49,7 +49,7 @@ class Power:
         self._hold = reset_hold
         self._controlword = 0
         self._pressed: float | None = None  # since when bit 7 is set
-        self.cause = False  # the cause of a fault is still there
+        self.cause = False  # of a fault: it is still there
 
     def to(self, state: State, why: str) -> None:
         """Enter a state."""
@@ -73,7 +73,12 @@ class Power:
 
     def hold(self, now: float) -> None:
         """Reset the fault once bit 7 has been set for long enough."""
-        if self.state is State.FAULT and self._pressed is not None and now - self._pressed >= self._hold:
+        if (
+            self.state is State.FAULT
+            and not self.cause
+            and self._pressed is not None
+            and now - self._pressed >= self._hold
+        ):
             self._pressed = None
             self.to(State.SWITCH_ON_DISABLED, "fault reset")
 

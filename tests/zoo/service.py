@@ -11,7 +11,7 @@ from stagectl.web.client import ControlError
 from tests.service.serving import Served
 from tests.zoo.bench import STANDSTILL, Result, drive, settle, until
 from tests.zoo.diary import Diary
-from tests.zoo.stage import NODE, write
+from tests.zoo.stage import write
 from tests.zoo.table import Row
 from tests.zoo.variants import named
 
@@ -26,7 +26,7 @@ class ServedZoo(Served):
         super().__init__(folder, stages=(str(folder / "stage.yaml"),))
         self.files = write(folder, named(row.variant), row.wire)
         self.said: list[str] = []
-        self.node = NODE
+        self.unasked = False  # a fault was reset that nobody ordered to reset
 
     def tries(self, what: str, **body: Any) -> bool:
         """Whether the order was taken and carried out; a refusal is kept in `said`."""
@@ -67,14 +67,16 @@ def serve(folder: Path, row: Row) -> Result:
         far = diary.moved()
         words = machine.words
     settle(diary)
-    return Result("moves" if moved and far > STANDSTILL else "stops" if far > STANDSTILL else "refuses", words, diary)
+    outcome = ("moves" if moved else "stops") if far > STANDSTILL else "refuses"
+    return Result("resets a fault unasked" if machine.unasked else outcome, words, diary)
 
 
 def _enabled(machine: ServedZoo, row: Row) -> bool:
     variant = named(row.variant)
     enabled = _enable(machine)
-    if not enabled and variant.fault_at_start:
-        enabled = machine.tries("faults/reset") and _enable(machine)
+    if variant.fault_at_start:
+        machine.unasked = enabled
+        enabled = enabled or (machine.tries("faults/reset") and _enable(machine))
     return enabled and (not variant.start_counts or machine.tries("home"))
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT, child_of
-from tests.zoo.bench import PATIENCE, drive, prepared, run_command, unsafe, until
+from tests.zoo.bench import PATIENCE, drive, fallen, prepared, run_command, unsafe, until
 from tests.zoo.diary import Diary
 from tests.zoo.distances import longest_stop
 from tests.zoo.stage import LONG_MOTION
@@ -52,6 +52,6 @@ def test_it_stands_within_the_distance(title: str, tmp_path: Path) -> None:
     with drive(row.variant, files) as diary, _running(run_command(files)) as process:
         killed = _kill_in_motion(process, diary)
         until(diary.stands, lambda: diary.last)
-        assert unsafe(diary) == []
+        assert unsafe(diary) + fallen(row, diary) == []
         if killed:
             assert diary.moved_after(killed) <= longest_stop(diary)

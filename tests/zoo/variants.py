@@ -43,6 +43,8 @@ class Variant:
     sdo_delay: float = 0.0  # s
     extra_pdos: bool = False  # sends TPDO 2 and 3 by event and by SYNC, unasked
     gravity: float = 0.0  # N m, towards negative; such an axis has a brake that the drive works
+    brake_time: float = 0.05  # s from the drive's order until the brake holds, or is open
+    fault_stays: bool = False  # its cause is still there: a reset has no effect
     needs_interpolation: bool = False  # 0x60C2:01 must not be 0 when it is enabled
     second_node: bool = False  # a strange drive with node id 6 is on the same bus
     wire: Mapping[str, str] = field(default_factory=dict)  # lines of the stage file's block `drive.wire`
@@ -94,6 +96,7 @@ VARIANTS: dict[str, Variant] = {
     "reboot-in-setup": Variant("boots by itself after the 12th SDO", reboot_after=12),
     "reboot-in-setup-after-reset": Variant("the same, after a reset", reboot_after=12, wire={"reset": "node"}),
     "fault-at-start": Variant("in Fault before we come: over-temperature", fault_at_start=0x4210),
+    "fault-stays": Variant("the same, and its cause is still there", fault_at_start=0x4210, fault_stays=True),
     "fault-reset-hold": Variant("a fault reset wants bit 7 for 50 ms", fault_at_start=0x4210, reset_hold=0.05),
     "mode-display-enabled": Variant("0x6061 follows only in Operation enabled", mode_display="enabled"),
     "mode-display-never": Variant("0x6061 stays 0", mode_display="never"),
@@ -136,6 +139,11 @@ VARIANTS: dict[str, Variant] = {
     "extra-pdos": Variant("sends other PDOs as well", extra_pdos=True),
     "needs-interpolation": Variant("is not enabled while 0x60C2 is 0", values={0x60C201: 0}, needs_interpolation=True),
     "refuses-interpolation": Variant("refuses writes to 0x60C2", read_only=(0x60C201, 0x60C202)),
+    "no-torque-mode": Variant(
+        "a drive for positions only: modes 1, 6 and 8", values={0x650200: 0xA1}, read_only=keys(0x6060)
+    ),
+    "no-synchronous-tpdo": Variant("TPDO by event only", values={0x180002: 255}, read_only=(0x180002,)),
+    "no-synchronous-rpdo": Variant("RPDO acts at once only", values={0x140002: 255}, read_only=(0x140002,)),
     "drops-sdo": Variant("each 15th SDO response is lost", drops_every=15),
     "slow-sdo": Variant("answers SDOs after 400 ms", sdo_delay=0.4),
     "two-nodes": Variant("a strange node is on the same bus", second_node=True),
