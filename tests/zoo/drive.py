@@ -38,6 +38,7 @@ class Drive:
         self._moved_from: float | None = None
         self._active_before = True
         self.event_over = False
+        self.nmt = PRE_OPERATIONAL
         self.forget()
         if variant.fault_at_start:
             self.trip(variant.fault_at_start, reaction=0)
@@ -124,7 +125,7 @@ class Drive:
         """An EMCY frame."""
         self.memory.live |= {0x603F00: code, 0x100100: 1 if code else 0}
         self.note("emergency", code=f"0x{code:04X}")
-        self.send(0x80 + self.memory.id, code.to_bytes(2, "little") + bytes([1 if code else 0]) + bytes(5))
+        self.send(0x80 + self.memory.number_of_node, code.to_bytes(2, "little") + bytes([1 if code else 0]) + bytes(5))
 
     # ------------------------------------------------------------------ time
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import canopen
-from canopen.sdo import SdoAbortedError
+from canopen.sdo.exceptions import SdoAbortedError
 
 from tests.zoo.objects import WIDTHS, objects
 from tests.zoo.variants import ABSENT, NOT_NOW, PDO_LOST, READ_ONLY, Variant
@@ -22,7 +22,7 @@ class Memory(canopen.LocalNode):
         """With the dictionary of this EDS file."""
         super().__init__(node, dictionary)
         self._write_callbacks.clear()  # the drive produces its heartbeat itself: one thread is enough
-        self.variant, self._note = variant, note
+        self.variant, self._note, self.number_of_node = variant, note, node
         self.live: dict[int, int] = {}
         self.written: Callable[[int, bytes], None] = lambda key, data: None
         self.add_read_callback(lambda index, subindex, od: self.live.get(index << 8 | subindex))
@@ -31,7 +31,7 @@ class Memory(canopen.LocalNode):
     def forget(self) -> None:
         """What a boot makes of it: all values as they were delivered."""
         self.data_store.clear()
-        for row in objects(self.variant, self.id):
+        for row in objects(self.variant, self.number_of_node):
             variable = self._find_object(row.key >> 8, row.key & 0xFF)
             self.data_store.setdefault(row.key >> 8, {})[row.key & 0xFF] = variable.encode_raw(row.value)
 
@@ -73,7 +73,7 @@ class Memory(canopen.LocalNode):
     def _must_exist(self, key: int) -> None:
         if key not in self.variant.absent:
             return
-        known = {row.key for row in objects(self.variant, self.id) if row.key >> 8 == key >> 8}
+        known = {row.key for row in objects(self.variant, self.number_of_node) if row.key >> 8 == key >> 8}
         raise SdoAbortedError(ABSENT if known <= set(self.variant.absent) or len(known) <= 2 else _NO_SUBINDEX)
 
     def _obey_pdo_rules(self, index: int, subindex: int, value: int) -> None:

@@ -7,7 +7,6 @@ import contextlib
 import os
 import signal
 import struct
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -186,4 +185,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

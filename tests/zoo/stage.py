@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from stagectl.drives.drive import Canopen
 from tests.zoo.objects import write_eds
 from tests.zoo.plant import COULOMB, COUNTS, FORCE_CONSTANT, INERTIA, LEAD, RATED_CURRENT, VISCOUS
 from tests.zoo.variants import Variant, named
 
 NODE = 5
+KNOWN = {"kind", *Canopen._fields}  # keys of `drive.wire` that this version has; others of the table are left out
 CURRENT_LIMIT = 4.0  # A
 PERIOD = 0.005  # s
 TRAVEL = 0.2  # m to either side
@@ -34,6 +36,7 @@ _WIRE = {
     "heartbeat_timeout": "400 ms",
     "rpdo_timeout": "300 ms",
     "feedback_timeout": "300 ms",
+    "identity": "{vendor: 0x2E1, product: 0x50402}",
 }
 _STAGE = """\
 name: foreign drive
@@ -96,6 +99,7 @@ class Files(NamedTuple):
 def write(folder: Path, variant: Variant, wire: Mapping[str, str] | None = None, motion: str = MOTION) -> Files:
     """The files in `folder`; the lines of `wire` come after those of the variant."""
     lines = {**_WIRE, **variant.wire, **(wire or {})}
+    lines = {key: line for key, line in lines.items() if key in KNOWN}
     text = _STAGE.format(
         lead=1e3 * LEAD, force_constant=FORCE_CONSTANT, inertia=INERTIA, viscous=VISCOUS, coulomb=COULOMB,
         bias=-variant.gravity, counts=COUNTS, current_limit=CURRENT_LIMIT, period=1e3 * PERIOD, travel=1e3 * TRAVEL,
