@@ -47,7 +47,7 @@ class StockMaster:
     def supervise(self) -> None:
         """By our heartbeat."""
         self.node.sdo[0x1016][1].raw = MASTER << 16 | 500
-        self._beat = self.network.send_periodic(0x700 + MASTER, [5], 0.05)
+        self._beat = self.network.send_periodic(0x700 + MASTER, b"\x05", 0.05)
 
     def order(self, controlword: int, statusword: int) -> None:
         """Write the controlword, and wait for the state."""
