@@ -16,8 +16,9 @@ from typing import NamedTuple
 from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.configuration import NOT_OFFERED, DriveConfiguration
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
+from stagectl.drives.canopen.object_access import ObjectAccess
+from stagectl.drives.canopen.protection import NOT_OFFERED
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.service import virtual_drive
@@ -205,12 +206,12 @@ def _drive(setup: Setup, wire: Canopen, served: bool) -> Iterator[Check]:
     try:
         node = PumpedNode(wire.node, load_eds(wire.eds, wire.node))
         PumpedNetwork(joined)[wire.node] = node
-        yield from _options(DriveConfiguration(wire, node, setup.stage.encoder.step))
+        yield from _options(ObjectAccess(wire, node))
     finally:
         joined.close()
 
 
-def _options(drive: DriveConfiguration) -> Iterator[Check]:
+def _options(drive: ObjectAccess) -> Iterator[Check]:
     for index, (name, _) in cia402.OPTIONS.items():
         try:
             code = drive.offered(index)

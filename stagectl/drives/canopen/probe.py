@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 from stagectl.drives.bus.frames import Bus, frame, parse
 from stagectl.drives.canopen import cia402, presets
-from stagectl.drives.canopen.configuration import NOT_OFFERED
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
 from stagectl.drives.canopen.presets import Preset
+from stagectl.drives.canopen.protection import NOT_OFFERED
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import PROBE_ANSWER_TIME, SCAN_AT_ONCE, SCAN_TIME, SHOWN_NAME
