@@ -12,6 +12,7 @@ it by name (`drive.wire.accept`).  Sources: CiA 301, heartbeat, guarding, event 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from stagectl.drives.bus.frames import REMOTE, frame
@@ -19,7 +20,7 @@ from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.object_access import Fits, Held, ObjectAccess
 from stagectl.drives.canopen.pdo import PdoMap
 from stagectl.drives.canopen.pdo_setup import EVENT_TIMER
-from stagectl.drives.drive import ACCEPTED, Accepted, DriveError
+from stagectl.drives.drive import ACCEPTED, Accepted, Canopen, DriveError
 from stagectl.drives.limits import BEATS
 from stagectl.drives.run_on import AxisLimits
 
@@ -27,7 +28,7 @@ MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) know
 NOT_OFFERED = "not offered by this drive"
 HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
 _STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
-_WRITTEN = (3, 1, 2)  # in which order they are tried where the drive's own does not stop
+_WRITTEN = (3, 1, 2)  # in which order they are tried: the ramp of a quick stop is known
 _LEAVES, _STOPPED = 0, 2  # options 0x1029:01: to pre-operational, which is the default of CiA 301; to stopped
 _COMMUNICATION = 1  # subindex of 0x1029
 
@@ -122,16 +123,22 @@ class Supervision:
         if code is None:
             self._description[name] = NOT_OFFERED
             return self._error_behaviour(), False
-        for wanted in _WRITTEN:
-            if code not in _STOPS:
-                held = self._objects.hold(wanted, cia402.ABORT_CONNECTION, 0)
-                code = code if held.value is None else held.value
+        for wanted in (self._preferred(), *_WRITTEN):
+            held = self._objects.hold(wanted, cia402.ABORT_CONNECTION)
+            code = code if held.value is None else held.value
+            if code in _STOPS:
+                break
         self._description[name] = cia402.option(cia402.ABORT_CONNECTION, code)
         if code not in _STOPS:
             self._lack("no_reaction", cia402.ABORT_CONNECTION << 8, code)
             return False, False
         self._objects.held[cia402.ABORT_CONNECTION << 8] = code
         return True, self._brakes(code)
+
+    def _preferred(self) -> int:
+        """Quick stop, on the ramp that is set; another reaction where a person wants it by `start_up`."""
+        key = cia402.ABORT_CONNECTION << 8
+        return next((entry.value for entry in self._settings.start_up if entry.object == key), _WRITTEN[0])
 
     def _brakes(self, code: int) -> bool:
         """Whether a reaction brakes: fault and quick stop have option codes of their own, in which 0 coasts."""
@@ -188,6 +195,32 @@ def in_words(protection: Protection, limits: AxisLimits) -> str:
     how = "brakes by its ramp" if protection.brakes else "cuts its power, the axis coasts"
     words = f"{protection.timeout * 1e3:.0f} ms after the last sign of its controller the drive {how}"
     return f"{words}; {limits.words(protection.timeout, protection.brakes)}" if limits.current else words
+
+
+class Outlook(NamedTuple):
+    """What a set-up would find, from what the drive offers; nothing was written."""
+
+    good: bool
+    words: str
+
+
+def outlook(wire: Canopen, offered: Callable[[int, int], int | None], limits: AxisLimits) -> Outlook:
+    """How the axis would be protected; `offered` gives the value of an object, None where it is missing."""
+    quick = min(wire.rpdo_timeout or wire.heartbeat_timeout, wire.heartbeat_timeout)
+    guarded = offered(cia402.GUARD_TIME, 0) is not None and offered(cia402.LIFE_TIME_FACTOR, 0) is not None
+    means = {
+        "RPDO time-out (0x1400:05)": wire.rpdo_timeout > 0.0
+        and offered(cia402.RPDO_PARAMETER, EVENT_TIMER) is not None,
+        "heartbeat (0x1016)": offered(cia402.CONSUMER_HEARTBEAT, 1) is not None,
+        "node guarding (0x100C, 0x100D)": guarded,
+    }
+    code = offered(cia402.ABORT_CONNECTION, 0)
+    brakes = offered(cia402.QUICK_STOP_OPTION, 0) != 0  # 0x6007 becomes 3 where it is not
+    words = in_words(Protection(quick if any(means.values()) else 0.0, code is not None, brakes, b"", 0.0), limits)
+    by = ", ".join(name for name, there in means.items() if there)
+    written = "; 0x6007 is 0 and must take 3 at the start" if code not in (None, *_STOPS) else ""
+    missing = "; 0x6007 is missing" if code is None else ""
+    return Outlook(bool(by) and code is not None, f"{words}{f'; by {by}' if by else ''}{written}{missing}")
 
 
 def milliseconds(seconds: float) -> int:
