@@ -110,16 +110,16 @@ def objections(result: Result, row: Row, served: bool = False) -> list[str]:
     if result.outcome != "moves":
         wrong += [f"does not say {word}" for word in row.says if not _in(word, result.words)]
         wrong += [f"says {word}" for word in row.never if _in(word, result.words)]
-    return wrong + unsafe(result.diary) + fallen(row, result.diary) + _unwritten(result, row)
+    return wrong + unsafe(result.diary, row.bare) + fallen(row, result.diary) + _unwritten(result, row)
 
 
-def unsafe(diary: Diary) -> list[str]:
-    """What no drive may have seen: power without a monitor, and power or speed that stays."""
+def unsafe(diary: Diary, bare: bool = False) -> list[str]:
+    """What no drive may have seen: power without a monitor (but where a person accepts that: `bare`), and power or speed that stays."""
     wrong = []
     if not diary.lines("sample"):
         return ["the drive was never heard of"]
-    if (bare := diary.unsupervised()) >= 0.0:
-        wrong.append(f"enabled without a monitor that stops, moved {1e3 * bare:.2f} mm so")
+    if not bare and (moved := diary.unsupervised()) >= 0.0:
+        wrong.append(f"enabled without a monitor that stops, moved {1e3 * moved:.2f} mm so")
     if not diary.stands():
         wrong.append(f"left with power {diary.last['powered']} at {1e3 * diary.last['v']:.1f} mm/s")
     return wrong

@@ -33,6 +33,7 @@ class Row:
         default_factory=dict
     )  # objects that must hold one of these at the end
     served: frozenset[str] | None = None  # what a service must do where it differs: a fault is reset there
+    bare: bool = False  # power without a monitor that stops is accepted by name in `wire`
     name: str = ""  # of a second row with the same variant
 
     @property
@@ -43,6 +44,11 @@ class Row:
 
 def _row(variant: str, allowed: frozenset[str], *says: str, **more: object) -> Row:
     return Row(variant, allowed, says, **more)  # type: ignore[arg-type]
+
+
+def _accepted(variant: str, lack: str, **more: object) -> Row:
+    """It moves because the stage file accepts the lack by name."""
+    return _row(variant, MOVES, wire={"accept": f"[{lack}]"}, name=f"{variant}-accepted", **more)
 
 
 _STOPPING = {0x600700: (1, 2, 3)}
@@ -107,6 +113,10 @@ ROWS = [
     _row("drops-sdo", MOVES),
     _row("slow-sdo", MOVES),
     _row("two-nodes", MOVES),
+    _accepted("unsupervised", "no_supervision", bare=True),
+    _accepted("abort-connection-0-fixed", "no_reaction", bare=True),
+    _accepted("abort-connection-absent", "no_reaction", bare=True),
+    _accepted("other-encoder", "encoder_resolution"),
 ]
 LACKS = [
     _row(f"without:{key:06X}", REFUSES if key == 0x600700 else MOVES, *(["0x6007"] if key == 0x600700 else []))
