@@ -114,7 +114,7 @@ def objections(result: Result, row: Row, served: bool = False) -> list[str]:
 
 
 def unsafe(diary: Diary, bare: bool = False) -> list[str]:
-    """What no drive may have seen: power without a monitor (but where a person accepts that: `bare`), and power or speed that stays."""
+    """Power without a monitor (unless a person accepts that: `bare`), and power or speed that stays."""
     wrong = []
     if not diary.lines("sample"):
         return ["the drive was never heard of"]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from stagectl.config.stage_blocks import StageFile
 from stagectl.drives.drive import Canopen
 from tests.zoo.objects import write_eds
 from tests.zoo.plant import COULOMB, COUNTS, FORCE_CONSTANT, INERTIA, LEAD, RATED_CURRENT, VISCOUS
@@ -83,6 +84,7 @@ simulation:
   clock: wall
 """
 _HOMING = "homing:\n  method: here\n"
+_BRAKE = "brake:\n  control: drive\n  release: {time:g} ms\n  engage: {time:g} ms\n"
 MOTION = "type: sine\namplitude: 1 mm\nfrequency: 2 Hz\nperiods: 1\nramp: 1\n"
 LONG_MOTION = "type: sine\namplitude: 2 mm\nfrequency: 1 Hz\nperiods: 60\nramp: 1\n"
 
@@ -106,7 +108,9 @@ def write(folder: Path, variant: Variant, wire: Mapping[str, str] | None = None,
         wire="\n".join(f"    {key}: {value}" for key, value in lines.items()),
     )  # fmt: skip
     files = Files(folder / "stage.yaml", folder / "motion.yaml", folder / "bus", folder / "diary.jsonl")
-    files.stage.write_text(text + (_HOMING if variant.start_counts else ""))
+    text += _HOMING if variant.start_counts else ""
+    text += _BRAKE.format(time=1e3 * variant.brake_time) if variant.gravity and "brake" in StageFile._fields else ""
+    files.stage.write_text(text)
     files.motion.write_text(motion)
     write_eds(folder / "zoo.eds", variant, NODE)
     return files
