@@ -15,6 +15,7 @@ from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive, Simulation
 from stagectl.drives.limits import CERTAIN_FAULT_CYCLES
+from stagectl.drives.run_on import AxisLimits
 from stagectl.kernels import law, stage
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.homing import Search
@@ -61,6 +62,7 @@ class Orders(NamedTuple):
     wire: Canopen | Odrive | None  # None: the stage model in this process
     stage: stage.Stage
     simulation: Simulation
+    limits: AxisLimits  # that the drive's own limits must agree with
     ring: int  # descriptors
     board: int
     brake: Brake = NO_BRAKE

@@ -27,20 +27,21 @@ from stagectl.drives.canopen.braking_monitor import (
     SpeedEstimate,
 )
 from stagectl.drives.canopen.cia402 import DriveState
-from stagectl.drives.canopen.configuration import MASTER, NOT_OFFERED, DriveConfiguration
+from stagectl.drives.canopen.configuration import DriveConfiguration
 from stagectl.drives.canopen.drive_line import DriveLine
 from stagectl.drives.canopen.fault_texts import Deviation
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
+from stagectl.drives.canopen.object_access import ObjectAccess
 from stagectl.drives.canopen.operation_watch import mode_place
-from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
+from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo, wished_rpdo, wished_tpdo
 from stagectl.drives.canopen.power_states import FaultReset, PowerTransition, Standstill
 from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
 from stagectl.drives.limits import REPEAT_COMMAND_CYCLES
+from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _SYNC = frame(0x080)
-_HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
 _NONE, _ON, _QUICK_STOP, _OPERATION_ENABLED = Fault.NONE, Power.ON, Power.QUICK_STOP, DriveState.OPERATION_ENABLED
 _ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
@@ -51,7 +52,7 @@ _FAULT_BIT = 0x08  # of Fault and Fault reaction active
 class CanopenDrive:
     """The drive protocol over a bus; see `stagectl.drives.drive.Drive`."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the last three have defaults
         self,
         settings: Canopen,
         bus: Bus,
@@ -59,17 +60,19 @@ class CanopenDrive:
         dt: float,
         *,
         clock: Clock = WALL,
+        limits: AxisLimits = UNKNOWN_AXIS,
         brake: Brake = NO_BRAKE,
     ) -> None:
         """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
 
-        Raises DriveError with the object that the drive refused and the next step.
+        With `limits` the drive's own limits are made to agree with those of the axis.  Raises DriveError with the
+        object that the drive refused and the next step.
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
         self._clock, self._pace = clock, SpeedEstimate(dt)
         self._now = time.monotonic if clock is WALL else clock.now  # without a call of ours in between
         od = load_eds(settings.eds, settings.node)
-        self._command, self._answer = CommandPdo(settings, od), FeedbackPdo(settings, od)
+        wished_rpdo(settings, od), wished_tpdo(settings, od)  # what cannot work is refused before the drive is asked
         self._network = PumpedNetwork(bus, clock)
         self._node = PumpedNode(settings.node, od)
         self._network[settings.node] = self._node
@@ -78,25 +81,25 @@ class CanopenDrive:
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
         self._walking = False  # on the way to it
-        self._reports = Reports(settings, dt, self._answer, self._now)
-        self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
         self._brake = BrakeSequence(brake, dt, self._set_brake)
         self._closed = False
         self._silent = False  # no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = DriveConfiguration(settings, self._node, encoder_step, clock)
+        setup = DriveConfiguration(settings, self._node, encoder_step, clock, dt=dt, limits=limits)
         setup.run()
-        self._description = setup.description
-        self._mode_at = mode_place(settings.tpdo, od)
-        self._found = _read(setup, cia402.STATUSWORD)  # before it gets power
-        self._error_code = _read(setup, cia402.ERROR_CODE)
+        self._description, self._protection = setup.description, setup.protection
+        self._command = CommandPdo(settings, od, setup.rpdo)  # as the drive has them, not as they were wished
+        self._answer = FeedbackPdo(settings, od, setup.tpdo)
+        self._alive, self._alive_period = setup.protection.alive, setup.protection.period
+        self._reports = Reports(settings, dt, self._answer, self._now)
+        self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
+        self._mode_at = mode_place(setup.tpdo)
+        self._found = _read(setup.objects, cia402.STATUSWORD)  # before it gets power
+        self._error_code = _read(setup.objects, cia402.ERROR_CODE)
         if brake.control == "output":
-            setup.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 1)  # set, before any power
-            setup.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 2)
-        name = cia402.OPTIONS[cia402.ABORT_CONNECTION][0]
-        ignored = (NOT_OFFERED, cia402.option(cia402.ABORT_CONNECTION, 0))
-        self._stops_alone = setup.description[name] not in ignored  # when it is taken out of operation
+            setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 1)  # set, before any power
+            setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 2)
 
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow."""
@@ -150,7 +153,7 @@ class CanopenDrive:
     def _supervise(self) -> None:
         """During a quick stop: cut the power of an axis that is not braked; release a drive that is silent."""
         failure = self._braking.step(self._silent)
-        if failure is BrakingFailure.SILENT and self._stops_alone:
+        if failure is BrakingFailure.SILENT and self._protection.reacts:
             self._line.manage(cia402.NMT_PRE_OPERATIONAL)
         if failure in FAILURE_TEXTS:
             self._reports.problem = Deviation(FAILURE_TEXTS[failure])
@@ -171,8 +174,8 @@ class CanopenDrive:
             self._bus.send(self._command.encode(self._walk.controlword, current))
             now = self._now()
             if now >= self._beat:
-                self._beat = now + self._settings.heartbeat
-                self._bus.send(_HEARTBEAT)
+                self._beat = now + self._alive_period
+                self._bus.send(self._alive)
                 if self._reports.serving and not self._mode_at:
                     self._line.ask_for_mode(now)
         except ValueError as error:
@@ -271,9 +274,9 @@ class CanopenDrive:
         return due
 
 
-def _read(setup: DriveConfiguration, index: int) -> int | None:
+def _read(objects: ObjectAccess, index: int) -> int | None:
     """An integer object; None where the drive does not give it."""
     with contextlib.suppress(DriveError):
-        value: int | None = setup.offered(index)
+        value: int | None = objects.offered(index)
         return value
     return None

@@ -15,14 +15,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.fault_texts import LOST_BITS, WRONG_MODE, Deviation
+from stagectl.drives.canopen.pdo import PdoMap
 from stagectl.drives.limits import CERTAIN_CYCLES, LEARNING_TIME, STATUS_BIT_TIME, WRONG_MODES
 
 _ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
+_DATA = 8  # first byte behind identifier and length
 _NEVER = -1  # equals no statusword: each period is looked at
 _LEARNABLE = cia402.REMOTE | cia402.FOLLOWS
 _UPLOAD, _VALUE = 0x40, 0x40  # SDO: upload request; an expedited answer, by its top three bits
@@ -34,13 +35,13 @@ def periods(seconds: float, dt: float, least: int = 1) -> int:
     return max(least, math.ceil(seconds / dt - 1e-9))
 
 
-def mode_place(tpdo: tuple[int, ...], od: Any) -> int:
-    """First byte of 0x6061 in a frame with these objects; 0 where it is not mapped."""
-    place = 8  # behind identifier and length
-    for key in tpdo:
-        if key == cia402.MODE_DISPLAY << 8:
-            return place
-        place += len(od.get_variable(key >> 8, key & 0xFF)) // 8
+def mode_place(tpdo: PdoMap) -> int:
+    """First byte of 0x6061 in a frame with this map; 0 where it is not mapped."""
+    bits = 0
+    for entry in tpdo.entries:
+        if entry >> 8 == cia402.MODE_DISPLAY << 8:
+            return _DATA + bits // 8
+        bits += entry & 0xFF
     return 0
 
 
