@@ -34,6 +34,7 @@ def _connecting(axis: AxisData, _: State) -> Event:
     axis.show(_CONNECT_TIME)
     axis.hang_up()
     axis.offset = 0.0
+    axis.asked = held(math.nan, 0.0)  # the first position is no jump: it is compared with the last connection's
     try:
         axis.drive = axis.connect(axis.p)
     except (StageError, OSError) as error:
