@@ -125,6 +125,7 @@ class AxisData:
         """Positions are smaller by `by` (rad | m) from now on; the law does not notice."""
         self.offset += by
         self.homed, self.lost_origin = True, ""
+        self.seen = self.seen._replace(position=self.seen.position - by)
         self.x = bumpless_transfer.shifted(self.x, by)
         self.watch = safety.FRESH._replace(heat=self.watch.heat)
         self.asked = held(self.asked.reference - by, self.asked.friction)
