@@ -198,16 +198,16 @@ def containing(p: Envelope, position: float) -> Envelope:
 
 def detail(fault: Fault, x: Watch, now: Observation) -> str:
     """What the judge saw, in numbers, of a fault whose words name none; empty for the others."""
-    seen, command = now.feedback, now.command
-    if fault is Fault.CLAMPED:
+    seen, command, words = now.feedback, now.command, ""
+    if fault is Fault.CLAMPED or (fault is Fault.FREEZE and x.unfollowed > 0.0):
         limited = "; it reports an internal limit (statusword bit 11)" if seen.statusword & LIMITED else ""
-        return f"The drive delivers {seen.current:.3g} A where {command:.3g} A was commanded{limited}. "
+        words = f"The drive delivers {seen.current:.3g} A where {command:.3g} A was commanded{limited}. "
     if fault is Fault.FREEZE and x.frozen > 0.0:
-        return (
+        words += (
             f"Position and current repeat to the last bit for {x.frozen * 1e3:.0f} ms while the command went from"
-            f" {x.anchor:.3g} A to {command:.3g} A: the drive's answer is frozen. "
+            f" {x.anchor:.3g} A to {command:.3g} A: the drive's answer is frozen, or the axis stands under a fixed current. "
         )
-    return ""
+    return words
 
 
 def leap(p: Envelope, moved: float, time: float) -> Fault:

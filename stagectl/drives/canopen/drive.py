@@ -185,10 +185,11 @@ class CanopenDrive:
             self._reports.problem = Deviation(f"the bus failed: {error}")
 
     def pending_fault(self) -> str:
-        """The fault in which the drive was found, in words; empty where there is none."""
-        if self._found is None or cia402.state(self._found) is not DriveState.FAULT:
+        """The fault in which the drive was found, or is on the way to power, in words; empty where there is none."""
+        found = self._last.statusword if self._walking else self._found
+        if found is None or cia402.state(found) is not DriveState.FAULT:
             return ""
-        return fault_texts.standing_fault(self._settings.node, self._found, self._error_code, self._reports.signs)
+        return fault_texts.standing_fault(self._settings.node, found, self._error_code, self._reports.signs)
 
     def reset_fault(self) -> None:
         """Hold bit 7 until the drive's fault is gone, without power.  Raises DriveError where it stays."""
@@ -217,6 +218,8 @@ class CanopenDrive:
     def explain(self) -> str:
         """The last fault in words, probable causes, next command; on the way to power, where the drive hangs."""
         node, last = self._settings.node, self._reason or self._last._replace(fault=Fault.NONE)
+        if self._reason is None and (pending := self.pending_fault()):
+            return pending
         if self._walking and self._last.fault is not Fault.BUS:
             return fault_texts.not_enabled(node, self._last, self._reports.signs)
         return fault_texts.explained(node, last, self._reports.signs)

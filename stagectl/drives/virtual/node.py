@@ -56,8 +56,7 @@ class VirtualNode:
         """Build the node from `settings.eds` around `plant`, whose own delay line must hold nd - 1 periods.
 
         `quick_stop_gain` (A s/rad | A s/m) is that of the drive's own stop; `report` takes one line in plain
-        words, with distances as `distance` writes them (rad | m -> text).  `faults` are blocks of
-        `stagectl.drives.faults`.  Raises DriveError.
+        words, with distances as `distance` writes them; `faults` are of `stagectl.drives.faults`.  Raises DriveError.
         """
         _check(plant, dt)
         self._clock = SkewedClock(time)
