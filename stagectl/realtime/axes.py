@@ -240,7 +240,9 @@ def perform(post: Post) -> None:
 def _report(axis: SingleAxis, stopped: bool) -> None:
     """How the motion went.  Raises DriveError where it has not begun."""
     fault = axis.fault or (Fault.OPERATOR if stopped and not axis.motions else Fault.NONE)
-    reason = axis.reason if Fault.NONE < fault < Fault.FOLLOWING_ERROR else ""  # the drive's own words
+    reason = (
+        axis.reason if Fault.NONE < fault < Fault.FOLLOWING_ERROR else axis.judged.strip()
+    )  # the drive's words, or ours
     if not axis.motions and fault is not Fault.OPERATOR:
         raise DriveError(reason or axis.board.words)
     counts = {"cycles": axis.ring.written, "late": axis.late_rows, "fault": fault}

@@ -227,7 +227,7 @@ class Axis(AxisData):
         if fault is Fault.JUMP:
             self.lose_origin("the encoder jumped")
         self.reason = self.drive.explain() if self.drive is not None and fault < Fault.FOLLOWING_ERROR else row.causes
-        self.reason, self.judged = f"{self.judged}{self.reason}", ""
+        self.reason = f"{self.judged}{self.reason}"
         self.board.say(f"{row.words}; {row.category.words}. {self.reason}. Next: {row.next}".replace(". . ", ". "))
 
     def take(self, order: Order) -> bool:

@@ -205,7 +205,7 @@ def detail(fault: Fault, x: Watch, now: Observation) -> str:
     if fault is Fault.FREEZE and x.frozen > 0.0:
         words += (
             f"Position and current repeat to the last bit for {x.frozen * 1e3:.0f} ms while the command went from"
-            f" {x.anchor:.3g} A to {command:.3g} A: the drive's answer is frozen, or the axis stands under a fixed current. "
+            f" {x.anchor:.3g} A to {command:.3g} A: the answer is frozen, or the axis stands under a fixed current. "
         )
     return words
 
