@@ -9,7 +9,9 @@ from pathlib import Path
 from stagectl.config.bounds import DELAY_LINE, WIDEST_SLIPS
 from stagectl.config.friction_laws import Operators, Rolling
 from stagectl.config.stage_blocks import StageFile
+from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
+from stagectl.drives.drive import Canopen
 from stagectl.number_format import duration
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR
@@ -22,10 +24,12 @@ def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
     yield from _encoder(file)
     yield from _limits(file)
     yield from _homing(file)
+    yield from _brake(file)
     yield from _drive(file)
     yield from _transmission(file)
     yield from _friction(file)
     yield from wire_conflicts(file, path)
+    yield from too_far(file)
 
 
 def _encoder(file: StageFile) -> Iterator[Problem]:
@@ -47,6 +51,12 @@ def _limits(file: StageFile) -> Iterator[Problem]:
         unit = "m" if axis.kind == LINEAR else "rad"
         reason = f"must be at most limits.following_error, {moving:g} {unit}"
         yield Problem(reason, _CONFLICT, "limits.following_error_at_rest", f"{at_rest:g} {unit}", unit)
+
+
+def _brake(file: StageFile) -> Iterator[Problem]:
+    if file.brake.present and not isinstance(file.drive.wire, Canopen):
+        reason = "a brake is worked by a CANopen drive, or by its outputs"
+        yield Problem(reason, _CONFLICT, "brake.control", file.brake.control)
 
 
 def _homing(file: StageFile) -> Iterator[Problem]:

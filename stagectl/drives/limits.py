@@ -7,14 +7,33 @@ Object indices, bit masks, abort codes and widths of formats are not here: they 
 from __future__ import annotations
 
 # The controller's side of a CANopen drive (canopen/drive.py, power_states.py)
-ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, otherwise DriveError
-STOP_TIME = 10.0  # s; chosen; after it a quick stop is given up
-LOST_STOP_TIME = 1.0  # s; chosen; the same once the drive no longer answers
+ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, otherwise enabling has failed
 BACKLOG = 64  # frames; chosen; most that are cleared before a SYNC, so that a babbling node cannot block the loop
 REPEAT_COMMAND_CYCLES = 8  # cycles; chosen; a drive still in operation after them gets its stop command again, by SDO
-FAULT_RESET_CYCLES = 8  # cycles; chosen; distance of two edges of the fault reset, for drives that poll slowly
+RESET_HOLD = 0.3  # s; chosen; bit 7 stays so long at most: drives were met that want 50 ms of it, and that poll slowly
+RESET_PAUSE = 0.1  # s; chosen; between two edges of bit 7
+RESET_EDGES = 3  # edges; chosen; a fault that survives them has a cause that is still there
+TORQUE_TIME = 0.01  # s; chosen; from Operation enabled to the release of a brake: the current must be there
+CERTAIN_FAULT_CYCLES = 3  # cycles; chosen; state Fault lasts so long before power is given up
 STANDSTILL_CYCLES = 100  # cycles; chosen; without motion for so long, the axis stands still
 STANDING = 1e-4  # s; chosen; times the ramp's deceleration: speed below which an axis counts as standing
+
+YOUNG_HEARTBEAT = 1.0  # s; chosen; a drive heard so lately, after its last answer, is there; decides words alone
+
+# A drive under power (canopen/operation_watch.py)
+LEARNING_TIME = 0.05  # s; chosen; from Operation enabled on: statusword bits 9 and 12 that the drive shows are demanded
+STATUS_BIT_TIME = 0.005  # s; chosen; a demanded bit may be missing so long, and for CERTAIN_CYCLES
+MODE_PERIOD = 0.1  # s; chosen; between two questions for 0x6061, by SDO: 0.1 % of a bus of 1 Mbit/s
+WRONG_MODES = 2  # answers; chosen; that show another mode, one after the other
+
+# Whether the drive gives what it is told (realtime/envelope.py, realtime/safety.py)
+CURRENT_SHARE = 0.1  # of the command; chosen; by which the measured current may differ: scale of a good drive
+CURRENT_FLOOR = 0.05  # of drive.current_limit; chosen; offset and resolution of the drive's measurement
+CURRENT_NOISE = 6.0  # times the rms noise of the stage file: one period in a thousand million
+CURRENT_LAGS = 4.0  # time constants of the current loop in which it follows: 98 %
+CURRENT_TIME = 0.02  # s; chosen; so long in sum, periods that agree taken off, the current may be another
+FROZEN_TIME = 0.01  # s; chosen; position and current repeat to the last bit while the command changes
+FROZEN_QUANTA = 4.0  # counts of the measured current; chosen; a smaller change of the command need not show
 
 # Whether the drive's own ramp brakes (canopen/braking_monitor.py)
 SPEED_WINDOW = 9  # samples; chosen; the median of their steps survives a jump and a corrupted frame
@@ -28,12 +47,24 @@ CERTAIN_CYCLES = 3  # cycles; chosen; an observation must last so long: one corr
 SILENT_CYCLES = 2  # cycles; chosen; answers missing in a row after which the bus counts as lost
 
 # Configuration over SDO (canopen/configuration.py)
-BOOT_TIME = 5.0  # s; chosen; a drive that is booting must answer within it
+BOOT_UP_TIME = 2.0  # s; chosen; after a reset the boot-up message is waited for; then SDO is tried: some send none
+STATE_TIME = 0.05  # s; chosen; for the answer to a request for the NMT state
+SETUPS = 3  # attempts; chosen; a drive that boots in mid set-up is set up again; then it is refused
 # A booting drive swallows the first request, which is soon repeated.  Once it answers, an object that it keeps in flash
 # may take most of a second (canopen #25, CanOpenSTM32 #89); nothing has power yet, and nothing waits for it.
 BOOT_ANSWER_TIME, SDO_ANSWER_TIME = 0.3, 1.0  # s; see above; longest wait for one answer
 SDO_TRIES = 3  # requests; chosen; a late answer is not taken for another one (`PumpedSdo`)
-MODE_TIME = 1.0  # s; chosen; 0x6061 must follow 0x6060 within it
+MODE_TIME = 1.0  # s; chosen; 0x6061 is waited for so long; some drives show the mode only once they are enabled
+ROUNDED = 0.01  # of a value; chosen; a drive may round the ramp that is written so much
+INCREMENTS = 1e-6  # of a resolution; rounding of 0x608F, whose two numbers are whole
+
+# Protection (canopen/protection.py) and the time-outs that the stage file does not state (config/time_outs.py)
+BEATS = 4  # signs of life in a time-out; chosen; one may be lost and one late; the life time factor of node guarding
+FREE_SHARE = 0.1  # of the travel; chosen; that an axis may go beyond either end, where limits.free_distance is absent
+TIMEOUT_PERIODS = 8  # control periods; chosen; the shortest time-out: two lost frames and a late one are no loss
+SHORTEST_TIMEOUT = 0.008  # s; chosen; what a computer with PREEMPT_RT and a bus with other traffic hold
+LONGEST_TIMEOUT = 0.1  # s; chosen; no axis needs more, however much room it has
+ANSWER_PERIODS = 4  # control periods; chosen; the longest wait for an answer: then the loop stops the axis
 
 # Reading a drive without configuring it (canopen/probe.py, dump.py)
 PROBE_ANSWER_TIME = 0.5  # s; chosen; longest wait for one answer

@@ -34,7 +34,8 @@ class Opening:
 
         bus = self._bus(p.wire)
         try:
-            return CanopenDrive(p.wire, bus, p.stage.encoder.step, p.ramp.dt)
+            step, dt = p.stage.encoder.step, p.ramp.dt
+            return CanopenDrive(p.wire, bus, step, dt, limits=p.limits, brake=p.brake)
         except StageError:
             bus.close()
             raise

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from stagectl.config.stage_blocks import InProcess
 from stagectl.config.stage_file import Setup
+from stagectl.config.time_outs import axis_limits
 from stagectl.drives.drive import Canopen
 from stagectl.evaluation import WINDOW_COUNTS
 from stagectl.kernels import law, stage
@@ -41,8 +42,11 @@ def orders(name: str, setup: Setup, running: law.Law, friction: bool, ring: Ring
         wire=None if isinstance(wire, InProcess) else wire,
         stage=portable(p),
         simulation=setup.file.simulation,
+        limits=axis_limits(setup.file, waits_for_sync(setup)),
         ring=ring.descriptor,
         board=board.descriptor,
+        brake=setup.file.brake,
+        holding=_holding(setup),
     )
 
 
@@ -53,6 +57,14 @@ def post(setup: Setup, axes: Sequence[Orders], ring: Ring, coupled: bool = False
     priority = realtime.priority if all(axis.wire for axis in axes) else 0
     shape = (ring.width, ring.capacity)
     return Post(tuple(axes), setup.dt, priority, realtime.cpu, *shape, coupled, realtime.spin, single)
+
+
+def _holding(setup: Setup) -> float:
+    """Current (A) that carries the axis as its brake is released; 0 where it has none."""
+    brake, p = setup.file.brake, setup.stage
+    if not brake.present:
+        return 0.0
+    return -p.mechanics.bias / p.motor.force_constant if brake.holding_current is None else brake.holding_current
 
 
 def calm(setup: Setup) -> float:

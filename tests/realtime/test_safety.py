@@ -14,7 +14,7 @@ from stagectl.drives.drive import Fault, Feedback
 from stagectl.kernels import rollout
 from stagectl.plan import plan
 from stagectl.realtime.envelope import acceleration, braking, envelope
-from stagectl.realtime.safety import FRESH, Envelope, Observation, Watch, judge, words
+from stagectl.realtime.safety import FRESH, Envelope, Observation, Watch, detail, judge, words
 from stagectl.realtime.stops import STOPS, Category
 from stagectl.simulation import simulate
 from stagectl.trajectories import Sine
@@ -191,3 +191,52 @@ def test_nothing_stops_a_good_run(ball_screw: Setup, amplitude: float) -> None:
         command = row["current"]
     assert np.ptp(rows["measured"]) * noisy.file.axis.travel_per_unit > 1.5 * amplitude
     assert set(rows.dtype.names or ()) == set(rollout.COLUMNS)
+
+
+FOLLOWED = P._replace(
+    current_floor=0.5, current_share=0.1, current_settling=5e-3, unfollowed_time=0.02, frozen=0.1, frozen_time=0.01
+)
+
+
+def driven(commands: list[float], current: Any, moving: float = 1e-5) -> list[Observation]:
+    """Periods under these commands; `current(k)` is what the drive reports."""
+    return [seen(moving * k, command=command, current=current(k)) for k, command in enumerate(commands)]
+
+
+def test_a_drive_that_gives_another_current_is_told() -> None:
+    """A clamp at 2 A that nobody told, and a drive that follows with a lag of two periods and three of dead time."""
+    sine = [5.0 * math.sin(0.05 * k) for k in range(1000)]
+    clamped = driven(sine, lambda k: min(max(sine[k], -2.0), 2.0))
+    fault, period = judged(FOLLOWED, clamped)
+    assert fault is Fault.CLAMPED
+    assert 20 <= period < 100
+
+    lagging, x = [0.0] * 3, 0.0
+    for command in sine:
+        x += (command - x) * 0.4
+        lagging.append(x)
+    assert judged(FOLLOWED, driven(sine, lambda k: lagging[k])) == (Fault.NONE, 1000)
+    square = [5.0 * (-1) ** (k // 25) for k in range(1000)]
+    assert judged(FOLLOWED, driven(square, lambda k: square[max(k - 2, 0)])) == (Fault.NONE, 1000)
+
+
+def test_a_drive_that_reports_no_current_is_not_suspected() -> None:
+    assert judged(FOLLOWED, driven([5.0] * 1000, lambda _: math.nan)) == (Fault.NONE, 1000)
+
+
+def test_an_answer_that_repeats_while_the_command_changes_is_frozen() -> None:
+    ramp = [0.2 + 0.01 * k for k in range(50)]
+    fault, period = judged(FOLLOWED, driven(ramp, lambda _: 0.25, moving=0.0))
+    assert fault is Fault.FREEZE
+    assert 18 <= period <= 22  # 0.1 A later, and 10 ms
+    assert judged(FOLLOWED, driven([0.3] * 500, lambda _: 0.3, moving=0.0)) == (Fault.NONE, 500)  # it may stand
+    jump = [0.3] * 100 + [0.6] * 5  # the drive has not answered yet
+    assert judged(FOLLOWED, driven(jump, lambda _: 0.3, moving=0.0)) == (Fault.NONE, 105)
+
+
+def test_the_fault_names_both_currents() -> None:
+    clamped = seen(0.0, command=5.0, current=2.0)
+    text = detail(Fault.CLAMPED, FRESH, clamped)
+    assert "2 A" in text and "5 A" in text and "bit 11" not in text
+    limited = clamped._replace(feedback=clamped.feedback._replace(statusword=0x0E37))
+    assert "bit 11" in detail(Fault.CLAMPED, FRESH, limited)
