@@ -18,9 +18,7 @@ def simulated(run: RunOn, timeout: float, dt: float = 1e-6) -> float:
     return x
 
 
-@pytest.mark.parametrize(
-    ("speed", "acceleration", "deceleration"), [(0.3, 2.06, 2.06), (0.2, 16.7, 2.0), (0.0, 5.0, 1.0)]
-)
+@pytest.mark.parametrize("run", [RunOn(0.3, 2.06, 2.06), RunOn(0.2, 16.7, 2.0), RunOn(0.0, 5.0, 1.0)])
 @pytest.mark.parametrize("timeout", [0.0, 0.015, 0.2])
 def test_the_way_is_that_of_a_simulation(run: RunOn, timeout: float) -> None:
     assert run.distance(timeout) == pytest.approx(simulated(run, timeout), rel=2e-3, abs=1e-6)
