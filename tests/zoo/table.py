@@ -80,6 +80,7 @@ ROWS = [
     _row("polarity-fixed", REFUSES | STOPS, "0x607E|polarity|sign"),
     _row("clamp-silent", STOPS | REFUSES, "current"),
     _row("clamp-told", STOPS | REFUSES, "bit 11|internal limit"),
+    _row("clamp-blocks", STOPS | REFUSES, "current"),
     _row("limit-in-drive", MOVES | REFUSES, "0x6072|0x6073"),
     _row("remote-lost", STOPS, "bit 9|remote"),
     _row("follow-lost", STOPS, "bit 12|does not follow"),
