@@ -57,13 +57,15 @@ def run(
     learned: PathLike | None = None,
     twin: bool = False,
     twin_record: PathLike | None = None,
+    reset_fault: bool = False,
     progress: ProgressOption = False,
     say: Say | None = None,
 ) -> MotionRecord:
     """Run a trajectory on the drive that the stage names, and record it; without a `recording` into ``recordings/``.
 
     On the embedded bus a virtual drive is started where none answers.  `twin` runs the model next to the axis, and
-    `twin_record` is where it writes its minutes.  `say` takes each message as it comes; the result's `notes` hold all.
+    `twin_record` is where it writes its minutes.  A drive that is in Fault stays there unless `reset_fault`.
+    `say` takes each message as it comes; the result's `notes` hold all.
 
     Raises DriveError where the drive cannot be reached or enabled, StageError where the motion is beyond a limit.
     """
@@ -76,6 +78,7 @@ def run(
 
     place = None if recording is None else Path(recording)
     motion = _laid_out(as_stage(stage).setup, trajectory, switched_off(without), place, learned)
+    motion = motion._replace(reset_fault=reset_fault)
     if twin or twin_record is not None:
         motion = _with_twin(motion, twin_record, heard)
     with reported(progress, f"run {motion.meta['trajectory']}", len(motion.plan.setpoints)) as update:

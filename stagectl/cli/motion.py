@@ -37,6 +37,9 @@ Twin = Annotated[
 State = Annotated[
     Path | None, typer.Option("--state", metavar="FILE", help="Slow record of the twin, for `gap drift`.")
 ]
+ResetFault = Annotated[
+    bool, typer.Option("--reset-fault", help="Reset the drive's fault first. See what caused it before you do.")
+]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
 # Rows of a motion that kernels go through interpreted, in the time that it takes to load them, or to compile them.
 _UNLOADED, _UNCOMPILED = 40_000, 200_000
@@ -60,6 +63,7 @@ def run(
     learned: Learned = None,
     twin: Twin = False,
     state: State = None,
+    reset_fault: ResetFault = False,
 ) -> None:
     """Run a trajectory on the drive and record it.
 
@@ -79,6 +83,7 @@ def run(
         learned=learned,
         twin=twin,
         twin_record=state,
+        reset_fault=reset_fault,
         progress=True,
         say=console.print,
     ).summary

@@ -10,6 +10,7 @@ from stagectl.compensation.forms import FORMS, Model
 from stagectl.config.friction_laws import LAWS, Dahl, Lugre, Operators, Rolling
 from stagectl.config.hints import Tagged
 from stagectl.config.homing import Homing
+from stagectl.drives.brake import Brake
 from stagectl.drives.drive import Canopen, Odrive, Simulation
 from stagectl.drives.faults import BLOCKS
 from stagectl.kernels import effects, plant, stage
@@ -109,6 +110,14 @@ class Limits(NamedTuple):
     current: Annotated[
         float | None, Quantity("A", "(0, 1e4]", "largest measured current; absent: 1.5 times drive.current_limit")
     ] = None
+    current_deviation: Annotated[
+        float | None,
+        Quantity(
+            "A",
+            "(0, 1e4]",
+            "difference of measured and commanded current, beside 10 %, that is no fault; absent: 5 % of current_limit",
+        ),
+    ] = None
     continuous_current: Annotated[float | None, Quantity("A", "(0, 1e4]", "current that may flow forever (I2t)")] = None
     thermal_time: Annotated[float, Quantity("s", "(0, 1e4]", "time constant of the motor's warming (I2t)")] = 10.0
     encoder_jump: Annotated[
@@ -152,6 +161,7 @@ class StageFile(NamedTuple):
     ]
     limits: Limits
     homing: Homing = Homing()
+    brake: Brake = Brake()
     compensation: Annotated[Any, Tagged("form", FORMS)] = Model()
     realtime: Realtime = Realtime()
     simulation: Simulation = Simulation()

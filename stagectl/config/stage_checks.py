@@ -11,6 +11,7 @@ from stagectl.config.friction_laws import Operators, Rolling
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
+from stagectl.drives.drive import Canopen
 from stagectl.number_format import duration
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import LINEAR
@@ -23,6 +24,7 @@ def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
     yield from _encoder(file)
     yield from _limits(file)
     yield from _homing(file)
+    yield from _brake(file)
     yield from _drive(file)
     yield from _transmission(file)
     yield from _friction(file)
@@ -50,6 +52,12 @@ def _limits(file: StageFile) -> Iterator[Problem]:
         unit = "m" if axis.kind == LINEAR else "rad"
         reason = f"must be at most limits.following_error, {moving:g} {unit}"
         yield Problem(reason, _CONFLICT, "limits.following_error_at_rest", f"{at_rest:g} {unit}", unit)
+
+
+def _brake(file: StageFile) -> Iterator[Problem]:
+    if file.brake.present and not isinstance(file.drive.wire, Canopen):
+        reason = "a brake is worked by a CANopen drive, or by its outputs"
+        yield Problem(reason, _CONFLICT, "brake.control", file.brake.control)
 
 
 def _homing(file: StageFile) -> Iterator[Problem]:

@@ -65,6 +65,7 @@ class Fault(enum.IntEnum):
     UNATTENDED = 22  # the process that gives the orders is gone
     HOMING = 23  # no home within the distance it may take
     PARTNER = 24  # another axis of the group has stopped
+    CLAMPED = 25  # the drive gives another current than it is told
 
 
 class Feedback(NamedTuple):
@@ -82,17 +83,12 @@ class Power(enum.Enum):
 
     ON = "Operation enabled at zero current"
     QUICK_STOP = "stopped by its own ramp"
+    ENGAGE = "Operation enabled until the brake holds, then no voltage"
     OFF = "no voltage"
 
 
 class Drive(Protocol):
     """A servo drive in current mode."""
-
-    def enable(self) -> Feedback:
-        """Bring the drive from any state to Operation enabled at zero current.
-
-        Raises DriveError with the drive's own reason where it does not follow.
-        """
 
     def sample(self) -> Feedback:
         """Latch position and current now; the drive starts to act on the last `apply`."""
@@ -103,11 +99,17 @@ class Drive(Protocol):
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow; `sample` and `apply` go on meanwhile.
 
-        Power.ON is reached when `sample` reports no fault.
+        Power.ON is reached when `sample` reports no fault; a drive in Fault stays there, see `reset_fault`.
         """
 
-    def quick_stop(self) -> Feedback:
-        """Let the drive stop the axis by its own ramp; returns when the axis stands or the stop's time is over."""
+    def pending_fault(self) -> str:
+        """The fault that a person must reset before the drive gets power, in words; empty where there is none."""
+
+    def reset_fault(self) -> None:
+        """Reset the drive's fault, without power; it takes its time, and no period passes meanwhile.
+
+        Raises DriveError where the fault stays.
+        """
 
     def describe(self) -> dict[str, str]:
         """Identity, option codes in words and scales, as read back from the drive (for the recording)."""
@@ -180,6 +182,10 @@ class Canopen(NamedTuple):
     ] = math.nan
     reset: Annotated[Literal["none", "communication", "node"], "reset of the drive when we connect (NMT)"] = "none"
     bus_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of the bus that the cycle may take")] = 0.8
+    watched_bits: Annotated[
+        tuple[int, ...] | None,
+        "statusword bits that must stay set under power, by number; absent: 9 and 12 where the drive shows them",
+    ] = None
     deceleration_scale: Annotated[
         float,
         Quantity("rad/s^2 | m/s^2", "[0, 1e6]", "one count of the ramp 0x6085; 0: an encoder count a second squared"),

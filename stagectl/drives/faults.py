@@ -154,10 +154,10 @@ _JUMPS = Reaction(
 
 # Where a row admits that the axis coasts although its category is 1, the drive cannot brake: its own ramp is closed
 # over the encoder or the current that has failed, or a bent controlword has taken its power away before anybody asked.
-# Three more are no faults by design: a current of 30 % is made up for by the feedback, whose gain margin it stays in; a
-# current that is stuck at what the motion needs is right until the motion changes, and found out as `unbraked` then; a
-# twentieth of the frames is doubled, as all of them would take 130 % of the bus at 2 kHz.  How long an axis may hold
-# its place in a loop that is late is for the stage file to say, by `late_limit`; what moves is stopped by its error.
+# Two more are no faults by design: a current that is stuck at what the motion needs is right until the motion changes,
+# and found out as `unbraked` then; a twentieth of the frames is doubled, as all of them would take 130 % of the bus at
+# 2 kHz.  How long an axis may hold its place in a loop that is late is for the stage file to say, by `late_limit`; what
+# moves is stopped by its error.
 TABLE: tuple[FaultType, ...] = (
     FaultType("cable-out", "bus", "off", FrameFault, "no frame passes, either way",
         Reaction(1, ("supervision",), reasons=(_LOST,))),
@@ -207,9 +207,11 @@ TABLE: tuple[FaultType, ...] = (
         Reaction(0, ("feedback",), brakes="coast", reasons=(_LOST, Fault.REBOOTED))),
     FaultType("current-off", "drive", "off", OnOffFault, "no current flows (motor cable), no error is reported", _SEEN),
     FaultType("current-stuck", "drive", "stuck", OnOffFault, "the current freezes",
-        Reaction(1, ("error", "motion", "unbraked"), "either", "coast", (_ERROR, Fault.BRAKING, Fault.TRAVEL))),
+        Reaction(1, ("error", "motion", "unbraked"), "either", "coast",
+            (_ERROR, Fault.BRAKING, Fault.TRAVEL, Fault.CLAMPED))),
     FaultType("current-reversed", "drive", "wrong", ScaledSignal, "the current has the wrong sign", _SEEN),
-    FaultType("current-weak", "drive", "slow", ReducedCurrent, "only a part of the current flows", _GOES_ON),
+    FaultType("current-weak", "drive", "slow", ReducedCurrent, "only a part of the current flows",
+        Reaction(1, ("error", "motion"), "either", "coast", (Fault.CLAMPED, _ERROR))),
     FaultType("current-late", "drive", "delayed", DelayFault, "the current acts late",
         Reaction(1, ("error",), "either", "coast")),
     FaultType("node-stuck", "node", "stuck", OnOffFault, "the drive repeats its last answer", _SEEN),

@@ -7,14 +7,33 @@ Object indices, bit masks, abort codes and widths of formats are not here: they 
 from __future__ import annotations
 
 # The controller's side of a CANopen drive (canopen/drive.py, power_states.py)
-ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, otherwise DriveError
-STOP_TIME = 10.0  # s; chosen; after it a quick stop is given up
-LOST_STOP_TIME = 1.0  # s; chosen; the same once the drive no longer answers
+ENABLE_TIME = 5.0  # s; chosen; Operation enabled must be reached within it, otherwise enabling has failed
 BACKLOG = 64  # frames; chosen; most that are cleared before a SYNC, so that a babbling node cannot block the loop
 REPEAT_COMMAND_CYCLES = 8  # cycles; chosen; a drive still in operation after them gets its stop command again, by SDO
-FAULT_RESET_CYCLES = 8  # cycles; chosen; distance of two edges of the fault reset, for drives that poll slowly
+RESET_HOLD = 0.3  # s; chosen; bit 7 stays so long at most: drives were met that want 50 ms of it, and that poll slowly
+RESET_PAUSE = 0.1  # s; chosen; between two edges of bit 7
+RESET_EDGES = 3  # edges; chosen; a fault that survives them has a cause that is still there
+TORQUE_TIME = 0.01  # s; chosen; from Operation enabled to the release of a brake: the current must be there
+CERTAIN_FAULT_CYCLES = 3  # cycles; chosen; state Fault lasts so long before power is given up
 STANDSTILL_CYCLES = 100  # cycles; chosen; without motion for so long, the axis stands still
 STANDING = 1e-4  # s; chosen; times the ramp's deceleration: speed below which an axis counts as standing
+
+YOUNG_HEARTBEAT = 1.0  # s; chosen; a drive heard so lately, after its last answer, is there; decides words alone
+
+# A drive under power (canopen/operation_watch.py)
+LEARNING_TIME = 0.05  # s; chosen; from Operation enabled on: statusword bits 9 and 12 that the drive shows are demanded
+STATUS_BIT_TIME = 0.005  # s; chosen; a demanded bit may be missing so long, and for CERTAIN_CYCLES
+MODE_PERIOD = 0.1  # s; chosen; between two questions for 0x6061, by SDO: 0.1 % of a bus of 1 Mbit/s
+WRONG_MODES = 2  # answers; chosen; that show another mode, one after the other
+
+# Whether the drive gives what it is told (realtime/envelope.py, realtime/safety.py)
+CURRENT_SHARE = 0.1  # of the command; chosen; by which the measured current may differ: scale of a good drive
+CURRENT_FLOOR = 0.05  # of drive.current_limit; chosen; offset and resolution of the drive's measurement
+CURRENT_NOISE = 6.0  # times the rms noise of the stage file: one period in a thousand million
+CURRENT_LAGS = 4.0  # time constants of the current loop in which it follows: 98 %
+CURRENT_TIME = 0.02  # s; chosen; so long in sum, periods that agree taken off, the current may be another
+FROZEN_TIME = 0.01  # s; chosen; position and current repeat to the last bit while the command changes
+FROZEN_QUANTA = 4.0  # counts of the measured current; chosen; a smaller change of the command need not show
 
 # Whether the drive's own ramp brakes (canopen/braking_monitor.py)
 SPEED_WINDOW = 9  # samples; chosen; the median of their steps survives a jump and a corrupted frame

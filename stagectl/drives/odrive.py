@@ -24,9 +24,10 @@ from typing import Any
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import DriveError, Fault, Feedback, Odrive, Power
-from stagectl.drives.limits import ENABLE_TIME, LARGEST_TORQUE, LONGEST_NOISE, STATE_CYCLES
+from stagectl.drives.limits import LARGEST_TORQUE, LONGEST_NOISE, STATE_CYCLES
 
 IDLE, CLOSED_LOOP, TORQUE_CONTROL, PASSTHROUGH = 1, 8, 1, 1  # of the ODrive's own enumerations
+WATCHDOG_EXPIRED = 0x0100_0000  # of its active errors: nobody has fed the watchdog
 _TURN = 2.0 * math.pi
 
 
@@ -96,24 +97,12 @@ class OdriveDrive:
                 f"drive.wire.port = {settings.port} failed: {error}; connect it again", place=settings.port
             ) from error
 
-    def enable(self) -> Feedback:
-        """Closed loop in torque mode at zero torque.  Raises DriveError."""
-        self.ask(Power.ON)
-        deadline = self._clock.now() + ENABLE_TIME
-        while self._clock.now() < deadline:
-            self._cycles = 0  # the state, each time
-            now = self.sample()
-            if now.fault is Fault.NONE:
-                return now
-            self.apply(0.0)
-            self._clock.sleep(self._dt)
-        raise DriveError(f"the ODrive does not reach closed loop control within {ENABLE_TIME:g} s. {self.explain()}")
-
     def ask(self, power: Power) -> None:
         """Ask for closed loop control, or for no power: it has no ramp of its own in torque mode."""
         with contextlib.suppress(OSError):  # the next `sample` reports it
             if power is Power.ON:
-                self._line.send("sc")
+                if self._read("active_errors") == WATCHDOG_EXPIRED:  # we were silent, and the axis had no power
+                    self._line.send("sc")
                 self.apply(0.0)  # feeds the watchdog, which would trip at once
             self._line.send(f"w {self._axis}.requested_state {CLOSED_LOOP if power is Power.ON else IDLE}")
         self._cycles = 0
@@ -146,10 +135,17 @@ class OdriveDrive:
         with contextlib.suppress(OSError):
             self._line.send(f"c {self._settings.axis} {torque:.6f}")
 
-    def quick_stop(self) -> Feedback:
-        """Remove the power; friction stops the axis."""
-        self.ask(Power.OFF)
-        return self.sample()
+    def pending_fault(self) -> str:
+        """The drive's errors, which keep it from getting power."""
+        error = self._read("active_errors")
+        return "" if error in (0.0, WATCHDOG_EXPIRED) or math.isnan(error) else self.explain()
+
+    def reset_fault(self) -> None:
+        """Clear the drive's errors.  Raises DriveError where one stays."""
+        with contextlib.suppress(OSError):  # reading them reports it
+            self._line.send("sc")
+        if words := self.pending_fault():
+            raise DriveError(f"the fault reset had no effect: the cause is still there. {words}")
 
     def describe(self) -> dict[str, str]:
         """Identity and settings, as read back."""
@@ -160,7 +156,8 @@ class OdriveDrive:
         error = self._read("active_errors")
         answer = "it does not answer" if math.isnan(error) else f"active errors 0x{int(error):X}, state {self._state}"
         return (
-            f"ODrive {self._axis}: {answer}. See `odrivetool` dump_errors, remove the cause, then start the run again"
+            f"ODrive {self._axis}: {answer}. See `odrivetool` dump_errors, remove the cause,"
+            " then reset: `stagectl fault reset`, or `stagectl run ... --reset-fault`"
         )
 
     def close(self) -> None:

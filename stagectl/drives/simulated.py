@@ -111,11 +111,6 @@ class Simulated:
         self.plant = plant
         self._begins = False  # power has come, and nobody has read yet where the axis stands
 
-    def enable(self) -> Feedback:
-        """Power the stage; nothing can refuse."""
-        self.ask(Power.ON)
-        return self.sample()
-
     def sample(self) -> Feedback:
         """Measured position and motor current now; after power on the first one is silent, as in `simulate`."""
         statusword, fault = (OPERATION_ENABLED, Fault.NONE) if self.plant.powered else (SWITCHED_ON, Fault.DRIVE_FAULT)
@@ -131,16 +126,15 @@ class Simulated:
 
     def ask(self, power: Power) -> None:
         """Power the stage, or cut it: it has no ramp of its own, friction stops it."""
-        self.plant.powered = self._begins = power is Power.ON
+        if power is not Power.ENGAGE:
+            self.plant.powered = self._begins = power is Power.ON
 
-    def quick_stop(self) -> Feedback:
-        """Cut the current and let friction stop the axis: at most ten simulated seconds."""
-        self.plant.powered = False
-        for _ in range(math.ceil(10.0 / self.plant.dt)):
-            self.plant.advance(0.0)
-            if abs(self.plant.state.velocity) < 1e-9:
-                break
-        return self.sample()
+    def pending_fault(self) -> str:
+        """A simulated drive has none."""
+        return ""
+
+    def reset_fault(self) -> None:
+        """There is nothing to reset."""
 
     def describe(self) -> dict[str, str]:
         """What it is, for the recording."""

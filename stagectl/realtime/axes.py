@@ -44,6 +44,7 @@ class Post(NamedTuple):
     coupled: bool  # a fault of one axis stops all
     spin: float = 0.0  # s, see `realtime.Metronome`
     single: bool = False  # one axis and one motion: the process ends with it
+    reset: bool = False  # a drive that is in Fault is reset as it is connected: a person has asked for it
 
 
 class Loop:
@@ -63,7 +64,7 @@ class Loop:
     def connect(self) -> None:
         """Find and configure all drives."""
         for axis in self.axes:
-            axis.happen(Event.CONNECT)
+            axis.happen(Event.RESET if self._post.reset else Event.CONNECT)
             axis.show()
 
     def begin(self) -> None:
@@ -110,6 +111,14 @@ class Loop:
             if axis.powered:
                 axis.happen(Event.RAMP, Fault.OPERATOR if self._post.single else Fault.UNATTENDED)
         return not any(axis.powered for axis in self.axes)
+
+    def engage(self) -> None:
+        """Let the brakes of axes that stand under power hold them, before power is cut."""
+        for axis in self.axes:
+            if axis.state is State.STANDING and axis.p.brake.present:
+                axis.happen(Event.DISABLE)
+        while any(axis.state is State.ENGAGING for axis in self.axes):
+            self.period()
 
     def leave(self) -> None:
         """Leave all drives; no more rows will come."""
@@ -214,7 +223,7 @@ def perform(post: Post) -> None:
     assert isinstance(axis, SingleAxis)
     try:
         loop.connect()
-        if axis.drive is None:
+        if axis.drive is None or axis.state is not State.DISABLED:
             raise DriveError(axis.board.words)
         _say("ready", refused=scheduling.prepare(post.priority, post.cpu), drive=axis.drive.describe())
         if sys.stdin.readline().strip() != "go":  # the recorder must be ready, with the drive's identity in its file
@@ -222,6 +231,7 @@ def perform(post: Post) -> None:
         loop.begin()
         while not (axis.over or (stopped and loop.abandon())):
             loop.period()
+        loop.engage()
     finally:
         loop.leave()
     _report(axis, bool(stopped))

@@ -15,9 +15,10 @@ import math
 
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.drive import Fault
+from stagectl.drives.limits import ENABLE_TIME
 from stagectl.kernels import law
 from stagectl.realtime import bumpless_transfer, safety
-from stagectl.realtime.axis_data import LAW, NO_OUTPUT, AxisData, StopLength
+from stagectl.realtime.axis_data import GONE, LAW, NO_OUTPUT, AxisData, StopLength
 from stagectl.realtime.setpoint_sources import Ramp, Rows, held
 from stagectl.realtime.shared_memory import Move, Order
 from stagectl.realtime.state_entry_actions import enter
@@ -28,10 +29,9 @@ _NAN = math.nan
 # A member of an enumeration takes Python 90 ns to look up by its name: here it is done once.
 _NONE = Fault.NONE
 _DISABLED, _ENABLING, _STANDING, _MOVING = State.DISABLED, State.ENABLING, State.STANDING, State.MOVING
-_HOMING, _STOPPING, _FAULT = State.HOMING, State.STOPPING, State.FAULT
-_GONE = (Fault.FEEDBACK_LOST, Fault.BUS, Fault.REBOOTED)
+_HOMING, _STOPPING, _FAULT, _ENGAGING = State.HOMING, State.STOPPING, State.FAULT, State.ENGAGING
 _OLD_TIME = 1.0  # s without power in which an emergency is of the time before, and is taken back
-_ENABLE_TIME, _STOP_TIME, _LOST_TIME = 5.0, 10.0, 1.0  # s
+_STOP_TIME, _LOST_TIME = 10.0, 1.0  # s
 
 
 class Axis(AxisData):
@@ -78,9 +78,9 @@ class Axis(AxisData):
         ))  # fmt: skip
 
     def rest(self) -> None:
-        """The command where our law does not act."""
+        """The command where our law does not act; as power comes, what carries the axis once its brake is released."""
         assert self.drive is not None
-        self.drive.apply(0.0)
+        self.drive.apply(self.p.holding if self.state is _ENABLING else 0.0)
 
     def _delayed(self) -> Fault:
         """Count a late period; too many in a row are a fault where our law acts."""
@@ -96,10 +96,11 @@ class Axis(AxisData):
         asked = held(before.reference, before.friction) if due is None else due
         self.output, self.x = output, _ = law.step(self.law, self.x, asked, seen.position)
         now = safety.Observation(seen, asked.reference, output.error, self.current, time)
-        limits = self.limits if self.search is None else self.search_limits
-        fault, self.watch = safety.judge(limits, self.watch, now)
+        fault, self.watch = safety.judge(self.limits, self.watch, now)
         self.current = current = output.current if fault is _NONE else 0.0
         self.drive.apply(current)
+        if fault is not _NONE:
+            self.judged = safety.detail(fault, self.watch, now)
         self.asked = asked
         near = self.state is _STANDING and abs(output.error) <= self.p.window
         self.settled = self.settled + time if near else 0.0
@@ -109,16 +110,34 @@ class Axis(AxisData):
         return fault
 
     def _watched(self, passed: int) -> Fault:
-        """Without our law: zero goes out; only what ends the connection is a fault of its own here."""
+        """Without our law: zero goes out; what ends the connection is a fault here, and a jump of the origin."""
+        if self.state is _ENGAGING:
+            return self._held()
         self.rest()
         jump = safety.leap(self.limits, self.seen.position - self.asked.reference, passed * self.dt)
         self.current, self.output = 0.0, NO_OUTPUT
         self.asked, self.speed = held(self.seen.position, 0.0), 0.0
         fault = self.seen.fault
+        if jump is not _NONE:
+            self.lose_origin("the position jumped while the axis had no power")
         if self.state is _DISABLED:
-            old = fault is Fault.EMERGENCY and (self.cycles - self.since) * self.dt < _OLD_TIME
-            return _NONE if old or fault is Fault.DRIVE_FAULT else fault
+            self.compare_origin()
+            return jump or self._unpowered(fault)
         return (fault if fault is Fault.BUS else jump) if self.state is _ENABLING else _NONE
+
+    def _held(self) -> Fault:
+        """Our law holds the axis while its brake engages; the drive may leave Operation enabled meanwhile."""
+        assert self.drive is not None
+        self.output, self.x = output, _ = law.step(self.law, self.x, self.asked, self.seen.position)
+        self.drive.apply(output.current)
+        return _NONE
+
+    def _unpowered(self, fault: Fault) -> Fault:
+        """What is a fault where no power was asked for: not the drive's want of it, but state Fault."""
+        if fault is Fault.DRIVE_FAULT:
+            return fault if self.found_faulty() else _NONE
+        old = fault is Fault.EMERGENCY and (self.cycles - self.since) * self.dt < _OLD_TIME
+        return _NONE if old else fault
 
     # what is going on
 
@@ -134,19 +153,25 @@ class Axis(AxisData):
             self._enabling()
         elif state in STOPS_GOING_ON:
             self._stopping()
-        elif state is _FAULT and self.seen.fault in _GONE:
+        elif state is _ENGAGING:
+            self._engaging()
+        elif state is _FAULT and self.seen.fault in GONE:
             self.hang_up()
 
     def _enabling(self) -> None:
         if self.seen.fault is Fault.NONE:
             self.happen(Event.DONE)
-        elif self._elapsed() > _ENABLE_TIME:
+        elif self.found_faulty() or self._elapsed() > ENABLE_TIME:
             self.happen(Event.FAILED, Fault.DRIVE_FAULT)
+
+    def _engaging(self) -> None:
+        if self._elapsed() >= self.p.brake.engage + 2.0 * self.dt:
+            self.happen(Event.DONE)
 
     def _stopping(self) -> None:
         """Until it stands; a drive that does not answer stops by its own time-outs, and is given up."""
         stands = self.still.stands(self.seen.position)
-        if self.seen.fault in _GONE:
+        if self.seen.fault in GONE:
             self.lost = self.now() if math.isnan(self.lost) else self.lost
             stands = self.now() - self.lost > _LOST_TIME
         if stands:
@@ -188,17 +213,21 @@ class Axis(AxisData):
         old, self.state = self.state, new
         if new is not old or new is State.CONNECTING:
             self.ordered = fault is Fault.NONE and event in (Event.DISABLE, Event.STOP, Event.QUICK_STOP)
+            self.resetting = event is Event.RESET
             self.entered = self.now()
             follows = enter(self, old)
             if follows is not None:
-                self.happen(follows)
+                self.happen(follows, Fault.DRIVE_FAULT if follows is Event.FAULTED else Fault.NONE)
         return True
 
     def _note(self, fault: Fault) -> None:
         self.fault = fault
         self.faults += 1
         row = STOPS[fault]
+        if fault is Fault.JUMP:
+            self.lose_origin("the encoder jumped")
         self.reason = self.drive.explain() if self.drive is not None and fault < Fault.FOLLOWING_ERROR else row.causes
+        self.reason, self.judged = f"{self.judged}{self.reason}", ""
         self.board.say(f"{row.words}; {row.category.words}. {self.reason}. Next: {row.next}".replace(". . ", ". "))
 
     def take(self, order: Order) -> bool:
@@ -223,11 +252,12 @@ class Axis(AxisData):
         """Whether this motion can begin now; if not, the board says why where the state does not."""
         move, here = Move(*order.numbers), self.asked.reference
         low, high = here + move.low, here + move.high
-        limits = self.p.envelope
+        limits = self.limits
         if self.state is not State.STANDING:
             return False
         if not self.homed:
-            self.board.say("the axis has no home yet: `stagectl home`")
+            lost = f" ({self.lost_origin})" if self.lost_origin else ""
+            self.board.say(f"the axis has no home yet{lost}: `stagectl home`")
             return False
         if low < limits.low or high > limits.high:
             travel = f"limits.travel is [{limits.low:.6g}, {limits.high:.6g}] in axis units"

@@ -8,9 +8,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from stagectl.config.homing import Homing
+from stagectl.drives.brake import NO_BRAKE, Brake
+from stagectl.drives.canopen.braking_monitor import ConsecutiveCycles
+from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive, Simulation
+from stagectl.drives.limits import CERTAIN_FAULT_CYCLES
 from stagectl.drives.run_on import AxisLimits
 from stagectl.kernels import law, stage
 from stagectl.realtime import bumpless_transfer, safety
@@ -22,6 +26,9 @@ from stagectl.recording.ring import Ring
 
 LAW = 40  # an order beside the events: other gains
 NO_OUTPUT = law.Output(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+GONE = (Fault.FEEDBACK_LOST, Fault.BUS, Fault.REBOOTED)  # the drive is not there as it was
+_STATE_MASK, _STATE_FAULT = DriveState.FAULT.value
+_HOME = "check the position, then `stagectl enable` and `stagectl home`"
 _UNKNOWN = Feedback(math.nan, math.nan, 0, Fault.NONE)
 _SHOWN = 0.004  # s between two signs of life of a state that goes on: the service looks every 5 ms at most
 _PATIENCE = 1.0  # s that a sign of life may take, beyond two time-outs of the drive
@@ -58,6 +65,8 @@ class Orders(NamedTuple):
     limits: AxisLimits  # that the drive's own limits must agree with
     ring: int  # descriptors
     board: int
+    brake: Brake = NO_BRAKE
+    holding: float = 0.0  # A, current that carries the axis as its brake is released
 
 
 Connect = Callable[[Orders], Drive]
@@ -72,7 +81,7 @@ class AxisData:
         self.state, self.fault, self.faults = State.OFFLINE, Fault.NONE, 0
         self.reason = ""  # of the last fault: what the drive says of it, or the probable causes
         self.governed = False  # our law acts
-        self.limits, self.search_limits = p.envelope, safety.searching(p.envelope)
+        self.limits = p.envelope  # those that hold now
         self.drive: Drive | None = None
         self.law, self.x, self.watch = p.law, law.AT_REST, safety.FRESH
         self.source: Source = Hold(0.0)
@@ -85,6 +94,11 @@ class AxisData:
         self.cycles, self.late, self.late_in_a_row, self.motions = 0, 0, 0, 0
         self.settled, self.stopped = 0.0, StopLength(0.0, 0.0)
         self.ordered = False  # the stop that goes on is an order, no fault
+        self.resetting = False  # the connection that is made is to reset the drive's fault
+        self.left_at = math.nan  # rad | m, position as the drive counted it when the last connection ended
+        self.lost_origin = ""  # why the axis has lost its home, in words
+        self.judged = ""  # what the judge saw of a fault, in numbers
+        self.faulty = ConsecutiveCycles(CERTAIN_FAULT_CYCLES)  # the drive shows state Fault
         self.since, self.entered, self.start, self.lost = 0, 0.0, 0.0, math.nan
         self.still = Standstill(0.0)
         self.shown = max(1, round(_SHOWN / self.dt))  # periods between two signs of life
@@ -93,7 +107,7 @@ class AxisData:
     @property
     def powered(self) -> bool:
         """Whether the axis is held, moves, or is being stopped."""
-        return self.state in POWERED or self.state in STOPS_GOING_ON or self.state is State.ENABLING
+        return self.state in POWERED or self.state in STOPS_GOING_ON or self.state in (State.ENABLING, State.ENGAGING)
 
     def show(self, patience: float = 0.0) -> None:
         """The status, for whoever gives the orders; the next one may take `patience` (s)."""
@@ -109,16 +123,54 @@ class AxisData:
     def count_from(self, by: float) -> None:
         """Positions are smaller by `by` (rad | m) from now on; the law does not notice."""
         self.offset += by
-        self.homed = True
+        self.homed, self.lost_origin = True, ""
         self.x = bumpless_transfer.shifted(self.x, by)
         self.watch = safety.FRESH._replace(heat=self.watch.heat)
         self.asked = held(self.asked.reference - by, self.asked.friction)
 
+    def choose_limits(self, fresh: bool = True) -> None:
+        """The limits that hold from now on: travel and braking once the axis is homed.
+
+        A home may lie beside the travel: an axis that stands there, `fresh` from homing or power, may come back.
+        """
+        p, position = self.p.envelope, self.seen.position
+        inside = p.low <= position <= p.high
+        if self.search is not None:
+            self.limits = safety.searching(p)
+        elif not self.homed:
+            self.limits = safety.unhomed(p)
+        elif inside or self.p.homing.method == "none":
+            self.limits = p
+        elif fresh:
+            self.limits = safety.containing(p, position)
+
+    def lose_origin(self, words: str) -> None:
+        """Positions no longer mean what they did: the axis needs its home again."""
+        self.homed, self.lost_origin = False, words
+
+    def found_faulty(self) -> bool:
+        """Whether the drive has been in state Fault for some periods."""
+        return self.faulty.certain(self.seen.statusword & _STATE_MASK == _STATE_FAULT)
+
+    def compare_origin(self) -> None:
+        """The first position of a new connection against the last one of the connection before."""
+        before, now = self.left_at, self.seen.position + self.offset
+        if self.seen.fault in GONE or math.isnan(before):
+            return
+        self.left_at = math.nan
+        if abs(now - before) > self.limits.jump:
+            self.lose_origin(f"the drive's position was {before:.6g} when it was left, and is {now:.6g} now")
+            self.fault, self.reason = Fault.JUMP, self.lost_origin
+            self.faults += 1
+            self.board.say(f"the origin has moved: {self.lost_origin}, in axis units. Next: {_HOME}")
+
     def hang_up(self) -> None:
         """Leave the drive, which stops by its own time-outs if it moves at all."""
         self.leave()
+        if not math.isnan(self.seen.position):
+            self.left_at = self.seen.position + self.offset
         self.drive, self.seen = None, _UNKNOWN
-        self.homed = self.p.homing.method == "none"
+        self.homed = self.homed and self.p.homing.method == "none"
 
     def leave(self) -> None:
         """Close the drive; the process ends."""

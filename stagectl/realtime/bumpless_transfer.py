@@ -19,11 +19,21 @@ def transferred(old: law.Law, new: law.Law, x: law.State, asked: law.Setpoint, m
     if asked.closed == 0.0:
         return start
     before, _ = law.step(old, x, asked, measured)
-    after, _ = law.step(new, start, asked, measured)
-    missing = before.command - after.command
-    if new.cascaded:  # the integral passes the force filter: of what is added now only this share comes out now
+    return _carrying(new, start, asked, measured, before.command)
+
+
+def loaded(p: law.Law, asked: law.Setpoint, measured: float, current: float) -> law.State:
+    """At rest, with an integral that carries the axis with `current` (A): that of gravity as a brake is released."""
+    return law.AT_REST if current == 0.0 else _carrying(p, law.AT_REST, asked, measured, current)
+
+
+def _carrying(p: law.Law, start: law.State, asked: law.Setpoint, measured: float, current: float) -> law.State:
+    """The state `start` with an integral that makes the command of this period `current` (A)."""
+    after, _ = law.step(p, start, asked, measured)
+    missing = current - after.command
+    if p.cascaded:  # the integral passes the force filter: of what is added now only this share comes out now
         outer = start.cascade
-        added = missing / (1.0 - new.cascade.retained)
+        added = missing / (1.0 - p.cascade.retained)
         return start._replace(cascade=outer._replace(integral=outer.integral + added))
     inner = start.feedback
     return start._replace(feedback=inner._replace(integral=inner.integral + missing))

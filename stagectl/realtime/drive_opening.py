@@ -33,7 +33,8 @@ class Opening:
             return open_odrive(p.wire, p.ramp.dt)
         bus = self._bus(p.wire)
         try:
-            return CanopenDrive(p.wire, bus, p.stage.encoder.step, p.ramp.dt, limits=p.limits)
+            step, dt = p.stage.encoder.step, p.ramp.dt
+            return CanopenDrive(p.wire, bus, step, dt, limits=p.limits, brake=p.brake)
         except StageError:
             bus.close()
             raise

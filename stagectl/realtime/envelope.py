@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Canopen
+from stagectl.drives.limits import (
+    CURRENT_FLOOR,
+    CURRENT_LAGS,
+    CURRENT_NOISE,
+    CURRENT_SHARE,
+    CURRENT_TIME,
+    FROZEN_QUANTA,
+    FROZEN_TIME,
+)
 from stagectl.kernels import stage
 from stagectl.realtime.safety import Envelope
 
@@ -42,7 +52,26 @@ def envelope(setup: Setup) -> Envelope:
         current_time=_CURRENT_TIME,
         continuous_current=math.inf if limits.continuous_current is None else limits.continuous_current,
         thermal_time=limits.thermal_time,
+        **_followed(setup),
     )
+
+
+def _followed(setup: Setup) -> dict[str, Any]:
+    """When the measured current is not the commanded one: from the model's drive and its measurement."""
+    drive, wire, dt = setup.stage.drive, setup.file.drive.wire, setup.dt
+    count = wire.current_scale if isinstance(wire, Canopen) else 0.0
+    noise, errors = CURRENT_NOISE * setup.file.simulation.current_noise, drive.telemetry
+    floor = max(CURRENT_FLOOR * drive.current_limit, 2.0 * count) + noise + abs(drive.offset) + abs(errors.offset)
+    given = setup.file.limits.current_deviation
+    settling = CURRENT_LAGS * drive.current_lag + errors.late + drive.dead_time + (drive.delay_samples + 2) * dt
+    return {
+        "current_floor": floor if given is None else given,
+        "current_share": CURRENT_SHARE + abs(errors.gain),
+        "current_settling": settling,
+        "unfollowed_time": CURRENT_TIME + settling,
+        "frozen": FROZEN_QUANTA * count + noise,
+        "frozen_time": FROZEN_TIME + settling,
+    }
 
 
 def acceleration(p: stage.Stage) -> float:

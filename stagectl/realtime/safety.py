@@ -7,6 +7,7 @@
     error over the speed ---> following error, ramping with the reference's speed, for a time
     position and speed -----> travel, speed, room to brake before the end of the travel
     current ----------------> peak, and I2t:  tau dT/dt = i^2 - T  <=  continuous_current^2
+    current and command ----> another current than commanded; an answer that repeats while the command changes
 
 This is not a safety function: the emergency stop is wired to the drive's STO.  What follows from each fault stands in
 `stops`; the limits come from the stage file by `envelope.envelope`.
@@ -17,6 +18,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from stagectl.drives.canopen.cia402 import LIMITED
 from stagectl.drives.drive import Fault, Feedback
 from stagectl.realtime.stops import STOPS
 
@@ -45,6 +47,12 @@ class Envelope(NamedTuple):
     current_time: float = 0.0  # s that it may be beyond
     continuous_current: float = INF  # A
     thermal_time: float = 1.0  # s
+    current_floor: float = INF  # A, by which the measured current may differ from the command, and
+    current_share: float = 0.0  # of the command beside it
+    current_settling: float = 1.0  # s in which the drive follows its command
+    unfollowed_time: float = INF  # s that it may give another current
+    frozen: float = INF  # A of the command that the measured current must show
+    frozen_time: float = INF  # s that position and current may repeat meanwhile
 
 
 class Watch(NamedTuple):
@@ -58,6 +66,12 @@ class Watch(NamedTuple):
     stuck: float = 0.0  # s under breakaway current without a change of position
     excess: float = 0.0  # s that the current has been too large
     heat: float = 0.0  # A^2, of the thermal model
+    current: float = math.nan  # A, as measured
+    highest: float = 0.0  # A, bounds of what the drive may give after the commands so far
+    lowest: float = 0.0
+    unfollowed: float = 0.0  # s that it has given another current, less those in which it did not
+    frozen: float = 0.0  # s that position and current repeat while the command is another
+    anchor: float = 0.0  # A, command when they began to repeat
 
 
 class Observation(NamedTuple):
@@ -94,10 +108,23 @@ def watched(p: Envelope, x: Watch, now: Observation, limit: float) -> Watch:
     """The memory after this period, whose following error may be `limit` (rad | m)."""
     feedback, reference, error, command, dt = now
     position, current, _, _, _ = feedback
-    before, _, from_, beyond, idle, stuck, excess, heat = x
+    before, _, from_, beyond, idle, stuck, excess, heat, last, highest, lowest, unfollowed, frozen, anchor = x
+    same, share, release = position == before, dt / p.thermal_time, dt / p.current_settling
+    # Bounds that jump out with the command and come back with the settling time: a loop that follows stays within.
+    highest = command if command >= highest or release >= 1.0 else highest + (command - highest) * release
+    lowest = command if command <= lowest or release >= 1.0 else lowest + (command - lowest) * release
+    margin = p.current_floor + p.current_share * abs(command)
+    if current > highest + margin or current < lowest - margin:
+        unfollowed += dt
+    elif unfollowed:
+        unfollowed = max(unfollowed - dt, 0.0)
+    if not (same and current == last and current):
+        frozen, anchor = 0.0, command
+    else:
+        frozen = frozen + dt if abs(command - anchor) > p.frozen else 0.0
+    last = current
     if current != current:  # the drive reports none: the command takes its place
         current = command
-    same, share = position == before, dt / p.thermal_time
     return Watch(
         position,
         0.0 if before != before else (position - before) / dt,
@@ -107,6 +134,12 @@ def watched(p: Envelope, x: Watch, now: Observation, limit: float) -> Watch:
         stuck + dt if same and abs(command) > p.breakaway else 0.0,
         excess + dt if abs(current) > p.current else 0.0,
         heat + (current * current - heat) * (share if share < 1.0 else 1.0),
+        last,
+        highest,
+        lowest,
+        unfollowed,
+        frozen,
+        anchor,
     )
 
 
@@ -123,8 +156,10 @@ def _sensed(p: Envelope, before: Watch, x: Watch, now: Observation, limit: float
         return Fault.JUMP
     if now.feedback.age > p.age:
         return Fault.STALE
-    if x.idle > p.freeze or x.stuck > p.freeze_time:
+    if x.idle > p.freeze or x.stuck > p.freeze_time or x.frozen > p.frozen_time:
         return Fault.FREEZE
+    if x.unfollowed > p.unfollowed_time:
+        return Fault.CLAMPED
     if x.beyond != 0.0 and (x.beyond > p.error_time or not abs(now.error) <= 2.0 * limit):
         return Fault.FOLLOWING_ERROR
     return _NONE
@@ -146,9 +181,33 @@ def _placed(p: Envelope, x: Watch) -> Fault:
 
 
 def searching(p: Envelope) -> Envelope:
-    """A search does not know where the travel ends, and an end stop may hold it."""
+    """A search is made without a home, and may be held by an end stop."""
+    return unhomed(p)._replace(freeze=math.inf, breakaway=math.inf)
+
+
+def unhomed(p: Envelope) -> Envelope:
+    """An axis without a home does not know where its travel ends; until it has one it only stands, or searches."""
     inf = math.inf
-    return p._replace(low=-inf, high=inf, deceleration=inf, freeze=inf, breakaway=inf)
+    return p._replace(low=-inf, high=inf, deceleration=inf)
+
+
+def containing(p: Envelope, position: float) -> Envelope:
+    """The travel with a `position` (rad | m) beside it, from where the axis may come back, and not go further."""
+    return p._replace(low=min(p.low, position - p.following_error), high=max(p.high, position + p.following_error))
+
+
+def detail(fault: Fault, x: Watch, now: Observation) -> str:
+    """What the judge saw, in numbers, of a fault whose words name none; empty for the others."""
+    seen, command = now.feedback, now.command
+    if fault is Fault.CLAMPED:
+        limited = "; it reports an internal limit (statusword bit 11)" if seen.statusword & LIMITED else ""
+        return f"The drive delivers {seen.current:.3g} A where {command:.3g} A was commanded{limited}. "
+    if fault is Fault.FREEZE and x.frozen > 0.0:
+        return (
+            f"Position and current repeat to the last bit for {x.frozen * 1e3:.0f} ms while the command went from"
+            f" {x.anchor:.3g} A to {command:.3g} A: the drive's answer is frozen. "
+        )
+    return ""
 
 
 def leap(p: Envelope, moved: float, time: float) -> Fault:

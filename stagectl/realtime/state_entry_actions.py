@@ -5,13 +5,13 @@ Each returns the event that follows at once, if there is one.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.drive import Fault, Power
-from stagectl.kernels import law
-from stagectl.realtime import safety
+from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.axis_data import AxisData
 from stagectl.realtime.homing import Search
 from stagectl.realtime.setpoint_sources import Hold, Ramp, held
@@ -39,7 +39,10 @@ def _connecting(axis: AxisData, _: State) -> Event:
     except (StageError, OSError) as error:
         axis.board.say(str(error))
         return Event.FAILED
-    return Event.DONE
+    if axis.resetting:
+        with contextlib.suppress(StageError):  # then it is pending still
+            axis.drive.reset_fault()
+    return Event.FAULTED if axis.drive.pending_fault() else Event.DONE
 
 
 def _without_power(axis: AxisData, _: State) -> None:
@@ -57,20 +60,22 @@ def _standing(axis: AxisData, old: State) -> None:
     """Hold what was asked last, with the friction that is loaded; after enabling, where the axis stands."""
     axis.settled, axis.search = 0.0, None
     if old is State.ENABLING:
-        axis.x, axis.watch = law.AT_REST, safety.FRESH._replace(heat=axis.watch.heat)
-        axis.asked, axis.current = held(axis.seen.position, 0.0), 0.0
+        axis.watch = safety.FRESH._replace(heat=axis.watch.heat)
+        axis.asked, axis.current = held(axis.seen.position, 0.0), axis.p.holding
+        axis.x = bumpless_transfer.loaded(axis.law, axis.asked, axis.seen.position, axis.p.holding)
+    axis.choose_limits(fresh=old in (State.ENABLING, State.HOMING))
     axis.speed = 0.0
     axis.source = Hold(axis.asked.reference, axis.asked.friction)
 
 
 def _homing(axis: AxisData, _: State) -> Event | None:
     p = axis.p.homing
-    if p.method in ("none", "here"):
-        if p.method == "here":
-            axis.count_from(axis.asked.reference - p.position)
+    if p.method in ("none", "here"):  # none: a person says that the position is right
+        axis.count_from(axis.asked.reference - p.position if p.method == "here" else 0.0)
         return Event.DONE
     axis.homed = False
     axis.search = Search(p, axis.asked.reference, axis.dt)
+    axis.choose_limits()
     gentle = min(axis.p.ramp.acceleration, abs(p.speed) / _SEARCH_TIME)  # its current must not look like an end stop
     axis.source = Ramp(axis.p.ramp._replace(acceleration=gentle), axis.asked, 0.0, p.speed)
     return None
@@ -78,7 +83,17 @@ def _homing(axis: AxisData, _: State) -> Event | None:
 
 def _braking(axis: AxisData, _: State) -> None:
     axis.search = None
+    axis.choose_limits(fresh=False)
     axis.source = Ramp(axis.p.ramp, axis.asked, axis.speed, 0.0)
+
+
+def _engaging(axis: AxisData, _: State) -> Event | None:
+    """Hold under power until the brake holds; without a brake there is nothing to wait for."""
+    axis.since = axis.cycles
+    if not axis.p.brake.present:
+        return Event.DONE
+    _ask(axis, Power.ENGAGE)
+    return None
 
 
 def _quick_stopping(axis: AxisData, _: State) -> None:
@@ -111,4 +126,5 @@ _ENTRIES: dict[State, Callable[[AxisData, State], Event | None]] = {
     State.QUICK_STOPPING: _quick_stopping,
     State.COASTING: _coasting,
     State.FAULT: _without_power,
+    State.ENGAGING: _engaging,
 }

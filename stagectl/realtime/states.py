@@ -7,6 +7,9 @@
                              | reset              | done (it was an order)               `- STOPPING -'
                            FAULT <--failed-- QUICK_STOPPING, COASTING <--- a fault, by its stop category
 
+STANDING --disable--> ENGAGING --done--> DISABLED: where there is a brake, it holds before power goes.
+A drive that is found in Fault leads from CONNECTING to FAULT: faults are reset by a person.
+
 An event that is not in a state's row is an order that cannot be given there; faults are in every row.
 """
 
@@ -32,6 +35,7 @@ class State(enum.IntEnum):
     QUICK_STOPPING = 8
     COASTING = 9
     FAULT = 10
+    ENGAGING = 11
 
     @property
     def words(self) -> str:
@@ -52,6 +56,7 @@ class Event(enum.IntEnum):
     RESET = 8
     DONE = 20  # what was going on has succeeded
     FAILED = 21  # it has not, or a stop that a fault asked for is over
+    FAULTED = 22  # the drive was found in a fault, which a person resets
     COAST = 30  # a fault of stop category 0
     RAMP = 31  # of category 1
     HOLD = 32  # of category 2
@@ -69,11 +74,11 @@ _WORDS = {
     State.QUICK_STOPPING: "the drive brakes on its own ramp",
     State.COASTING: "power is off, the axis coasts",
     State.FAULT: "stopped by a fault, without power",
+    State.ENGAGING: "is held until its brake holds it, then power is cut",
 }
 
 POWERED = (State.STANDING, State.MOVING, State.HOMING, State.STOPPING)  # our law acts
 STOPS_GOING_ON = (State.QUICK_STOPPING, State.COASTING)
-_CONNECTED = (State.DISABLED, State.ENABLING, *POWERED, *STOPS_GOING_ON, State.FAULT)
 
 
 def _table() -> dict[tuple[State, Event], State]:
@@ -83,6 +88,7 @@ def _table() -> dict[tuple[State, Event], State]:
         (s.OFFLINE, e.RESET): s.CONNECTING,
         (s.CONNECTING, e.DONE): s.DISABLED,
         (s.CONNECTING, e.FAILED): s.OFFLINE,
+        (s.CONNECTING, e.FAULTED): s.FAULT,
         (s.DISABLED, e.ENABLE): s.ENABLING,
         (s.DISABLED, e.RESET): s.DISABLED,
         (s.ENABLING, e.DONE): s.STANDING,
@@ -102,12 +108,13 @@ def _table() -> dict[tuple[State, Event], State]:
         table |= {(state, e.STOP): s.STOPPING, (state, e.HOLD): s.STOPPING, (state, e.DISABLE): s.QUICK_STOPPING}
     table |= {(state, order): s.QUICK_STOPPING for state in POWERED for order in (e.QUICK_STOP, e.RAMP)}
     table |= {(state, e.COAST): s.COASTING for state in POWERED}
-    table |= {(s.STANDING, e.DISABLE): s.DISABLED}
+    table |= {(s.STANDING, e.DISABLE): s.ENGAGING, (s.ENGAGING, e.DONE): s.DISABLED}
     for stop in STOPS_GOING_ON:
         table |= {(stop, e.DONE): s.DISABLED, (stop, e.FAILED): s.FAULT, (stop, e.HOLD): stop, (stop, e.RAMP): stop}
         table |= {(stop, order): stop for order in (e.STOP, e.QUICK_STOP, e.DISABLE)}
         table[stop, e.COAST] = s.COASTING
-    for still in (s.OFFLINE, s.CONNECTING, s.DISABLED, s.FAULT, s.ENABLING):  # no power, or none yet: nothing to stop
+    # no power, none yet, or a brake that engages: nothing to stop
+    for still in (s.OFFLINE, s.CONNECTING, s.DISABLED, s.FAULT, s.ENABLING, s.ENGAGING):
         gone = s.OFFLINE if still in (s.OFFLINE, s.CONNECTING) else s.FAULT
         table |= {(still, fault): gone for fault in (e.COAST, e.RAMP, e.HOLD)}
         table |= {(still, order): still for order in (e.STOP, e.QUICK_STOP, e.DISABLE) if still is not s.ENABLING}

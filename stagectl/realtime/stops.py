@@ -80,6 +80,13 @@ STOPS: dict[Fault, Stop] = {
         "Probable causes: the drive's current loop, a short circuit, a wrong current_scale",
         _LOOK,
     ),
+    Fault.CLAMPED: Stop(
+        Category.RAMP,
+        "the drive gives another current than it is told",
+        "Probable causes: a limit in the drive's own set-up (0x6072, 0x6073), its I2t or temperature limit, too little"
+        " voltage, a wrong current_scale, a motor cable that is off",
+        _LOOK,
+    ),
     Fault.OVERLOAD: Stop(
         Category.RAMP,
         "the motor's I2t exceeds limits.continuous_current",

@@ -169,8 +169,9 @@ class Rig(BaseRig):
 
     def connect(self) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
-        step, limits = self.setup.stage.encoder.step, axis_limits(self.setup.file)
-        return CanopenDrive(self.settings, self.ours, step, self.setup.dt, clock=self.time, limits=limits)
+        step, dt, file = self.setup.stage.encoder.step, self.setup.dt, self.setup.file
+        limits = axis_limits(file)
+        return CanopenDrive(self.settings, self.ours, step, dt, clock=self.time, limits=limits, brake=file.brake)
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""

@@ -39,7 +39,7 @@ KINDS = {
     State.COASTING: "coasting",
     State.FAULT: "faulted",
 }
-STATES = {f"service {state.name.lower().replace('_', ' ')}": state for state in State}
+STATES = {f"service {state.name.lower().replace('_', ' ')}": state for state in KINDS}
 _UNPOWERED = (State.OFFLINE, State.DISABLED, State.FAULT)
 _ENDS = {  # where a fault may leave the axis, once it has been disabled if it still had power
     State.DISABLED: (State.DISABLED, State.FAULT),

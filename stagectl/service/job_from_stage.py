@@ -45,6 +45,8 @@ def orders(name: str, setup: Setup, running: law.Law, friction: bool, ring: Ring
         limits=axis_limits(setup.file, waits_for_sync(setup)),
         ring=ring.descriptor,
         board=board.descriptor,
+        brake=setup.file.brake,
+        holding=_holding(setup),
     )
 
 
@@ -55,6 +57,14 @@ def post(setup: Setup, axes: Sequence[Orders], ring: Ring, coupled: bool = False
     priority = realtime.priority if all(axis.wire for axis in axes) else 0
     shape = (ring.width, ring.capacity)
     return Post(tuple(axes), setup.dt, priority, realtime.cpu, *shape, coupled, realtime.spin, single)
+
+
+def _holding(setup: Setup) -> float:
+    """Current (A) that carries the axis as its brake is released; 0 where it has none."""
+    brake, p = setup.file.brake, setup.stage
+    if not brake.present:
+        return 0.0
+    return -p.mechanics.bias / p.motor.force_constant if brake.holding_current is None else brake.holding_current
 
 
 def calm(setup: Setup) -> float:

@@ -47,6 +47,7 @@ class Motion(NamedTuple):
     meta: dict[str, Any]
     recording: Path
     companion: Companion | None = None
+    reset_fault: bool = False  # of the drive, before the motion: a person has asked for it
 
 
 class Shared(NamedTuple):
@@ -142,7 +143,8 @@ def posted(motion: Motion, shared: Shared) -> Post:
     setup = motion.setup
     friction = "friction" in setup.file.control.layers
     axis = orders(setup.file.name, setup, motion.law, friction, *shared)
-    return post(setup, [axis._replace(homing=Homing())], shared.ring, single=True)  # relative: it needs no home
+    job = post(setup, [axis._replace(homing=Homing())], shared.ring, single=True)  # relative: it needs no home
+    return job._replace(reset=motion.reset_fault)
 
 
 def _event(process: Child, expected: str) -> dict[str, Any]:

@@ -123,6 +123,7 @@ def virtual_node(
         distance=lambda way: length(way * axis.travel_per_unit, axis.travel_unit),
         time=time or WALL,
         faults=setup.file.virtual_drive.faults,
+        brake=setup.file.brake,
     )
 
 

@@ -15,6 +15,7 @@ from stagectl.config.lengths import Lengths
 from stagectl.config.schema import SCHEMAS
 from stagectl.config.source import ConfigError
 from stagectl.config.stage_file import Setup, load_stage
+from stagectl.drives.drive import Power
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import effects, stage
 from stagectl.kernels.effects import Harmonic, Step, Warming
@@ -167,7 +168,8 @@ def test_the_virtual_drive_plays_what_simulate_plays(setup: Setup) -> None:
     virtual, p = Simulated(Plant(setup.stage, simulation, setup.dt)), setup.stage
     rows, x = noise(simulation, 60, p.drive.jitter), stage.at_rest(p)
     assert rows[:, 2].std() == pytest.approx(2e-5, rel=0.4)
-    virtual.enable()
+    virtual.ask(Power.ON)
+    virtual.sample()
     for k, row in enumerate(rows.tolist()):
         heard, now = stage.Noise(*row), virtual.sample()
         assert (now.position, now.current) == (

@@ -18,7 +18,7 @@ from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Fault, Power, Simulation
 from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.node import VirtualNode
-from tests.drives.workbench import DT, GAIN, STEP, Script, canopen_settings, linear_stage
+from tests.drives.workbench import DT, GAIN, STEP, Script, canopen_settings, enabled, linear_stage, stopped
 
 NODE_IDS = (0x000, 0x080, 0x205, 0x305, 0x405, 0x505, 0x605, 0x605, 0x77F, 0x7E5, 0x700, 0x6FF)
 MASTER_IDS = (0x085, 0x185, 0x185, 0x285, 0x585, 0x705, 0x705, 0x000, 0x080, 0x7E4)
@@ -116,12 +116,12 @@ def fuzz_controller(frames: int, seed: int) -> str:
         if fault is not Fault.NONE:
             drive.ask(chance.choice((*Power, Power.ON, Power.ON)))  # whatever a daemon may answer to it
         if cycles % 1000 == 0 or (fault is Fault.REBOOTED and cycles % 20 == 0):
-            drive.quick_stop()
+            stopped(drive, timeline)
             drive = CanopenDrive(settings, ours, STEP, DT, clock=timeline)
         assert abs(plant.state.velocity) < 1e-6, "it moves"
         assert len(ours.inbox) < 2 * _BACKLOG, f"frames pile up after {fed}"
     drive = CanopenDrive(settings, ours, STEP, DT, clock=timeline)
-    drive.enable()
+    enabled(drive, timeline)
     assert node.axis.state is cia402.DriveState.OPERATION_ENABLED
     drive.close()
     assert abs(plant.position_counts) <= 4

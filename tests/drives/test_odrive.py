@@ -20,7 +20,7 @@ from stagectl.drives.odrive import OdriveDrive, open_odrive
 from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
 from tests.conftest import CONFIG
-from tests.drives.workbench import linear_stage
+from tests.drives.workbench import enabled, linear_stage, stopped
 from tests.problems import refused
 
 DT = 0.005
@@ -70,7 +70,7 @@ def drive_on(wired: Wired) -> OdriveDrive:
 def test_it_moves_and_coasts_to_a_stand(wired: Wired) -> None:
     virtual, drive = wired.virtual, drive_on(wired)
     assert virtual.values["controller.config.control_mode"] == 1 and not virtual.enabled
-    assert drive.enable().fault is Fault.NONE
+    assert enabled(drive, wired.clock).fault is Fault.NONE
     seen = []
     for _ in range(30):
         now = drive.sample()
@@ -80,7 +80,7 @@ def test_it_moves_and_coasts_to_a_stand(wired: Wired) -> None:
         wired.clock.sleep(DT)
     assert seen == sorted(seen) and seen[-1] > 1e-2
     assert virtual.plant.state.velocity == pytest.approx(4.5 * 30 * (DT + 2e-4), rel=0.1)
-    assert drive.quick_stop().fault is Fault.DRIVE_FAULT  # no power any more
+    assert stopped(drive, wired.clock).fault is Fault.DRIVE_FAULT  # no power any more
     assert not virtual.enabled
     assert drive.describe()["stop"].startswith("category 0")
     drive.close()
@@ -89,12 +89,13 @@ def test_it_moves_and_coasts_to_a_stand(wired: Wired) -> None:
 
 def test_its_watchdog_takes_the_power_and_we_notice(wired: Wired) -> None:
     drive = drive_on(wired)
-    drive.enable()
+    enabled(drive, wired.clock)
     wired.clock.sleep(0.4)  # silent for longer than the watchdog
     faults = [drive.sample().fault for _ in range(10)]
     assert faults[-1] is Fault.DRIVE_FAULT and not wired.virtual.enabled
     assert "active errors 0x1000000" in drive.explain()
-    assert drive.enable().fault is Fault.NONE  # cleared on command only
+    drive.reset_fault()
+    assert enabled(drive, wired.clock).fault is Fault.NONE
     wired.deaf = True
     before = wired.clock.now()
     assert drive.sample().fault is Fault.FEEDBACK_LOST
@@ -104,7 +105,7 @@ def test_its_watchdog_takes_the_power_and_we_notice(wired: Wired) -> None:
 
 def test_noise_on_the_line_is_no_answer(wired: Wired) -> None:
     drive = drive_on(wired)
-    drive.enable()
+    enabled(drive, wired.clock)
     obey = wired.virtual.obey
     wired.virtual.obey = lambda line: "nan \xff 1e999" if line[0] == "f" else obey(line)  # type: ignore[method-assign]
     assert drive.sample().fault is Fault.FEEDBACK_LOST
@@ -118,7 +119,7 @@ def test_both_ends_of_a_pty(tmp_path: Path) -> None:
     thread.start()
     try:
         drive = open_odrive(wire, DT)
-        assert drive.enable().fault is Fault.NONE
+        assert enabled(drive).fault is Fault.NONE
         for _ in range(5):
             drive.apply(1.0)
             now = drive.sample()

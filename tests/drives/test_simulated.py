@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stagectl.drives.drive import Fault, Simulation
+from stagectl.drives.drive import Fault, Power, Simulation
 from stagectl.drives.simulated import Plant, Simulated, draw
 from tests.drives.workbench import DT, linear_stage
 
@@ -25,14 +25,17 @@ def test_without_power_no_command_acts() -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_quick_stop_ends_when_the_axis_stands(sign: float) -> None:
+def test_without_power_friction_stops_the_axis(sign: float) -> None:
     drive = Simulated(plant())
-    drive.enable()
+    drive.ask(Power.ON)
     for _ in range(60):
         drive.apply(sign)
     speed, began = drive.plant.state.velocity, drive.plant.state.position
     assert speed * sign > 0.2
-    now = drive.quick_stop()
+    drive.ask(Power.QUICK_STOP)
+    for _ in range(2000):
+        drive.apply(sign)  # no current flows
+    now = drive.sample()
     assert now.fault is Fault.DRIVE_FAULT  # it has no power any more, and says so
     # friction alone: 5 N and 5 N s/m against 10 kg
     assert (now.position - began) * sign == pytest.approx(speed**2 / (2 * 0.5), rel=0.2)
@@ -57,7 +60,8 @@ def test_the_noise_has_its_own_sizes_and_repeats() -> None:
 def test_a_running_plant_hears_what_simulate_hears() -> None:
     settings = Simulation(current_noise=2.0, encoder_noise=1e-6, seed=5)
     drive, heard = Simulated(Plant(linear_stage(), settings, DT)), []
-    drive.enable()
+    drive.ask(Power.ON)
+    drive.sample()
     for _ in range(5):
         heard.append(drive.plant._current_noise())
         drive.apply(0.0)

@@ -16,7 +16,7 @@ from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.cia402 import state as state_of
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.drive import Fault
-from tests.drives.workbench import DT, STEP, Workbench
+from tests.drives.workbench import DT, STEP, Workbench, enabled, stopped
 
 
 class Adapter:
@@ -75,12 +75,12 @@ def test_a_drive_moves_and_stops_over_the_line(bench: Workbench, adapter: Adapte
     bus = open_bus(settings.interface, settings.channel, settings.bitrate)
     drive = CanopenDrive(settings, bus, STEP, DT)
     assert adapter.reports.index(b"S8") < adapter.reports.index(b"O")  # 1 Mbit/s, then open
-    assert drive.enable().fault is Fault.NONE
+    assert enabled(drive).fault is Fault.NONE
     for _ in range(40):
         drive.apply(1.0)
         assert drive.sample().fault is Fault.NONE
     assert node.axis.plant.state.velocity > 0.05
-    assert state_of(drive.quick_stop().statusword) is DriveState.SWITCH_ON_DISABLED
+    assert state_of(stopped(drive).statusword) is DriveState.SWITCH_ON_DISABLED
     drive.close()
     assert abs(node.axis.plant.state.velocity) < 1e-3
 

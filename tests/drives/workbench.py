@@ -11,8 +11,12 @@ from typing import Any
 from stagectl.drives.bus.embedded import Embedded
 from stagectl.drives.bus.frames import frame
 from stagectl.drives.bus.virtual_time import End, Timeline, Wire
+from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.cia402 import DriveState
+from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, Simulation
+from stagectl.drives.drive import Canopen, Drive, DriveError, Fault, Feedback, Power, Simulation
+from stagectl.drives.limits import ENABLE_TIME
 from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.node import VirtualNode
 from stagectl.kernels import friction, stage
@@ -54,6 +58,33 @@ def canopen_settings(channel: str, **changes: Any) -> Canopen:
         feedback_timeout=5.0,
     )
     return settings._replace(**changes)
+
+
+def enabled(drive: Drive, time: Clock = WALL) -> Feedback:
+    """Power, period by period, as the real-time process brings it; the first feedback under it."""
+    drive.ask(Power.ON)
+    deadline = time.now() + ENABLE_TIME
+    while time.now() < deadline:
+        now = drive.sample()
+        if now.fault is Fault.NONE:
+            return now
+        drive.apply(0.0)
+        time.sleep(DT)
+    raise DriveError(drive.explain())
+
+
+def stopped(drive: Drive, time: Clock = WALL, patience: float = 10.0) -> Feedback:
+    """A stop by the drive's own ramp, until the axis stands and the drive has left operation, or `patience` (s)."""
+    drive.ask(Power.QUICK_STOP)
+    deadline, still = time.now() + patience, Standstill(2.0 * STEP)
+    while time.now() < deadline:
+        drive.apply(0.0)
+        now = drive.sample()
+        over = cia402.state(now.statusword) not in (DriveState.OPERATION_ENABLED, DriveState.FAULT_REACTION_ACTIVE)
+        if now.fault is Fault.BUS or (still.stands(now.position) and over):
+            break
+        time.sleep(DT)
+    return now
 
 
 class Workbench:

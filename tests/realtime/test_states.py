@@ -18,7 +18,7 @@ def test_every_fault_in_every_state_ends_where_its_category_says(state: State, f
     found, category = following(state, event_of(fault)), STOPS[fault].category
     if state in (State.OFFLINE, State.CONNECTING):
         assert found is State.OFFLINE
-    elif state in (State.DISABLED, State.ENABLING, State.FAULT):
+    elif state in (State.DISABLED, State.ENABLING, State.FAULT, State.ENGAGING):
         assert found is State.FAULT  # nothing moves: nothing to stop
     elif state in STOPS_GOING_ON:
         assert found is (State.COASTING if category is Category.COAST else state)  # a stop is never made weaker
@@ -28,7 +28,7 @@ def test_every_fault_in_every_state_ends_where_its_category_says(state: State, f
         assert found is ENDS[category]
 
 
-@pytest.mark.parametrize("state", [*POWERED, *STOPS_GOING_ON, State.ENABLING])
+@pytest.mark.parametrize("state", [*POWERED, *STOPS_GOING_ON, State.ENABLING, State.ENGAGING])
 @pytest.mark.parametrize("order", [Event.STOP, Event.QUICK_STOP, Event.DISABLE])
 def test_a_stop_is_never_refused(state: State, order: Event) -> None:
     found = following(state, order)

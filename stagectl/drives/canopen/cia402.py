@@ -28,6 +28,9 @@ RATED_CURRENT, QUICK_STOP_DECELERATION = 0x6075, 0x6085
 FOLLOWING_WINDOW, MAX_TORQUE, MAX_CURRENT, POLARITY = 0x6065, 0x6072, 0x6073, 0x607E
 MAX_SPEED, TORQUE_SLOPE, ENCODER, GEAR, INTERPOLATION_PERIOD = 0x6080, 0x6087, 0x608F, 0x6091, 0x60C2
 
+REMOTE, LIMITED, FOLLOWS = 1 << 9, 1 << 11, 1 << 12  # statusword: remote, internal limit active, follows the command
+DIGITAL_OUTPUTS, BRAKE_BIT = 0x60FE, 1  # subindex 1: the outputs, whose bit 0 sets the brake; 2: their mask
+
 PROFILE, SERVO_DRIVE = 402, 0x0002_0000  # low word of 0x1000; its bit for a servo drive
 CYCLIC_SYNCHRONOUS_TORQUE = 10
 CYCLIC_SYNCHRONOUS_TORQUE_BIT = 1 << 9  # in 0x6502
@@ -106,7 +109,7 @@ TOWARDS_ENABLED: dict[DriveState, DeviceCommand] = {
     DriveState.OPERATION_ENABLED: DeviceCommand.ENABLE_OPERATION,
     DriveState.QUICK_STOP_ACTIVE: DeviceCommand.QUICK_STOP,  # until it stands; then Disable voltage
     DriveState.FAULT_REACTION_ACTIVE: DeviceCommand.DISABLE_VOLTAGE,
-    DriveState.FAULT: DeviceCommand.FAULT_RESET,
+    DriveState.FAULT: DeviceCommand.FAULT_RESET,  # by a person's order alone
 }
 
 OPTIONS: dict[int, tuple[str, dict[int, str]]] = {

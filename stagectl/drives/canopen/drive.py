@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import contextlib
 import math
-import struct
 import time
 
+from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import Bus, frame
-from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen import cia402, fault_texts
+from stagectl.drives.canopen.brake_sequence import BrakeSequence
 from stagectl.drives.canopen.braking_monitor import (
     FAILURE_TEXTS,
     BrakingFailure,
@@ -27,28 +28,31 @@ from stagectl.drives.canopen.braking_monitor import (
 )
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.configuration import DriveConfiguration
-from stagectl.drives.canopen.fault_texts import MUTE, Emergency, explained, not_enabled
+from stagectl.drives.canopen.drive_line import DriveLine
+from stagectl.drives.canopen.fault_texts import Deviation
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
+from stagectl.drives.canopen.object_access import ObjectAccess
+from stagectl.drives.canopen.operation_watch import mode_place
 from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo, wished_rpdo, wished_tpdo
-from stagectl.drives.canopen.power_states import PowerTransition, Standstill
+from stagectl.drives.canopen.power_states import FaultReset, PowerTransition, Standstill
+from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.clock import WALL, Clock
-from stagectl.drives.drive import Canopen, Fault, Feedback, Power
-from stagectl.drives.limits import BACKLOG, ENABLE_TIME, LOST_STOP_TIME, REPEAT_COMMAND_CYCLES, STOP_TIME
+from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
+from stagectl.drives.limits import REPEAT_COMMAND_CYCLES
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _SYNC = frame(0x080)
-_EMERGENCY = struct.Struct("<8xHB5s")
-_WRITE_WORD = struct.Struct("<BHBI")  # SDO: expedited download
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
 _NONE, _ON, _QUICK_STOP, _OPERATION_ENABLED = Fault.NONE, Power.ON, Power.QUICK_STOP, DriveState.OPERATION_ENABLED
 _ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
-_RUNNING = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
+_ENABLED_WORD = cia402.DeviceCommand.ENABLE_OPERATION.controlword
+_FAULT_BIT = 0x08  # of Fault and Fault reaction active
 
 
 class CanopenDrive:
     """The drive protocol over a bus; see `stagectl.drives.drive.Drive`."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the last three have defaults
         self,
         settings: Canopen,
         bus: Bus,
@@ -57,6 +61,7 @@ class CanopenDrive:
         *,
         clock: Clock = WALL,
         limits: AxisLimits = UNKNOWN_AXIS,
+        brake: Brake = NO_BRAKE,
     ) -> None:
         """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
 
@@ -75,13 +80,9 @@ class CanopenDrive:
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
-        self._serving = False  # enabled, and not asked to stop
         self._walking = False  # on the way to it
-        self._emergency: Emergency | None = None
-        self._heard = math.nan  # s, monotonic, when the drive's heartbeat was last heard
-        self._problem = ""  # ours, in words
+        self._brake = BrakeSequence(brake, dt, self._set_brake)
         self._closed = False
-        self._rebooted = False  # since it was configured
         self._silent = False  # no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
@@ -91,81 +92,81 @@ class CanopenDrive:
         self._command = CommandPdo(settings, od, setup.rpdo)  # as the drive has them, not as they were wished
         self._answer = FeedbackPdo(settings, od, setup.tpdo)
         self._alive, self._alive_period = setup.protection.alive, setup.protection.period
-
-    def enable(self) -> Feedback:
-        """Walk the state machine to Operation enabled at zero current, from whatever state.
-
-        The cycle must go on at once afterwards: the drive's time-outs run.  Raises DriveError.
-        """
-        self.ask(Power.ON)
-        due = self._now()
-        deadline = due + ENABLE_TIME
-        while self._now() < deadline:
-            now = self.sample()
-            if now.fault is Fault.NONE:
-                return now
-            self.apply(0.0)
-            due = self._rest(due)
-        raise not_enabled(self._settings.node, self._last, self._problem, self._emergency)
+        self._reports = Reports(settings, dt, self._answer, self._now)
+        self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
+        self._mode_at = mode_place(setup.tpdo)
+        self._found = _read(setup.objects, cia402.STATUSWORD)  # before it gets power
+        self._error_code = _read(setup.objects, cia402.ERROR_CODE)
+        if brake.control == "output":
+            setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 1)  # set, before any power
+            setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 2)
 
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow."""
-        self._walk = PowerTransition(power, self._standstill())
+        self._walk = self._transition(power)
         self._braking = BrakingMonitor(self._pace, self._settings.quick_stop_deceleration)
-        self._serving, self._walking = False, power is Power.ON
+        self._reports.serving, self._walking = False, power is Power.ON
         if power is Power.ON:
-            self._problem, self._emergency, self._reason = "", None, None
+            self._reason = None
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
+            self._reports.begin()
+
+    def _transition(self, power: Power) -> PowerTransition:
+        """The way to `power`; where an axis stands under power, its brake is set before that goes."""
+        still, stopped = self._standstill(), self._walk.power is _QUICK_STOP
+        if power not in (Power.OFF, Power.ENGAGE) or not self._brake.present:
+            return PowerTransition(power, still)
+        self._brake.engage()
+        if power is Power.OFF and not stopped:
+            return PowerTransition(Power.OFF, still)
+        word = self._walk.controlword  # that of Operation enabled, or of the quick stop
+        if not (stopped or self._brake.keeps_enabled):
+            word = cia402.DeviceCommand.SWITCH_ON.controlword  # disable operation: the drive works its brake
+        return PowerTransition(Power.OFF, still, self._brake.engaging, word)
+
+    def _set_brake(self, engaged: bool) -> None:
+        self._line.write(cia402.DIGITAL_OUTPUTS, 1, cia402.BRAKE_BIT * engaged)
 
     def sample(self) -> Feedback:
         """SYNC, and the drive's answer to it; never raises."""
         try:
-            self._drain()
+            self._line.drain()
             self._bus.send(_SYNC)
-            raw = self._await_answer(self._settings.feedback_timeout)
+            raw = self._line.answer(self._settings.feedback_timeout)
         except OSError as error:
-            return self._failed(Fault.BUS, f"the bus failed: {error}")
+            return self._failed(Fault.BUS, Deviation(f"the bus failed: {error}"))
         self._silent = raw is None
         power = self._walk.power
         if power is _QUICK_STOP:
             self._supervise()
         if raw is None:
-            return self._failed(Fault.REBOOTED if self._rebooted else Fault.FEEDBACK_LOST, "")
+            return self._failed(Fault.REBOOTED if self._reports.rebooted else Fault.FEEDBACK_LOST)
         statusword, counts, current = self._answer.decode(raw)
         self._pace.add(counts * self._step)
         if power is not _ON:
-            self._insist(cia402.state(statusword))
-        now = Feedback(counts * self._step, current, statusword, self._fault(statusword))
+            self._stopping(cia402.state(statusword))
+        elif self._mode_at:
+            self._reports.show_mode(raw[self._mode_at])
+        now = Feedback(counts * self._step, current, statusword, self._reports.fault(statusword))
         return self._noted(self._walked(now) if self._walking else now)
-
-    def _fault(self, statusword: int) -> Fault:
-        """What the drive, its heartbeat and this answer say."""
-        if self._rebooted:
-            return Fault.REBOOTED
-        if self._emergency is not None:
-            return Fault.EMERGENCY
-        silence = self._now() - self._heard  # NaN: never heard
-        if self._serving and silence > self._settings.heartbeat_timeout:
-            self._problem = f"{MUTE} for {silence:.2f} s while its answers went on"
-            return Fault.FEEDBACK_LOST
-        return Fault.DRIVE_FAULT if statusword & _ENABLED_MASK != _ENABLED or self._problem else _NONE
 
     def _supervise(self) -> None:
         """During a quick stop: cut the power of an axis that is not braked; release a drive that is silent."""
         failure = self._braking.step(self._silent)
         if failure is BrakingFailure.SILENT and self._protection.reacts:
-            self._manage(cia402.NMT_PRE_OPERATIONAL)
+            self._line.manage(cia402.NMT_PRE_OPERATIONAL)
         if failure in FAILURE_TEXTS:
-            self._problem = FAILURE_TEXTS[failure]
+            self._reports.problem = Deviation(FAILURE_TEXTS[failure])
+            self._brake.engage()
             self._walk = PowerTransition(Power.OFF, self._standstill())
 
-    def _insist(self, state: DriveState) -> None:
-        """Send the controlword again by SDO to a drive that stays in operation although it must stop."""
-        if self._unheard.certain(state is _OPERATION_ENABLED):
+    def _stopping(self, state: DriveState) -> None:
+        """One period without power, or on the way there; a drive that stays in operation is told again, by SDO."""
+        self._walk.wait()
+        word = self._walk.controlword
+        if self._unheard.certain(state is _OPERATION_ENABLED and word & 0x0F != _ENABLED_WORD):
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-            word = _WRITE_WORD.pack(0x2B, cia402.CONTROLWORD, 0, self._walk.controlword)
-            with contextlib.suppress(OSError):
-                self._bus.send(frame(0x600 + self._settings.node, word))
+            self._line.write(cia402.CONTROLWORD, 0, word)
 
     def apply(self, current: float) -> None:
         """Send the command (A); never raises: what went wrong is in the next `sample`."""
@@ -175,117 +176,92 @@ class CanopenDrive:
             if now >= self._beat:
                 self._beat = now + self._alive_period
                 self._bus.send(self._alive)
+                if self._reports.serving and not self._mode_at:
+                    self._line.ask_for_mode(now)
         except ValueError as error:
-            self._problem = f"{error}; zero was sent instead"
+            self._reports.problem = Deviation(f"{error}; zero was sent instead")
             self.apply(0.0)
         except OSError as error:
-            self._problem = f"the bus failed: {error}"
+            self._reports.problem = Deviation(f"the bus failed: {error}")
 
-    def quick_stop(self) -> Feedback:
-        """Quick stop by the drive's own ramp, until the axis stands, the power is off, or STOP_TIME is over."""
-        self.ask(Power.QUICK_STOP)
-        due = self._now()
-        deadline, still, off = due + STOP_TIME, self._standstill(), ConsecutiveCycles()
-        while self._now() < deadline:
-            self.apply(0.0)
-            now = self.sample()
-            state = cia402.state(now.statusword)
-            if now.fault is Fault.BUS:
-                break  # nothing can be sent: the drive's own time-outs stop it
-            over = off.certain(state not in _RUNNING and not self._silent) or state is DriveState.QUICK_STOP_ACTIVE
-            if self._silent:
-                deadline = min(deadline, self._now() + LOST_STOP_TIME)
-            elif still.stands(now.position) and over:  # not by the statusword alone: to return cuts the power
+    def pending_fault(self) -> str:
+        """The fault in which the drive was found, in words; empty where there is none."""
+        if self._found is None or cia402.state(self._found) is not DriveState.FAULT:
+            return ""
+        return fault_texts.standing_fault(self._settings.node, self._found, self._error_code, self._reports.signs)
+
+    def reset_fault(self) -> None:
+        """Hold bit 7 until the drive's fault is gone, without power.  Raises DriveError where it stays."""
+        begun = due = self._now()
+        while (elapsed := self._now() - begun) < FaultReset.DURATION:
+            self.sample()
+            if not self._silent and self._last.statusword & _FAULT_BIT == 0:
                 break
+            self._walk.controlword = FaultReset.controlword(elapsed)
+            self.apply(0.0)
             due = self._rest(due)
-        return self._last
+        else:
+            node, statusword = self._settings.node, self._last.statusword
+            raise fault_texts.not_reset(node, statusword, self._error_code, self._reports.signs)
+        self.ask(Power.OFF)
+        self.apply(0.0)
+        self._found = self._reports.emergency = self._reports.problem = None
 
     def describe(self) -> dict[str, str]:
         """Identity, time-outs, option codes in words and scales, as read back from the drive."""
         s = self._settings
-        return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._description}
+        unwatched = ", ".join(map(str, self._reports.watch.unshown)) or "none"
+        watched = {"statusword bits never shown, and not watched": unwatched} if self._reports.signs.answered else {}
+        return {"drive": f"CANopen node {s.node} on {s.interface} {s.channel}", **self._description, **watched}
 
     def explain(self) -> str:
         """The last fault in words, probable causes, next command; on the way to power, where the drive hangs."""
         node, last = self._settings.node, self._reason or self._last._replace(fault=Fault.NONE)
         if self._walking and self._last.fault is not Fault.BUS:
-            return str(not_enabled(node, self._last, self._problem, self._emergency))
-        return explained(node, last, self._problem, self._emergency, self._now() - self._heard)
+            return fault_texts.not_enabled(node, self._last, self._reports.signs)
+        return fault_texts.explained(node, last, self._reports.signs)
 
     def close(self) -> None:
         """Disable voltage, take the node out of operation, close the bus; safe to call twice, never raises."""
         if self._closed:
             return
         self._closed = True
+        self._hold_until_engaged()
         self.ask(Power.OFF)
         with contextlib.suppress(OSError):  # a dead bus carries nothing
             self.apply(0.0)
             self._bus.send(_SYNC)  # the RPDO acts with it
-            self._manage(cia402.NMT_PRE_OPERATIONAL)
+            self._line.manage(cia402.NMT_PRE_OPERATIONAL)
         with contextlib.suppress(OSError):
             self._bus.close()
 
-    def _manage(self, command: int) -> None:
-        """Send an NMT command to the drive (CiA 301)."""
-        with contextlib.suppress(OSError):
-            self._bus.send(frame(0, bytes([command, self._settings.node])))
+    def _hold_until_engaged(self) -> None:
+        """Go on until the brake that was set holds: to leave earlier lets the axis drop."""
+        due = self._now()
+        while self._walk.power is Power.OFF and self._walk.controlword and not self._silent:
+            self.sample()
+            self.apply(0.0)
+            due = self._rest(due)
 
-    def _await_answer(self, timeout: float) -> bytes | None:
-        """The TPDO, reading all other frames before it; None after `timeout` seconds."""
-        receive, head = self._bus.receive, self._answer.head
-        deadline = self._now() + timeout  # before the first frame: what comes in between must not prolong the wait
-        raw = receive(timeout)
-        if raw is None or raw[:5] == head:
-            return raw
-        while raw is None or raw[:5] != head:
-            if raw is not None:
-                self._take(raw)
-            left = deadline - self._now()
-            if left <= 0.0:
-                return None
-            raw = receive(left)
-        return raw
-
-    def _take(self, raw: bytes) -> None:
-        """A frame that is not our TPDO."""
-        identifier = int.from_bytes(raw[:4], "little")
-        if identifier == 0x080 + self._settings.node:
-            emergency = Emergency(*_EMERGENCY.unpack(raw))
-            self._emergency = emergency if emergency.code & 0xFF00 else None
-        elif identifier == 0x700 + self._settings.node:
-            self._heard = self._now()
-            self._rebooted = self._rebooted or raw[8] == cia402.INITIALISING
-            if self._serving and raw[8] & 0x7F == cia402.PRE_OPERATIONAL:
-                self._problem = "it left the NMT state operational"
-        elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
-            wanted = self._answer.head[4]
-            self._problem = f"its TPDO has {raw[4]} bytes, must have {wanted}; probable cause: another master mapped it"
-
-    def _drain(self) -> None:
-        """Clear the receive queue: a late or doubled answer must not be taken for the next one."""
-        for _ in range(BACKLOG):
-            raw = self._bus.receive(0.0)
-            if raw is None:
-                break
-            self._take(raw)
-
-    def _failed(self, fault: Fault, problem: str) -> Feedback:
-        self._problem = problem or self._problem
+    def _failed(self, fault: Fault, problem: Deviation | None = None) -> Feedback:
+        self._reports.problem = problem or self._reports.problem
         return self._noted(self._last._replace(current=math.nan, fault=fault))
 
     def _noted(self, now: Feedback) -> Feedback:
         self._last = now
-        if now.fault and self._serving:  # what comes after it, and after a stop, is only its consequence
-            self._reason, self._serving = now, False
+        if now.fault and self._reports.serving:  # what comes after it, and after a stop, is only its consequence
+            self._reason, self._reports.serving = now, False
         return now
 
     def _walked(self, now: Feedback) -> Feedback:
         """A step towards Operation enabled; once there, no fault later leads there again by itself."""
         state = self._walk.step(now)
-        self._serving = now.fault is Fault.NONE
-        self._walking = not self._serving
+        if now.fault is Fault.NONE and not self._brake.released():
+            return now._replace(fault=Fault.DRIVE_FAULT)  # not yet: release before motion
+        self._reports.serving = now.fault is Fault.NONE
+        self._walking = not self._reports.serving
         if state is DriveState.OPERATION_ENABLED:
-            self._emergency = None  # an old one: the drive runs, and would not with an error present
+            self._reports.emergency = None  # an old one: the drive runs, and would not with an error present
         return now
 
     def _standstill(self) -> Standstill:
@@ -296,3 +272,11 @@ class CanopenDrive:
         due = max(due + self._dt, self._now() - self._dt)
         self._clock.sleep(max(due - self._now(), 0.0))
         return due
+
+
+def _read(objects: ObjectAccess, index: int) -> int | None:
+    """An integer object; None where the drive does not give it."""
+    with contextlib.suppress(DriveError):
+        value: int | None = objects.offered(index)
+        return value
+    return None

@@ -10,7 +10,7 @@ from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import DriveError, Fault, Feedback
 from stagectl.drives.limits import ENABLE_TIME
 
-MUTE = "its heartbeat was not heard"  # how the problem of a silent drive begins
+_RESET = "`stagectl fault reset`, or `stagectl run ... --reset-fault`"
 
 
 class Emergency(NamedTuple):
@@ -20,6 +20,68 @@ class Emergency(NamedTuple):
     register: int  # error register 0x1001
     vendor: bytes  # five bytes of the maker's own
 
+
+class Deviation(NamedTuple):
+    """What the master saw for itself; `causes` take the place of those of the fault."""
+
+    words: str
+    causes: str = ""
+    alone: bool = False  # the fault's own words add nothing
+
+    def filled(self, *values: object) -> Deviation:
+        """The same with `values` in its words."""
+        return self._replace(words=self.words.format(*values))
+
+
+class DriveSigns(NamedTuple):
+    """What is known of a drive when its fault is explained."""
+
+    problem: Deviation | None
+    emergency: Emergency | None
+    answered: bool  # it has answered a SYNC since it was configured
+    heartbeat_age: float  # s; NaN: none was heard
+    nmt: int | None  # NMT state in its last heartbeat
+    alive: bool  # its heartbeat was heard after its last answer: power, wiring and bit rate are right
+
+
+_NMT = {
+    cia402.INITIALISING: "initialising",
+    cia402.STOPPED: "stopped",
+    cia402.OPERATIONAL: "operational",
+    cia402.PRE_OPERATIONAL: "pre-operational",
+}
+MUTE = Deviation("its heartbeat was not heard for {:.2f} s while its answers went on", alone=True)
+LEFT_OPERATIONAL = Deviation(
+    "it left the NMT state operational (its heartbeat says {})",
+    "Probable causes: another master, or a tool on the bus, gave it an NMT command, or the drive changed its state by"
+    f" itself after an error (0x1029). Take the other one off the bus, then reset: {_RESET}",
+)
+OTHER_CONTROLLER = Deviation(
+    "another controller is on the bus: {}",
+    f"Two controllers must not command one drive. Stop the other one, then reset: {_RESET}",
+)
+OTHER_MAPPING = Deviation("its TPDO has {} bytes, must have {}; probable cause: another master mapped it")
+WRONG_MODE = Deviation(
+    "its mode of operation is {} (0x6061), must be 10 (cyclic synchronous torque)",
+    "Probable causes: a service tool or another controller wrote 0x6060, or an input of the drive selects the mode."
+    f" Take it away, then reset: {_RESET}",
+)
+LOST_BITS = {
+    9: Deviation(
+        "it is no longer under remote control (statusword bit 9, remote)",
+        "Probable causes: its panel or its service tool has taken control, or an input selects local operation. Give"
+        f" control back to the bus, then reset: {_RESET}",
+    ),
+    12: Deviation(
+        "it no longer follows the command (statusword bit 12)",
+        "Probable causes: a limit inside the drive, a stop by one of its inputs, or another mode of operation. Read its"
+        f" display and 0x6061, then reset: {_RESET}",
+    ),
+}
+_SILENT_PDO = (
+    "Probable causes: the drive is not operational, its TPDO has another COB-ID or mapping than 'tpdo' here,"
+    " or is not sent at each SYNC. Compare 0x1800 and 0x1A00 with `stagectl drive dump STAGE.yaml`"
+)
 
 WHAT = {
     Fault.NONE: "no fault",
@@ -37,15 +99,14 @@ CAUSES = {
     ),
     Fault.DRIVE_FAULT: (
         "Probable causes: the drive's own limits, its enable or STO input, or its time-outs (heartbeat, RPDO). Look at"
-        " its display, remove the cause, then start the run again: it resets the fault"
+        f" its display, remove the cause, then reset: {_RESET}"
     ),
     Fault.EMERGENCY: (
-        "Probable causes are in the drive's manual under this code. Remove the cause, then start the run again: it"
-        " resets the fault"
+        f"Probable causes are in the drive's manual under this code. Remove the cause, then reset: {_RESET}"
     ),
     Fault.REBOOTED: (
-        "Probable causes: a dip of its supply, its watchdog, or an NMT reset. Its configuration is gone with it."
-        " Check the supply, then start the run again: it configures the drive anew"
+        "Probable causes: a dip of its supply, its watchdog, or an NMT reset by another master. Its configuration and"
+        f" its origin are gone with it. Check the supply, then configure it anew: {_RESET}"
     ),
     Fault.BUS: (
         "Probable causes: interface down or bus off. See 'ip -details link', bring it up again,"
@@ -64,7 +125,7 @@ _HINTS = {
     DriveState.SWITCHED_ON: (
         "Probable causes: the enable input is missing or the brake or encoder is not ready. See the drive's display"
     ),
-    DriveState.FAULT: "Probable cause: the cause of the fault is still present. Remove it, then start the run again",
+    DriveState.FAULT: f"A fault is reset by a person alone. Remove its cause, then reset: {_RESET}",
 }
 
 
@@ -80,26 +141,83 @@ def emergency_words(emergency: Emergency) -> str:
     return f"emergency 0x{code:04X} ({meaning}), error register 0x{register:02X}, vendor's bytes {vendor.hex(' ')}"
 
 
-def not_enabled(node: int, last: Feedback, problem: str, emergency: Emergency | None) -> DriveError:
-    """The error of a drive that does not become enabled, with probable causes and the next step."""
-    reported = emergency_words(emergency) if emergency else "no emergency was sent"
-    parts = filter(None, (state_words(last.statusword), problem, reported))
-    hint = _HINTS.get(cia402.state(last.statusword), CAUSES[Fault.DRIVE_FAULT])
+def standing_fault(node: int, statusword: int, error_code: int | None, signs: DriveSigns) -> str:
+    """A drive that is in Fault before it gets power: what it reports, and how a person resets it."""
+    code = None if error_code is None else f"error code 0x603F = 0x{error_code:04X} ({cia402.emergency(error_code)})"
+    emergency = emergency_words(signs.emergency) if signs.emergency else None
+    parts = filter(None, (f"node {node} is in state {state_words(statusword)}", code, emergency))
+    return f"{'; '.join(parts)}. {_HINTS[DriveState.FAULT]}"
+
+
+def not_reset(node: int, statusword: int, error_code: int | None, signs: DriveSigns) -> DriveError:
+    """The error of a drive whose fault stays when it is reset."""
+    reported = standing_fault(node, statusword, error_code, signs)
     return DriveError(
-        f"node {node} does not reach Operation enabled within {ENABLE_TIME:.0f} s: it remains in"
-        f" {'; '.join(parts)}. {CAUSES[last.fault] if last.fault is Fault.FEEDBACK_LOST else hint}",
+        f"the fault reset had no effect: the cause is still there. {reported}",
         node=node,
         object_key=cia402.STATUSWORD << 8,
-        value=last.statusword,
+        value=statusword,
     )
 
 
-def explained(node: int, last: Feedback, problem: str, emergency: Emergency | None, heartbeat_age: float) -> str:
-    """The fault of the `last` feedback with its probable causes; `heartbeat_age` in s, NaN where none was heard."""
-    parts = [problem] if problem.startswith(MUTE) else [WHAT[last.fault], problem]
-    parts.append(f"state {state_words(last.statusword)}")
+def not_enabled(node: int, last: Feedback, signs: DriveSigns) -> str:
+    """Why a drive does not become enabled, with probable causes and the next step."""
+    problem, emergency = signs.problem, signs.emergency
+    reported = emergency_words(emergency) if emergency else "no emergency was sent"
+    parts = filter(None, (_state(last, signs), problem and problem.words, reported))
+    hint = _HINTS.get(cia402.state(last.statusword), CAUSES[Fault.DRIVE_FAULT])
+    causes = _causes(last, signs) if last.fault is Fault.FEEDBACK_LOST or problem else hint
+    return (
+        f"node {node} does not reach Operation enabled within {ENABLE_TIME:.0f} s: it remains in"
+        f" {'; '.join(parts)}. {causes}"
+    )
+
+
+def explained(node: int, last: Feedback, signs: DriveSigns) -> str:
+    """The fault of the `last` feedback with its probable causes."""
+    problem, emergency, heartbeat_age = signs.problem, signs.emergency, signs.heartbeat_age
+    said = problem.words if problem else ""
+    parts = [said] if problem and problem.alone else [_what(last, signs), said]
+    parts.append(f"state {_state(last, signs)}")
     if emergency is not None:
         parts.append(emergency_words(emergency))
     if not math.isnan(heartbeat_age):
-        parts.append(f"last heartbeat of the drive {heartbeat_age:.2f} s ago")
-    return f"node {node}: {'; '.join(filter(None, parts))}. {CAUSES[last.fault]}"
+        parts.append(f"last heartbeat of the drive {heartbeat_age:.2f} s ago{_nmt_words(signs)}")
+    return f"node {node}: {'; '.join(filter(None, parts))}. {_causes(last, signs)}"
+
+
+def nmt_words(state: int) -> str:
+    """An NMT state of a heartbeat (CiA 301) in words."""
+    return _NMT.get(state, f"unknown, 0x{state:02X}")
+
+
+def _nmt_words(signs: DriveSigns) -> str:
+    return "" if signs.nmt in (None, cia402.OPERATIONAL) else f": {nmt_words(signs.nmt or 0)}"
+
+
+def _what(last: Feedback, signs: DriveSigns) -> str:
+    if last.fault is Fault.FEEDBACK_LOST and not signs.answered:
+        return "it has never answered a SYNC"
+    if last.fault is Fault.DRIVE_FAULT and signs.problem and cia402.state(last.statusword) in _RUNS:
+        return ""  # it has not left Operation enabled: the problem says what is wrong
+    return WHAT[last.fault]
+
+
+_RUNS = (DriveState.OPERATION_ENABLED,)
+
+
+def _state(last: Feedback, signs: DriveSigns) -> str:
+    """Its state; a drive that has answered nothing has shown none."""
+    if signs.answered or last.statusword:
+        return state_words(last.statusword)
+    return "a state that is not known, as it has never answered a SYNC"
+
+
+def _causes(last: Feedback, signs: DriveSigns) -> str:
+    if signs.problem and signs.problem.causes:
+        return signs.problem.causes
+    if last.fault is Fault.FEEDBACK_LOST and signs.alive:
+        return f"Its heartbeat goes on, so power, wiring and bit rate are right. {_SILENT_PDO}"
+    if last.fault is Fault.FEEDBACK_LOST and not signs.answered:
+        return f"{_SILENT_PDO}; or power, cable or termination"
+    return CAUSES[last.fault]

@@ -1,4 +1,4 @@
-"""The transition of a CiA 402 drive to the requested power: one controlword a period, from any state."""
+"""The transition of a CiA 402 drive to the requested power: one controlword a period, from any state but Fault."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ import math
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import Fault, Feedback, Power
-from stagectl.drives.limits import FAULT_RESET_CYCLES, STANDING, STANDSTILL_CYCLES
+from stagectl.drives.limits import RESET_EDGES, RESET_HOLD, RESET_PAUSE, STANDING, STANDSTILL_CYCLES
 
-_ORDERS = {
-    Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword,
-    Power.OFF: cia402.DeviceCommand.DISABLE_VOLTAGE.controlword,
-}
+_OFF = cia402.DeviceCommand.DISABLE_VOLTAGE.controlword
+_ORDERS = {Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword}
 
 
 class Standstill:
@@ -40,23 +38,40 @@ class Standstill:
 class PowerTransition:
     """The way to one power; `controlword` is that of the next period."""
 
-    def __init__(self, power: Power, still: Standstill) -> None:
-        self.power, self._still, self._cycle = power, still, 0
-        self.controlword = _ORDERS.get(power, 0)
+    def __init__(self, power: Power, still: Standstill, engaging: int = 0, holding: int = _OFF) -> None:
+        """Where a brake takes `engaging` periods to hold, the controlword is `holding` so long before power is cut."""
+        self.power, self._still, self._engaging = power, still, engaging
+        self.controlword = holding if engaging else _ORDERS.get(power, _OFF)
 
     def step(self, now: Feedback) -> DriveState:
         """Read this period's feedback; the state of the drive."""
         state, stands = cia402.state(now.statusword), self._still.stands(now.position)
         if self.power is Power.ON and now.fault is not Fault.FEEDBACK_LOST:
-            self.controlword = _towards_enabled(state, self._cycle, stands)
-        self._cycle += 1
+            self.controlword = _towards_enabled(state, stands)
         return state
 
+    def wait(self) -> None:
+        """One period on the way without power."""
+        if self._engaging:
+            self._engaging -= 1
+            if not self._engaging:
+                self.controlword = _OFF
 
-def _towards_enabled(state: DriveState, cycle: int, stands: bool) -> int:
-    """Controlword of the next step; a fault is reset by edges, a quick stop left when the axis stands."""
-    if state is DriveState.FAULT and cycle // FAULT_RESET_CYCLES % 2 == 0:
-        return 0
-    if state is DriveState.QUICK_STOP_ACTIVE and stands:
-        return cia402.DeviceCommand.DISABLE_VOLTAGE.controlword
+
+class FaultReset:
+    """Bit 7 of the controlword (transition 15): held until the fault is gone, few edges, a pause between them."""
+
+    DURATION = RESET_EDGES * (RESET_HOLD + RESET_PAUSE)  # s
+
+    @staticmethod
+    def controlword(elapsed: float) -> int:
+        """The controlword `elapsed` (s) after the beginning."""
+        held = elapsed % (RESET_HOLD + RESET_PAUSE) < RESET_HOLD
+        return cia402.DeviceCommand.FAULT_RESET.controlword if held else _OFF
+
+
+def _towards_enabled(state: DriveState, stands: bool) -> int:
+    """Controlword of the next step; a fault stays, as a person resets it; a quick stop is left when the axis stands."""
+    if state is DriveState.FAULT or (state is DriveState.QUICK_STOP_ACTIVE and stands):
+        return _OFF
     return cia402.TOWARDS_ENABLED[state].controlword

@@ -16,6 +16,7 @@ import struct
 from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
+from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.faulty_bus import FaultyBus
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen import cia402, pdo_mapping
@@ -50,6 +51,7 @@ class VirtualNode:
         distance: Callable[[float], str] | None = None,
         time: Clock = WALL,
         faults: Iterable[Any] = (),
+        brake: Brake = NO_BRAKE,
     ) -> None:
         """Build the node from `settings.eds` around `plant`, whose own delay line must hold nd - 1 periods.
 
@@ -65,7 +67,7 @@ class VirtualNode:
         self._network = PumpedNetwork(self._bus, self._clock)
         self._node: canopen.LocalNode = canopen.LocalNode(settings.node, load_eds(settings.eds, settings.node))
         self._network[settings.node] = self._node
-        self.axis = PowerStage(plant, quick_stop_gain, self._stopped)
+        self.axis = PowerStage(plant, quick_stop_gain, self._stopped, brake)
         self.objects = Objects(settings, self._node, self.axis)
         self._heartbeat = Watchdog(cia402.HEARTBEAT_LOST, "no heartbeat from the controller")
         self._command = Watchdog(cia402.RPDO_LOST, "no cyclic command (RPDO) from the controller")

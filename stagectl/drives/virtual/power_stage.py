@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.faulty_bus import Undo
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DeviceCommand, DriveState
@@ -43,8 +44,13 @@ class StopReport(NamedTuple):
 class PowerStage:
     """Power stage and plant; `advance` is one control period of it."""
 
-    def __init__(self, plant: Plant, gain: float, stopped: Callable[[StopReport], None]) -> None:
-        """`gain` of the stop's velocity loop (A s/rad | A s/m); `stopped` is called when a stop is over."""
+    def __init__(
+        self, plant: Plant, gain: float, stopped: Callable[[StopReport], None], brake: Brake = NO_BRAKE
+    ) -> None:
+        """`gain` of the stop's velocity loop (A s/rad | A s/m); `stopped` is called when a stop is over.
+
+        The drive works its `brake` by itself: it holds where there is no power, and takes over before that goes.
+        """
         self.plant, self._gain, self._stopped = plant, gain, stopped
         self.sensor, self._actuator, self._sto = Sensor(plant), Actuator(), False
         self.options = StopOptions(2, 2, 3, 1.0, math.inf)
@@ -56,7 +62,10 @@ class PowerStage:
         self._after_stop = DriveState.SWITCH_ON_DISABLED
         self._reference = 0.0  # velocity on the ramp
         self._began = self._still = 0.0  # rad | m where the stop began; s without motion
-        self._elapsed = self._limit = 0.0
+        self._elapsed = self._limit = self._engaging = 0.0
+        self._brake, self._free = brake, not brake.present  # the axis can move
+        # The drive's own loop carries the weight as its integral would.
+        self._weight = -plant.p.mechanics.bias / plant.p.motor.force_constant if brake.present else 0.0
 
     @property
     def stopping(self) -> bool:
@@ -72,7 +81,7 @@ class PowerStage:
     def statusword(self) -> int:
         """Statusword (0x6041) now."""
         bits: int = self.state.value[1] | _REMOTE | _VOLTAGE
-        follows = self.state is DriveState.OPERATION_ENABLED and self.mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
+        follows = self._obeys
         return bits | _FOLLOWS if follows else bits
 
     def control(self, controlword: int) -> None:
@@ -91,22 +100,24 @@ class PowerStage:
             if self.options.quick_stop >= 5 and not self.stopping:  # transition 16
                 self._enter(DriveState.OPERATION_ENABLED)
         elif target is not None:
-            self._enter(target)
+            self._leave_for(target)
 
     def latch(self) -> None:
         """Let the received command act from now on."""
-        obeys = self.state is DriveState.OPERATION_ENABLED and self.mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
         limit = self.options.current_limit
-        self.applied = min(max(self.target, -limit), limit) if obeys else 0.0
+        self.applied = min(max(self.target, -limit), limit) if self._obeys else 0.0
         self.plant.command(self._actuator(self.applied))
 
     def advance(self, seconds: float) -> None:
         """Let time go on by a period or less, under the applied command or the drive's own stop."""
+        if not self._free:
+            return  # the brake holds the axis where it is
         if not self.stopping:
             self.plant.drift(seconds)
             return
         self._reference = _towards_zero(self._reference, self.options.deceleration * seconds)
-        self.plant.command(self._actuator(self._gain * (self._reference - self.sensor.velocity)))
+        current = self._gain * (self._reference - self.sensor.velocity) + self._weight
+        self.plant.command(self._actuator(current))
         self.plant.drift(seconds)
         self._watch_stop(seconds)
 
@@ -117,7 +128,7 @@ class PowerStage:
             self._enter(DriveState.SWITCH_ON_DISABLED)
         else:
             self._enter(DriveState.QUICK_STOP_ACTIVE)
-            self._brake(DriveState.QUICK_STOP_ACTIVE if option >= 5 else DriveState.SWITCH_ON_DISABLED)
+            self._slow_down(DriveState.QUICK_STOP_ACTIVE if option >= 5 else DriveState.SWITCH_ON_DISABLED)
 
     def trip(self) -> None:
         """Transition 13: an error inside the drive; brake as 0x605E says, then Fault."""
@@ -125,7 +136,7 @@ class PowerStage:
             return
         if self.enabled and self.options.fault_reaction != 0:
             self._enter(DriveState.FAULT_REACTION_ACTIVE)
-            self._brake(DriveState.FAULT)
+            self._slow_down(DriveState.FAULT)
         else:
             self._enter(DriveState.FAULT)
 
@@ -163,18 +174,34 @@ class PowerStage:
         return self._actuator.distort(distortion)
 
     def _cut(self) -> None:
-        self._enter(DriveState.SWITCH_ON_DISABLED)
+        self._leave_for(DriveState.SWITCH_ON_DISABLED)
 
     def _enter(self, state: DriveState) -> None:
         self.state = state
         self.applied = self.target = self._limit = 0.0
         self.plant.powered = self.enabled
         self.plant.command(0.0)
+        if self._brake.present:
+            self._free = self.enabled
+            self.plant.state = self.plant.state._replace(velocity=self.plant.state.velocity * self.enabled)
 
-    def _brake(self, after: DriveState) -> None:
+    @property
+    def _obeys(self) -> bool:
+        """Whether the command acts: not while the brake engages, as the drive then holds the axis itself."""
+        cyclic = self.mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
+        return cyclic and self.state is DriveState.OPERATION_ENABLED and not self.stopping
+
+    def _leave_for(self, target: DriveState) -> None:
+        """Go to another state; where power ends with it, the brake holds first."""
+        if not (self._brake.present and self.enabled and target not in _POWERED):
+            self._enter(target)
+        elif not self.stopping:
+            self._slow_down(target)
+
+    def _slow_down(self, after: DriveState) -> None:
         self._after_stop = after
         self._began, self._reference = self.plant.state.position, self.sensor.velocity
-        self._elapsed = self._still = 0.0
+        self._elapsed = self._still = self._engaging = 0.0
         self._limit = abs(self._reference) / self.options.deceleration + STOP_GRACE
 
     def _watch_stop(self, dt: float) -> None:
@@ -184,6 +211,9 @@ class PowerStage:
         still = self._reference == 0.0 and abs(velocity) < standing
         self._still = self._still + dt if still else 0.0
         if self._still < STILL_TIME and self._elapsed < self._limit:
+            return
+        if still and self._brake.present and self._engaging < self._brake.engage:
+            self._engaging += dt  # held under power until the brake holds
             return
         stop = StopReport(self._elapsed - self._still, self.plant.state.position - self._began, still)
         self._limit = 0.0

@@ -1,0 +1,106 @@
+"""What is heard of a drive beside its cyclic answers: heartbeat, emergencies, its mode, and other controllers.
+
+`take` has each frame that is no answer to SYNC; `fault` is asked in each period, with the answer's statusword.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+
+from stagectl.drives.canopen import cia402, fault_texts
+from stagectl.drives.canopen.cia402 import DriveState
+from stagectl.drives.canopen.fault_texts import Deviation, DriveSigns, Emergency
+from stagectl.drives.canopen.operation_watch import OperationWatch
+from stagectl.drives.canopen.pdo import FeedbackPdo
+from stagectl.drives.drive import Canopen, Fault
+from stagectl.drives.limits import YOUNG_HEARTBEAT
+
+_EMERGENCY = struct.Struct("<8xHB5s")
+_EMERGENCIES, _RPDO, _ANSWERS, _HEARTBEATS = 0x080, 0x200, 0x580, 0x700  # identifiers, less the node
+_NMT_COMMAND = 0x000
+# A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
+_NONE, _DRIVE_FAULT = Fault.NONE, Fault.DRIVE_FAULT
+_ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
+
+
+class Reports:
+    """What one drive, and others on its bus, have said."""
+
+    def __init__(self, settings: Canopen, dt: float, answer: FeedbackPdo, now: Callable[[], float]) -> None:
+        """In periods of `dt` (s); `answer` is the TPDO that is no business of this room, `now` the clock (s)."""
+        self._node, self._timeout, self._answer, self.now = settings.node, settings.heartbeat_timeout, answer, now
+        self.watch = OperationWatch(dt, settings.watched_bits)
+        self.problem: Deviation | None = None  # what we saw for ourselves
+        self.emergency: Emergency | None = None
+        self.rebooted = False  # since it was configured
+        self._answered = math.nan  # s, monotonic, of its last answer to SYNC since it was configured
+        self.serving = False  # enabled, and not asked to stop
+        self._heard = math.nan  # s, monotonic, when its heartbeat was last heard
+        self._nmt: int | None = None  # NMT state in it
+
+    def begin(self) -> None:
+        """Power is being switched on: what was said before is over."""
+        self.problem = self.emergency = None
+        self.watch.begin()
+
+    @property
+    def signs(self) -> DriveSigns:
+        """What is known, for the words of a fault."""
+        age, answered = self.now() - self._heard, self._answered == self._answered
+        after = not answered or self._heard > self._answered
+        return DriveSigns(self.problem, self.emergency, answered, age, self._nmt, after and age < YOUNG_HEARTBEAT)
+
+    def fault(self, statusword: int) -> Fault:
+        """What the drive, its heartbeat and this answer say."""
+        self._answered = now = self.now()
+        if self.rebooted:
+            return Fault.REBOOTED
+        if self.emergency is not None:
+            return Fault.EMERGENCY
+        silence = now - self._heard  # NaN: never heard
+        if self.serving and silence > self._timeout:
+            self.problem = fault_texts.MUTE.filled(silence)
+            return Fault.FEEDBACK_LOST
+        watch = self.watch
+        if statusword & watch.mask != watch.expected:
+            if statusword & _ENABLED_MASK != _ENABLED:
+                return _DRIVE_FAULT
+            self.problem = watch.look(statusword) or self.problem
+        return _NONE if self.problem is None else _DRIVE_FAULT
+
+    def show_mode(self, mode: int) -> None:
+        """The mode of operation (0x6061) in an answer to SYNC."""
+        if self.serving:
+            self.problem = self.watch.shown_mode(mode) or self.problem
+
+    def take(self, raw: bytes) -> None:
+        """A frame that is not our TPDO."""
+        identifier, node = int.from_bytes(raw[:4], "little"), self._node
+        if identifier == _EMERGENCIES + node:
+            emergency = Emergency(*_EMERGENCY.unpack(raw))
+            self.emergency = emergency if emergency.code & 0xFF00 else None
+        elif identifier == _HEARTBEATS + node:
+            self._hear(raw[8])
+        elif identifier == _ANSWERS + node and self.serving:
+            self.problem = self.watch.mode(raw[8:16]) or self.problem
+        elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
+            self.problem = fault_texts.OTHER_MAPPING.filled(raw[4], self._answer.head[4])
+        elif self.serving:
+            self._notice_other_controller(identifier, raw)
+
+    def _hear(self, state: int) -> None:
+        """The drive's heartbeat or boot-up message, with its state of network management."""
+        self._heard, self._nmt = self.now(), state & 0x7F
+        self.rebooted = self.rebooted or state == cia402.INITIALISING
+        if self.serving and self._nmt not in (cia402.OPERATIONAL, cia402.INITIALISING):
+            self.problem = fault_texts.LEFT_OPERATIONAL.filled(fault_texts.nmt_words(self._nmt))
+
+    def _notice_other_controller(self, identifier: int, raw: bytes) -> None:
+        """A frame that only a controller sends: it is not ours, as nobody hears what he sends himself."""
+        if identifier == _NMT_COMMAND and raw[4] and raw[9] in (0, self._node):
+            said = f"its NMT command 0x{raw[8]:02X} for node {raw[9]} was seen"
+            self.problem = fault_texts.OTHER_CONTROLLER.filled(said)
+        elif identifier == _RPDO + self._node:
+            self.problem = fault_texts.OTHER_CONTROLLER.filled("its command (RPDO) to this drive was seen")

@@ -1,0 +1,120 @@
+"""A vertical axis with a brake that its drive works: whatever ends its power, it does not drop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from stagectl.config.stage_file import Setup
+from stagectl.drives.brake import Brake
+from stagectl.realtime.shared_memory import Order
+from stagectl.realtime.states import Event, State
+from stagectl.selftest.rig import Rig, RigLoop, motions, usual
+
+DROP = 0.1e-3  # m
+WEIGHT = -2.0  # N m, more than the friction carries
+PER_UNIT = 12e-3 / 6.283185307179586  # m/rad
+ENGAGE = 0.05  # s
+
+
+@pytest.fixture
+def upright(ball_screw: Setup) -> Setup:
+    p, file = ball_screw.stage, ball_screw.file
+    return ball_screw._replace(
+        stage=p._replace(mechanics=p.mechanics._replace(bias=WEIGHT)),
+        file=file._replace(brake=Brake("drive", 0.03, ENGAGE)),
+    )
+
+
+class Bench:
+    """The loop of a single motion against the virtual drive, in virtual time."""
+
+    def __init__(self, setup: Setup, moving: bool) -> None:
+        pace = usual(setup)
+        laid_out = motions(setup, pace._replace(acceleration=0.2 * pace.acceleration))  # the weight takes its share
+        self.rig = Rig(setup, laid_out)
+        self.loop: RigLoop = self.rig.loop()
+        self.loop.connect()
+        laid_out.board.order(Order(Event.ENABLE))
+        laid_out.board.order(laid_out.moving if moving else laid_out.holding)
+        self.loop.begin()
+        (self.axis,) = self.loop.axes
+
+    def run(self, over: Callable[[], bool], most: int = 20_000) -> None:
+        for _ in range(most):
+            if over():
+                return
+            self.loop.period()
+        raise AssertionError(f"{self.axis.state.name}: {self.axis.board.words}")
+
+    def to_motion(self, periods: int = 200) -> None:
+        self.run(lambda: self.axis.state is State.MOVING)
+        for _ in range(periods):
+            self.loop.period()
+
+    def dropped(self, since: int) -> float:
+        """How far below the highest place after row `since` of the trace it ended (m)."""
+        places = [sample.position for sample in self.rig.trace[since:]]
+        return (max(places) - places[-1]) * PER_UNIT
+
+
+def killed(bench: Bench) -> None:
+    """No more periods: as after kill -9."""
+
+
+def tripped(bench: Bench) -> None:
+    bench.rig.trip(0x2310)
+    bench.run(lambda: bench.axis.state in (State.FAULT, State.OFFLINE))
+
+
+def switched_off(bench: Bench) -> None:
+    bench.axis.happen(Event.QUICK_STOP)
+    bench.run(lambda: bench.axis.state is State.DISABLED)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("end", [killed, tripped, switched_off])
+def test_it_does_not_drop(upright: Setup, end: Callable[[Bench], None], moving: bool) -> None:
+    bench = Bench(upright, moving)
+    bench.to_motion()
+    since = len(bench.rig.trace)
+    end(bench)
+    bench.rig.time.sleep(3.0)
+    assert not bench.rig.seen.powered
+    assert bench.rig.seen.velocity == 0.0
+    assert bench.dropped(since) <= DROP
+
+
+def test_an_order_to_switch_off_lets_the_brake_hold_first(upright: Setup) -> None:
+    bench = Bench(upright, False)
+    bench.run(lambda: bench.axis.state is State.MOVING)
+    bench.axis.state = State.STANDING
+    since, began = len(bench.rig.trace), bench.rig.time.now()
+    bench.loop.engage()
+    assert bench.axis.state is State.DISABLED
+    assert bench.rig.time.now() - began >= ENGAGE
+    bench.loop.leave()
+    bench.rig.time.sleep(1.0)
+    assert not bench.rig.seen.powered
+    assert bench.dropped(since) <= DROP
+
+
+def test_torque_comes_before_release_and_release_before_motion(upright: Setup) -> None:
+    bench = Bench(upright, True)
+    bench.run(lambda: bench.rig.node.axis.enabled)
+    powered = bench.rig.time.now()
+    bench.run(lambda: bench.axis.state is State.MOVING)
+    assert bench.rig.time.now() - powered >= 0.03
+    assert bench.dropped(0) <= DROP  # nor while it gets its power
+
+
+def test_without_its_brake_it_would_drop(upright: Setup) -> None:
+    """Or else the tests above show nothing."""
+    bench = Bench(upright._replace(file=upright.file._replace(brake=Brake())), False)
+    bench.to_motion()
+    since = len(bench.rig.trace)
+    bench.axis.happen(Event.QUICK_STOP)
+    for _ in range(1000):
+        bench.loop.period()
+    assert bench.dropped(since) > DROP
