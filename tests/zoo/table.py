@@ -80,11 +80,12 @@ ROWS = [
     _row("polarity-fixed", REFUSES | STOPS, "0x607E|polarity|sign"),
     _row("clamp-silent", STOPS | REFUSES, "current"),
     _row("clamp-told", STOPS | REFUSES, "bit 11|internal limit"),
+    _row("clamp-blocks", STOPS | REFUSES, "current"),
     _row("limit-in-drive", MOVES | REFUSES, "0x6072|0x6073"),
     _row("remote-lost", STOPS, "bit 9|remote"),
     _row("follow-lost", STOPS, "bit 12|does not follow"),
     _row("mode-lost", STOPS, "0x6061|mode of operation|bit 12"),
-    _row("tpdo-late", MOVES | REFUSES | STOPS, "period|age|old|late"),
+    _row("tpdo-late", MOVES | REFUSES | STOPS, r"periods? old|\bage\b|too old|delay"),
     _row("tpdo-frozen", STOPS, "freeze|frozen|froze|same|stands still|stuck|no new count|does not change"),
     _row("tpdo-silent", STOPS, "TPDO|answer|feedback", never=_ALWAYS_NEVER),  # here a cable may be the cause
     _row("guarding-only", MOVES),
