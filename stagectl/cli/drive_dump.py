@@ -22,6 +22,7 @@ def dump(
         bool, typer.Option("--changed", help="Only values that differ from the factory settings.")
     ] = False,
     channel: Channel = None,
+    beside: Beside = False,
     json: Json = None,
 ) -> None:
     """Read all objects of the drive that its EDS lists; changes nothing.
@@ -35,7 +36,7 @@ def dump(
     from stagectl.workflows.motion import line_of, on_channel
 
     setup = on_channel(load_stage(stage, designed=False), channel)
-    with line_of(setup, console.print) as (wire, line), progress(f"node {wire.node}", 1) as update:
+    with line_of(setup, console.print, beside) as (wire, line), progress(f"node {wire.node}", 1) as update:
         objects = read(wire, line, update)
     for entry in objects:
         if not changed or entry.changed:

@@ -116,6 +116,7 @@ class Loop:
         for axis in self.axes:
             axis.leave()
             axis.ring.close()
+        self._opening.close()
 
     def _axis(self, p: Orders) -> Axis:
         ring = Ring(p.ring, self._post.width, self._post.capacity)

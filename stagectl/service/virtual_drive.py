@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stagectl.config.stage_file import Setup
+from stagectl.drives.bus.channel_lock import holder
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.clock import WALL, Clock
@@ -42,6 +43,11 @@ def answers(wire: Canopen, patience: float = 0.2) -> bool:
         return False
     finally:
         bus.close()
+
+
+def wanted(wire: Canopen) -> bool:
+    """Whether a virtual drive must be started: the embedded bus has neither a master nor a drive with the wire's id."""
+    return wire.interface == "embedded" and holder(wire) is None and not answers(wire)
 
 
 def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
