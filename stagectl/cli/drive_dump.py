@@ -11,6 +11,10 @@ from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, progress
 
+Beside = Annotated[
+    bool, typer.Option("--beside", help="Read although another master controls the bus; it may disturb that one.")
+]
+
 
 def dump(
     stage: StageArgument,

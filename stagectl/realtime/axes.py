@@ -243,6 +243,7 @@ def _stops() -> list[int]:
     stopped: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopped.append(number))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT,))  # which who started us has blocked
     scheduling.follow_parent()
     return stopped
 

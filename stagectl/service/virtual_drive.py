@@ -57,7 +57,7 @@ def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
     Raises DriveError with what it printed where it is not.
     """
     options = ["--channel", channel, "--seed", str(seed), "--follow"]
-    command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage_file), *options]
+    command = [sys.executable, "-P", "-m", "stagectl", "virtual-drive", str(stage_file), *options]
     process = subprocess.Popen(  # a new session: Ctrl-C is for the controller, which stops the axis
         command,
         stdout=subprocess.PIPE,
