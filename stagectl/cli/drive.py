@@ -1,4 +1,4 @@
-"""Commands about one drive: probe, presets."""
+"""Commands about one drive: probe, presets, dump, accept, verify."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli import drive_dump
+from stagectl.cli import drive_accept, drive_dump
 from stagectl.cli.drive_dump import Beside
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
-app = typer.Typer(help="Read a drive and propose lines for the stage file.", no_args_is_help=True)
+app = typer.Typer(
+    help="Read a drive, propose lines for the stage file, accept it before its first motion.", no_args_is_help=True
+)
 app.command("dump")(drive_dump.dump)
+app.command("accept")(drive_accept.accept)
+app.command("verify")(drive_accept.verify)
 
 
 def register(root: typer.Typer) -> None:

@@ -82,7 +82,9 @@ def test_children_do_not_import_from_the_working_folder(tmp_path: Path) -> None:
     for name in ("csv", "h5py", "configparser", "pickle"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'a').write('{name} ')\n")
     entry = f"import sys; sys.path[:] = [p for p in sys.path if p]; sys.argv = ['stagectl', 'run', {str(STAGE)!r}, "
-    entry += f"{str(SINE)!r}, '--channel', {str(tmp_path / 'bus')!r}, '-o', 'r.h5']; from stagectl.cli import main; main()"
+    entry += (
+        f"{str(SINE)!r}, '--channel', {str(tmp_path / 'bus')!r}, '-o', 'r.h5']; from stagectl.cli import main; main()"
+    )
     done = subprocess.run(
         [sys.executable, "-P", "-c", entry], cwd=tmp_path, capture_output=True, text=True, timeout=120,
         env={**os.environ, "PYTHONPATH": SOURCES},

@@ -176,7 +176,9 @@ def _shown(value: object) -> str:
 def _refusal(wire: Canopen | Odrive, other: Holder) -> OtherMasterError:
     """The error that names the other."""
     channel = wire.port if isinstance(wire, Odrive) else wire.channel
-    who = f"process {other.pid} (`{other.command}`, stage {other.stage}) since {other.since}" if other.pid else "unknown"
+    who = (
+        f"process {other.pid} (`{other.command}`, stage {other.stage}) since {other.since}" if other.pid else "unknown"
+    )
     error = OtherMasterError(
         f"another master has {channel}: {who}; one channel has one master. Nothing was sent. Next: end that program, or"
         " give it this axis, too",

@@ -12,6 +12,7 @@ A master that sends none of them for LISTENING_TIME drives nothing by cycles.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import statistics
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -53,7 +54,9 @@ def listen(wire: Canopen, bus: Bus, clock: Clock = WALL) -> None:
         if identifier in kinds:
             times.setdefault(identifier, []).append(clock.now())
     if times:
-        raise _refusal(wire, [_heard(kinds[identifier], times[identifier]) for identifier in kinds if identifier in times])
+        raise _refusal(
+            wire, [_heard(kinds[identifier], times[identifier]) for identifier in kinds if identifier in times]
+        )
 
 
 @contextlib.contextmanager
@@ -71,7 +74,7 @@ def alone(wire: Canopen, bus: Bus, stage: str) -> Iterator[None]:
 
 
 def _heard(kind: str, times: list[float]) -> Heard:
-    steps = [after - before for before, after in zip(times, times[1:], strict=False)]
+    steps = [after - before for before, after in itertools.pairwise(times)]
     return Heard(kind, len(times), statistics.median(steps) if steps else None)
 
 
@@ -81,8 +84,8 @@ def _refusal(wire: Canopen, heard: list[Heard]) -> OtherMasterError:
     every = "" if first.period is None else f" every {duration(first.period)}"
     error = OtherMasterError(
         f"another master sends {first.kind}{every} on this bus, {wire.interface} {wire.channel} (seen {first.frames}"
-        f" frames in {LISTENING_TIME:g} s); it does not run on this computer, or is no stagectl. Nothing was sent. Next:"
-        " stop that master; `candump` or `python -m can.logger` shows its frames",
+        f" frames in {LISTENING_TIME:g} s); it does not run on this computer, or is no stagectl. Nothing was sent."
+        " Next: stop that master; `candump` or `python -m can.logger` shows its frames",
         place=wire.channel,
         node=wire.node,
         value=first.kind,
