@@ -50,12 +50,13 @@ def probe(
     """
     without_compiler()
     from stagectl.config.stage_file import load_stage
+    from stagectl.config.time_outs import axis_limits
     from stagectl.drives.canopen.probe import probe as ask
     from stagectl.workflows.motion import line_of, on_channel
 
     setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print, beside) as (wire, line):
-        answers = ask(wire, line, _chosen(preset), _current(rated))
+        answers = ask(wire, line, _chosen(preset), _current(rated), limits=axis_limits(setup.file))
     _show(answers)
     changed = [str(change) for change in _written(stage, answers.values)] if write and answers.values else []
     for change in changed:

@@ -108,8 +108,8 @@ def _shown(value: Any, quantity: Quantity | None) -> str:
         return "none"
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, float) and math.isinf(value):
-        return "inf"
+    if isinstance(value, float) and not math.isfinite(value):
+        return "derived" if math.isnan(value) else "inf"
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         return "block of defaults"
     if isinstance(value, tuple):

@@ -118,6 +118,14 @@ class Limits(NamedTuple):
     encoder_freeze: Annotated[
         float | None, Quantity("rad | m", _POSITIVE, "motion without a new count; absent: half of following_error")
     ] = None
+    free_distance: Annotated[
+        float | None,
+        Quantity(
+            "rad | m",
+            _POSITIVE,
+            "room beyond either end of travel, which no time-out may exceed; absent: a tenth of travel or less",
+        ),
+    ] = None
 
 
 class Residual(NamedTuple):

@@ -9,6 +9,7 @@ from pathlib import Path
 from stagectl.config.bounds import DELAY_LINE, WIDEST_SLIPS
 from stagectl.config.friction_laws import Operators, Rolling
 from stagectl.config.stage_blocks import StageFile
+from stagectl.config.time_outs import too_far
 from stagectl.config.wire_checks import wire_conflicts
 from stagectl.number_format import duration
 from stagectl.problem import Problem, ProblemKind
@@ -26,6 +27,7 @@ def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
     yield from _transmission(file)
     yield from _friction(file)
     yield from wire_conflicts(file, path)
+    yield from too_far(file)
 
 
 def _encoder(file: StageFile) -> Iterator[Problem]:

@@ -17,6 +17,7 @@ from stagectl.config.machine_file import composed, load_axis
 from stagectl.config.source import placed
 from stagectl.config.stage_blocks import Axis, Residual, StageFile
 from stagectl.config.stage_checks import conflicts
+from stagectl.config.time_outs import with_time_outs
 from stagectl.config.wire_checks import eds_path
 from stagectl.drives.drive import Canopen
 from stagectl.kernels import effects, jit, stage
@@ -85,6 +86,7 @@ def read_stage(reader: Reader, root: yaml.Node) -> StageFile | None:
     reader.lengths = lengths
     file: StageFile = reader.value(StageFile, root, "")
     if not reader.problems:
+        file = with_time_outs(file)
         reader.problems = [placed(problem, reader.path, root) for problem in conflicts(file, reader.path)]
     return file
 

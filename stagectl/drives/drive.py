@@ -12,6 +12,7 @@ One control period, as every drive sees it::
 from __future__ import annotations
 
 import enum
+import math
 from typing import Annotated, Literal, NamedTuple, Protocol
 
 from stagectl.units import Quantity, StageError
@@ -118,6 +119,34 @@ class Drive(Protocol):
         """Disable the power stage and leave the wire; safe to call twice."""
 
 
+_U32 = Quantity("", "[0, 4294967295]", "as the drive must report it; absent: any")
+
+Accepted = Literal["no_supervision", "no_reaction", "nmt_reaction", "inverted_polarity", "encoder_resolution"]
+ACCEPTED: dict[str, str] = {
+    "no_supervision": "the drive does not notice the loss of its controller: the axis goes on at its last current",
+    "no_reaction": "the drive notices the loss of its controller and goes on: nothing stops the axis",
+    "nmt_reaction": "the drive only leaves NMT operational when its controller is lost (0x1029): try whether it stops",
+    "inverted_polarity": "the drive inverts position, velocity or torque (0x607E): check the sign of the loop",
+    "encoder_resolution": "the drive's encoder (0x608F) is another than the stage file's: distances may be wrong",
+}
+
+
+class Identity(NamedTuple):
+    """Identity object 0x1018, as CiA 302 compares it when a drive boots: a drive that was exchanged is refused."""
+
+    vendor: Annotated[int | None, _U32] = None
+    product: Annotated[int | None, _U32] = None
+    revision: Annotated[int | None, _U32] = None
+    serial: Annotated[int | None, _U32] = None
+
+
+class StartUp(NamedTuple):
+    """An object that is written at each set-up, and must then hold its value."""
+
+    object: Annotated[int, "index_subindex, such as 0x6065_00"]
+    value: Annotated[int, "in the drive's unit"]
+
+
 class Canopen(NamedTuple):
     """A CiA 402 drive in cyclic synchronous torque mode over CAN."""
 
@@ -140,16 +169,25 @@ class Canopen(NamedTuple):
     )
     command_object: Annotated[int, "object that takes the current command, index_subindex"] = 0x607100
     current_object: Annotated[int, "object with the measured current, index_subindex; 0: none"] = 0x607700
-    heartbeat: Annotated[float, Quantity("s", "[0.001, 10]", "period of both heartbeats")] = 0.1
-    heartbeat_timeout: Annotated[float, Quantity("s", "[0.002, 60]", "silence after which a partner is lost")] = 0.5
-    rpdo_timeout: Annotated[float, Quantity("s", "[0, 60]", "silence of the RPDO that stops the drive; 0: off")] = 0.5
-    feedback_timeout: Annotated[float, Quantity("s", "(0, 60]", "longest wait for the answer to SYNC")] = 0.5
+    heartbeat: Annotated[float, Quantity("s", "[0.001, 10]", "period of both heartbeats")] = 0.02
+    heartbeat_timeout: Annotated[float, Quantity("s", "[0.002, 60]", "silence after which a partner is lost")] = 0.1
+    rpdo_timeout: Annotated[
+        float,
+        Quantity("s", "[0, 60]", "silence of the RPDO that stops the drive; 0: off; absent: from limits.free_distance"),
+    ] = math.nan
+    feedback_timeout: Annotated[
+        float, Quantity("s", "(0, 60]", "longest wait for the answer to SYNC; absent: 4 control periods")
+    ] = math.nan
     reset: Annotated[Literal["none", "communication", "node"], "reset of the drive when we connect (NMT)"] = "none"
     bus_load_limit: Annotated[float, Quantity("", "(0, 1]", "share of the bus that the cycle may take")] = 0.8
     deceleration_scale: Annotated[
         float,
         Quantity("rad/s^2 | m/s^2", "[0, 1e6]", "one count of the ramp 0x6085; 0: an encoder count a second squared"),
     ] = 0.0
+    boot_time: Annotated[float, Quantity("s", "[0.1, 120]", "longest time from power or reset to an answer")] = 10.0
+    identity: Identity = Identity()
+    accept: Annotated[tuple[Accepted, ...], "what the drive lacks for safety and a person accepts, by name"] = ()
+    start_up: Annotated[tuple[StartUp, ...], "further objects that are written at each set-up"] = ()
 
 
 class Odrive(NamedTuple):

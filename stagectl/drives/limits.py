@@ -28,12 +28,24 @@ CERTAIN_CYCLES = 3  # cycles; chosen; an observation must last so long: one corr
 SILENT_CYCLES = 2  # cycles; chosen; answers missing in a row after which the bus counts as lost
 
 # Configuration over SDO (canopen/configuration.py)
-BOOT_TIME = 5.0  # s; chosen; a drive that is booting must answer within it
+BOOT_UP_TIME = 2.0  # s; chosen; after a reset the boot-up message is waited for; then SDO is tried: some send none
+STATE_TIME = 0.05  # s; chosen; for the answer to a request for the NMT state
+SETUPS = 3  # attempts; chosen; a drive that boots in mid set-up is set up again; then it is refused
 # A booting drive swallows the first request, which is soon repeated.  Once it answers, an object that it keeps in flash
 # may take most of a second (canopen #25, CanOpenSTM32 #89); nothing has power yet, and nothing waits for it.
 BOOT_ANSWER_TIME, SDO_ANSWER_TIME = 0.3, 1.0  # s; see above; longest wait for one answer
 SDO_TRIES = 3  # requests; chosen; a late answer is not taken for another one (`PumpedSdo`)
-MODE_TIME = 1.0  # s; chosen; 0x6061 must follow 0x6060 within it
+MODE_TIME = 1.0  # s; chosen; 0x6061 is waited for so long; some drives show the mode only once they are enabled
+ROUNDED = 0.01  # of a value; chosen; a drive may round the ramp that is written so much
+INCREMENTS = 1e-6  # of a resolution; rounding of 0x608F, whose two numbers are whole
+
+# Protection (canopen/protection.py) and the time-outs that the stage file does not state (config/time_outs.py)
+BEATS = 4  # signs of life in a time-out; chosen; one may be lost and one late; the life time factor of node guarding
+FREE_SHARE = 0.1  # of the travel; chosen; that an axis may go beyond either end, where limits.free_distance is absent
+TIMEOUT_PERIODS = 8  # control periods; chosen; the shortest time-out: two lost frames and a late one are no loss
+SHORTEST_TIMEOUT = 0.008  # s; chosen; what a computer with PREEMPT_RT and a bus with other traffic hold
+LONGEST_TIMEOUT = 0.1  # s; chosen; no axis needs more, however much room it has
+ANSWER_PERIODS = 4  # control periods; chosen; the longest wait for an answer: then the loop stops the axis
 
 # Reading a drive without configuring it (canopen/probe.py, dump.py)
 PROBE_ANSWER_TIME = 0.5  # s; chosen; longest wait for one answer

@@ -11,6 +11,7 @@ from stagectl.config.homing import Homing
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive, Simulation
+from stagectl.drives.run_on import AxisLimits
 from stagectl.kernels import law, stage
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.homing import Search
@@ -54,6 +55,7 @@ class Orders(NamedTuple):
     wire: Canopen | Odrive | None  # None: the stage model in this process
     stage: stage.Stage
     simulation: Simulation
+    limits: AxisLimits  # that the drive's own limits must agree with
     ring: int  # descriptors
     board: int
 

@@ -44,7 +44,7 @@ class Opening:
             return open_odrive(p.wire, p.ramp.dt)
         bus = self._bus(p.wire)
         try:
-            return CanopenDrive(p.wire, bus, p.stage.encoder.step, p.ramp.dt)
+            return CanopenDrive(p.wire, bus, p.stage.encoder.step, p.ramp.dt, limits=p.limits)
         except StageError:
             bus.close()
             raise

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
+from stagectl.config.time_outs import axis_limits
 from stagectl.drives import faults
 from stagectl.drives.bus import faulty_bus
 from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Way
@@ -177,7 +178,8 @@ class Remote(BaseRig):
 
     def connect(self) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
-        return CanopenDrive(self.settings, self._faulty, self.setup.stage.encoder.step, self.setup.dt, clock=self.time)
+        step, limits = self.setup.stage.encoder.step, axis_limits(self.setup.file)
+        return CanopenDrive(self.settings, self._faulty, step, self.setup.dt, clock=self.time, limits=limits)
 
     def begin(self, block: Any) -> None:
         """The fault of this block, from our end."""

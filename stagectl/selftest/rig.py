@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
+from stagectl.config.time_outs import axis_limits
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import Clock
@@ -168,7 +169,8 @@ class Rig(BaseRig):
 
     def connect(self) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
-        return CanopenDrive(self.settings, self.ours, self.setup.stage.encoder.step, self.setup.dt, clock=self.time)
+        step, limits = self.setup.stage.encoder.step, axis_limits(self.setup.file)
+        return CanopenDrive(self.settings, self.ours, step, self.setup.dt, clock=self.time, limits=limits)
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""

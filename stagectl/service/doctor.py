@@ -14,16 +14,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
+from stagectl.config.time_outs import axis_limits
 from stagectl.drives.bus.channel_lock import OtherMasterError
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.bus.other_masters import alone
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.configuration import NOT_OFFERED, DriveConfiguration
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
+from stagectl.drives.canopen.object_access import ObjectAccess
+from stagectl.drives.canopen.protection import NOT_OFFERED, outlook
 from stagectl.drives.cycle_time import bus_load
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.service import virtual_drive
+from stagectl.service.virtual_timeouts import waits_for_sync
 
 _WAKES = 200  # of the wake-up check
 _PERIOD = 1e-3  # s
@@ -215,10 +218,12 @@ def _read(setup: Setup, wire: Canopen, joined: Bus) -> Iterator[Check]:
         return
     node = PumpedNode(wire.node, load_eds(wire.eds, wire.node))
     PumpedNetwork(joined)[wire.node] = node
-    yield from _options(DriveConfiguration(wire, node, setup.stage.encoder.step))
+    access = ObjectAccess(wire, node)
+    yield from _options(access)
+    yield _protection(setup, wire, access)
 
 
-def _options(drive: DriveConfiguration) -> Iterator[Check]:
+def _options(drive: ObjectAccess) -> Iterator[Check]:
     for index, (name, _) in cia402.OPTIONS.items():
         try:
             code = drive.offered(index)
@@ -228,6 +233,16 @@ def _options(drive: DriveConfiguration) -> Iterator[Check]:
         words = NOT_OFFERED if code is None else cia402.option(index, code)
         lost = index == cia402.ABORT_CONNECTION and code in (0, None)
         yield Check(name, not lost, words, f"write 3 (quick stop) to 0x{index:04X} and store it in the drive")
+
+
+def _protection(setup: Setup, wire: Canopen, drive: ObjectAccess) -> Check:
+    """What would stop the axis if this computer died."""
+    try:
+        protection = outlook(wire, drive.offered, axis_limits(setup.file, waits_for_sync(setup)))
+    except DriveError as error:
+        return Check("protection", False, str(error), "check that the EDS belongs to this drive")
+    fix = "`stagectl drive probe STAGE.yaml`; see drive.wire.accept in the manual for what may be accepted"
+    return Check("protection", protection.good, protection.words, fix)
 
 
 def _text(path: Path) -> str:

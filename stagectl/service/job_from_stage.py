@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from stagectl.config.stage_blocks import InProcess
 from stagectl.config.stage_file import Setup
+from stagectl.config.time_outs import axis_limits
 from stagectl.drives.drive import Canopen
 from stagectl.evaluation import WINDOW_COUNTS
 from stagectl.kernels import law, stage
@@ -41,6 +42,7 @@ def orders(name: str, setup: Setup, running: law.Law, friction: bool, ring: Ring
         wire=None if isinstance(wire, InProcess) else wire,
         stage=portable(p),
         simulation=setup.file.simulation,
+        limits=axis_limits(setup.file, waits_for_sync(setup)),
         ring=ring.descriptor,
         board=board.descriptor,
     )

@@ -20,7 +20,7 @@ import pytest
 from stagectl.drives.bus.can_plugin import EmbeddedBus
 from stagectl.drives.bus.embedded import Embedded
 from stagectl.drives.bus.frames import frame, parse
-from stagectl.drives.canopen import configuration, power_states
+from stagectl.drives.canopen import configuration, power_states, protection
 from stagectl.drives.canopen import drive as module
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.cia402 import state as state_of
@@ -315,10 +315,9 @@ def test_a_late_answer_to_a_request_that_was_given_up_is_none_to_the_next(bench:
     assert description["device type"] == "0x00020192: CiA 402, servo drive"
 
 
-def test_nobody_answers(bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(configuration, "BOOT_TIME", 0.1)
+def test_nobody_answers(bench: Workbench, bus: Tapped) -> None:
     with pytest.raises(DriveError, match="stagectl drive probe") as caught:
-        drive_on(bench, bus)
+        drive_on(bench, bus, boot_time=0.1)
     assert caught.value.node == 5
 
 
@@ -522,7 +521,7 @@ def stock(bench: Workbench) -> Iterator[StockDrive]:
 def test_it_drives_a_node_of_the_stock_library(bench: Workbench, bus: Tapped, stock: StockDrive) -> None:
     drive = drive_on(bench, bus)
     assert drive.describe()["device name"] == "stagectl virtual drive"
-    assert stock.node.data_store[0x1A00][2] == struct.pack("<I", 0x6064_0020)
+    assert stock.node.get_data(0x1A00, 2) == struct.pack("<I", 0x6064_0020)
     drive.enable()
     assert drive.sample().position == 0.0
     drive.apply(3e-5)
@@ -690,12 +689,20 @@ def test_a_drive_without_torque_mode_is_refused(bench: Workbench, bus: Tapped) -
     assert (caught.value.object_key, caught.value.value) == (0x650200, 0x1FF)
 
 
-def test_a_drive_that_keeps_its_mode_is_refused(bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_drive_that_keeps_its_mode_is_refused(bench: Workbench, bus: Tapped) -> None:
+    bench.running("sync").objects.getters[0x606000] = lambda: 8
+    with pytest.raises(DriveError, match="0x6060") as caught:
+        drive_on(bench, bus)
+    assert (caught.value.object_key, caught.value.value) == (0x606000, 8)
+
+
+def test_a_drive_may_show_its_mode_once_it_is_enabled(
+    bench: Workbench, bus: Tapped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The set-up says so; from Operation enabled on the mode is watched."""
     monkeypatch.setattr(configuration, "MODE_TIME", 0.05)
     bench.running("sync").objects.getters[0x606100] = lambda: 8
-    with pytest.raises(DriveError, match="0x6061") as caught:
-        drive_on(bench, bus)
-    assert (caught.value.object_key, caught.value.value) == (0x606100, 8)
+    assert "0x6061 shows 8" in drive_on(bench, bus).describe()["mode of operation"]
 
 
 def test_the_rated_current_only_matters_where_commands_count_in_it(bench: Workbench, bus: Tapped) -> None:
@@ -720,7 +727,7 @@ def test_other_pdos_are_switched_off_and_bits_that_are_the_drives_stay(bench: Wo
 def test_a_short_time_out_is_not_rounded_to_none() -> None:
     """0 would switch the supervision off."""
     times = [0.0, 1e-4, 4e-4, 1.4e-3, 0.0996, 1.0]
-    assert [configuration._milliseconds(seconds) for seconds in times] == [0, 1, 1, 1, 100, 1000]
+    assert [protection.milliseconds(seconds) for seconds in times] == [0, 1, 1, 1, 100, 1000]
 
 
 def test_power_is_asked_for_while_the_cycle_goes_on(bench: Workbench, bus: Tapped) -> None:

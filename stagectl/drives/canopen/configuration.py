@@ -1,40 +1,59 @@
-"""Configuration of a CiA 402 drive over SDO, in pre-operational; what it is and does, in words.
+"""Set-up of a CiA 402 drive over SDO, in pre-operational; what it is and does, in words.
 
-Every value that matters is read back.  Objects that drives may lack are tolerated and described as not
-offered; anything else that is missing or refused is an error which names the object.
+Every value is compared first, written where it differs, read back, and read once more after NMT start.  A drive that
+boots in between is set up again.  Objects that drives may lack are described as not offered; anything else that is
+missing or refused, and anything that protects the axis, is an error which names the object.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import cast
 
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError
-from stagectl.drives.canopen.network import PumpedNode, check_profile
+from stagectl.drives.canopen.boot_up import BootUp
+from stagectl.drives.canopen.identity import identify
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile
+from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
+from stagectl.drives.canopen.object_rules import Wishes, obey
+from stagectl.drives.canopen.pdo import PdoMap, needed_answer, needed_command, wished_rpdo, wished_tpdo
+from stagectl.drives.canopen.pdo_setup import RPDO, TPDO, PdoSetup
+from stagectl.drives.canopen.protection import NOT_OFFERED, Protection, Supervision, milliseconds
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
-from stagectl.drives.limits import BOOT_ANSWER_TIME, BOOT_TIME, MODE_TIME, SDO_ANSWER_TIME, SDO_TRIES
-
-MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) knows it
-NOT_OFFERED = "not offered by this drive"
-_INVALID, _NO_REMOTE = 0x8000_0000, 0x4000_0000  # bits of a PDO's COB-ID
-_ABSENT = (cia402.NO_OBJECT, cia402.NO_SUBINDEX)
-_EVENT_TIMER = 5  # subindex of an RPDO's deadline
+from stagectl.drives.limits import MODE_TIME, ROUNDED, SETUPS
+from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 
 class DriveConfiguration:
-    """One pass of configuration; `description` collects what the drive reported, in words."""
+    """The set-up; `description` collects what the drive reported, in words."""
 
-    def __init__(self, settings: Canopen, node: PumpedNode, encoder_step: float, clock: Clock = WALL) -> None:
-        """`encoder_step` (rad | m) is one count of the drive's position."""
-        self._settings, self._node, self._step = settings, node, encoder_step
+    rpdo: PdoMap  # as read back
+    tpdo: PdoMap
+    protection: Protection
+
+    def __init__(
+        self,
+        settings: Canopen,
+        node: PumpedNode,
+        encoder_step: float,
+        clock: Clock = WALL,
+        *,
+        dt: float = 0.0,
+        limits: AxisLimits = UNKNOWN_AXIS,
+    ) -> None:
+        """`encoder_step` (rad | m) is one count of the drive's position, `dt` (s) the period.
+
+        Objects that follow from `limits` are left alone where nothing is known of the axis.
+        """
+        self._settings, self._node, self._step, self._dt = settings, node, encoder_step, dt
+        self._limits, self._clock = limits, clock
+        self.objects = ObjectAccess(settings, node)
         self.description: dict[str, str] = {}
-        self._now = clock.now
 
     def run(self) -> None:
         """Configure the drive and start its PDOs.  Raises DriveError."""
         try:
-            self._configure()
+            self._insist()
         except OSError as error:
             s = self._settings
             raise DriveError(
@@ -43,109 +62,50 @@ class DriveConfiguration:
                 place=s.channel,
                 node=s.node,
             ) from error
+        finally:
+            self.objects.close()
+
+    def _insist(self) -> None:
+        """Set up, and again where the drive boots meanwhile; the last reason is raised."""
+        for left in reversed(range(SETUPS)):
+            try:
+                self.description.clear()
+                self._configure()
+                return
+            except SetupInterruptedError as error:
+                if not left:
+                    raise DriveError(
+                        f"{error}. The set-up was tried {SETUPS} times",
+                        node=error.node,
+                        object_key=error.object_key,
+                        value=error.value,
+                    ) from error
 
     def _configure(self) -> None:
-        if self._settings.reset != "none":
-            self._node.nmt.send_command(cia402.NMT_RESETS[self._settings.reset])
-        self._wait_for_answer()
-        self._identify()
-        self._check_rated_current()
-        self._map()
-        self._supervise()
-        self._set_stops()
-        self._set_mode()
-        self._node.nmt.send_command(cia402.NMT_START)
-
-    def read(self, index: int, subindex: int = 0) -> Any:
-        """Value of an object, by the type that the EDS gives it.  Raises DriveError."""
-        try:
-            return self._upload(index, subindex)
-        except SdoError as error:
-            raise self._refused("read", index, subindex, error) from error
-
-    def offered(self, index: int, subindex: int = 0) -> Any:
-        """Value of an optional object; None where the drive does not have it.  Raises DriveError."""
-        try:
-            return self._upload(index, subindex)
-        except SdoAbortedError as error:
-            if error.code in _ABSENT:
-                return None
-            raise self._refused("read", index, subindex, error) from error
-        except SdoError as error:
-            raise self._refused("read", index, subindex, error) from error
-
-    def write(self, value: int, index: int, subindex: int = 0, optional: bool = False) -> bool:
-        """Write an integer; False where an `optional` object is missing.  Raises DriveError."""
-        try:
-            self._node.sdo.download(index, subindex, self._variable(index, subindex).encode_raw(value))
-        except SdoError as error:
-            if optional and isinstance(error, SdoAbortedError) and error.code in _ABSENT:
-                return False
-            action = f"write of {value} (0x{value & 0xFFFFFFFF:X})"
-            raise self._refused(action, index, subindex, error) from error
-        return True
-
-    def _upload(self, index: int, subindex: int) -> Any:
-        return self._variable(index, subindex).decode_raw(self._node.sdo.upload(index, subindex))
-
-    def _variable(self, index: int, subindex: int) -> Any:
-        variable = self._node.object_dictionary.get_variable(index, subindex)
-        if variable is None:
-            raise SdoAbortedError(cia402.NO_OBJECT)  # not in the EDS: for us the drive does not have it
-        return variable
-
-    def _refused(self, action: str, index: int, subindex: int, error: SdoError) -> DriveError:
-        known = self._node.object_dictionary.get_variable(index, subindex)
-        name = known.name if known is not None else "not in the EDS"
-        return DriveError(
-            f"node {self._settings.node}: {action} of object 0x{index:04X}:{subindex:02X} ({name}) failed: {error};"
-            f" compare {self._settings.eds} with the drive's manual and firmware",
-            node=self._settings.node,
-            object_key=index << 8 | subindex,
-            abort_code=error.code if isinstance(error, SdoAbortedError) else None,
-        )
-
-    def _wait_for_answer(self) -> None:
+        network, objects, od = cast(PumpedNetwork, self._node.network), self.objects, self._node.object_dictionary
         s = self._settings
-        deadline = self._now() + BOOT_TIME
-        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = BOOT_ANSWER_TIME, 1
-        while True:
-            self._node.nmt.send_command(cia402.NMT_PRE_OPERATIONAL)
-            try:
-                kind = self._upload(cia402.DEVICE_TYPE, 0)
-                break
-            except SdoCommunicationError as error:
-                if self._now() > deadline:
-                    raise DriveError(
-                        f"node {s.node} does not answer on {s.interface} {s.channel} within {BOOT_TIME:.0f} s. Probable"
-                        " causes: no power, a wrong node id or bit rate, no bus termination; for a virtual drive:"
-                        " 'stagectl virtual-drive' does not run on this channel. Next:"
-                        " `stagectl drive probe STAGE.yaml`",
-                        place=s.channel,
-                        node=s.node,
-                    ) from error
-            except SdoError as error:
-                raise self._refused("read", cia402.DEVICE_TYPE, 0, error) from error
-        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = SDO_ANSWER_TIME, SDO_TRIES
+        kind, boot = BootUp(objects, network, self._clock).run()
         check_profile(kind, s.node)
         servo = "servo drive" if kind & cia402.SERVO_DRIVE else "not marked as servo drive"
         self.description["device type"] = f"0x{kind:08X}: CiA 402, {servo}"
-
-    def _identify(self) -> None:
-        names = ("vendor", "product", "revision", "serial number")
-        for subindex, name in enumerate(names, start=1):
-            value = self.offered(cia402.IDENTITY, subindex)
-            self.description[name] = NOT_OFFERED if value is None else f"0x{value:08X}"
-        for index, name in (
-            (cia402.DEVICE_NAME, "device name"),
-            (cia402.HARDWARE_VERSION, "hardware version"),
-            (cia402.SOFTWARE_VERSION, "software version"),
-        ):
-            self.description[name] = str(self.offered(index) or NOT_OFFERED)
+        self.description["boot-up message"] = boot
+        identify(objects, self.description)
+        self._check_rated_current()
+        self._check_mode()
+        self.rpdo = PdoSetup(objects, RPDO).run(wished_rpdo(s, od), needed_command(s), milliseconds(s.rpdo_timeout))
+        self.tpdo = PdoSetup(objects, TPDO).run(wished_tpdo(s, od), needed_answer(s))
+        self._describe_maps()
+        self._set_ramp()
+        self.protection = Supervision(objects, self.description, self._limits).run(self.rpdo)
+        self._describe_options()
+        obey(objects, Wishes(s, self._limits, self._step, self._dt, objects.offered), self.description)
+        self._set_mode()
+        self._node.nmt.send_command(cia402.NMT_START)
+        objects.verify()
 
     def _check_rated_current(self) -> None:
         s = self._settings
-        rated = self.offered(cia402.RATED_CURRENT)
+        rated = self.objects.offered(cia402.RATED_CURRENT)
         self.description["rated current (0x6075)"] = NOT_OFFERED if rated is None else f"{rated * 1e-3:g} A"
         permille = s.command_object >> 8 == cia402.TARGET_TORQUE
         if permille and rated is not None and round(s.rated_current * 1e3) != rated:
@@ -161,50 +121,13 @@ class DriveConfiguration:
         measured = f"0x{s.current_object:06X}, {s.current_scale:g} A a count" if s.current_object else "none"
         self.description["measured current"] = measured
 
-    def _map(self) -> None:
-        s = self._settings
-        self.write(0x80, cia402.SYNC_COB_ID, optional=True)
-        self._map_pdo(cia402.RPDO_PARAMETER, cia402.RPDO_MAPPING, s.rpdo, 0x200 + s.node)
-        self._map_pdo(cia402.TPDO_PARAMETER, cia402.TPDO_MAPPING, s.tpdo, 0x180 + s.node)
-        for parameter in (cia402.RPDO_PARAMETER, cia402.TPDO_PARAMETER):
-            for n in (1, 2, 3):  # the others of the predefined set would only take bus time
-                identifier = self.offered(parameter + n, 1)
-                if identifier is not None and not identifier & _INVALID:
-                    self.write(identifier | _INVALID, parameter + n, 1)
+    def _describe_maps(self) -> None:
+        for name, pdo in (("RPDO", self.rpdo), ("TPDO", self.tpdo)):
+            listed = ", ".join(f"0x{key >> 8:04X}:{key & 0xFF:02X}" for key in pdo.objects)
+            when = "at every SYNC" if pdo.transmission == 1 else f"transmission type {pdo.transmission}"
+            self.description[name] = f"{pdo.number + 1}, identifier 0x{pdo.identifier:03X}, {when}: {listed}"
 
-    def _map_pdo(self, parameter: int, mapping: int, objects: tuple[int, ...], identifier: int) -> None:
-        kept = self.read(parameter, 1) & _NO_REMOTE
-        self.write(_INVALID | kept | identifier, parameter, 1)
-        self.write(0, mapping, 0)
-        for subindex, key in enumerate(objects, start=1):
-            bits = len(self._variable(key >> 8, key & 0xFF))
-            self.write(key << 8 | bits, mapping, subindex)
-        self.write(len(objects), mapping, 0)
-        self.write(1, parameter, 2)  # at every SYNC
-        if parameter == cia402.RPDO_PARAMETER:
-            self._set_deadline(parameter)
-        self.write(kept | identifier, parameter, 1)
-
-    def _set_deadline(self, parameter: int) -> None:
-        wanted = self._settings.rpdo_timeout
-        if self.write(_milliseconds(wanted), parameter, _EVENT_TIMER, optional=True):
-            words = "off" if wanted == 0.0 else f"{_milliseconds(wanted)} ms"
-        else:
-            words = NOT_OFFERED
-        self.description["RPDO time-out (0x1400:05)"] = words
-
-    def _supervise(self) -> None:
-        """Heartbeats both ways."""
-        s = self._settings
-        produced, consumed = _milliseconds(s.heartbeat), _milliseconds(s.heartbeat_timeout)
-        offered = self.write(produced, cia402.PRODUCER_HEARTBEAT, optional=True)
-        self.description["heartbeat of the drive (0x1017)"] = f"{produced} ms" if offered else NOT_OFFERED
-        offered = self.write(MASTER << 16 | consumed, cia402.CONSUMER_HEARTBEAT, 1, optional=True)
-        self.description["heartbeat time-out in the drive (0x1016)"] = (
-            f"{consumed} ms" if offered else (f"{NOT_OFFERED}: it does not notice when the controller dies")
-        )
-
-    def _set_stops(self) -> None:
+    def _set_ramp(self) -> None:
         scale = self._settings.deceleration_scale
         counts = round(self._settings.quick_stop_deceleration / (scale or self._step))
         unit = f"counts of {scale:.4g}" if scale else "counts/s^2"
@@ -216,14 +139,29 @@ class DriveConfiguration:
                 place="quick_stop_deceleration",
                 value=self._settings.quick_stop_deceleration,
             )
-        offered = self.write(counts, cia402.QUICK_STOP_DECELERATION, optional=True)
-        self.description["quick stop ramp (0x6085)"] = f"{counts} {unit}" if offered else NOT_OFFERED
-        for index, (name, _) in cia402.OPTIONS.items():
-            code = self.offered(index)
-            self.description[name] = NOT_OFFERED if code is None else cia402.option(index, code)
+        held = self.objects.hold(
+            counts, cia402.QUICK_STOP_DECELERATION, 0, lambda value: abs(value - counts) <= ROUNDED * counts
+        )
+        if held.value is not None and not held.fits:
+            raise DriveError(
+                f"node {self._settings.node}: its stop ramp (0x6085) is {held.value} {unit} and does not become"
+                f" {counts};"
+                f" set quick_stop_deceleration to {held.value * (scale or self._step):g}, or the ramp in the drive",
+                place="quick_stop_deceleration",
+                node=self._settings.node,
+                object_key=cia402.QUICK_STOP_DECELERATION << 8,
+                value=held.value,
+            ) from held.refusal
+        self.description["quick stop ramp (0x6085)"] = NOT_OFFERED if held.value is None else f"{held.value} {unit}"
 
-    def _set_mode(self) -> None:
-        modes = self.offered(cia402.SUPPORTED_MODES)
+    def _describe_options(self) -> None:
+        for index, (name, _) in cia402.OPTIONS.items():
+            if name not in self.description:
+                code = self.objects.offered(index)
+                self.description[name] = NOT_OFFERED if code is None else cia402.option(index, code)
+
+    def _check_mode(self) -> None:
+        modes = self.objects.offered(cia402.SUPPORTED_MODES)
         if modes is not None and not modes & cia402.CYCLIC_SYNCHRONOUS_TORQUE_BIT:
             raise DriveError(
                 f"node {self._settings.node} does not offer cyclic synchronous torque mode (0x6502 = 0x{modes:08X});"
@@ -232,20 +170,27 @@ class DriveConfiguration:
                 object_key=cia402.SUPPORTED_MODES << 8,
                 value=modes,
             )
-        self.write(cia402.CYCLIC_SYNCHRONOUS_TORQUE, cia402.MODE)
-        deadline = self._now() + MODE_TIME
-        while (mode := self.read(cia402.MODE_DISPLAY)) != cia402.CYCLIC_SYNCHRONOUS_TORQUE:
-            if self._now() > deadline:
-                raise DriveError(
-                    f"node {self._settings.node}: mode of operation stays {mode} (0x6061); must become"
-                    f" {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic synchronous torque); is another mode forced in"
-                    " the drive's own set-up?",
-                    node=self._settings.node,
-                    object_key=cia402.MODE_DISPLAY << 8,
-                    value=mode,
-                )
-        self.description["mode of operation"] = "cyclic synchronous torque (10)"
 
+    def _set_mode(self) -> None:
+        """Ask for the mode; a drive that shows it only once it is enabled is watched from then on."""
+        torque = cia402.CYCLIC_SYNCHRONOUS_TORQUE
+        held = self.objects.hold(torque, cia402.MODE)
+        if held.refusal is not None:
+            raise held.refusal
+        if held.value is not None and not held.fits:
+            raise self._kept_mode(held.value) from held.refusal
+        deadline = self._clock.now() + MODE_TIME
+        while (mode := self.objects.read(cia402.MODE_DISPLAY)) != torque and self._clock.now() < deadline:
+            pass
+        shown = "" if mode == torque else f"; 0x6061 shows {mode} until it is enabled"
+        self.description["mode of operation"] = f"cyclic synchronous torque (10){shown}"
 
-def _milliseconds(seconds: float) -> int:
-    return 0 if seconds == 0.0 else max(1, round(seconds * 1e3))
+    def _kept_mode(self, mode: int) -> DriveError:
+        return DriveError(
+            f"node {self._settings.node}: mode of operation stays {mode} (0x6060); must become"
+            f" {cia402.CYCLIC_SYNCHRONOUS_TORQUE} (cyclic synchronous torque); is another mode forced in the drive's"
+            " own set-up?",
+            node=self._settings.node,
+            object_key=cia402.MODE << 8,
+            value=mode,
+        )

@@ -26,17 +26,17 @@ from stagectl.drives.canopen.braking_monitor import (
     SpeedEstimate,
 )
 from stagectl.drives.canopen.cia402 import DriveState
-from stagectl.drives.canopen.configuration import MASTER, NOT_OFFERED, DriveConfiguration
+from stagectl.drives.canopen.configuration import DriveConfiguration
 from stagectl.drives.canopen.fault_texts import MUTE, Emergency, explained, not_enabled
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
-from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo
+from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo, wished_rpdo, wished_tpdo
 from stagectl.drives.canopen.power_states import PowerTransition, Standstill
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Fault, Feedback, Power
 from stagectl.drives.limits import BACKLOG, ENABLE_TIME, LOST_STOP_TIME, REPEAT_COMMAND_CYCLES, STOP_TIME
+from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _SYNC = frame(0x080)
-_HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
 _EMERGENCY = struct.Struct("<8xHB5s")
 _WRITE_WORD = struct.Struct("<BHBI")  # SDO: expedited download
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
@@ -48,16 +48,26 @@ _RUNNING = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveSta
 class CanopenDrive:
     """The drive protocol over a bus; see `stagectl.drives.drive.Drive`."""
 
-    def __init__(self, settings: Canopen, bus: Bus, encoder_step: float, dt: float, *, clock: Clock = WALL) -> None:
+    def __init__(
+        self,
+        settings: Canopen,
+        bus: Bus,
+        encoder_step: float,
+        dt: float,
+        *,
+        clock: Clock = WALL,
+        limits: AxisLimits = UNKNOWN_AXIS,
+    ) -> None:
         """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
 
-        Raises DriveError with the object that the drive refused and the next step.
+        With `limits` the drive's own limits are made to agree with those of the axis.  Raises DriveError with the
+        object that the drive refused and the next step.
         """
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
         self._clock, self._pace = clock, SpeedEstimate(dt)
         self._now = time.monotonic if clock is WALL else clock.now  # without a call of ours in between
         od = load_eds(settings.eds, settings.node)
-        self._command, self._answer = CommandPdo(settings, od), FeedbackPdo(settings, od)
+        wished_rpdo(settings, od), wished_tpdo(settings, od)  # what cannot work is refused before the drive is asked
         self._network = PumpedNetwork(bus, clock)
         self._node = PumpedNode(settings.node, od)
         self._network[settings.node] = self._node
@@ -75,12 +85,12 @@ class CanopenDrive:
         self._silent = False  # no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = DriveConfiguration(settings, self._node, encoder_step, clock)
+        setup = DriveConfiguration(settings, self._node, encoder_step, clock, dt=dt, limits=limits)
         setup.run()
-        self._description = setup.description
-        name = cia402.OPTIONS[cia402.ABORT_CONNECTION][0]
-        ignored = (NOT_OFFERED, cia402.option(cia402.ABORT_CONNECTION, 0))
-        self._stops_alone = setup.description[name] not in ignored  # when it is taken out of operation
+        self._description, self._protection = setup.description, setup.protection
+        self._command = CommandPdo(settings, od, setup.rpdo)  # as the drive has them, not as they were wished
+        self._answer = FeedbackPdo(settings, od, setup.tpdo)
+        self._alive, self._alive_period = setup.protection.alive, setup.protection.period
 
     def enable(self) -> Feedback:
         """Walk the state machine to Operation enabled at zero current, from whatever state.
@@ -143,7 +153,7 @@ class CanopenDrive:
     def _supervise(self) -> None:
         """During a quick stop: cut the power of an axis that is not braked; release a drive that is silent."""
         failure = self._braking.step(self._silent)
-        if failure is BrakingFailure.SILENT and self._stops_alone:
+        if failure is BrakingFailure.SILENT and self._protection.reacts:
             self._manage(cia402.NMT_PRE_OPERATIONAL)
         if failure in FAILURE_TEXTS:
             self._problem = FAILURE_TEXTS[failure]
@@ -163,8 +173,8 @@ class CanopenDrive:
             self._bus.send(self._command.encode(self._walk.controlword, current))
             now = self._now()
             if now >= self._beat:
-                self._beat = now + self._settings.heartbeat
-                self._bus.send(_HEARTBEAT)
+                self._beat = now + self._alive_period
+                self._bus.send(self._alive)
         except ValueError as error:
             self._problem = f"{error}; zero was sent instead"
             self.apply(0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from typing import Any, NamedTuple
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.library import canopen
@@ -12,20 +13,61 @@ from stagectl.drives.drive import Canopen, DriveError
 
 _FIXED = {cia402.MODE << 8: cia402.CYCLIC_SYNCHRONOUS_TORQUE}  # fields of the RPDO that never change
 _DUMMIES = 0x20  # indices below are CiA 301's placeholders
+_WIDTHS = {8: "B", 16: "H", 32: "I", 64: "Q"}  # of objects that the EDS does not know
+
+
+class PdoMap(NamedTuple):
+    """One PDO as the drive has it."""
+
+    identifier: int  # 11 bits
+    entries: tuple[int, ...]  # as in the mapping object: index << 16 | subindex << 8 | bits
+    fill: tuple[int, ...] = ()  # of an RPDO: what is sent of objects that are not the cycle's own
+    number: int = 0  # of the PDO, less 1
+    transmission: int = 1  # type: 1 at every SYNC
+
+    @property
+    def objects(self) -> tuple[int, ...]:
+        """What is mapped, index << 8 | subindex, in the order of the frame."""
+        return tuple(entry >> 8 for entry in self.entries)
+
+
+def wished_rpdo(settings: Canopen, od: canopen.ObjectDictionary) -> PdoMap:
+    """What the stage file wants the drive to receive.  Raises DriveError where it cannot work."""
+    pdo = _wished(settings, od, "rpdo", settings.rpdo, needed_command(settings))
+    return pdo._replace(identifier=0x200 + settings.node)
+
+
+def wished_tpdo(settings: Canopen, od: canopen.ObjectDictionary) -> PdoMap:
+    """What the stage file wants the drive to send.  Raises DriveError where it cannot work."""
+    pdo = _wished(settings, od, "tpdo", settings.tpdo, needed_answer(settings))
+    return pdo._replace(identifier=0x180 + settings.node)
+
+
+def needed_command(settings: Canopen) -> dict[int, str]:
+    """Objects that the RPDO must hold, in words."""
+    return {cia402.CONTROLWORD << 8: "the controlword", settings.command_object: "the current command"}
+
+
+def needed_answer(settings: Canopen) -> dict[int, str]:
+    """Objects that the TPDO must hold, in words."""
+    needed = {cia402.STATUSWORD << 8: "the statusword", cia402.POSITION << 8: "the position"}
+    return {**needed, settings.current_object: "the measured current"} if settings.current_object else needed
 
 
 class CommandPdo:
     """Controlword and current command, as the drive expects them."""
 
-    def __init__(self, settings: Canopen, od: canopen.ObjectDictionary) -> None:
-        """Raises DriveError where `settings.rpdo` does not hold what the cycle needs."""
-        objects = settings.rpdo
-        codes, length = _layout(od, objects, "rpdo", settings)
-        control = _place(objects, cia402.CONTROLWORD << 8, "rpdo", "the controlword")
-        self._command = 2 + _place(objects, settings.command_object, "rpdo", "the current command")
-        self._control = 2 + control
+    def __init__(self, settings: Canopen, od: canopen.ObjectDictionary, pdo: PdoMap | None = None) -> None:
+        """Compiled from `pdo` as read back from the drive; without it, as `settings` wish it.  Raises DriveError."""
+        pdo = pdo or wished_rpdo(settings, od)
+        objects = pdo.objects
+        codes, length = _layout(od, pdo.entries, "rpdo")
+        self._command = 2 + objects.index(settings.command_object)
+        self._control = 2 + objects.index(cia402.CONTROLWORD << 8)
         self._struct = struct.Struct(f"<IB3x{codes}{8 - length}x")
-        self._fields = [0x200 + settings.node, length, *(_FIXED.get(key, 0) for key in objects)]
+        fill = pdo.fill or (0,) * len(objects)
+        fields = (_FIXED.get(key, value) for key, value in zip(objects, fill, strict=True))
+        self._fields = [pdo.identifier, length, *fields]
         self._scale = settings.command_scale
         self._low, self._high = _interval(codes[self._command - 2])
 
@@ -46,17 +88,17 @@ class CommandPdo:
 class FeedbackPdo:
     """Statusword, position and current, as the drive sends them."""
 
-    def __init__(self, settings: Canopen, od: canopen.ObjectDictionary) -> None:
-        """Raises DriveError where `settings.tpdo` does not hold what the cycle needs."""
-        objects = settings.tpdo
-        codes, length = _layout(od, objects, "tpdo", settings)
-        self._status = _place(objects, cia402.STATUSWORD << 8, "tpdo", "the statusword")
-        self._position = _place(objects, cia402.POSITION << 8, "tpdo", "the position")
-        wanted = settings.current_object
-        self._current = _place(objects, wanted, "tpdo", "the measured current") if wanted else -1
+    def __init__(self, settings: Canopen, od: canopen.ObjectDictionary, pdo: PdoMap | None = None) -> None:
+        """Compiled from `pdo` as read back from the drive; without it, as `settings` wish it.  Raises DriveError."""
+        pdo = pdo or wished_tpdo(settings, od)
+        objects = pdo.objects
+        codes, length = _layout(od, pdo.entries, "tpdo")
+        self._status = objects.index(cia402.STATUSWORD << 8)
+        self._position = objects.index(cia402.POSITION << 8)
+        self._current = objects.index(settings.current_object) if settings.current_object else -1
         self._scale = settings.current_scale
         self._struct = struct.Struct("<8x" + codes)
-        self.identifier = 0x180 + settings.node
+        self.identifier = pdo.identifier
         self.head = struct.pack("<IB", self.identifier, length)
         low, high = _interval(codes[self._position])
         self._half, self._mask = (high - low + 1) // 2, high - low
@@ -74,42 +116,64 @@ class FeedbackPdo:
         return fields[self._status], self._counts, current
 
 
-def _layout(od: canopen.ObjectDictionary, objects: tuple[int, ...], name: str, settings: Canopen) -> tuple[str, int]:
-    """Struct codes and length (bytes) of the mapped objects."""
-    codes = ""
-    for key in objects:
-        variable = od.get_variable(key >> 8, key & 0xFF)
-        if variable is None:
-            raise DriveError(
-                f"{name}: object 0x{key:06X} is not in {settings.eds}; name one that is", place=name, object_key=key
-            )
-        if variable.data_type not in CODES:
-            raise DriveError(
-                f"{name}: object 0x{key:06X} has data type 0x{variable.data_type or 0:X}; must be an integer of"
-                " 8, 16, 32 or 64 bits; map another object",
-                place=name,
-                object_key=key,
-                value=variable.data_type,
-            )
-        if not variable.pdo_mappable and key >> 8 >= _DUMMIES:
-            raise DriveError(
-                f"{name}: object 0x{key:06X} cannot be mapped according to {settings.eds}; map another object",
-                place=name,
-                object_key=key,
-            )
-        codes += CODES[variable.data_type]
-    length = struct.calcsize("<" + codes)
+def _wished(
+    settings: Canopen, od: canopen.ObjectDictionary, name: str, objects: tuple[int, ...], needed: dict[int, str]
+) -> PdoMap:
+    """The map of these objects, each with its length in the EDS."""
+    entries = tuple(key << 8 | _bits(settings, od, name, key) for key in objects)
+    length = sum(entry & 0xFF for entry in entries) // 8
     if not 1 <= length <= 8:
         raise DriveError(
             f"{name}: the mapped objects take {length} bytes; must lie in [1, 8]; map fewer", place=name, value=length
         )
-    return codes, length
+    for key, words in needed.items():
+        if key not in objects:
+            raise DriveError(f"{name} holds no 0x{key:06X} ({words}); add it to '{name}'", place=name, object_key=key)
+    return PdoMap(0, entries)
 
 
-def _place(objects: tuple[int, ...], key: int, name: str, what: str) -> int:
-    if key not in objects:
-        raise DriveError(f"{name} holds no 0x{key:06X} ({what}); add it to '{name}'", place=name, object_key=key)
-    return objects.index(key)
+def _bits(settings: Canopen, od: canopen.ObjectDictionary, name: str, key: int) -> int:
+    """Length of an object that can be mapped."""
+    variable = od.get_variable(key >> 8, key & 0xFF)
+    if variable is None:
+        raise DriveError(
+            f"{name}: object 0x{key:06X} is not in {settings.eds}; name one that is", place=name, object_key=key
+        )
+    if variable.data_type not in CODES:
+        raise DriveError(
+            f"{name}: object 0x{key:06X} has data type 0x{variable.data_type or 0:X}; must be an integer of"
+            " 8, 16, 32 or 64 bits; map another object",
+            place=name,
+            object_key=key,
+            value=variable.data_type,
+        )
+    if not variable.pdo_mappable and key >> 8 >= _DUMMIES:
+        raise DriveError(
+            f"{name}: object 0x{key:06X} cannot be mapped according to {settings.eds}; map another object",
+            place=name,
+            object_key=key,
+        )
+    return len(variable)
+
+
+def _layout(od: canopen.ObjectDictionary, entries: tuple[int, ...], name: str) -> tuple[str, int]:
+    """Struct codes and length (bytes) of a map; signs as the EDS gives them."""
+    codes = ""
+    for entry in entries:
+        variable: Any = od.get_variable(entry >> 16, entry >> 8 & 0xFF)
+        code = CODES.get(variable.data_type) if variable is not None else None
+        if code is None or 8 * struct.calcsize("<" + code) != entry & 0xFF:
+            code = _WIDTHS.get(entry & 0xFF)
+        if code is None:
+            raise DriveError(
+                f"{name}: the drive maps 0x{entry:08X}, an object of {entry & 0xFF} bits; must be 8, 16, 32 or 64;"
+                " map another one with the drive's own tool",
+                place=name,
+                object_key=entry >> 8,
+                value=entry & 0xFF,
+            )
+        codes += code
+    return codes, struct.calcsize("<" + codes)
 
 
 def _interval(code: str) -> tuple[int, int]:

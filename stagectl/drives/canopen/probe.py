@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 from stagectl.drives.bus.frames import Bus, frame, parse
 from stagectl.drives.canopen import cia402, presets
-from stagectl.drives.canopen.configuration import NOT_OFFERED
 from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
 from stagectl.drives.canopen.presets import Preset
+from stagectl.drives.canopen.protection import NOT_OFFERED, outlook
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import PROBE_ANSWER_TIME, SCAN_AT_ONCE, SCAN_TIME, SHOWN_NAME
+from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 MODES = {0: "profile position", 2: "profile velocity", 3: "profile torque", 5: "homing", 6: "interpolated position"}
 MODES |= {7: "cyclic synchronous position", 8: "cyclic synchronous velocity", 9: "cyclic synchronous torque"}
@@ -40,9 +41,14 @@ class ProbeResult(NamedTuple):
 
 
 def probe(
-    wire: Canopen, bus: Bus, chosen: Preset | None = None, rated: float | None = None, clock: Clock = WALL
+    wire: Canopen,
+    bus: Bus,
+    chosen: Preset | None = None,
+    rated: float | None = None,
+    clock: Clock = WALL,
+    limits: AxisLimits = UNKNOWN_AXIS,
 ) -> ProbeResult:
-    """Read the node of `wire`; `chosen` and `rated` (A) replace what it does not report.
+    """Read the node of `wire`; `chosen` and `rated` (A) replace what it does not report, `limits` are the axis'.
 
     Raises DriveError where no node answers, or the node is no CiA 402 drive.
     """
@@ -67,7 +73,10 @@ def probe(
 
     check_profile(_number(read(cia402.DEVICE_TYPE, 0)) or 0, wire.node)
     result = _concluded(read, chosen, rated)
-    return result._replace(doubts=(*result.doubts, *against_eds(wire, read, result.preset)))
+    protection = outlook(wire, lambda index, subindex: _number(read(index, subindex), signed=True), limits)
+    answers = {**result.answers, "protection": protection.words}
+    doubts = [] if protection.good else [f"it is not enabled like this: protection {protection.words}"]
+    return result._replace(answers=answers, doubts=(*result.doubts, *doubts, *against_eds(wire, read, result.preset)))
 
 
 def answering(bus: Bus, clock: Clock = WALL) -> list[int]:
@@ -132,9 +141,7 @@ def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeR
     unit = _number(read(UNIT_OF_ACCELERATION, 0))
     if unit == RPM_PER_SECOND and values:
         values["deceleration_scale"] = presets.RPM_PER_SECOND
-    return ProbeResult(
-        answers, vendor, modes, current, preset, values, (*_doubts(preset, modes, current, values), *_careless(read))
-    )
+    return ProbeResult(answers, vendor, modes, current, preset, values, tuple(_doubts(preset, modes, current, values)))
 
 
 _IDENTITY = (cia402.IDENTITY, 1)
@@ -167,10 +174,6 @@ def _stops(read: Read) -> dict[str, str]:
     for index, (name, _) in cia402.OPTIONS.items():
         value = _number(read(index, 0), signed=True)
         answers[name] = NOT_OFFERED if value is None else f"{value}: {cia402.option(index, value)}"
-    heartbeat = read(cia402.CONSUMER_HEARTBEAT, 1)
-    answers["notices a dead controller (0x1016)"] = "yes, once it is configured" if heartbeat is not None else "NO"
-    deadline = read(cia402.RPDO_PARAMETER, 5)
-    answers["RPDO time-out (0x1400:05)"] = "offered" if deadline is not None else NOT_OFFERED
     return answers
 
 
@@ -198,16 +201,6 @@ def _doubts(preset: Preset, modes: int | None, rated: float | None, values: dict
             "the unit of its stop ramp (0x6085) is not known: look it up, and set drive.wire.deceleration_scale"
         )
     return doubts
-
-
-def _careless(read: Read) -> list[str]:
-    """Whether the drive, as it is set, lets the axis continue without a controller."""
-    if _number(read(cia402.ABORT_CONNECTION, 0), signed=True) != 0:
-        return []
-    return [
-        "its abort connection option (0x6007) is 0: the axis goes on when the controller is lost; set it to 3, quick "
-        "stop, in the drive, and then: stagectl drive probe again"
-    ]
 
 
 def _number(raw: bytes | None, signed: bool = False) -> int | None:

@@ -6,9 +6,8 @@ import math
 from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
+from stagectl.config.time_outs import axis_limits
 from stagectl.drives.canopen import cia402
-from stagectl.drives.drive import Canopen
-from stagectl.kernels import stage
 from stagectl.workflows.acceptance.drive_reader import DriveReader
 from stagectl.workflows.acceptance.limits import LATENESS, SETTLING_SHARE, STOP_PERIODS
 
@@ -67,15 +66,10 @@ def quick_stop_bound(setup: Setup, speed: float, current: float) -> float:
 
 
 def _bound(setup: Setup, left: tuple[float, float, float], brakes: bool) -> float:
-    """(v0 + v1)/2 T + v1^2/(2 b) and what the axis settles by; friction helps none but a coasting axis."""
+    """Run-on from a speed under a current for a time, see `drives.run_on`; and what the axis settles by."""
     speed, current, time = abs(left[0]), abs(left[1]), left[2]
-    p, wire = setup.stage, setup.file.drive.wire
-    assert isinstance(wire, Canopen)
-    bias = abs(p.mechanics.bias)
-    fastest = speed + (current * p.motor.force_constant + bias) / p.mechanics.inertia * time
-    effort = p.drive.current_limit * p.motor.force_constant - bias
-    ramp = min(wire.quick_stop_deceleration, max(effort, 0.0) / p.mechanics.inertia)
-    friction = max(stage.sliding(p.friction) - bias, 0.0) / p.mechanics.inertia
-    braking = ramp if brakes else friction
-    ends = fastest**2 / (2.0 * braking) if braking > 0.0 else math.inf
-    return 0.5 * (speed + fastest) * time + ends + SETTLING_SHARE * setup.file.limits.following_error
+    limits, mechanics = axis_limits(setup.file), setup.stage.mechanics
+    effort = current * setup.stage.motor.force_constant + abs(mechanics.bias)
+    worst = limits.braking if brakes else limits.coasting
+    run_on = worst._replace(speed=speed, acceleration=effort / mechanics.inertia)
+    return run_on.distance(time) + SETTLING_SHARE * setup.file.limits.following_error

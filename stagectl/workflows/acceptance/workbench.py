@@ -61,7 +61,7 @@ class Workbench:
         if bias > friction:
             raise DriveError(
                 f"mechanics.bias = {setup.stage.mechanics.bias:g} is more than the friction, {friction:g}: this axis"
-                " falls without current, and the tests in open loop would let it. Lock it mechanically, or take the load"
+                " falls without current, and the tests in open loop would let it. Lock it, or take the load"
                 " off, and state mechanics.bias: 0 for the acceptance",
                 place="mechanics.bias",
                 value=setup.stage.mechanics.bias,

@@ -1,0 +1,98 @@
+"""A drive brought to pre-operational: reset where the stage file says so, its boot-up message awaited (CiA 301)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from stagectl.drives.bus.frames import REMOTE, frame
+from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.library import SdoCommunicationError, SdoError
+from stagectl.drives.canopen.network import PumpedNetwork
+from stagectl.drives.canopen.object_access import ObjectAccess
+from stagectl.drives.clock import Clock
+from stagectl.drives.drive import DriveError
+from stagectl.drives.limits import BACKLOG, BOOT_ANSWER_TIME, BOOT_UP_TIME, SDO_ANSWER_TIME, SDO_TRIES, STATE_TIME
+
+_STATES = {
+    cia402.STOPPED: "stopped",
+    cia402.OPERATIONAL: "operational",
+    cia402.PRE_OPERATIONAL: "pre-operational",
+    cia402.INITIALISING: "initialising",
+}
+
+
+class BootUp:
+    """The way to a drive that answers; afterwards any boot-up message interrupts the set-up."""
+
+    def __init__(self, objects: ObjectAccess, network: PumpedNetwork, clock: Clock) -> None:
+        self._objects, self._network, self._now = objects, network, clock.now
+        self._settings, self._node = objects.settings, objects.node
+
+    def run(self) -> tuple[int, str]:
+        """Device type (0x1000), and what was seen of the boot, in words.  Raises DriveError."""
+        began, seen = self._now(), "not awaited: no reset was asked for"
+        for _ in range(BACKLOG):  # a boot-up message of before is none of the drive's later on
+            if not self._network.pump(0.0):
+                break
+        self._objects.expect_boot()
+        if self._settings.reset != "none":
+            seen = self._reset(began)
+        kind = self._answer(began + self._settings.boot_time)
+        if self._settings.reset != "none" and not seen:
+            seen = f"NOT SENT; it answers SDO in NMT state {self._nmt_state()}: a boot in mid operation goes unnoticed"
+        self._objects.begin()
+        return kind, seen
+
+    def _reset(self, began: float) -> str:
+        """Reset the drive and wait for its boot-up message; empty where none came in time."""
+        before = self._objects.boots
+        self._node.nmt.send_command(cia402.NMT_RESETS[self._settings.reset])
+        if not self._until(began + BOOT_UP_TIME, lambda: self._objects.boots != before):
+            return ""
+        return f"received {(self._now() - began) * 1e3:.0f} ms after the reset"
+
+    def _answer(self, deadline: float) -> int:
+        """Device type, asked for until it answers in pre-operational."""
+        sdo = self._node.sdo
+        sdo.RESPONSE_TIMEOUT, sdo.MAX_RETRIES = BOOT_ANSWER_TIME, 1
+        try:
+            while True:
+                self._node.nmt.send_command(cia402.NMT_PRE_OPERATIONAL)
+                boots = self._objects.boots
+                try:
+                    kind = int(self._objects.upload(cia402.DEVICE_TYPE, 0))
+                except SdoCommunicationError as error:
+                    if self._now() > deadline:
+                        raise self._silent() from error
+                    continue
+                if boots == self._objects.boots:  # else it answered before its boot: it must hear the command again
+                    return kind
+        except SdoError as error:
+            raise self._objects.refused("read", cia402.DEVICE_TYPE, 0, error) from error
+        finally:
+            sdo.RESPONSE_TIMEOUT, sdo.MAX_RETRIES = SDO_ANSWER_TIME, SDO_TRIES
+
+    def _nmt_state(self) -> str:
+        """By heartbeat, or by node guarding, which is asked once."""
+        if self._objects.nmt_state is None:
+            self._network.wire.send(frame(REMOTE | 0x700 + self._settings.node))
+            self._until(self._now() + STATE_TIME, lambda: self._objects.nmt_state is not None)
+        state = self._objects.nmt_state
+        return "unknown" if state is None else _STATES.get(state, f"{state}")
+
+    def _until(self, deadline: float, over: Callable[[], bool]) -> bool:
+        """Take frames until `over` or the deadline; whether it was over in time."""
+        while not over() and (left := deadline - self._now()) > 0.0:
+            self._network.pump(left)
+        return over()
+
+    def _silent(self) -> DriveError:
+        s = self._settings
+        return DriveError(
+            f"node {s.node} does not answer on {s.interface} {s.channel} within {s.boot_time:g} s. Probable"
+            " causes: no power, a wrong node id or bit rate, no bus termination, a drive that boots longer"
+            " (drive.wire.boot_time); for a virtual drive: 'stagectl virtual-drive' does not run on this channel. Next:"
+            " `stagectl drive probe STAGE.yaml`",
+            place=s.channel,
+            node=s.node,
+        )

@@ -1,0 +1,201 @@
+"""Objects that real drives want right, as one table: written where present, compared where fixed.
+
+What a person must decide is none of these: the stage file writes it by `drive.wire.start_up`.
+Sources: CiA 301 (communication), IEC 61800-7-201 (CiA 402-2: profile).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.object_access import Held, ObjectAccess
+from stagectl.drives.canopen.protection import NOT_OFFERED, lacks
+from stagectl.drives.drive import Accepted, Canopen, DriveError
+from stagectl.drives.limits import INCREMENTS
+from stagectl.drives.run_on import AxisLimits
+
+_INVERTED = 0xE0  # bits of 0x607E: position, velocity and, with some makers, torque
+_LARGEST_U32, _LARGEST_U16, _LARGEST_U8 = 2**32 - 1, 2**16 - 1, 2**8 - 1
+_EXPONENTS = (-3, -4, -5, -6)  # of 0x60C2, in the order in which they are tried: drives exist that take -3 alone
+
+
+class Wishes(NamedTuple):
+    """What the rules follow from."""
+
+    settings: Canopen
+    limits: AxisLimits
+    encoder_step: float  # rad | m
+    dt: float  # s
+    offered: Callable[[int, int], int | None]  # value of an object, None where it is missing
+
+
+class Rule(NamedTuple):
+    """One object."""
+
+    key: int  # index << 8 | subindex
+    name: str
+    wanted: Callable[[Wishes], int | None]  # None: nothing follows from the stage file
+    enough: Callable[[int, int], bool] | None  # (value, wanted) that may stay where it cannot be written; None: any
+    written: bool  # False: set in the drive by a person, and only compared
+    remedy: str = ""
+    accept: Accepted | None = None
+
+
+def _torque(p: Wishes) -> int | None:
+    """Largest command in per mille of the rated current, rounded up: the law's own limit comes first."""
+    if not p.limits.current:
+        return None
+    return min(math.ceil(p.limits.current / (p.settings.rated_current * cia402.TORQUE_PERMILLE) - 1e-9), _LARGEST_U16)
+
+
+def _slope(p: Wishes) -> int | None:
+    """Per mille a second: from zero to the largest command within a period."""
+    torque = _torque(p)
+    return min(math.ceil(torque / p.dt), _LARGEST_U32) if torque else None
+
+
+def _cycle(p: Wishes) -> int | None:
+    return round(p.dt * 1e6) or None
+
+
+def _revolutions(p: Wishes) -> int | None:
+    """Speed limit in revolutions a minute; a linear motor has no such unit."""
+    return math.floor(p.limits.speed * 60.0 / (2.0 * math.pi)) if p.limits.rotary else None
+
+
+def _increments(p: Wishes) -> int | None:
+    """Counts of the revolutions in 0x608F:02; nothing where a gear or a linear motor makes other units of them."""
+    turns, geared = p.offered(cia402.ENCODER, 2), p.offered(cia402.GEAR, 1) != p.offered(cia402.GEAR, 2)
+    if not p.limits.rotary or not turns or not p.offered(cia402.ENCODER, 1) or geared:
+        return None
+    return round(2.0 * math.pi * turns / p.encoder_step)
+
+
+def _period(p: Wishes) -> tuple[int, int]:
+    """Mantissa and exponent of the period; the drive's own exponent first."""
+    present = p.offered(cia402.INTERPOLATION_PERIOD, 2)
+    for exponent in (*(() if present is None else (present,)), *_EXPONENTS):
+        mantissa = round(p.dt / 10.0**exponent)
+        if 1 <= mantissa <= _LARGEST_U8 and math.isclose(mantissa * 10.0**exponent, p.dt, rel_tol=1e-9):
+            return mantissa, exponent
+    return 0, 0
+
+
+def _mantissa(p: Wishes) -> int | None:
+    return _period(p)[0] or None
+
+
+def _exponent(p: Wishes) -> int | None:
+    mantissa, exponent = _period(p)
+    return exponent if mantissa else None
+
+
+def _at_least(value: int, wanted: int) -> bool:
+    return value >= wanted
+
+
+def _equal(value: int, wanted: int) -> bool:
+    return value == wanted
+
+
+def _near(value: int, wanted: int) -> bool:
+    return abs(value - wanted) <= max(INCREMENTS * wanted, 0.5)
+
+
+def _upright(value: int, wanted: int) -> bool:
+    return not value & _INVERTED
+
+
+RULES = (
+    Rule(cia402.SYNC_COB_ID << 8, "identifier of SYNC", lambda p: 0x80, _equal, True, "set it to 0x80 in the drive"),
+    Rule(cia402.CYCLE_PERIOD << 8, "SYNC period, us", _cycle, None, True),
+    Rule(cia402.INTERPOLATION_PERIOD << 8 | 2, "interpolation period, exponent", _exponent, None, True),
+    Rule(cia402.INTERPOLATION_PERIOD << 8 | 1, "interpolation period", _mantissa, None, True),
+    Rule(
+        cia402.MAX_TORQUE << 8, "max torque, per mille", _torque, _at_least, True,
+        "the drive limits the command: raise it there, or lower drive.current_limit",
+    ),
+    Rule(
+        cia402.MAX_CURRENT << 8, "max current, per mille", _torque, _at_least, False,
+        "the drive limits the command: raise it there if the motor may, or lower drive.current_limit",
+    ),
+    Rule(
+        cia402.POLARITY << 8, "polarity", lambda p: 0, _upright, False,
+        "set it to 0 in the drive, so that positive current moves towards positive positions", "inverted_polarity",
+    ),
+    Rule(cia402.TORQUE_SLOPE << 8, "torque slope, per mille a second", _slope, None, True),
+    Rule(cia402.FOLLOWING_WINDOW << 8, "following error window", lambda p: None, None, False),
+    Rule(
+        cia402.MAX_SPEED << 8, "max speed, 1/min", _revolutions, _at_least, False,
+        "the drive limits the speed: raise it there, or lower limits.speed",
+    ),
+    Rule(
+        cia402.ENCODER << 8 | 1, "encoder increments", _increments, _near, False,
+        "correct encoder.counts_per_revolution, or the encoder's resolution in the drive", "encoder_resolution",
+    ),
+)  # fmt: skip
+
+
+def obey(objects: ObjectAccess, p: Wishes, description: dict[str, str]) -> None:
+    """Let the drive hold what the table wants.  Raises DriveError with the object that cannot be."""
+    for rule in RULES:
+        _obey(rule, objects, p, description)
+    for entry in p.settings.start_up:
+        index, subindex = entry.object >> 8, entry.object & 0xFF
+        held = objects.hold(entry.value, index, subindex)
+        if not held.fits:
+            raise _unheld(objects, entry.object, entry.value, held) from held.refusal
+        description[f"start-up (0x{index:04X}:{subindex:02X})"] = f"{entry.value}"
+
+
+def _obey(rule: Rule, objects: ObjectAccess, p: Wishes, description: dict[str, str]) -> None:
+    index, subindex = rule.key >> 8, rule.key & 0xFF
+    value = p.offered(index, subindex)
+    name = f"{rule.name} (0x{index:04X}:{subindex:02X})"
+    if value is None:
+        description[name] = NOT_OFFERED
+        return
+    wanted = rule.wanted(p)
+    if wanted is not None and rule.written and not _stays(rule, value, wanted):
+        held = objects.hold(wanted, index, subindex)
+        value = value if held.value is None else held.value
+    description[name] = str(value) if wanted in (None, value) else f"{value}; wanted {wanted}"
+    if wanted is None:
+        return
+    if rule.enough is not None and not rule.enough(value, wanted):
+        _refuse(rule, objects, description, value, wanted)
+    objects.keep(Held(value, True), index, subindex)
+
+
+def _stays(rule: Rule, value: int, wanted: int) -> bool:
+    """A steeper torque slope need not be made flatter."""
+    return value == wanted or (rule.key == cia402.TORQUE_SLOPE << 8 and value >= wanted)
+
+
+def _refuse(rule: Rule, objects: ObjectAccess, description: dict[str, str], value: int, wanted: int) -> None:
+    key = rule.key
+    if rule.accept is not None:
+        lacks(objects, description, rule.accept, key, value, f"by the stage file it must be {wanted}: {rule.remedy}")
+        return
+    raise DriveError(
+        f"node {objects.settings.node}: {rule.name} is {value} (0x{key >> 8:04X}:{key & 0xFF:02X}); the stage file"
+        f" wants {wanted}: {rule.remedy}",
+        node=objects.settings.node,
+        object_key=key,
+        value=value,
+    )
+
+
+def _unheld(objects: ObjectAccess, key: int, wanted: int, held: Held) -> DriveError:
+    shown = "missing" if held.value is None else f"{held.value}"
+    return DriveError(
+        f"node {objects.settings.node}: drive.wire.start_up wants 0x{key >> 8:04X}:{key & 0xFF:02X} = {wanted}, but"
+        f" it is {shown}; correct the entry, or set the object with the drive's own tool",
+        place="drive.wire.start_up",
+        node=objects.settings.node,
+        object_key=key,
+        value=held.value,
+    )

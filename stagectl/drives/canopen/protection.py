@@ -1,0 +1,233 @@
+r"""What stops the axis when its controller is lost: a supervisor in the drive that works, and a reaction that stops.
+
+::
+
+    our process, cable or bus dies --> RPDO deadline   0x1400:05      \
+                                       heartbeat       0x1016:01       >--> 0x6007: fault, power off or quick stop
+                                       life guarding   0x100C, 0x100D /     (where it is missing: 0x1029, CiA 301)
+
+Each is written, read back and verified after NMT start.  Without both nothing is enabled, unless the stage file accepts
+it by name (`drive.wire.accept`).  Sources: CiA 301, heartbeat, guarding, event timer, error behaviour; CiA 402, 0x6007.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from stagectl.drives.bus.frames import REMOTE, frame
+from stagectl.drives.canopen import cia402
+from stagectl.drives.canopen.object_access import Fits, Held, ObjectAccess
+from stagectl.drives.canopen.pdo import PdoMap
+from stagectl.drives.canopen.pdo_setup import EVENT_TIMER
+from stagectl.drives.drive import ACCEPTED, Accepted, Canopen, DriveError
+from stagectl.drives.limits import BEATS
+from stagectl.drives.run_on import AxisLimits
+
+MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) knows it
+NOT_OFFERED = "not offered by this drive"
+HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
+_STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
+_WRITTEN = (3, 1, 2)  # in which order they are tried: the ramp of a quick stop is known
+_LEAVES, _STOPPED = 0, 2  # options 0x1029:01: to pre-operational, which is the default of CiA 301; to stopped
+_COMMUNICATION = 1  # subindex of 0x1029
+
+
+class Protection(NamedTuple):
+    """What was found to work."""
+
+    timeout: float  # s of silence after which the drive reacts; 0: it never does
+    reacts: bool  # it stops the axis when its controller is lost or NMT takes it out of operation
+    brakes: bool  # by its ramp; False: it cuts the power and the axis coasts
+    alive: bytes  # frame that tells the drive that we live
+    period: float  # s between two of them
+
+
+class Supervision:
+    """The pass that sets the protection up; `description` takes what there is, in words."""
+
+    def __init__(self, objects: ObjectAccess, description: dict[str, str], limits: AxisLimits) -> None:
+        self._objects, self._settings, self._limits = objects, objects.settings, limits
+        self._description = description
+
+    def run(self, rpdo: PdoMap) -> Protection:
+        """Set up supervisors and reaction.  Raises DriveError where one is missing and is not accepted."""
+        deadline = self._deadline(rpdo)
+        # A drive without a deadline notices by the heartbeat alone, which then must be as quick.
+        quick = min(self._settings.rpdo_timeout or self._settings.heartbeat_timeout, self._settings.heartbeat_timeout)
+        heartbeat = self._heartbeat(self._settings.heartbeat_timeout if deadline else quick)
+        guarding = 0.0 if deadline or heartbeat else self._guarding(quick)
+        timeout = min((time for time in (deadline, heartbeat, guarding) if time), default=0.0)
+        if not timeout:
+            self._lack("no_supervision", cia402.CONSUMER_HEARTBEAT << 8 | 1, None)
+        reacts, brakes = self._reaction()
+        period = min(self._settings.heartbeat, (heartbeat or guarding or self._settings.heartbeat) / BEATS)
+        alive = frame(REMOTE | 0x700 + self._settings.node) if guarding else HEARTBEAT
+        self._produce(0.0 if guarding else period)
+        protection = Protection(timeout, reacts, brakes, alive, period)
+        self._description["protection"] = in_words(protection, self._limits)
+        return protection
+
+    def _deadline(self, rpdo: PdoMap) -> float:
+        """Time-out (s) of the RPDO in the drive; 0 where there is none."""
+        wanted, index = milliseconds(self._settings.rpdo_timeout), cia402.RPDO_PARAMETER + rpdo.number
+        name = f"RPDO time-out (0x{index:04X}:05)"
+        return self._time(name, wanted, self._objects.hold(wanted, index, EVENT_TIMER, _within(wanted)))
+
+    def _heartbeat(self, timeout: float) -> float:
+        """Time-out (s) of our heartbeat in the drive; 0 where it does not watch it."""
+        wanted = milliseconds(timeout)
+        held = self._objects.hold(
+            MASTER << 16 | wanted,
+            cia402.CONSUMER_HEARTBEAT,
+            1,
+            lambda value: value >> 16 == MASTER and _within(wanted)(value & 0xFFFF),
+        )
+        time = held._replace(value=held.value & 0xFFFF) if held.value is not None else held
+        return self._time("heartbeat time-out in the drive (0x1016)", wanted, time)
+
+    def _guarding(self, timeout: float) -> float:
+        """Life time (s) of node guarding in the drive: for drives without heartbeat; 0 where it has none."""
+        time = max(milliseconds(timeout) // BEATS, 1)
+        held = (
+            self._objects.hold(time, cia402.GUARD_TIME, 0, _within(time)),
+            self._objects.hold(BEATS, cia402.LIFE_TIME_FACTOR, 0, _within(BEATS)),
+        )
+        works = all(part.fits for part in held)
+        life = (held[0].value or 0) * (held[1].value or 0)
+        name = "life time of node guarding (0x100C, 0x100D)"
+        return self._time(name, time * BEATS, Held(life if life else None, works))
+
+    def _time(self, name: str, wanted: int, held: Held) -> float:
+        """Seconds of a time-out that holds, and its words."""
+        if held.value is None:
+            words = NOT_OFFERED
+        elif wanted == 0 and held.fits:
+            words = "off"
+        else:
+            words = f"{held.value} ms" if held.fits else f"DOES NOT HOLD: {wanted} ms wanted, {held.value} ms read back"
+        self._description[name] = words
+        return (held.value or 0) * 1e-3 if held.fits else 0.0
+
+    def _produce(self, period: float) -> None:
+        """The drive's own heartbeat; off with guarding, which it would replace (CiA 301)."""
+        wanted = milliseconds(self._settings.heartbeat if period else 0.0)
+        held = self._objects.hold(wanted, cia402.PRODUCER_HEARTBEAT, 0, _within(wanted))
+        words = NOT_OFFERED if held.value is None else f"{held.value} ms"
+        self._description["heartbeat of the drive (0x1017)"] = words
+
+    def _reaction(self) -> tuple[bool, bool]:
+        """Whether a lost controller stops the axis, and whether by braking."""
+        code = self._objects.offered(cia402.ABORT_CONNECTION)
+        name = cia402.OPTIONS[cia402.ABORT_CONNECTION][0]
+        if code is None:
+            self._description[name] = NOT_OFFERED
+            return self._error_behaviour(), False
+        for wanted in (self._preferred(), *_WRITTEN):
+            held = self._objects.hold(wanted, cia402.ABORT_CONNECTION)
+            code = code if held.value is None else held.value
+            if code in _STOPS:
+                break
+        self._description[name] = cia402.option(cia402.ABORT_CONNECTION, code)
+        if code not in _STOPS:
+            self._lack("no_reaction", cia402.ABORT_CONNECTION << 8, code)
+            return False, False
+        self._objects.held[cia402.ABORT_CONNECTION << 8] = code
+        return True, self._brakes(code)
+
+    def _preferred(self) -> int:
+        """Quick stop, on the ramp that is set; another reaction where a person wants it by `start_up`."""
+        key = cia402.ABORT_CONNECTION << 8
+        return next((entry.value for entry in self._settings.start_up if entry.object == key), _WRITTEN[0])
+
+    def _brakes(self, code: int) -> bool:
+        """Whether a reaction brakes: fault and quick stop have option codes of their own, in which 0 coasts."""
+        following = {1: cia402.FAULT_REACTION, 3: cia402.QUICK_STOP_OPTION}.get(code)
+        return following is not None and self._objects.offered(following) != 0
+
+    def _error_behaviour(self) -> bool:
+        """Of a drive without 0x6007: whether 0x1029:01 makes it leave operational."""
+        held = self._objects.hold(_LEAVES, cia402.ERROR_BEHAVIOUR, _COMMUNICATION, (_LEAVES, _STOPPED).__contains__)
+        self._description["error behaviour (0x1029:01)"] = (
+            "leaves operational when the controller is lost" if held.fits else NOT_OFFERED
+        )
+        self._lack("nmt_reaction" if held.fits else "no_reaction", cia402.ABORT_CONNECTION << 8, None)
+        return held.fits
+
+    def _lack(self, name: Accepted, key: int, value: int | None) -> None:
+        lacks(self._objects, self._description, name, key, value)
+
+
+def lacks(
+    objects: ObjectAccess, description: dict[str, str], name: Accepted, key: int, value: int | None, detail: str = ""
+) -> None:
+    """Note what a drive lacks and the stage file accepts by `name`.  Raises DriveError where it does not."""
+    s = objects.settings
+    if name in s.accept:
+        description[f"ACCEPTED: {name}"] = ACCEPTED[name]
+        return
+    shown = "missing, or does not hold what is written" if value is None else f"{value}"
+    what = f"Object 0x{key >> 8:04X}:{key & 0xFF:02X} is {shown}"
+    raise DriveError(
+        f"node {s.node}: {ACCEPTED[name]}. {what}; {detail or _REMEDY[name]}."
+        f" It is not enabled like this, unless the stage file says 'drive.wire.accept: [{name}]'",
+        place="drive.wire.accept",
+        node=s.node,
+        object_key=key,
+        value=value,
+    )
+
+
+_REMEDY: dict[str, str] = {
+    "no_supervision": "one of 0x1016 (heartbeat), 0x1400:05 (RPDO time-out) and 0x100C with 0x100D (guarding) must hold"
+    " a time; compare the EDS with the drive's firmware, or take another drive",
+    "nmt_reaction": "its power stage need not follow 0x1029:01; try it at low current with the power to the motor off",
+    "no_reaction": "set 0x6007 to 3 (quick stop) with the drive's own tool; where it is missing, 0x1029:01 to 0",
+}
+
+
+def in_words(protection: Protection, limits: AxisLimits) -> str:
+    """What protects the axis, with the way that a lost controller costs."""
+    if not protection.timeout:
+        return "NONE: the drive does not notice the loss of its controller"
+    if not protection.reacts:
+        return "NONE: the drive notices the loss of its controller and goes on"
+    how = "brakes by its ramp" if protection.brakes else "cuts its power, the axis coasts"
+    words = f"{protection.timeout * 1e3:.0f} ms after the last sign of its controller the drive {how}"
+    return f"{words}; {limits.words(protection.timeout, protection.brakes)}" if limits.current else words
+
+
+class Outlook(NamedTuple):
+    """What a set-up would find, from what the drive offers; nothing was written."""
+
+    good: bool
+    words: str
+
+
+def outlook(wire: Canopen, offered: Callable[[int, int], int | None], limits: AxisLimits) -> Outlook:
+    """How the axis would be protected; `offered` gives the value of an object, None where it is missing."""
+    quick = min(wire.rpdo_timeout or wire.heartbeat_timeout, wire.heartbeat_timeout)
+    guarded = offered(cia402.GUARD_TIME, 0) is not None and offered(cia402.LIFE_TIME_FACTOR, 0) is not None
+    means = {
+        "RPDO time-out (0x1400:05)": wire.rpdo_timeout > 0.0
+        and offered(cia402.RPDO_PARAMETER, EVENT_TIMER) is not None,
+        "heartbeat (0x1016)": offered(cia402.CONSUMER_HEARTBEAT, 1) is not None,
+        "node guarding (0x100C, 0x100D)": guarded,
+    }
+    code = offered(cia402.ABORT_CONNECTION, 0)
+    brakes = offered(cia402.QUICK_STOP_OPTION, 0) != 0  # 0x6007 becomes 3 where it is not
+    words = in_words(Protection(quick if any(means.values()) else 0.0, code is not None, brakes, b"", 0.0), limits)
+    by = ", ".join(name for name, there in means.items() if there)
+    written = "; 0x6007 is 0 and must take 3 at the start" if code not in (None, *_STOPS) else ""
+    missing = "; 0x6007 is missing" if code is None else ""
+    return Outlook(bool(by) and code is not None, f"{words}{f'; by {by}' if by else ''}{written}{missing}")
+
+
+def milliseconds(seconds: float) -> int:
+    """As the drive counts; a short time is not rounded to 0, which would mean none."""
+    return 0 if seconds == 0.0 else max(1, round(seconds * 1e3))
+
+
+def _within(wanted: int) -> Fits:
+    """A drive may round a time-out down, not up, and not to 0, which is off."""
+    return lambda value: value == wanted or 0 < value <= wanted

@@ -1,0 +1,60 @@
+"""The mechanics behind a foreign drive: a screw with inertia, friction and gravity, moved by the wall clock.
+
+Positions are motor angles in rad, torques in N m.  The numbers are mild on purpose: at full torque the table reaches
+80 mm/s in a few tenths of a second, so a busy computer's pauses stay harmless.
+"""
+
+from __future__ import annotations
+
+import math
+
+LEAD = 0.010  # m per revolution
+COUNTS = 10_000  # per revolution: one count is 1 um of table
+RATED_CURRENT = 5.0  # A: 0x6071 and 0x6077 count per mille of it, 5 mA
+PEAK_CURRENT = 8.0  # A, the drive's own limit
+FORCE_CONSTANT = 0.10  # N m/A
+INERTIA = 0.002  # kg m^2
+VISCOUS = 0.015  # N m s/rad
+COULOMB = 0.05  # N m
+METRES_PER_RAD = LEAD / (2.0 * math.pi)
+_STEP = 0.0005  # s, longest step of the integrator
+_LONGEST_GAP = 1.0  # s: a process that was stopped for longer does not catch up
+
+
+class Plant:
+    """An axis with Coulomb and viscous friction, an optional weight and an optional brake."""
+
+    def __init__(self, gravity: float = 0.0) -> None:
+        """At rest at 0; `gravity` (N m) pulls towards negative positions."""
+        self.gravity = gravity
+        self.angle = self.speed = 0.0
+        self.braked = gravity != 0.0
+        self._time = -1.0
+
+    def advance(self, now: float, torque: float) -> None:
+        """Move on to the time `now` (s) under a constant motor torque (N m)."""
+        gap = 0.0 if self._time < 0.0 else min(now - self._time, _LONGEST_GAP)
+        self._time = now
+        steps = math.ceil(gap / _STEP)
+        for _ in range(steps):
+            self._step(gap / steps, torque)
+
+    def _step(self, dt: float, torque: float) -> None:
+        if self.braked:
+            self.speed = 0.0
+            return
+        speed = self.speed + dt * (torque - self.gravity - VISCOUS * self.speed) / INERTIA
+        dry = dt * COULOMB / INERTIA  # the most that dry friction takes away in one step; it never reverses
+        self.speed = math.copysign(max(abs(speed) - dry, 0.0), speed)
+        self.angle += dt * self.speed
+
+    @property
+    def table(self) -> float:
+        """Position of the table (m)."""
+        return self.angle * METRES_PER_RAD
+
+
+def ramp_torque(speed: float, deceleration_counts: float) -> float:
+    """Torque (N m) of the drive's own ramp at this speed (rad/s), limited by its peak current."""
+    wanted = INERTIA * deceleration_counts * 2.0 * math.pi / COUNTS
+    return -math.copysign(min(wanted, FORCE_CONSTANT * PEAK_CURRENT), speed) if speed else 0.0

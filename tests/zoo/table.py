@@ -1,0 +1,125 @@
+"""What is right for each variant, by the issue and by the standards; not what the present version does.
+
+``moves``    the motion ends as planned, exit code 0
+``refuses``  the axis does not move; the message names the cause
+``stops``    it moves, then stands without power; the message names the cause
+
+Where two are right, both are allowed: ``MOVES | REFUSES``.  In each case no sample of the diary may show power without
+a monitor that leads to a stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from tests.zoo.variants import OPTIONAL
+
+MOVES, REFUSES, STOPS = frozenset({"moves"}), frozenset({"refuses"}), frozenset({"stops"})
+WIRING = ("wiring", "terminat", "120 ohm")  # a drive that answers is wired
+_ALWAYS_NEVER = ("Traceback",)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One expectation; words are regular expressions without regard to case."""
+
+    variant: str
+    allowed: frozenset[str]
+    says: tuple[str, ...] = ()  # all of them, where it does not move
+    never: tuple[str, ...] = (*WIRING, *_ALWAYS_NEVER)  # none of them
+    wire: Mapping[str, str] = field(default_factory=dict)  # lines of `drive.wire`, such as a lack that is accepted
+    written: Mapping[int, tuple[int, ...]] = field(
+        default_factory=dict
+    )  # objects that must hold one of these at the end
+    served: frozenset[str] | None = None  # what a service must do where it differs: a fault is reset there
+    bare: bool = False  # power without a monitor that stops is accepted by name in `wire`
+    name: str = ""  # of a second row with the same variant
+
+    @property
+    def title(self) -> str:
+        """For a test's id."""
+        return self.name or self.variant
+
+
+def _row(variant: str, allowed: frozenset[str], *says: str, **more: object) -> Row:
+    return Row(variant, allowed, says, **more)  # type: ignore[arg-type]
+
+
+def _accepted(variant: str, lack: str, **more: object) -> Row:
+    """It moves because the stage file accepts the lack by name."""
+    return _row(variant, MOVES, wire={"accept": f"[{lack}]"}, name=f"{variant}-accepted", **more)
+
+
+_STOPPING = {0x600700: (1, 2, 3)}
+
+ROWS = [
+    _row("plain", MOVES, written=_STOPPING),
+    _row("fixed-map", MOVES),
+    _row("fixed-map-other-order", MOVES | REFUSES, "0x1600", r"wire\.rpdo"),
+    _row("fixed-map-other-order", MOVES, name="fixed-map-other-order-named", wire={"rpdo": "[0x6071_00, 0x6040_00]"}),
+    _row("fixed-map-more", MOVES | REFUSES, "0x1600", r"wire\.rpdo"),
+    _row("fixed-map-unfit", REFUSES, "0x1600", "0x6071"),
+    _row("fixed-map-no-position", REFUSES, "0x1A00", "0x6064"),
+    _row("fixed-cob-id", MOVES),
+    _row("fixed-right-values", MOVES),
+    _row("slow-boot", MOVES),
+    _row("slow-reset", MOVES),
+    _row("late-boot-up", MOVES),
+    _row("late-boot-up-communication", MOVES),
+    _row("reboot-in-setup", MOVES | REFUSES, "boot"),
+    _row("reboot-in-setup-after-reset", MOVES | REFUSES, "boot"),
+    _row("fault-at-start", REFUSES, "0x4210", "fault reset|reset the fault|fault, reset", served=MOVES),
+    _row("fault-reset-hold", REFUSES, "0x4210", "fault reset|reset the fault|fault, reset", served=MOVES),
+    _row("fault-stays", REFUSES, "0x4210"),
+    _row("mode-display-enabled", MOVES),
+    _row("mode-display-never", REFUSES, "0x6061"),
+    _row("near-wrap", MOVES | REFUSES, "travel|home", served=MOVES),
+    _row("motor-reversed", STOPS | REFUSES, "sign|polarity|reversed"),
+    _row("polarity", MOVES | REFUSES, "0x607E|polarity"),
+    _row("polarity-fixed", REFUSES | STOPS, "0x607E|polarity|sign"),
+    _row("clamp-silent", STOPS | REFUSES, "current"),
+    _row("clamp-told", STOPS | REFUSES, "bit 11|internal limit"),
+    _row("limit-in-drive", MOVES | REFUSES, "0x6072|0x6073"),
+    _row("remote-lost", STOPS, "bit 9|remote"),
+    _row("follow-lost", STOPS, "bit 12|does not follow"),
+    _row("mode-lost", STOPS, "0x6061|mode of operation|bit 12"),
+    _row("tpdo-late", MOVES | REFUSES | STOPS, "period|age|old|late"),
+    _row("tpdo-frozen", STOPS, "freeze|frozen|froze|same|stands still|stuck|no new count|does not change"),
+    _row("tpdo-silent", STOPS, "TPDO|answer|feedback", never=_ALWAYS_NEVER),  # here a cable may be the cause
+    _row("guarding-only", MOVES),
+    _row("heartbeat-only", MOVES),
+    _row("rpdo-timer-only", MOVES),
+    _row("unsupervised", REFUSES, "0x1016", "0x1400"),
+    _row("supervision-forgets", REFUSES, "0x1016|0x1400"),
+    _row("abort-connection-0", MOVES, written=_STOPPING),
+    _row("abort-connection-0-fixed", REFUSES, "0x6007"),
+    _row("abort-connection-absent", REFUSES, "0x6007"),
+    _row("other-vendor", REFUSES, "0x1018|vendor|identity"),
+    _row("other-product", REFUSES, "0x1018|product|identity"),
+    _row("other-encoder", REFUSES, "0x608F"),
+    _row("other-rated-current", REFUSES, "0x6075"),
+    _row("reboot-in-motion", STOPS, "boot"),
+    _row("emergency", STOPS, "0x4210"),
+    _row("emergency-fault", STOPS, "0x2310"),
+    _row("disabled-in-motion", STOPS, "switch on disabled|STO\\b|Operation enabled"),
+    _row("vertical", MOVES),
+    _row("extra-pdos", MOVES),
+    _row("needs-interpolation", MOVES | REFUSES, "0x60C2"),
+    _row("refuses-interpolation", MOVES),
+    _row("no-torque-mode", REFUSES, "0x6502|0x6060|mode"),
+    _row("no-synchronous-tpdo", REFUSES, "0x1800"),
+    _row("no-synchronous-rpdo", MOVES | REFUSES, "0x1400"),
+    _row("drops-sdo", MOVES),
+    _row("slow-sdo", MOVES),
+    _row("two-nodes", MOVES),
+    _accepted("unsupervised", "no_supervision", bare=True),
+    _accepted("abort-connection-0-fixed", "no_reaction", bare=True),
+    _accepted("abort-connection-absent", "no_reaction", bare=True),
+    _accepted("other-encoder", "encoder_resolution"),
+]
+LACKS = [
+    _row(f"without:{key:06X}", REFUSES if key == 0x600700 else MOVES, *(["0x6007"] if key == 0x600700 else []))
+    for key in OPTIONAL
+]
+EVERY = {row.title: row for row in (*ROWS, *LACKS)}
