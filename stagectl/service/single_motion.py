@@ -171,7 +171,7 @@ def closed_after(*descriptors: int) -> Iterator[None]:
 
 @contextlib.contextmanager
 def started(part: str, descriptors: tuple[int, ...]) -> Iterator[Child]:
-    """A part of a motion as a process, the ``loop`` or the ``recorder``; at the end it has stopped the axis and is gone."""
+    """A part of a motion as a process, the ``loop`` or the ``recorder``; at the end the axis stands and it is gone."""
     module = {"loop": "stagectl.realtime.axes", "recorder": "stagectl.recording.recorder"}[part]
     child = start(module, descriptors, "interpreted")  # no numba in their memory
     try:
