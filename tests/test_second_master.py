@@ -1,4 +1,4 @@
-"""A second `run` or `serve` at random moments of the first one's motion: the first loses nothing, the second refuses."""
+"""A second `run` or `serve` at random moments of the first one's motion: the first loses nothing, the second goes."""
 
 from __future__ import annotations
 

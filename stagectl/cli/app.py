@@ -1,7 +1,7 @@
 """The verbs and what they share: error messages, exit codes, ``--json``.
 
 Exit codes: 0 done; 1 a negative result (a fault, a limit reached in motion, a check that failed); 2 not started
-(wrong arguments, a motion beyond a limit) or impossible.
+(wrong arguments, a motion beyond a limit) or impossible; 130 interrupted.
 Each verb imports what it needs itself, and only the module of the verb that was called is loaded: `stagectl status` is
 quick, and a process that needs no compiler has none in its memory.
 """
