@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from stagectl.cli import drive_accept, drive_dump
-from stagectl.cli.drive_dump import Beside
+from stagectl.cli.drive_dump import Anyway
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
@@ -39,7 +39,7 @@ def probe(
         str | None, typer.Option(metavar="CURRENT", help="Rated current, e.g. '4 A', if the drive does not report it.")
     ] = None,
     write: Annotated[bool, typer.Option("--write", help="Put the proposal into the stage file.")] = False,
-    beside: Beside = False,
+    anyway: Anyway = False,
     json: Json = None,
 ) -> None:
     """Read identity, state, modes, rated current and option codes of a drive; changes nothing.
@@ -55,7 +55,7 @@ def probe(
     from stagectl.workflows.motion import line_of, on_channel
 
     setup = on_channel(load_stage(stage, designed=False), channel)
-    with line_of(setup, console.print, beside) as (wire, line):
+    with line_of(setup, console.print, anyway) as (wire, line):
         answers = ask(wire, line, _chosen(preset), _current(rated), limits=axis_limits(setup.file))
     _show(answers)
     changed = [str(change) for change in _written(stage, answers.values)] if write and answers.values else []

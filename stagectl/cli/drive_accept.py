@@ -56,7 +56,7 @@ def accept(
 
     setup = on_channel(load_stage(stage, designed=False), channel)
     if yes and not virtual(setup):
-        raise StageError("--yes is for a virtual drive only: beside a real one a person must let each step happen")
+        raise StageError("--yes is for a virtual drive only: with a real one a person must let each step happen")
     secret = None if key is None else read_key(key)
     result = perform(setup, Signatory(person, _yes if yes else _typed), console.print, _amperes(current))
     signature = signed(result, secret)

@@ -265,8 +265,8 @@ def drive_present(setup: Setup, say: Say) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def line_of(setup: Setup, say: Say, beside: bool = False) -> Iterator[tuple[Canopen, Bus]]:
-    """The wire of the stage's drive and a bus that is open to it; `beside`: although another master controls it.
+def line_of(setup: Setup, say: Say, anyway: bool = False) -> Iterator[tuple[Canopen, Bus]]:
+    """The wire of the stage's drive and a bus that is open to it; `anyway`: although another master controls it.
 
     Raises DriveError where the stage has no CANopen drive, the bus is not there, or another master is on it.
     """
@@ -274,7 +274,7 @@ def line_of(setup: Setup, say: Say, beside: bool = False) -> Iterator[tuple[Cano
     with drive_present(setup, say):
         line = open_bus(wire.interface, wire.channel, wire.bitrate)
         try:
-            with contextlib.nullcontext() if beside else alone(wire, line, setup.file.name):
+            with contextlib.nullcontext() if anyway else alone(wire, line, setup.file.name):
                 yield wire, line
         finally:
             line.close()

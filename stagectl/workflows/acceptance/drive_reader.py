@@ -1,4 +1,4 @@
-"""The drive beside its loop: what it reports over SDO while nobody, or a stopped process, controls it."""
+"""The drive without its loop: what it reports over SDO while nobody, or a stopped process, controls it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The signed page: a person reads the HTML, a program the JSON beside it."""
+"""The signed page: a person reads the HTML, a program the JSON next to it."""
 
 from __future__ import annotations
 

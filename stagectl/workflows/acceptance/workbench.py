@@ -107,7 +107,7 @@ class Workbench:
         return length(self.table(way), self.setup.file.axis.travel_unit)
 
     def reading(self) -> contextlib.AbstractContextManager[DriveReader]:
-        """The drive, beside a loop or without one."""
+        """The drive, with or without a loop on the bus."""
         return reading(self.wire, self.step)
 
     @contextlib.contextmanager
