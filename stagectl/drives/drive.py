@@ -190,6 +190,11 @@ class Canopen(NamedTuple):
     start_up: Annotated[tuple[StartUp, ...], "further objects that are written at each set-up"] = ()
 
 
+def accepted(wire: Canopen) -> list[str]:
+    """What the drive lacks for safety and the stage file accepts, each with its consequence; said at every start."""
+    return [f"accepted by the stage file: {name}: {ACCEPTED[name]}" for name in wire.accept]
+
+
 class Odrive(NamedTuple):
     """An ODrive in torque mode over its ASCII protocol, on a serial line or USB."""
 

@@ -24,7 +24,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stagectl.drives.drive import Canopen, Fault
+from stagectl.drives.drive import Canopen, Fault, accepted
 from stagectl.evaluation import DWELL
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State, why_not
@@ -136,6 +136,9 @@ class Service:
             raise ServiceError("the real-time process did not start; see the messages above")
         self.refused = json.loads(line)["refused"]
         for axis in self.axes.values():
+            wire = axis.setup.file.drive.wire
+            for line in accepted(wire) if isinstance(wire, Canopen) else ():
+                self.say(f"{axis.name}: {line}")
             if axis.state is State.OFFLINE:
                 self.say(f"{axis.name}: {axis.board.words}")
 

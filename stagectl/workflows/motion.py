@@ -18,7 +18,7 @@ from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.bus.other_masters import alone
-from stagectl.drives.drive import Canopen, DriveError, Fault
+from stagectl.drives.drive import Canopen, DriveError, Fault, accepted
 from stagectl.evaluation import evaluate
 from stagectl.kernels.law import Setpoint
 from stagectl.plan import plan
@@ -199,8 +199,7 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
 
     Raises DriveError where the drive cannot be reached or enabled.
     """
-    if isinstance(motion.setup.file.drive.wire, Canopen):
-        canopen(motion.setup)
+    _check_wire(motion.setup, say)
     sweep(motion.recording.parent)
     for path in sorted(motion.recording.parent.glob("*.h5")):
         with contextlib.suppress(RecordingError, OSError):  # no recording of ours: none of our business
@@ -221,6 +220,15 @@ def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:
     result = evaluate(recording.samples, recording.meta)
     counts = {"cycles": ended.cycles, "late_cycles": ended.late, "lost_rows": recording.lost_rows, "fault": fault}
     return {**result, **counts, "recording": str(motion.recording), "simulated": False}
+
+
+def _check_wire(setup: Setup, say: Say) -> None:
+    """Check what a CANopen drive needs, and say what the stage file accepts that it lacks.  Raises DriveError."""
+    wire = setup.file.drive.wire
+    if isinstance(wire, Canopen):
+        canopen(setup)
+        for line in accepted(wire):
+            say(line)
 
 
 def _lacks(ended: Ended, recording: Recording) -> str:

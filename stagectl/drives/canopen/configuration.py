@@ -9,19 +9,39 @@ from __future__ import annotations
 
 from typing import cast
 
+from stagectl.drives.bus.frames import Bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.boot_up import BootUp
 from stagectl.drives.canopen.identity import identify
-from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile
+from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
 from stagectl.drives.canopen.object_access import ObjectAccess, SetupInterruptedError
 from stagectl.drives.canopen.object_rules import Wishes, obey
-from stagectl.drives.canopen.pdo import PdoMap, needed_answer, needed_command, wished_rpdo, wished_tpdo
+from stagectl.drives.canopen.pdo import (
+    CommandPdo,
+    FeedbackPdo,
+    PdoMap,
+    needed_answer,
+    needed_command,
+    wished_rpdo,
+    wished_tpdo,
+)
 from stagectl.drives.canopen.pdo_setup import RPDO, TPDO, PdoSetup
 from stagectl.drives.canopen.protection import NOT_OFFERED, Protection, Supervision, milliseconds
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
 from stagectl.drives.limits import MODE_TIME, ROUNDED, SETUPS
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
+
+
+def configured(
+    settings: Canopen, bus: Bus, encoder_step: float, dt: float, clock: Clock, limits: AxisLimits
+) -> DriveConfiguration:
+    """The finished set-up of the drive on `bus`.  Raises DriveError."""
+    node = PumpedNode(settings.node, load_eds(settings.eds, settings.node))
+    PumpedNetwork(bus, clock)[settings.node] = node
+    setup = DriveConfiguration(settings, node, encoder_step, clock, dt=dt, limits=limits)
+    setup.run()
+    return setup
 
 
 class DriveConfiguration:
@@ -47,8 +67,16 @@ class DriveConfiguration:
         """
         self._settings, self._node, self._step, self._dt = settings, node, encoder_step, dt
         self._limits, self._clock = limits, clock
+        od = node.object_dictionary
+        self._wishes = wished_rpdo(settings, od), wished_tpdo(settings, od)  # refused before the drive is asked
         self.objects = ObjectAccess(settings, node)
         self.description: dict[str, str] = {}
+
+    @property
+    def pdos(self) -> tuple[CommandPdo, FeedbackPdo]:
+        """Both PDOs of the cycle, compiled from what was read back."""
+        s, od = self._settings, self._node.object_dictionary
+        return CommandPdo(s, od, self.rpdo), FeedbackPdo(s, od, self.tpdo)
 
     def run(self) -> None:
         """Configure the drive and start its PDOs.  Raises DriveError."""
@@ -82,8 +110,7 @@ class DriveConfiguration:
                     ) from error
 
     def _configure(self) -> None:
-        network, objects, od = cast(PumpedNetwork, self._node.network), self.objects, self._node.object_dictionary
-        s = self._settings
+        network, objects, s = cast(PumpedNetwork, self._node.network), self.objects, self._settings
         kind, boot = BootUp(objects, network, self._clock).run()
         check_profile(kind, s.node)
         servo = "servo drive" if kind & cia402.SERVO_DRIVE else "not marked as servo drive"
@@ -92,8 +119,8 @@ class DriveConfiguration:
         identify(objects, self.description)
         self._check_rated_current()
         self._check_mode()
-        self.rpdo = PdoSetup(objects, RPDO).run(wished_rpdo(s, od), needed_command(s), milliseconds(s.rpdo_timeout))
-        self.tpdo = PdoSetup(objects, TPDO).run(wished_tpdo(s, od), needed_answer(s))
+        self.rpdo = PdoSetup(objects, RPDO).run(self._wishes[0], needed_command(s), milliseconds(s.rpdo_timeout))
+        self.tpdo = PdoSetup(objects, TPDO).run(self._wishes[1], needed_answer(s))
         self._describe_maps()
         self._set_ramp()
         self.protection = Supervision(objects, self.description, self._limits).run(self.rpdo)

@@ -26,10 +26,8 @@ from stagectl.drives.canopen.braking_monitor import (
     SpeedEstimate,
 )
 from stagectl.drives.canopen.cia402 import DriveState
-from stagectl.drives.canopen.configuration import DriveConfiguration
+from stagectl.drives.canopen.configuration import configured
 from stagectl.drives.canopen.fault_texts import MUTE, Emergency, explained, not_enabled
-from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
-from stagectl.drives.canopen.pdo import CommandPdo, FeedbackPdo, wished_rpdo, wished_tpdo
 from stagectl.drives.canopen.power_states import PowerTransition, Standstill
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Fault, Feedback, Power
@@ -66,11 +64,6 @@ class CanopenDrive:
         self._settings, self._bus, self._step, self._dt = settings, bus, encoder_step, dt
         self._clock, self._pace = clock, SpeedEstimate(dt)
         self._now = time.monotonic if clock is WALL else clock.now  # without a call of ours in between
-        od = load_eds(settings.eds, settings.node)
-        wished_rpdo(settings, od), wished_tpdo(settings, od)  # what cannot work is refused before the drive is asked
-        self._network = PumpedNetwork(bus, clock)
-        self._node = PumpedNode(settings.node, od)
-        self._network[settings.node] = self._node
         self._walk = PowerTransition(Power.OFF, self._standstill())
         self._beat = -math.inf  # s, monotonic, when our next heartbeat is due: by time, as cycles may be late
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
@@ -85,11 +78,9 @@ class CanopenDrive:
         self._silent = False  # no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = DriveConfiguration(settings, self._node, encoder_step, clock, dt=dt, limits=limits)
-        setup.run()
+        setup = configured(settings, bus, encoder_step, dt, clock, limits)
         self._description, self._protection = setup.description, setup.protection
-        self._command = CommandPdo(settings, od, setup.rpdo)  # as the drive has them, not as they were wished
-        self._answer = FeedbackPdo(settings, od, setup.tpdo)
+        self._command, self._answer = setup.pdos  # as the drive has them, not as they were wished
         self._alive, self._alive_period = setup.protection.alive, setup.protection.period
 
     def enable(self) -> Feedback:
