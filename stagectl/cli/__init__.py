@@ -1,5 +1,15 @@
 """The command line: one module a group of verbs, each thin: read, call, show."""
 
-from stagectl.cli.app import main
+from __future__ import annotations
 
-__all__ = ["main"]
+INTERRUPTED = 130  # exit code after Ctrl-C: 128 and the number of SIGINT
+
+
+def main() -> None:
+    """Entry of the command; Ctrl-C ends it quietly, while its modules are being loaded, too."""
+    try:
+        from stagectl.cli.app import main as run
+
+        run()
+    except KeyboardInterrupt:
+        raise SystemExit(INTERRUPTED) from None

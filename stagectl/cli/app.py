@@ -1,7 +1,7 @@
 """The verbs and what they share: error messages, exit codes, ``--json``.
 
 Exit codes: 0 done; 1 a negative result (a fault, a limit reached in motion, a check that failed); 2 not started
-(wrong arguments, a motion beyond a limit) or impossible.
+(wrong arguments, a motion beyond a limit) or impossible; 130 interrupted.
 Each verb imports what it needs itself, and only the module of the verb that was called is loaded: `stagectl status` is
 quick, and a process that needs no compiler has none in its memory.
 """
@@ -20,9 +20,9 @@ import typer
 from typer.core import TyperGroup
 
 from stagectl.api.arguments import ArgumentError
+from stagectl.cli import INTERRUPTED
 from stagectl.units import StageError
 
-_INTERRUPTED = 130  # typer's exit code for Ctrl-C
 # Modules of `stagectl.cli`, in the order of the help, with the verbs and groups that each holds.
 VERBS = {
     "motion": ("run", "simulate", "virtual-drive", "demo"),
@@ -123,10 +123,10 @@ def main() -> None:
     except OSError as error:  # a result that cannot be written, a disk that is full
         _fail(f"{error.filename or 'the system'}: {error.strerror or error}")
     except KeyboardInterrupt:
-        _fail("interrupted")
+        _fail("interrupted", INTERRUPTED)
     except SystemExit as ended:
-        if ended.code == _INTERRUPTED:  # typer has taken the interrupt
-            _fail("interrupted: unwritten results are lost, nothing else has changed")
+        if ended.code == INTERRUPTED:  # typer has taken the interrupt
+            _fail("interrupted: unwritten results are lost, nothing else has changed", INTERRUPTED)
         raise
 
 
@@ -146,10 +146,10 @@ def _next(error: StageError) -> str:
     return f"\ncorrect it, then: stagectl config check {shlex.quote(str(file))}"
 
 
-def _fail(words: str) -> NoReturn:
+def _fail(words: str, code: int = 2) -> NoReturn:
     from rich.console import Console
     from rich.text import Text
 
     # Text, not markup: brackets and colons of a file must appear unchanged.
     Console(stderr=True, soft_wrap=True).print(Text.assemble(("error:", "bold red"), f" {words}"), highlight=False)
-    sys.exit(2)
+    sys.exit(code)

@@ -1,4 +1,4 @@
-"""Commands about one drive: probe, presets."""
+"""Commands about one drive: probe, presets, dump, accept, verify."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli import drive_dump
+from stagectl.cli import drive_accept, drive_dump
+from stagectl.cli.drive_dump import Anyway
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 from stagectl.units import StageError
 
-drive = typer.Typer(help="Read a drive and propose lines for the stage file.", no_args_is_help=True)
+drive = typer.Typer(
+    help="Read a drive, propose lines for the stage file, accept it before its first motion.", no_args_is_help=True
+)
 drive.command("dump")(drive_dump.dump)
+drive.command("accept")(drive_accept.accept)
+drive.command("verify")(drive_accept.verify)
 
 
 @drive.command()
@@ -29,6 +34,7 @@ def probe(
         str | None, typer.Option(metavar="CURRENT", help="Rated current, e.g. '4 A', if the drive does not report it.")
     ] = None,
     write: Annotated[bool, typer.Option("--write", help="Put the proposal into the stage file.")] = False,
+    anyway: Anyway = False,
     json: Json = None,
 ) -> None:
     """Read identity, state, modes, rated current and option codes of a drive; changes nothing.
@@ -44,7 +50,7 @@ def probe(
     from stagectl.workflows.motion import line_of, on_channel
 
     setup = on_channel(load_stage(stage, designed=False), channel)
-    with line_of(setup, console.print) as (wire, line):
+    with line_of(setup, console.print, anyway) as (wire, line):
         answers = ask(wire, line, _chosen(preset), _current(rated), limits=axis_limits(setup.file))
     _show(answers)
     changed = [str(change) for change in _written(stage, answers.values)] if write and answers.values else []

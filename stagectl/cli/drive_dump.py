@@ -11,6 +11,10 @@ from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, progress
 
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Read although another master controls the bus; it may disturb that one.")
+]
+
 
 def dump(
     stage: StageArgument,
@@ -22,6 +26,7 @@ def dump(
         bool, typer.Option("--changed", help="Only values that differ from the factory settings.")
     ] = False,
     channel: Channel = None,
+    anyway: Anyway = False,
     json: Json = None,
 ) -> None:
     """Read all objects of the drive that its EDS lists; changes nothing.
@@ -35,7 +40,7 @@ def dump(
     from stagectl.workflows.motion import line_of, on_channel
 
     setup = on_channel(load_stage(stage, designed=False), channel)
-    with line_of(setup, console.print) as (wire, line), progress(f"node {wire.node}", 1) as update:
+    with line_of(setup, console.print, anyway) as (wire, line), progress(f"node {wire.node}", 1) as update:
         objects = read(wire, line, update)
     for entry in objects:
         if not changed or entry.changed:

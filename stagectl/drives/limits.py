@@ -80,6 +80,15 @@ PORT_QUEUE = 256  # frames; chosen; that wait for a port of a shared bus which n
 BABBLE_FRAMES = 4  # frames; chosen; of another node before each of the drive's (fault bus-flooded)
 PLUGIN_WAIT = 3600.0  # s; chosen; means "for ever": python-can calls again by itself
 
+# One master a bus (bus/other_masters.py, bus/channel_lock.py)
+# A master that moves something sends SYNC or RPDOs.  The slowest cycle that a machine is controlled with is about 50 ms
+# (20 Hz); six of them, and three periods of our own heartbeat (100 ms), fit into this time.
+LISTENING_TIME = 0.3  # s; see above; silence of other masters before we send anything
+LISTENING_FRAMES = 20_000  # frames; chosen; twice what 1 Mbit/s carries meanwhile: a flooded bus ends the listening
+LOCK_PATIENCE, LOCK_PAUSE = 0.1, 0.005  # s; chosen; a lock that a killed process or a mere look still has is soon free
+LOCK_NAME = 100  # characters; chosen; longest name of a channel in the name of its lock file
+LOCK_TEXT = 4096  # bytes; chosen; most that is read of what the holder of a lock says of itself
+
 # ODrive
 STATE_CYCLES = 8  # cycles; chosen; distance of two requests for the state, which a feedback line has no room for
 LARGEST_TORQUE = 9999.0  # N m; widest number of the command `c`; a larger one is sent as zero

@@ -125,6 +125,7 @@ class Loop:
         for axis in self.axes:
             axis.leave()
             axis.ring.close()
+        self._opening.close()
 
     def _axis(self, p: Orders) -> Axis:
         ring = Ring(p.ring, self._post.width, self._post.capacity)
@@ -254,6 +255,7 @@ def _stops() -> list[int]:
     stopped: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopped.append(number))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT,))  # which who started us has blocked
     scheduling.follow_parent()
     return stopped
 

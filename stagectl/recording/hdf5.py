@@ -79,6 +79,9 @@ class Writer:
     def __init__(self, path: Path, meta: dict[str, Any], columns: tuple[str, ...]) -> None:
         self.path = path
         self._dtype = np.dtype([(name, "<f8") for name in columns])
+        if path.exists() and not path.is_file():  # a device or a pipe would be replaced by a file
+            reason = f"{path} is no ordinary file and is left as it is: choose another file with -o"
+            raise RecordingError(reason, file=path, kind=ProblemKind.FILE)
         if path.is_file() and path.stat().st_size and not _ours(path):
             reason = f"{path} is not a recording and is left as it is: choose another file with -o"
             raise RecordingError(reason, path, ProblemKind.CONFLICT)

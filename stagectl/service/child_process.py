@@ -6,6 +6,7 @@ import contextlib
 import os
 import pickle
 import select
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -86,14 +87,25 @@ class Companion(NamedTuple):
 
 def start(module: str, descriptors: tuple[int, ...], kernels: str) -> Child:
     """Start ``python -m module`` with these open descriptors and this kind of kernels (see `kernels.jit`)."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", module],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        pass_fds=descriptors,
-        env={**os.environ, "STAGECTL_KERNELS": kernels, PARENT: str(os.getpid())},
-    )
+    with _interrupts_held():
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", module],  # nothing is imported from the folder that we were started in
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            pass_fds=descriptors,
+            env={**os.environ, "STAGECTL_KERNELS": kernels, PARENT: str(os.getpid())},
+        )
     return Child(process)
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """A child starts with SIGINT blocked: Ctrl-C while it still imports would end it with a traceback."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager

@@ -15,7 +15,10 @@ from typing import NamedTuple
 
 from stagectl.config.stage_file import Setup
 from stagectl.config.time_outs import axis_limits
+from stagectl.drives.bus.channel_lock import OtherMasterError
+from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
+from stagectl.drives.bus.other_masters import alone
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, load_eds
 from stagectl.drives.canopen.object_access import ObjectAccess
@@ -193,26 +196,31 @@ def _drive(setup: Setup, wire: Canopen, served: bool) -> Iterator[Check]:
         yield Check("drive", True, "not checked: a service uses the bus; see `stagectl status`")
         return
     try:
-        if not virtual_drive.answers(wire):
-            yield Check(
-                "drive",
-                False,
-                f"node {wire.node} does not answer",
-                "switch the drive on; check node id, bit rate and termination",
-            )
-            return
         joined = open_bus(wire.interface, wire.channel, wire.bitrate)
     except DriveError as error:
         yield Check("drive", False, str(error), "see the line above")
         return
     try:
-        node = PumpedNode(wire.node, load_eds(wire.eds, wire.node))
-        PumpedNetwork(joined)[wire.node] = node
-        access = ObjectAccess(wire, node)
-        yield from _options(access)
-        yield _protection(setup, wire, access)
+        with alone(wire, joined, setup.file.name):
+            yield from _read(setup, wire, joined)
+    except OtherMasterError as error:
+        yield Check("drive", True, f"not checked: {error}")
+    except DriveError as error:
+        yield Check("drive", False, str(error), "see the line above")
     finally:
         joined.close()
+
+
+def _read(setup: Setup, wire: Canopen, joined: Bus) -> Iterator[Check]:
+    if not virtual_drive.answers(wire):
+        fix = "switch the drive on; check node id, bit rate and termination"
+        yield Check("drive", False, f"node {wire.node} does not answer", fix)
+        return
+    node = PumpedNode(wire.node, load_eds(wire.eds, wire.node))
+    PumpedNetwork(joined)[wire.node] = node
+    access = ObjectAccess(wire, node)
+    yield from _options(access)
+    yield _protection(setup, wire, access)
 
 
 def _options(drive: ObjectAccess) -> Iterator[Check]:

@@ -107,7 +107,7 @@ class Service:
         """Start virtual drives where the embedded bus has none."""
         for axis in self.axes.values():
             wire = axis.setup.file.drive.wire
-            if isinstance(wire, Canopen) and wire.interface == "embedded" and not virtual_drive.answers(wire):
+            if isinstance(wire, Canopen) and virtual_drive.wanted(wire):
                 self.say(f"no drive answers on the embedded bus {wire.channel}: starting a virtual one")
                 drive = virtual_drive.start(axis.setup.path, wire.channel, axis.setup.file.simulation.seed)
                 self._ends.callback(drive.wait)

@@ -87,10 +87,10 @@ def move(motion: Motion, progress: Progress) -> Ended:
     shared = Shared(Ring.create(rollout.WIDTH), Board.create(len(motion.plan.setpoints)))
     alive, held = os.pipe()
     with (
-        _closed_after(shared.ring.descriptor, shared.board.descriptor, alive),
+        closed_after(shared.ring.descriptor, shared.board.descriptor, alive),
         running_companion(motion.companion, shared.ring, alive) as codes,
-        _started("recorder", (shared.ring.descriptor, alive)) as recorder,
-        _started("loop", (shared.ring.descriptor, shared.board.descriptor, held)) as loop,
+        started("recorder", (shared.ring.descriptor, alive)) as recorder,
+        started("loop", (shared.ring.descriptor, shared.board.descriptor, held)) as loop,
     ):
         os.close(held)
         ended = _watch(motion, _Processes(loop, recorder, alive), shared, progress)
@@ -101,7 +101,7 @@ def _watch(motion: Motion, processes: _Processes, shared: Shared, progress: Prog
     loop, recorder, alive = processes
     ring = shared.ring
     loop.send(posted(motion, shared))
-    ready = _event(loop, "ready")
+    ready = event_of(loop, "ready")
     meta = {**motion.meta, "drive": ready["drive"]}
     recorder.send(
         Order(ring.descriptor, ring.width, ring.capacity, alive, str(motion.recording), meta, rollout.COLUMNS)
@@ -130,7 +130,7 @@ def _follow(loop: Child, ring: Ring, total: int, progress: Progress) -> dict[str
     while True:
         try:
             if loop.readable(0.05):
-                ended = _event(loop, "ended")
+                ended = event_of(loop, "ended")
                 progress(ended["cycles"], total)
                 return ended
             progress(ring.written, total)
@@ -147,7 +147,7 @@ def posted(motion: Motion, shared: Shared) -> Post:
     return job._replace(reset=motion.reset_fault)
 
 
-def _event(process: Child, expected: str) -> dict[str, Any]:
+def event_of(process: Child, expected: str) -> dict[str, Any]:
     """The next event of the loop, which must be `expected`.
 
     Raises DriveError with the loop's reason otherwise.
@@ -162,7 +162,7 @@ def _event(process: Child, expected: str) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def _closed_after(*descriptors: int) -> Iterator[None]:
+def closed_after(*descriptors: int) -> Iterator[None]:
     """Close them when the processes have ended: a campaign is many motions."""
     try:
         yield
@@ -172,7 +172,8 @@ def _closed_after(*descriptors: int) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _started(part: str, descriptors: tuple[int, ...]) -> Iterator[Child]:
+def started(part: str, descriptors: tuple[int, ...]) -> Iterator[Child]:
+    """A part of a motion as a process, the ``loop`` or the ``recorder``; at the end the axis stands and it is gone."""
     module = {"loop": "stagectl.realtime.axes", "recorder": "stagectl.recording.recorder"}[part]
     child = start(module, descriptors, "interpreted")  # no numba in their memory
     try:

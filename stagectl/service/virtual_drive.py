@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stagectl.config.stage_file import Setup
+from stagectl.drives.bus.channel_lock import holder
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.clock import WALL, Clock
@@ -44,6 +45,11 @@ def answers(wire: Canopen, patience: float = 0.2) -> bool:
         bus.close()
 
 
+def wanted(wire: Canopen) -> bool:
+    """Whether a virtual drive must be started: the embedded bus has neither a master nor a drive with the wire's id."""
+    return wire.interface == "embedded" and holder(wire) is None and not answers(wire)
+
+
 def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
     """Start ``stagectl virtual-drive`` with noise of this `seed` and wait until it is on the bus.
 
@@ -51,7 +57,7 @@ def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
     Raises DriveError with what it printed where it is not.
     """
     options = ["--channel", channel, "--seed", str(seed), "--follow"]
-    command = [sys.executable, "-m", "stagectl", "virtual-drive", str(stage_file), *options]
+    command = [sys.executable, "-P", "-m", "stagectl", "virtual-drive", str(stage_file), *options]
     process = subprocess.Popen(  # a new session: Ctrl-C is for the controller, which stops the axis
         command,
         stdout=subprocess.PIPE,

@@ -23,7 +23,7 @@ async def exported(path: Path, to: str) -> FileResponse:
         return FileResponse(path, filename=path.name)
     descriptor, name = tempfile.mkstemp(suffix=f".{to}", prefix="stagectl-")
     os.close(descriptor)
-    command = [sys.executable, "-m", "stagectl", "export", str(path), "--to", to, "-o", name]
+    command = [sys.executable, "-P", "-m", "stagectl", "export", str(path), "--to", to, "-o", name]
     process = await asyncio.create_subprocess_exec(*command, stderr=asyncio.subprocess.PIPE)
     _, errors = await process.communicate()
     if process.returncode:

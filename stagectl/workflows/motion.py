@@ -17,6 +17,7 @@ from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
+from stagectl.drives.bus.other_masters import alone
 from stagectl.drives.drive import Canopen, DriveError, Fault, accepted
 from stagectl.evaluation import evaluate
 from stagectl.kernels.law import Setpoint
@@ -254,7 +255,7 @@ def drive_present(setup: Setup, say: Say) -> Iterator[None]:
     from stagectl.service import virtual_drive  # a node with its object dictionary, which a simulation need not load
 
     wire = setup.file.drive.wire
-    if not isinstance(wire, Canopen) or wire.interface != "embedded" or virtual_drive.answers(wire):
+    if not isinstance(wire, Canopen) or not virtual_drive.wanted(wire):
         yield
         return
     if setup.text:
@@ -272,15 +273,16 @@ def drive_present(setup: Setup, say: Say) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def line_of(setup: Setup, say: Say) -> Iterator[tuple[Canopen, Bus]]:
-    """The wire of the stage's drive and a bus that is open to it.
+def line_of(setup: Setup, say: Say, anyway: bool = False) -> Iterator[tuple[Canopen, Bus]]:
+    """The wire of the stage's drive and a bus that is open to it; `anyway`: although another master controls it.
 
-    Raises DriveError where the stage has no CANopen drive, or the bus is not there.
+    Raises DriveError where the stage has no CANopen drive, the bus is not there, or another master is on it.
     """
     wire = canopen(setup)
     with drive_present(setup, say):
         line = open_bus(wire.interface, wire.channel, wire.bitrate)
         try:
-            yield wire, line
+            with contextlib.nullcontext() if anyway else alone(wire, line, setup.file.name):
+                yield wire, line
         finally:
             line.close()

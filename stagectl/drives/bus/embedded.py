@@ -15,6 +15,7 @@ import errno
 import itertools
 import os
 import socket
+import stat
 import tempfile
 import time
 from pathlib import Path
@@ -100,8 +101,16 @@ class Embedded(SocketBus):
     def _remove(self, name: str, error: OSError) -> None:
         """Forget a peer that no longer listens; what a killed one left in the folder is cleared away."""
         self._peers.pop(name).close()
-        if isinstance(error, ConnectionRefusedError):
+        if isinstance(error, ConnectionRefusedError) and is_socket(self.folder / name):
             (self.folder / name).unlink(missing_ok=True)
+
+
+def is_socket(path: Path) -> bool:
+    """Whether this very entry is a socket: nothing else is ever removed."""
+    try:
+        return stat.S_ISSOCK(path.lstat().st_mode)
+    except OSError:
+        return False
 
 
 def folder_of(channel: str) -> Path:

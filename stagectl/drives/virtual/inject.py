@@ -19,7 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from stagectl.drives.bus.embedded import folder_of
+from stagectl.drives.bus.embedded import folder_of, is_socket
 from stagectl.drives.drive import DriveError
 from stagectl.drives.faults import BLOCKS
 from stagectl.drives.limits import INJECT_DATAGRAM, INJECT_TIME
@@ -38,7 +38,8 @@ class InjectionSocket:
         self._path = path
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        path.unlink(missing_ok=True)
+        if is_socket(path):  # a drive that was killed has left it
+            path.unlink(missing_ok=True)
         try:
             self._socket.bind(os.fspath(path))
         except OSError as error:
@@ -63,7 +64,8 @@ class InjectionSocket:
     def close(self) -> None:
         """Close the socket and remove its file."""
         self._socket.close()
-        self._path.unlink(missing_ok=True)
+        if is_socket(self._path):
+            self._path.unlink(missing_ok=True)
 
 
 def socket_path(interface: str, channel: str, node: int) -> Path:

@@ -1,0 +1,117 @@
+"""The commands `drive accept` and `drive verify`: the first power of a drive, and the page that it leaves."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.process import without_compiler
+from stagectl.cli.show import console, emit
+from stagectl.extras import require
+from stagectl.units import StageError
+
+if TYPE_CHECKING:
+    from stagectl.workflows.acceptance.protocol import Step
+
+Key = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", envvar="STAGECTL_ACCEPTANCE_KEY", help="Key of the signature (HMAC-SHA-256)."),
+]
+_WORD = "go"
+
+
+def accept(
+    stage: StageArgument,
+    person: Annotated[str, typer.Option(metavar="NAME", help="Who lets each step happen, and signs the page.")] = "",
+    current: Annotated[
+        str | None, typer.Option(metavar="CURRENT", help="Largest current of all tests, e.g. '1.2 A'.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="The page, .html and .json; default: by date.")
+    ] = None,
+    key: Key = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nobody; on a virtual drive only.")] = False,
+    channel: Channel = None,
+    json: Json = None,
+) -> None:
+    """Try a drive before its first real motion, step by step, and sign a page with the measured stop distances.
+
+    Exit 1 where a step failed or was skipped: then the axis is not accepted.
+
+    Example: stagectl drive accept config/ball-screw.yaml --yes --person "A. Turing" -o acceptance
+    """
+    without_compiler()
+    require("report", "the signed page")
+    from stagectl.config.stage_file import load_stage
+    from stagectl.workflows.acceptance.page import write_pages
+    from stagectl.workflows.acceptance.protocol import Signatory, virtual
+    from stagectl.workflows.acceptance.protocol import accept as perform
+    from stagectl.workflows.acceptance.result import read_key, signed
+    from stagectl.workflows.motion import on_channel
+
+    setup = on_channel(load_stage(stage, designed=False), channel)
+    if yes and not virtual(setup):
+        raise StageError("--yes is for a virtual drive only: with a real one a person must let each step happen")
+    secret = None if key is None else read_key(key)
+    result = perform(setup, Signatory(person, _yes if yes else _typed), console.print, _amperes(current))
+    signature = signed(result, secret)
+    path = output or Path(f"acceptance-{time.strftime('%Y%m%d-%H%M%S')}")
+    for file in write_pages(result, signature, path):
+        console.print(f"wrote {file}")
+    emit(signature, json)
+    if not result.accepted:
+        console.print("NOT ACCEPTED: do not run this axis")
+        raise typer.Exit(1)
+    console.print("accepted")
+
+
+def verify(
+    page: Annotated[Path, typer.Argument(metavar="PAGE.json", help="What `drive accept` wrote.")],
+    key: Key = None,
+    json: Json = None,
+) -> None:
+    """Check that an acceptance was not changed since it was signed, and says that the axis is accepted.
+
+    Example: stagectl drive verify acceptance.json
+    """
+    from stagectl.workflows.acceptance.result import read_key
+    from stagectl.workflows.acceptance.result import verify as check
+
+    content = check(page, None if key is None else read_key(key))
+    accepted = bool(content["accepted"])
+    state = "accepted" if accepted else "NOT ACCEPTED"
+    console.print(f"{content['stage']}: {state}, {content['person']}, {content['date']}; unchanged since")
+    emit(content, json)
+    if not accepted:
+        raise typer.Exit(1)
+
+
+def _yes(step: Step, words: str) -> bool:
+    console.print(f"{step.name}: {words}")
+    return True
+
+
+def _typed(step: Step, words: str) -> bool:
+    """Whether a person types the word; the end of the input, or any other word, is a no."""
+    console.print(f"\n{step.name}: {words}")
+    console.print(f"type {_WORD} and Enter to let it happen; anything else ends the acceptance")
+    return sys.stdin.readline().strip() == _WORD
+
+
+def _amperes(text: str | None) -> Any:
+    from stagectl.units import UnitError, parse
+
+    if text is None:
+        return None
+    try:
+        value = parse(text, "A")
+    except UnitError as error:
+        raise StageError(f"--current {text}: {error}") from error
+    if not 0.0 < value <= 1000.0:
+        raise StageError(f"--current {text}; must lie in (0, 1000] A")
+    return value

@@ -1,0 +1,145 @@
+"""Steps under power: polarity, current limit, and that the axis stands whatever becomes of its controller."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from stagectl.drives.drive import Fault
+from stagectl.kernels import rollout
+from stagectl.workflows.acceptance.limits import (
+    CLIP_FACTOR,
+    CLIP_TIME,
+    COUNTS,
+    DELIVERED,
+    OVERSHOOT,
+    POLARITY_COUNTS,
+    RAMP_TIME,
+)
+from stagectl.workflows.acceptance.stop_bounds import lost_controller_bound, quick_stop_bound
+from stagectl.workflows.acceptance.trial import Push, Seen, ramp, trying
+from stagectl.workflows.acceptance.workbench import Found, StepError, Workbench, passed
+
+_COMMANDED, _FLOWING = rollout.COLUMNS.index("current"), rollout.COLUMNS.index("measured_current")
+_LIMITS = (Fault.TRAVEL, Fault.BRAKING)
+
+
+def polarity(bench: Workbench) -> Found:
+    """Positive current moves towards positive positions, negative towards negative; the drive measures its sign."""
+    facts: dict[str, Any] = {}
+    for direction in (1, -1):
+        seen, moved = _nudged(bench, direction)
+        facts["positive" if direction > 0 else "negative"] = {"current": seen.current, "moved": bench.table(moved)}
+        if moved * direction < 0.0:
+            raise StepError(
+                f"{seen.current:+.3g} A moved the axis by {bench.words(moved)}: the polarity is reversed. Change it in"
+                " ONE place: the drive's polarity object, or two motor phases",
+                facts, bench.table(abs(moved)), bench.table(bench.narrow),
+            )  # fmt: skip
+        if seen.flowing * direction < 0.0:
+            raise StepError(
+                f"{seen.current:+.3g} A flows as {seen.flowing:+.3g} A by the drive's own measurement", facts
+            )
+        bench.moving_current = max(bench.moving_current, abs(seen.current))
+    return passed(f"the axis moves the right way both ways, from {bench.moving_current:.3g} A on", **facts)
+
+
+def current_limit(bench: Workbench) -> Found:
+    """More current than a limit is asked for: law and drive keep to the limit, and the drive gives it."""
+    limit, dt = bench.moving_current, bench.setup.dt
+    here = bench.ready()
+    held = np.full(max(2, round(CLIP_TIME / dt)), CLIP_FACTOR * limit)
+    push = Push(np.concatenate([ramp(CLIP_FACTOR * limit, CLIP_TIME, dt)[: round(CLIP_TIME / dt)], held, np.zeros(2)]),
+                limit, here - bench.window, here + bench.window)  # fmt: skip
+    with trying(bench.setup, push) as trial:
+        trial.until(lambda now: False, 2.0 * CLIP_TIME)
+        rows = trial.rows(len(push.currents))
+        ended = trial.end()
+    commanded, flowing = float(np.max(np.abs(rows[:, _COMMANDED]))), rows[:, _FLOWING]
+    if np.isnan(flowing).any():
+        raise StepError("the drive reports no measured current (drive.wire.current_object): its limit cannot be tried")
+    largest, usual = float(np.max(np.abs(flowing))), float(np.median(np.abs(flowing[len(flowing) // 2 : -2])))
+    facts = {"asked": CLIP_FACTOR * limit, "limit": limit, "commanded": commanded, "largest": largest, "usual": usual}
+    slack = COUNTS * bench.wire.current_scale
+    if commanded > limit or largest > OVERSHOOT * limit + slack or usual < DELIVERED * limit - slack:
+        raise StepError(
+            f"with a limit of {limit:.3g} A, {commanded:.3g} A were commanded, {largest:.3g} A flowed at most, and"
+            f" {usual:.3g} A usually; {ended.words}".rstrip("; "), facts
+        )  # fmt: skip
+    return passed(
+        f"{CLIP_FACTOR * limit:.3g} A asked for, limit {limit:.3g} A, at most {largest:.3g} A flowed", **facts
+    )
+
+
+def killed(bench: Workbench) -> Found:
+    """Kill -9 of the real-time process in motion: the drive stops the axis by itself."""
+    with bench.creeping(1, bench.window) as (trial, _):
+        seen = bench.at_speed(trial, 1)
+        trial.kill()
+        seen = trial.seen() or seen  # the last period that it lived
+        bound = _loss_bound(bench, seen)
+        stop = bench.stopped(seen, bench.protection.timeout, bound)
+    return bench.judged(stop.distance, bound, time=stop.time, speed=bench.table(seen.speed), state=stop.state.words)
+
+
+def silent(bench: Workbench) -> Found:
+    """The process stays and sends nothing (SIGSTOP): no SYNC, no command, no heartbeat."""
+    with bench.creeping(-1, bench.window) as (trial, _):
+        seen = bench.at_speed(trial, -1)
+        trial.freeze()
+        seen = trial.seen() or seen
+        bound = _loss_bound(bench, seen)
+        try:
+            stop = bench.stopped(seen, bench.protection.timeout, bound)
+        finally:
+            trial.kill()  # it must not wake up and go on
+    return bench.judged(stop.distance, bound, time=stop.time, speed=bench.table(seen.speed), state=stop.state.words)
+
+
+def quick_stop(bench: Workbench) -> Found:
+    """The stop that the loop asks of the drive."""
+    with bench.creeping(1, bench.window) as (trial, _):
+        seen = bench.at_speed(trial, 1)
+        ended = trial.stop()
+        last = trial.seen() or seen
+    bound = quick_stop_bound(bench.setup, last.speed, last.current)
+    if ended.fault is not Fault.NONE:
+        raise StepError(f"the quick stop ended as a fault: {ended.words}", {"fault": ended.fault.name})
+    return bench.judged(ended.stop_distance, bound, speed=bench.table(last.speed))
+
+
+def travel_limits(bench: Workbench) -> Found:
+    """The loop stops the axis at limits of the travel that are set next to it, at both ends."""
+    farthest, bound = 0.0, math.inf
+    facts: dict[str, Any] = {}
+    for direction in (1, -1):
+        with bench.creeping(direction, bench.narrow) as (trial, here):
+            trial.until(lambda now: False, RAMP_TIME)
+            last, ended = trial.seen(), trial.end()
+        if ended.fault not in _LIMITS or last is None:
+            raise StepError(f"the loop did not stop the axis at its limit: {ended.words or 'no fault'}", facts)
+        with bench.reading() as drive:
+            beyond = max(0.0, direction * (drive.position() - here) - bench.narrow)
+        farthest, bound = max(farthest, beyond), min(bound, quick_stop_bound(bench.setup, last.speed, last.current))
+        facts["high" if direction > 0 else "low"] = {"beyond": bench.table(beyond), "fault": ended.fault.name}
+    return bench.judged(farthest, bound, **facts)
+
+
+def _loss_bound(bench: Workbench, left: Seen) -> float:
+    """Bound (rad | m) of a stop without controller: never more than the room that a person keeps free."""
+    return min(lost_controller_bound(bench.setup, bench.protection, left.speed, left.current), bench.window)
+
+
+def _nudged(bench: Workbench, direction: int) -> tuple[Seen, float]:
+    """The axis as it begins to move, either way, and by how much (rad | m); it is stopped at once."""
+    least = POLARITY_COUNTS * bench.step
+    with bench.creeping(direction, max(bench.narrow, 4.0 * least)) as (trial, here):
+        seen = trial.until(lambda now: abs(now.position - here) >= least, RAMP_TIME)
+        if seen is None:
+            ended = trial.end()
+            reason = ended.words or f"{direction * bench.current:+.3g} A do not move the axis"
+            raise StepError(f"{reason}; is a brake closed, or the axis blocked? A larger --current may move it")
+        trial.stop()
+    return seen, seen.position - here
