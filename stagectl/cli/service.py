@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -181,11 +182,13 @@ def stop(
     socket: Socket = None,
     json: Json = None,
 ) -> None:
-    """Stop under control and hold; --quick: stop by the drive's ramp and switch power off.
+    """Stop under control and hold; --quick: stop by the drive's ramp and switch power off.  It needs no free service.
 
     Example: stagectl stop
     """
-    _do(socket, f"{'quick-stop' if quick else 'stop'}?axis={axis}", json)
+    from stagectl.web import client
+
+    _show(_answered(lambda: client.stop(socket or client.default_socket(), quick, axis)), json)
 
 
 def follow(
@@ -199,8 +202,11 @@ def follow(
 
     Example: stagectl follow config/trajectories/sine-1.6hz.yaml
     """
+    from stagectl.config.trajectory_file import tables_of
+
     text = trajectory.read_text(encoding="utf-8")
-    _do(socket, "trajectory", json, {"name": trajectory.stem, "yaml": text, "axis": axis, "wait": not no_wait})
+    body = {"name": trajectory.stem, "yaml": text, "tables": tables_of(trajectory, text)}
+    _do(socket, "trajectory", json, {**body, "axis": axis, "wait": not no_wait})
 
 
 def parameters(
@@ -258,10 +264,17 @@ def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] |
 
 def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
     """The answer of the service; exit code 1 for a refusal, 2 without an answer."""
-    from stagectl.web.client import RefusedError, ask, default_socket
+    from stagectl.web.client import ask, default_socket
+
+    return _answered(lambda: ask(socket or default_socket(), method, what, body))
+
+
+def _answered(asked: Callable[[], Any]) -> Any:
+    """What the service says; exit code 1 for a refusal."""
+    from stagectl.web.client import RefusedError
 
     try:
-        return ask(socket or default_socket(), method, what, body)
+        return asked()
     except RefusedError as error:
         console.print(f"refused: {error}", style="red")
         raise typer.Exit(1) from error
