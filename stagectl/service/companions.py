@@ -24,7 +24,7 @@ class Companions:
     def __init__(self, axes: dict[str, AxisController], paths: ServicePaths, note: Note) -> None:
         self._axes, self._paths, self._note = axes, paths, note
         self._boxes: dict[str, Child] = {}
-        self._lingering: list[Child] = []  # black boxes of an earlier real-time process, which wait for room
+        self._lingering: list[tuple[str, Child]] = []  # black boxes of an earlier real-time process, and their axes
         self._waiting: set[Child] = set()  # black boxes that have said so
         self._stop_path: Child | None = None
         self._live: Child | None = None
@@ -57,7 +57,7 @@ class Companions:
                 self._note(name, "blackbox_died", f"the black box ended ({box.ended}); a new one was started")
                 box.wait()  # closes its pipes
                 self._boxes[name] = self._box(name)
-        self._lingering = [box for box in self._lingering if not self._over(box)]
+        self._lingering = [(name, box) for name, box in self._lingering if not self._over(name, box)]
         if self._stop_path is not None and self._stop_path.ended is not None:
             self._note("", "stop_path_died", f"the stop path ended ({self._stop_path.ended}); a new one was started")
             self._stop_path.wait()
@@ -74,20 +74,21 @@ class Companions:
         for name, box in self._boxes.items():
             self._hear(name, box)
         going = [box for box in self._boxes.values() if box not in self._waiting]
-        self._lingering += [box for box in self._boxes.values() if box in self._waiting]
+        self._lingering += [(name, box) for name, box in self._boxes.items() if box in self._waiting]
         others = [child for child in (self._stop_path, self._live) if child is not None]
         self._boxes, self._stop_path, self._live = {}, None, None
         return [*((box, _WRITE) for box in going), *((child, _LEAVE) for child in others)]
 
     def last(self) -> list[tuple[Child, float]]:
         """The service ends: black boxes that still wait for room try once more."""
-        return [(box, _WRITE) for box in self._lingering]
+        return [(box, _WRITE) for _, box in self._lingering]
 
     def _box(self, name: str) -> Child:
         return processes.start_black_box(self._axes[name], self._paths.state, self._alive)
 
-    def _over(self, box: Child) -> bool:
-        self._hear("", box)
+    def _over(self, name: str, box: Child) -> bool:
+        """Whether a black box that waited for room has ended."""
+        self._hear(name, box)
         if box.ended is None:
             return False
         box.wait()
@@ -100,4 +101,4 @@ class Companions:
             if line.startswith("{"):
                 said = json.loads(line)
                 (self._waiting.add if said["waiting"] else self._waiting.discard)(box)
-                self._note(said["axis"] or name, said["fault"], said["words"])
+                self._note(name, said["fault"], said["words"])

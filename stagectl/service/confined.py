@@ -31,5 +31,10 @@ def confine(memory: int, processor: float = 0.0, largest_file: int = 0) -> None:
             _, most = resource.getrlimit(which)
             resource.setrlimit(which, (bound if most == resource.RLIM_INFINITY else min(bound, most), most))
     os.nice(_POLITE)
-    with contextlib.suppress(OSError):  # a kernel without it kills by size
-        Path("/proc/self/oom_score_adj").write_text(str(DISPENSABLE))
+    rank(os.getpid(), DISPENSABLE)
+
+
+def rank(process: int, score: int) -> None:
+    """How soon the kernel kills a process where memory runs out: 1000 first, -1000 never; below 0 as systemd allows."""
+    with contextlib.suppress(OSError):  # not allowed, or a kernel without it: it kills by size
+        Path(f"/proc/{process}/oom_score_adj").write_text(str(score))

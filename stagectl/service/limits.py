@@ -36,7 +36,9 @@ EXPORT_TIME = 120.0  # s that an export may take, and processor time of its proc
 EXPORT_MEMORY = 4 << 30  # bytes of address space of the process that exports
 EXPORT_FILE = 8 << 30  # bytes of an exported file
 FETCH_TIME = 600.0  # s in which a client must have fetched what was exported
-DISPENSABLE = 1000  # oom_score_adj of processes that work for clients: they are killed first
+
+# Who is killed where memory runs out (oom_score_adj): what works for clients first, the loop last.
+DISPENSABLE, SERVICE, LOOP = 1000, -500, -900  # the unit allows the last one: `OOMScoreAdjust=`
 
 # Black boxes (`black_box`).
 BOXES_KEPT = 4  # faults whose rows are kept in memory while the disk is full, 5 MB each at 2 kHz

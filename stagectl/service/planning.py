@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -42,7 +41,7 @@ class Motion(NamedTuple):
     """A motion that is laid out and goes, or has gone."""
 
     name: str
-    rows: bytes | mmap.mmap  # empty while it is on its way from the planning process
+    rows: bytes  # empty while it is on its way from the planning process
     length: int  # rows
     span: tuple[float, float]  # rad | m, lowest and highest position, from where it begins
     stops: Any  # friction operators at its end

@@ -1,7 +1,7 @@
 """Planning as a process of its own: ``python -m stagectl.service.planning_process DESCRIPTOR``.
 
 What a client wrote is read, and computed with, only here: however large or slow it is, the service can kill it.  The
-rows come back in memory that is shared, not copied.
+rows come back in shared memory.
 
 ::
 

@@ -10,7 +10,9 @@ from stagectl.service import job_from_stage
 from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.service.black_box import BlackBoxOrder
 from stagectl.service.child_process import Child, start
+from stagectl.service.confined import rank
 from stagectl.service.foxglove_live import Feed, Source
+from stagectl.service.limits import LOOP
 from stagectl.service.recordings import about
 from stagectl.service.stop_path import StopPost
 from stagectl.service.virtual_timeouts import patient
@@ -41,6 +43,7 @@ def start_stop_path(axes: list[AxisController], socket: int, alive: int) -> Chil
     """Start the stop path of these axes on its bound `socket` (descriptors)."""
     boards = tuple(axis.board.descriptor for axis in axes)
     child = start("stagectl.service.stop_path", (socket, alive, *boards), "interpreted")
+    rank(child.pid, LOOP)
     child.send(StopPost(socket, alive, tuple((axis.shown, axis.board.descriptor) for axis in axes)))
     return child
 

@@ -34,6 +34,8 @@ from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.axis_status import answers, axis_json
 from stagectl.service.child_process import start
 from stagectl.service.companions import Companions
+from stagectl.service.confined import rank
+from stagectl.service.limits import LOOP, SERVICE
 from stagectl.service.notify import notify
 from stagectl.service.planner import Planner
 from stagectl.service.recordings import Recordings
@@ -80,6 +82,7 @@ class Service:
             self.note("", "service_died", "the last service was killed; the real-time process stopped its axes")
         for name in self.recordings.tidy():
             self.say(f"the writing of the black box {name} was interrupted; its rows so far are kept")
+        rank(os.getpid(), SERVICE)
         self._stop_socket = self._ends.enter_context(serving(self.paths.stop, socket.SOCK_DGRAM))
         self._present_drives()
         self._spawn()
@@ -121,6 +124,7 @@ class Service:
         shared = [descriptor for axis in axes for descriptor in (axis.ring.descriptor, axis.board.descriptor)]
         self._loop = start("stagectl.realtime.axes", (*shared, held, self._lock), "interpreted")
         os.close(held)
+        rank(self._loop.pid, LOOP)
         self._loop.send(processes.post(axes, self.coupled))
         self._companions.spawn(self._alive, self._stop_socket.fileno())
 
