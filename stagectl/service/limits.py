@@ -3,6 +3,7 @@
 # The stop path (`stop_path`).
 TAKEN = 0.04  # s that it waits for the loop before it answers that a stop is not taken yet
 LOOK = 0.0005  # s between its looks at whether a stop is taken: a period at 2 kHz
+WAITING = 256  # clients that wait for that answer; each has a descriptor open
 BURST = 64  # requests that it reads before it looks at the loop again
 LONGEST_REQUEST = 4096  # bytes of a request
 LONGEST_ANSWER = 65536  # bytes of an answer: sixteen axes

@@ -41,6 +41,12 @@ class Planner:
         )
         theirs.close()
 
+    def look(self) -> None:
+        """Start the process again where it is gone: the next motion shall not wait for its imports."""
+        if not self._turn.locked() and (self._process is None or self._process.poll() is not None):
+            self.close()
+            self.start()
+
     def close(self) -> None:
         """End the process, whatever it does."""
         if self._process is not None:

@@ -195,6 +195,7 @@ class Service:
 
     def _revive(self) -> None:
         """Start again what died; a status request in between is answered, see `axis_status`."""
+        self.planner.look()
         if self._loop.ended is None:
             self._companions.look(self.refused)
         if self._restarting is not None and self._restarting.done():

@@ -1,7 +1,7 @@
-"""The other end of the stop path: one datagram asks, one answers.
+"""The other end of the stop path: one datagram asks, and carries the socket that the answer is to be written to.
 
-A datagram needs no connection, so nobody can take all of them.  The client's socket is connected: the kernel then drops
-what anybody but the stop path sends to it.
+A datagram needs no connection, so nobody can take all of them.  Each client brings the room for its answer: one that
+does not read it holds up nobody, and nobody else can answer in place of the stop path.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ class StopLink:
 
     def __init__(self, path: Path) -> None:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._mine, self._theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            self._socket.bind("")  # the kernel chooses a name to answer to
             self._socket.connect(os.fspath(path))
         except OSError:
-            self._socket.close()
+            self.close()
             raise
 
     def ask(self, what: str, axis: str, timeout: float) -> dict[str, Any]:
@@ -41,25 +41,27 @@ class StopLink:
 
         Raises TimeoutError after `timeout` (s), and OSError where there is nobody.
         """
-        self._socket.settimeout(timeout)
-        self._socket.send(_packed(what, axis))
-        answer: dict[str, Any] = json.loads(self._socket.recv(LONGEST_ANSWER))
+        for end in (self._socket, self._mine):
+            end.settimeout(timeout)
+        socket.send_fds(self._socket, [_packed(what, axis)], [self._theirs.fileno()])
+        answer: dict[str, Any] = json.loads(self._mine.recv(LONGEST_ANSWER))
         return answer
 
     def send(self, what: str, axis: str = "") -> None:
         """Ask, and do not wait; where its queue is full it has been asked often enough."""
         with contextlib.suppress(OSError):
-            self._socket.send(_packed(what, axis), socket.MSG_DONTWAIT)
+            socket.send_fds(self._socket, [_packed(what, axis)], [self._theirs.fileno()], socket.MSG_DONTWAIT)
 
     def heard(self) -> bool:
         """Whether there is an answer; it is taken."""
         with contextlib.suppress(OSError):
-            return bool(self._socket.recv(LONGEST_ANSWER, socket.MSG_DONTWAIT))
+            return bool(self._mine.recv(LONGEST_ANSWER, socket.MSG_DONTWAIT))
         return False
 
     def close(self) -> None:
-        """Give the socket back."""
-        self._socket.close()
+        """Give the sockets back."""
+        for end in (self._socket, self._mine, self._theirs):
+            end.close()
 
 
 class Probe:

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 from stagectl.realtime import scheduling
 from stagectl.realtime.shared_memory import CUT, HOLD, STOP_PATH, Board
 from stagectl.service.axis_status import Shown, answers, axis_json
-from stagectl.service.limits import BURST, LONGEST_REQUEST, LOOK, STOP_PRIORITY, TAKEN
+from stagectl.service.limits import BURST, LONGEST_REQUEST, LOOK, STOP_PRIORITY, TAKEN, WAITING
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP
 
 _KINDS = {STOP: HOLD, QUICK_STOP: CUT}
@@ -45,7 +45,7 @@ class StopPost(NamedTuple):
 class _Waiting(NamedTuple):
     """A client whose stop the loop has not taken yet."""
 
-    address: Any
+    answer: socket.socket | None  # None: it brought none, and hears nothing
     until: float  # s, monotonic clock
 
 
@@ -68,11 +68,12 @@ class StopPath:
         """Take what was asked, then answer whom the loop has heeded, or who has waited long enough."""
         with contextlib.suppress(OSError):
             for _ in range(BURST):
-                self._take(*self._socket.recvfrom(LONGEST_REQUEST))
+                request, descriptors, _, _ = socket.recv_fds(self._socket, LONGEST_REQUEST, 1)
+                self._take(request, _socket_of(descriptors))
         heeded, now = self._heeded(), time.monotonic()
         for client in self._waiting:
             if heeded or now > client.until:
-                self._say(client.address, self.status())
+                _say(client.answer, self.status())
         self._waiting = [] if heeded else [client for client in self._waiting if now <= client.until]
 
     def status(self) -> dict[str, Any]:
@@ -82,7 +83,7 @@ class StopPath:
         axes = [axis_json(shown, board, now, silent) for shown, board in self._axes]
         return {"axes": axes, "alive": not silent, "refused": self.refused, "heeded": self._heeded()}
 
-    def _take(self, request: bytes, address: Any) -> None:
+    def _take(self, request: bytes, answer: socket.socket | None) -> None:
         try:
             asked = json.loads(request)
             what, axis = asked["do"], asked["axis"]
@@ -92,19 +93,34 @@ class StopPath:
         if what in _KINDS and chosen:
             for board in chosen:
                 board.stop(STOP_PATH, _KINDS[what])
-            self._waiting.append(_Waiting(address, time.monotonic() + TAKEN))
+            self._waiting.append(_Waiting(answer, time.monotonic() + TAKEN))
+            while len(self._waiting) > WAITING:
+                _say(self._waiting.pop(0).answer, self.status())
         elif what == STATUS:
-            self._say(address, self.status())
+            _say(answer, self.status())
         else:
             names = ", ".join(shown.name for shown, _ in self._axes)
-            self._say(address, {"error": f"no axis {axis}; the axes are: {names}" if what in _KINDS else "no request"})
+            _say(answer, {"error": f"no axis {axis}; the axes are: {names}" if what in _KINDS else "no request"})
 
     def _heeded(self) -> bool:
         return all(board.heeded(STOP_PATH) for _, board in self._axes)
 
-    def _say(self, address: Any, answer: dict[str, Any]) -> None:
-        with contextlib.suppress(OSError):  # it has gone, or does not listen: the stop is given all the same
-            self._socket.sendto(json.dumps(answer).encode(), socket.MSG_DONTWAIT, address)
+
+def _socket_of(descriptors: list[int]) -> socket.socket | None:
+    """What a client brought for its answer, if it is a socket."""
+    for descriptor in descriptors:
+        try:
+            return socket.socket(fileno=descriptor)
+        except OSError:
+            os.close(descriptor)
+    return None
+
+
+def _say(client: socket.socket | None, answer: dict[str, Any]) -> None:
+    """Answer without waiting, whatever the client brought; a stop is given all the same."""
+    if client is not None:
+        with client, contextlib.suppress(OSError):
+            client.send(json.dumps(answer).encode(), socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
 
 
 def serve(post: StopPost) -> None:

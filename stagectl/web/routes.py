@@ -170,8 +170,11 @@ def _live(app: FastAPI, service: Service) -> None:
 
     @app.websocket("/v1/live")
     async def live(link: WebSocket) -> None:
-        await link.accept()
-        may = await _may(link)
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):  # it has gone
+            await link.accept()
+            await seen(link, await _may(link))
+
+    async def seen(link: WebSocket, may: Permission) -> None:
         if may is Permission.NOTHING:
             await link.close(_UNASKED[0], "the key is missing or wrong")
             return
