@@ -79,7 +79,7 @@ def posted(*parts: bytes, path: str = "/v1/move", length: int | None = None, slo
     """Status, and the body that came through."""
     seen: list[bytes] = []
     statuses: list[int] = []
-    waiting = [{"type": "http.request", "body": part, "more_body": part is not parts[-1]} for part in parts]
+    waiting = [{"type": "http.request", "body": part, "more_body": k + 1 < len(parts)} for k, part in enumerate(parts)]
 
     async def app(scope: Any, receive: Any, send: Any) -> None:
         seen.append((await receive())["body"])
