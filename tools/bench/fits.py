@@ -95,7 +95,9 @@ def _fitted(capture: Capture, setup: Setup, solve: Callable[[Misfit], Any]) -> F
 def output_error(capture: Capture, setup: Setup) -> Fit:
     """By scipy's trust region."""
     return _fitted(
-        capture, setup, lambda e: least_squares(e, e.start, x_scale=0.1, diff_step=1e-4, ftol=1e-6, xtol=1e-6).x
+        capture,
+        setup,
+        lambda e: least_squares(e, e.start, x_scale=0.1, diff_step=[1e-4] * len(e.start), ftol=1e-6, xtol=1e-6).x,
     )
 
 

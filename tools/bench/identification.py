@@ -16,6 +16,7 @@ import importlib.util
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from fits import Fit, cma_es, output_error, simultaneous
@@ -79,14 +80,16 @@ def against(folder: Path, rounds: int) -> tuple[list[Against], dict[str, str]]:
             f"sees, too; in turn, rounds: {rounds}, elapsed time; theirs starts a fifth off and knows the friction's "
             "form, ours does not"
         )
-        told, seconds = (
-            ("Identification", name, "time of a fit"),
-            ([one.seconds for one in each] for each in (ours, fits)),
-        )
-        lines.append(versus(told, tuple(seconds), ("s", 1.0), method))
-        errors = tuple([100.0 * abs(one.inertia / truth - 1.0) for one in each] for each in (ours, fits))
-        lines.append(versus((*told[:2], "error of the inertia"), errors, ("%", 1.0), method))
+        seconds = [fit.seconds for fit in ours], [fit.seconds for fit in fits]
+        lines.append(versus(("Identification", name, "time of a fit"), seconds, ("s", 1.0), method))
+        errors = _errors(ours, truth), _errors(fits, truth)
+        lines.append(versus(("Identification", name, "error of the inertia"), errors, ("%", 1.0), method))
     return lines, skipped
+
+
+def _errors(fits: Sequence[Fit], inertia: float) -> list[float]:
+    """Error of the inertia of each fit (%)."""
+    return [100.0 * abs(fit.inertia / inertia - 1.0) for fit in fits]
 
 
 def _memory_row(folder: Path) -> Row:

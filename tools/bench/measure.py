@@ -97,10 +97,10 @@ def times_faster(ours: Sequence[float], theirs: Sequence[float]) -> Spread:
 
 
 def versus(
-    told: tuple[str, str, str], values: tuple[Sequence[float], Sequence[float]], unit: tuple[str, float], method: str
+    label: tuple[str, str, str], values: tuple[Sequence[float], Sequence[float]], unit: tuple[str, float], method: str
 ) -> Against:
-    """Ours and theirs, round by round; `told` = (topic, peer, what), `unit` with what the values are multiplied by."""
-    topic, peer, what = told
+    """Ours and theirs, round by round; `label` = (topic, peer, what), `unit` with what the values are multiplied by."""
+    topic, peer, what = label
     ours, theirs = values
     name, factor = unit
     shown = scaled(ours, factor), scaled(theirs, factor)

@@ -107,11 +107,11 @@ def _run(channel: str, path: Path) -> Facts:
     board.order(laid_on(board, one.plan.setpoints))
     loop.stdin.write(b"go\n")
     loop.stdin.flush()
-    cpu, memory, recorder_memory = _watch(loop, recorder, ring)
+    cpu, loop_memory, recorder_memory = _watch(loop, recorder, ring)
     loop.communicate()
     recorder.communicate()
     os.close(alive)
-    return Facts(start, memory, cpu, recorder_memory, path.stat().st_size / ring.written)
+    return Facts(start, loop_memory, cpu, recorder_memory, path.stat().st_size / ring.written)
 
 
 def _watch(loop: subprocess.Popen[bytes], recorder: subprocess.Popen[bytes], ring: Ring) -> tuple[float, float, float]:

@@ -44,7 +44,7 @@ def scene(motion: str, nd: int = 1, without: frozenset[str] = frozenset()) -> Sc
     """Stage A under `motion`, with `nd` periods between command and action."""
     setup = load_stage(STAGE)
     setup = setup._replace(stage=setup.stage._replace(drive=setup.stage.drive._replace(delay_samples=nd)))
-    controller = design.design(setup.stage, setup.file.control, without)
+    controller = design.design(setup.stage, setup.file.control).without(without)
     laid_out = plan(setup, load_trajectory(trajectory(motion), axis_of(setup)), controller.feedforward)
     return Scene(setup, laid_out, controller)
 

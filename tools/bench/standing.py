@@ -74,9 +74,9 @@ def rows(rounds: int) -> tuple[list[Against], dict[str, str]]:
     for peer in ("canopen", "moteus", "mujoco"):
         if importlib.util.find_spec(peer):
             sizes = [installed("stagectl")], [installed(peer)]
-            told, unit = (_TOPIC, peer, "installation, with what it requires"), ("MB", 1e-6)
+            label, scale = (_TOPIC, peer, "installation, with what it requires"), ("MB", 1e-6)
             lines.append(
-                versus(told, sizes, unit, "all files of the distributions, without extras and compiled modules")
+                versus(label, sizes, scale, "all files of the distributions, without extras and compiled modules")
             )
     return lines, skipped
 
