@@ -9,12 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
+from stagectl.cli.addresses import foxglove_address, tcp_port
 from stagectl.cli.motion import Lines
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, message_event, stream
 from stagectl.extras import require
 from stagectl.service import shutdown_signals
-from stagectl.units import StageError
 
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
 Socket = Annotated[
@@ -88,32 +88,8 @@ def serve(
     for name, axis in axes.items():
         if restless := design.limit_cycle_warning(axis.setup.stage, axis.control):
             say(f"{name}: {restless}")
-    service = Service(axes, ServicePaths(place, folder, _foxglove(foxglove)), coupled, say)
-    run(service, _port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
-
-
-def _port(tcp: str | None, token: Path, writes: bool, virtual: bool) -> Any:
-    """The requested port; a virtual machine serves its page by default."""
-    from stagectl.web.server import Tcp
-
-    if tcp is None:
-        return Tcp("127.0.0.1", 8402, token, writes, virtual, any_port=True) if virtual else None
-    return Tcp(*_address("--tcp", tcp, 8402), token, writes, virtual)
-
-
-def _foxglove(text: str | None) -> tuple[str, int] | None:
-    """Host and port of Foxglove's server."""
-    if text is None:
-        return None
-    require("foxglove", "--foxglove")
-    return _address("--foxglove", text, 8765)
-
-
-def _address(option: str, text: str, usual: int) -> tuple[str, int]:
-    host, colon, port = text.rpartition(":")
-    if not colon or not port.isdigit() or not 0 < int(port) < 65536:
-        raise StageError(f"{option} {text}; must be HOST:PORT, such as 127.0.0.1:{usual}")
-    return host, int(port)
+    service = Service(axes, ServicePaths(place, folder, foxglove_address(foxglove)), coupled, say)
+    run(service, tcp_port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
 
 
 def page(socket: Socket = None, json: Json = None) -> None:
