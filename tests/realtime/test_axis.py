@@ -18,6 +18,7 @@ from stagectl.realtime.shared_memory import REFUSED, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State
 from stagectl.realtime.stops import STOPS, Category
 from stagectl.service.axis_controller import COLUMNS, AxisController
+from stagectl.service.planning import laid_out
 from stagectl.trajectories.motion import TrajectoryError
 from tests.conftest import varied
 
@@ -107,7 +108,7 @@ class Bench:
         self.until(State.STANDING)
         self.run(50)
         if state in (State.MOVING, State.STOPPING, State.QUICK_STOPPING, State.COASTING):
-            assert self.order(self.manned.start(self.manned.move(0.02, 0.05, None), 1))
+            assert self.order(self.manned.start(laid_out(self.manned.move(0.02, 0.05, None)), 1))
             self.run(250)  # at speed
         if state is State.HOMING:
             assert self.order(Order(Event.HOME))

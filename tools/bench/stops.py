@@ -45,6 +45,7 @@ def main() -> None:
         tempfile.TemporaryDirectory() as folder,
         served(Path(folder), "--tcp", f"127.0.0.1:{port}") as machine,
     ):
+        machine.ask("POST", "recordings", name="prey", before=0.0, seconds=2.0)  # something to export
         for group in groups:
             share = [place % len(groups) == groups.index(group) for place in range(count)].count(True)
             with attacked(machine.folder, port, *group):
