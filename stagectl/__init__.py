@@ -81,6 +81,8 @@
     [23] realtime/axes.py, axis.py      the loop of [6]
     [24] realtime/states.py             what each event leads to     stops.py  what each fault leads to
     [25] service/black_box.py           ten seconds before each fault and two after it
+         service/stop_path.py           `stagectl stop`: past all of it, straight to [22]
+         service/planning.py            a motion laid out, in a process that the service can kill
          web/                           the live page: reads the ring, never the loop
 
 **Signs.**  Positive current gives positive effort and moves towards positive positions.  The error is reference

@@ -67,7 +67,7 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, stops: 
     Raises LimitError with value, limit and the field to change; nothing has moved then.
     """
     parts = phases(experiment)
-    _check_duration(parts.duration, setup.dt)
+    check_duration(parts.duration, setup.dt)
     _within_limits(setup, parts.motion)
     seen = foresee(setup, parts.motion, parts.duration)
     _check_jumps(setup, seen)
@@ -135,10 +135,11 @@ def _excitation(parts: Phases) -> tuple[Span, ...]:
     return tuple(span._replace(start=span.start + parts.start, end=span.end + parts.start) for span in spans)
 
 
-def _check_duration(duration: float, dt: float) -> None:
-    longest = LONGEST * dt
+def check_duration(duration: float, dt: float, most: int = LONGEST) -> None:
+    """Refuse a motion of more than `most` periods.  Raises LimitError."""
+    longest = most * dt
     if duration > longest:
-        reason = f"must be at most {longest:g} s, {LONGEST} control periods"
+        reason = f"must be at most {longest:g} s, {most} control periods"
         problem = Problem(reason, ProblemKind.LIMIT, "duration", f"{duration:g} s", "s")
         raise LimitError(_unmoved(problem, "run fewer periods or cycles at a time"), duration, longest)
 

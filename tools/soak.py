@@ -97,6 +97,7 @@ class Soak:
         from stagectl.recording.recorder import Order
         from stagectl.service.axis_controller import COLUMNS, AxisController
         from stagectl.service.child_process import Child, start
+        from stagectl.service.planning import Upload, laid_out
 
         setup = load_stage(ROOT / "config" / "ball-screw.yaml")
         file = setup.file._replace(
@@ -120,7 +121,7 @@ class Soak:
             Order(axis.ring.descriptor, len(COLUMNS), axis.ring.capacity, alive, str(self.path), meta, COLUMNS)
         )
         assert self.recorder.line() == "ready" and self.loop.line()
-        self.motion = axis.trajectory("sine", SINE)
+        self.motion = laid_out(axis.task("sine", Upload(SINE, {})))
 
     def run(self, seconds: float) -> list[tuple[float, int]]:
         """Go to and fro for so long (s, the axis' own time); time and memory (KiB) of the process meanwhile."""

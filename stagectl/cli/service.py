@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from stagectl.cli.addresses import foxglove_address, tcp_port
 from stagectl.cli.motion import Lines
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, message_event, stream
 from stagectl.extras import require
 from stagectl.service import shutdown_signals
-from stagectl.units import StageError
 
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
 Socket = Annotated[
@@ -72,32 +73,8 @@ def serve(
     for name, axis in axes.items():
         if restless := design.limit_cycle_warning(axis.setup.stage, axis.control):
             say(f"{name}: {restless}")
-    service = Service(axes, ServicePaths(place, folder, _foxglove(foxglove)), coupled, say)
-    run(service, _port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
-
-
-def _port(tcp: str | None, token: Path, writes: bool, virtual: bool) -> Any:
-    """The requested port; a virtual machine serves its page by default."""
-    from stagectl.web.server import Tcp
-
-    if tcp is None:
-        return Tcp("127.0.0.1", 8402, token, writes, virtual, any_port=True) if virtual else None
-    return Tcp(*_address("--tcp", tcp, 8402), token, writes, virtual)
-
-
-def _foxglove(text: str | None) -> tuple[str, int] | None:
-    """Host and port of Foxglove's server."""
-    if text is None:
-        return None
-    require("foxglove", "--foxglove")
-    return _address("--foxglove", text, 8765)
-
-
-def _address(option: str, text: str, usual: int) -> tuple[str, int]:
-    host, colon, port = text.rpartition(":")
-    if not colon or not port.isdigit() or not 0 < int(port) < 65536:
-        raise StageError(f"{option} {text}; must be HOST:PORT, such as 127.0.0.1:{usual}")
-    return host, int(port)
+    service = Service(axes, ServicePaths(place, folder, foxglove_address(foxglove)), coupled, say)
+    run(service, tcp_port(tcp, token or folder / "token", tcp_may_move, virtual(axes)))
 
 
 def page(socket: Socket = None, json: Json = None) -> None:
@@ -166,11 +143,13 @@ def stop(
     socket: Socket = None,
     json: Json = None,
 ) -> None:
-    """Stop under control and hold; --quick: stop by the drive's ramp and switch power off.
+    """Stop under control and hold; --quick: stop by the drive's ramp and switch power off.  It needs no free service.
 
     Example: stagectl stop
     """
-    _do(socket, f"{'quick-stop' if quick else 'stop'}?axis={axis}", json)
+    from stagectl.web import client
+
+    _show(_answered(lambda: client.stop(socket or client.default_socket(), quick, axis)), json)
 
 
 def follow(
@@ -184,8 +163,11 @@ def follow(
 
     Example: stagectl follow config/trajectories/sine-1.6hz.yaml
     """
+    from stagectl.config.trajectory_file import tables_of
+
     text = trajectory.read_text(encoding="utf-8")
-    _do(socket, "trajectory", json, {"name": trajectory.stem, "yaml": text, "axis": axis, "wait": not no_wait})
+    body = {"name": trajectory.stem, "yaml": text, "tables": tables_of(trajectory, text)}
+    _do(socket, "trajectory", json, {**body, "axis": axis, "wait": not no_wait})
 
 
 def parameters(
@@ -243,10 +225,17 @@ def _do(socket: Path | None, what: str, json: str | None, body: dict[str, Any] |
 
 def ask_service(socket: Path | None, method: str, what: str, body: dict[str, Any] | None = None) -> Any:
     """The answer of the service; exit code 1 for a refusal, 2 without an answer."""
-    from stagectl.web.client import RefusedError, ask, default_socket
+    from stagectl.web.client import ask, default_socket
+
+    return _answered(lambda: ask(socket or default_socket(), method, what, body))
+
+
+def _answered(asked: Callable[[], Any]) -> Any:
+    """What the service says; exit code 1 for a refusal."""
+    from stagectl.web.client import RefusedError
 
     try:
-        return ask(socket or default_socket(), method, what, body)
+        return asked()
     except RefusedError as error:
         console.print(f"refused: {error}", style="red")
         raise typer.Exit(1) from error

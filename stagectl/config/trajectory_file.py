@@ -6,6 +6,7 @@ import contextlib
 import csv
 import math
 import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -42,15 +43,29 @@ def axis_of(setup: Setup) -> Axis:
     return Axis(lengths, setup.stage.encoder.step * axis.travel_per_unit)
 
 
-def load_trajectory(path: Path, axis: Axis, text: str | None = None) -> trajectories.Experiment:
+Tables = Mapping[str, str]  # text of the CSV files that a trajectory names
+
+
+class _Source(NamedTuple):
+    """Where a trajectory comes from."""
+
+    path: Path
+    axis: Axis
+    tables: Tables | None  # None: next to `path`.  Otherwise there are no others, and no file is read
+
+
+def load_trajectory(
+    path: Path, axis: Axis, text: str | None = None, tables: Tables | None = None
+) -> trajectories.Experiment:
     """Read a trajectory or experiment for this axis; positions come out in metres of travel (rad without a lead).
 
-    `text` is the file's content where that is in memory; `path` then only names it and its folder.
+    `text` is the file's content where that is in memory; `path` then only names it and its folder.  With `tables` no
+    file is read: what somebody else sent may name only what came with it.
     Raises ConfigError or TrajectoryError with the place and the reason.
     """
     entry = load(path, lambda reader, root: _read(reader, root), axis.lengths, text)
-    trajectory: trajectories.Experiment = _resolved(entry, path, axis)
     try:
+        trajectory: trajectories.Experiment = _resolved(entry, _Source(path, axis, tables), "")
         trajectories.check(trajectory)
     except trajectories.TrajectoryError as error:
         root = compose(path, text)
@@ -79,28 +94,61 @@ def _count(node: yaml.Node, depth: int) -> int:
     return total
 
 
-def _resolved(entry: Any, path: Path, axis: Axis) -> Any:
-    """The trajectory or experiment with its files read, also those of its parts."""
+def _resolved(entry: Any, source: _Source, place: str) -> Any:
+    """The trajectory or experiment with its files read; `place` is the key path of the entry, with a dot at its end."""
     if isinstance(entry, Csv):
-        return _recorded(path.parent / entry.file, entry, axis)
+        return _recorded(entry, source, place)
     if isinstance(entry, Sequence | Sum):
-        return entry._replace(parts=tuple(_resolved(part, path, axis) for part in entry.parts))
+        parts = tuple(_resolved(part, source, f"{place}parts[{k}].") for k, part in enumerate(entry.parts))
+        return entry._replace(parts=parts)
     if isinstance(entry, Excited | Released):
-        return entry._replace(motion=_resolved(entry.motion, path, axis))
+        return entry._replace(motion=_resolved(entry.motion, source, f"{place}motion."))
     return entry
 
 
-def _recorded(path: Path, entry: Csv, axis: Axis) -> trajectories.Recorded:
-    header, *rows = _table(path)
+def _recorded(entry: Csv, source: _Source, place: str) -> trajectories.Recorded:
+    path = source.path.parent / entry.file
+    header, *rows = _table(path, _table_text(entry, source, place))
     try:
         columns = trajectories.columns(header.cells)
     except trajectories.TrajectoryError as error:
         raise ConfigError(*(problem._replace(file=path, line=1) for problem in error.problems)) from error
-    scale = _scale(columns.unit, axis, path)
+    scale = _scale(columns.unit, source.axis, path)
     samples = [_sample(row, columns, path) for row in rows]
     run = _part(entry.part, [time for time, _ in samples], path)
     times, positions = [time for time, _ in samples[run]], [position * scale for _, position in samples[run]]
     return trajectories.Recorded(times, positions, entry.run_up, entry.run_out)
+
+
+def _table_text(entry: Csv, source: _Source, place: str) -> str:
+    """Text of the CSV file.  Raises TrajectoryError where it must have been sent along and was not."""
+    if source.tables is None:
+        return read_text(source.path.parent / entry.file, LARGEST_CSV)
+    if entry.file not in source.tables:
+        reason = "names a file; what is uploaded can only name tables that are uploaded with it"
+        remedy = "send the table's text under this name, as `stagectl follow` does"
+        key = f"{place}file"
+        raise trajectories.TrajectoryError(Problem(reason, ProblemKind.FILE, key, entry.file, remedy=remedy))
+    return source.tables[entry.file]
+
+
+def tables_of(path: Path, text: str) -> dict[str, str]:
+    """The CSV files that a trajectory file names, by these names: what must be sent along with it.
+
+    Raises ConfigError where the file is no YAML, or one of them cannot be read.
+    """
+    names = [entry.value for entry in _files(compose(path, text))]
+    return {name: read_text(path.parent / name, LARGEST_CSV) for name in names}
+
+
+def _files(node: yaml.Node) -> Iterator[yaml.ScalarNode]:
+    """The values of `file` in this block and all below."""
+    inner = node.value if isinstance(node, yaml.SequenceNode) else []
+    if isinstance(node, yaml.MappingNode):
+        inner = [value for _, value in node.value]
+        yield from (value for key, value in node.value if key.value == "file" and isinstance(value, yaml.ScalarNode))
+    for child in inner:
+        yield from _files(child)
 
 
 def _sample(row: Row, columns: trajectories.Columns, path: Path) -> tuple[float, float]:
@@ -131,9 +179,8 @@ class Row(NamedTuple):
     cells: list[str]
 
 
-def _table(path: Path) -> list[Row]:
+def _table(path: Path, text: str) -> list[Row]:
     """The header and all other rows."""
-    text = read_text(path, LARGEST_CSV)
     try:
         rows = [Row(line, cells) for line, cells in enumerate(csv.reader(text.splitlines()), 1) if cells]
     except csv.Error as error:

@@ -23,13 +23,14 @@ from stagectl.realtime import safety, scheduling
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.drive_opening import Opening
-from stagectl.realtime.shared_memory import Board, Order
+from stagectl.realtime.shared_memory import CUT, HOLD, Board, Order
 from stagectl.realtime.single_axis import SingleAxis
 from stagectl.realtime.states import Event, State
 from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 
 _IDLE = 0.02  # s between two looks where no drive is connected
+_STOP_EVENTS = {HOLD: Event.STOP, CUT: Event.QUICK_STOP}
 
 
 class Post(NamedTuple):
@@ -101,7 +102,7 @@ class Loop:
         if self._coupled:
             self._couple()
         for axis in self.axes:
-            if axis.board.waiting:
+            if axis.board.called:
                 self._interrupt()
                 break
 
@@ -163,11 +164,13 @@ class Loop:
         return self._connected
 
     def _obey(self) -> None:
-        """One order an axis; moves that begin together wait for each other, and begin all or not at all.
+        """The stops, then one order an axis; moves that begin together wait for each other, and begin all or none.
 
         A move waits, too, for the power that its axis is getting.  Nothing else waits for them: an order behind one
         that waits is its end.
         """
+        for axis in self.axes:
+            _stop(axis)
         pending = [(axis, order) for axis in self.axes if (order := axis.board.next_order()) is not None]
         together = [(axis, order) for axis, order in pending if _joint(order)]
         complete = bool(together) and len(together) >= together[0][1].numbers[-1]
@@ -191,6 +194,16 @@ class Loop:
 
     def _connect(self, p: Orders) -> Drive:
         return self._opening.drive(p)
+
+
+def _stop(axis: Axis) -> None:
+    """Take the stops that were asked for; no queue, no other axis and no state is in their way."""
+    kinds = axis.board.next_stops()
+    for kind in kinds:
+        axis.happen(_STOP_EVENTS[kind])
+    if kinds:
+        axis.show()  # before it is heeded: whoever asked sees the state that follows
+        axis.board.heed()
 
 
 def _joint(order: Order) -> bool:

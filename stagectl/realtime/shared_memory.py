@@ -2,7 +2,9 @@
 
 ::
 
-    service  -- order ---->  16 slots, each with its number; the loop looks at one count a period
+    service  -- order ---->  16 slots, each with its number; the loop looks at two counts a period
+    service,   -- stop ---->  counts of stops, which need no slot; they come first, and make all earlier orders void
+    stop path
              <-- verdict --  next to each order: taken or refused
              <-- status ---  one block, under a sequence count: at each change of state, and every 4 ms
              <-- words ----  why it stopped, as text, under a count of its own
@@ -26,11 +28,15 @@ from stagectl.units import StageError
 SLOTS, SLOT = 16, 1024  # orders, and bytes of each
 SILENCE = 0.1  # s; chosen; an ordinary machine may hold a process up so long
 AHEAD = 1 << 15  # rows of setpoints, 16 s at 2 kHz
-NUMBERS = (SLOT - 24) // 8
-_ORDER = struct.Struct("<QQ")
+_HEAD = 32  # bytes of a slot before the numbers: verdict and `_ORDER`
+NUMBERS = (SLOT - _HEAD) // 8
+_ORDER = struct.Struct("<QQQ")  # kind, count of its numbers, stops that there were when it was given
 _ROW = struct.Struct(f"<{len(law.Setpoint._fields)}d")
 _STATUS, _TEXT, _ORDERS, _ROWS = 64, 1024, 8192, 32768  # bytes from the start
 _WRITTEN, _FILLED, _SEQUENCE, _LENGTH = 0, 1, 2, _TEXT // 8  # places among the counts
+_STOPS, _HEEDED = 3, 4  # places of two words, each of four counts of 16 bits: stops asked for, and those taken
+INTERFACE, STOP_PATH = 0, 2  # who asks for a stop: each has counts of its own, so that no writer waits for the other
+HOLD, CUT = 0, 1  # its kind: brake and hold (category 2); brake, then power off (category 1)
 _LONGEST = _ORDERS - _TEXT - 16  # bytes of text
 PENDING, TAKEN, REFUSED = 0, 1, 2
 _LOOKS = 1000  # at a status that is being written: longer than that only a process that died over it writes
@@ -73,6 +79,7 @@ class Order(NamedTuple):
 
     kind: int
     numbers: tuple[float, ...] = ()
+    stops: int | None = None  # `Board.stops` when it was asked for; None: now.  A stop since then makes it void
 
 
 class Move(NamedTuple):
@@ -106,7 +113,10 @@ class Board:
         self.memory, self.ahead = mmap.mmap(descriptor, size), (size - _ROWS) // _ROW.size
         self._pack, self._unpack = _PACKED.pack_into, _ROW.unpack_from  # looked up once, not in every period
         self._counts = counts(self.memory, _ROWS)
+        self._stop_counts = memoryview(self.memory)[8 * _STOPS : 8 * _HEEDED].cast("H")
+        self._heeded_counts = memoryview(self.memory)[8 * _HEEDED : 8 * _HEEDED + 8].cast("H")
         self._looked = self.ordered  # the next order to be taken
+        self._stops = self._counts[_HEEDED]  # as the loop has seen them: one that came before its start still counts
         self._whole = Status()  # the last one that was read whole
 
     @classmethod
@@ -136,10 +146,26 @@ class Board:
             )
         start = _slot(number)
         self._counts[start // 8] = PENDING
-        _ORDER.pack_into(self.memory, start + 8, order.kind, len(order.numbers))
-        struct.pack_into(f"<{len(order.numbers)}d", self.memory, start + 24, *order.numbers)
+        stops = self.stops if order.stops is None else order.stops
+        _ORDER.pack_into(self.memory, start + 8, order.kind, len(order.numbers), stops)
+        struct.pack_into(f"<{len(order.numbers)}d", self.memory, start + _HEAD, *order.numbers)
         self._counts[_WRITTEN] = number + 1
         return number
+
+    @property
+    def stops(self) -> int:
+        """The stops asked for so far, as one word; another word means that there has been one."""
+        return self._counts[_STOPS]
+
+    def stop(self, writer: int, kind: int) -> None:
+        """Ask for a stop (HOLD or CUT): it is never refused, waits for nothing, and makes all earlier orders void."""
+        place = writer + kind
+        self._stop_counts[place] = (self._stop_counts[place] + 1) & 0xFFFF
+
+    def heeded(self, writer: int) -> bool:
+        """Whether the loop has taken all stops that this writer has asked for."""
+        both = slice(writer, writer + 2)
+        return self._stop_counts[both] == self._heeded_counts[both]
 
     def verdict(self, number: int) -> int:
         """What became of an order: PENDING, TAKEN or REFUSED."""
@@ -179,13 +205,32 @@ class Board:
 
     # the loop's side
 
+    @property
+    def called(self) -> bool:
+        """Whether there is an order or a stop to look at."""
+        return self._counts[_WRITTEN] != self._looked or self._counts[_STOPS] != self._stops
+
+    def next_stops(self) -> list[int]:
+        """The kinds of stop that are due, the gentlest first; they must be heeded."""
+        word = self._counts[_STOPS]
+        changed, self._stops = word ^ self._stops, word
+        return [kind for kind in (HOLD, CUT) if any(changed >> 16 * (writer + kind) & 0xFFFF for writer in (0, 2))]
+
+    def heed(self) -> None:
+        """The stops that were due are taken, and the status shows what follows from them."""
+        self._counts[_HEEDED] = self._stops
+
     def next_order(self) -> Order | None:
-        """The order that is due, if there is one; it must be answered."""
-        if self.ordered == self._looked:
-            return None
-        start = _slot(self._looked)
-        kind, count = _ORDER.unpack_from(self.memory, start + 8)
-        return Order(kind, struct.unpack_from(f"<{min(count, NUMBERS)}d", self.memory, start + 24))
+        """The order that is due, if there is one; it must be answered.  One from before a stop is refused here."""
+        while self.ordered != self._looked:
+            start = _slot(self._looked)
+            kind, count, stops = _ORDER.unpack_from(self.memory, start + 8)
+            if stops == self._stops:
+                return Order(kind, struct.unpack_from(f"<{min(count, NUMBERS)}d", self.memory, start + _HEAD))
+            if stops == self.stops:  # given after a stop that has come since the loop looked: that one is first
+                return None
+            self.answer(False)
+        return None
 
     @property
     def waiting(self) -> int:

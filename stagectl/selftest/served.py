@@ -19,7 +19,8 @@ from stagectl.realtime.states import STOPS_GOING_ON, Event, State
 from stagectl.selftest.case import AFTER, BEFORE, PATIENCE, TRIP, Case
 from stagectl.selftest.limits import Limit, coast, larger, limit, ramp, turned
 from stagectl.selftest.rig import Rig, RigLoop, in_virtual_time, usual
-from stagectl.service.axis_controller import AxisController, Motion
+from stagectl.service import planning
+from stagectl.service.axis_controller import AxisController
 
 _MIDST = 0.005  # s after which a connection is in the middle of its requests
 _MARGIN, _CONTROLLED = 1.5, 0.15  # on braking under control, and s of it beyond its ramp
@@ -55,7 +56,7 @@ class Service(NamedTuple):
     """What is laid out once for all cases."""
 
     controller: AxisController
-    motion: Motion
+    motion: planning.Motion
     orders: Orders
     searching: Orders  # for a home that does not come
 
@@ -63,7 +64,7 @@ class Service(NamedTuple):
 def laid_out(setup: Setup) -> Service:
     """The service's side of the stage, with the self-test's motion."""
     controller, pace, scale = AxisController("axis", setup), usual(setup), setup.file.axis.travel_per_unit
-    motion = controller.move(pace.distance * scale, pace.speed * scale, pace.acceleration * scale)
+    motion = planning.laid_out(controller.move(pace.distance * scale, pace.speed * scale, pace.acceleration * scale))
     job = in_virtual_time(controller.orders(), setup)
     return Service(controller, motion, job, job._replace(homing=Homing("limit", pace.speed, math.inf)))
 

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import math
 import os
-import tempfile
-from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
-
-import numpy as np
 
 from stagectl import design
 from stagectl.config.stage_file import Setup
-from stagectl.config.trajectory_file import axis_of, load_trajectory
-from stagectl.drives.drive import Fault
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.friction import relaxed
-from stagectl.plan import plan
 from stagectl.realtime.axis_data import LAW, Orders
 from stagectl.realtime.bumpless_transfer import flattened
 from stagectl.realtime.shared_memory import AHEAD, Board, Move, Order, Status
 from stagectl.realtime.states import Event, State
 from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
+from stagectl.service.axis_status import Shown
 from stagectl.service.job_from_stage import CALM, calm, orders
+from stagectl.service.planning import Motion, Task, Upload
 from stagectl.trajectories import Experiment, SCurve
 from stagectl.units import Quantity, StageError, UnitError, parse, quantity_of
 
@@ -36,15 +31,6 @@ COLUMNS = (*rollout.COLUMNS, "state")
 
 class ServiceError(StageError):
     """An order that the service cannot carry out: why, and what to do instead."""
-
-
-class Motion(NamedTuple):
-    """A motion that is laid out and goes, or has gone."""
-
-    name: str
-    rows: bytes
-    length: int  # rows
-    span: tuple[float, float]  # rad | m, lowest and highest position, from where it begins
 
 
 class Gains(NamedTuple):
@@ -131,41 +117,16 @@ class AxisController:
         """Its state now."""
         return State(int(self.status.state))
 
-    def status_json(self) -> dict[str, Any]:
-        """The axis now, as JSON values; lengths in the unit of travel."""
-        now = self.status
-        scale, unit = self.setup.file.axis.travel_per_unit, self.setup.file.axis.travel_unit
-        state, fault = State(int(now.state)), Fault(int(now.fault))
-        lengths = {
-            name: _finite(getattr(now, name) * scale)
-            for name in ("position", "speed", "reference", "error", "stop_distance")
-        }
-        return {
-            "axis": self.name,
-            "state": state.name.lower(),
-            "state_words": state.words if now.tick else self._silence,
-            "fault": fault.name.lower() if fault else "",
-            "words": self.board.words if fault or state is State.OFFLINE else "",
-            "unit": unit,
-            **lengths,
-            "current": _finite(now.current),
-            "statusword": int(now.statusword),
-            "homed": bool(now.homed),
-            "in_position": now.settled > 0.0,
-            "progress": now.row / now.rows if now.rows else None,
-            "cycles": int(now.cycles),
-            "late_cycles": int(now.late),
-            "faults": int(now.faults),
-            "stop_time": now.stop_time,
-        }
+    @property
+    def shown(self) -> Shown:
+        """What must be known to show its status."""
+        axis = self.setup.file.axis
+        return Shown(self.name, axis.travel_per_unit, axis.travel_unit, self._silence)
 
     # motions
 
-    def move(self, distance: float, speed: float | None, acceleration: float | None) -> Motion:
-        """Lay out a move by `distance` (m | rad of travel).
-
-        Raises TrajectoryError where a limit forbids it.
-        """
+    def move(self, distance: float, speed: float | None, acceleration: float | None) -> Task:
+        """The task to lay out a move by `distance` (m | rad of travel).  Raises ServiceError for one of 0."""
         scale = self.setup.file.axis.travel_per_unit
         if distance == 0.0:
             raise ServiceError(f"{self.name}: a move of 0; the distance must not be 0")
@@ -173,29 +134,13 @@ class AxisController:
             None if speed is None else speed / scale, None if acceleration is None else acceleration / scale
         )
         velocity, slope = (value * scale for value in pace)
-        return self._laid_out("move", SCurve(distance, velocity, slope, slope / _JERK_TIME, 0.0, 1, True))
+        return self.task("move", SCurve(distance, velocity, slope, slope / _JERK_TIME, 0.0, 1, True))
 
-    def trajectory(self, name: str, text: str) -> Motion:
-        """Lay out an uploaded trajectory file.
-
-        Raises ConfigError or TrajectoryError with all that is wrong with it.
-        """
-        with tempfile.TemporaryDirectory(prefix="stagectl-") as folder:
-            path = Path(folder) / "trajectory.yaml"
-            path.write_text(text, encoding="utf-8")
-            try:
-                read = load_trajectory(path, axis_of(self.setup))
-            except StageError as error:
-                raise ServiceError(str(error).replace(folder + "/", "")) from error
-        return self._laid_out(name, read)
-
-    def _laid_out(self, name: str, trajectory: Experiment) -> Motion:
-        stops = relaxed(self.controller.feedforward.friction) if self._stops is None else self._stops.copy()
-        planned = plan(self._from_here(), trajectory, self.controller.feedforward, stops)
-        self._next_stops = stops
-        rows = planned.setpoints
-        span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
-        return Motion(name, np.ascontiguousarray(rows).tobytes(), len(rows), span)
+    def task(self, name: str, trajectory: Experiment | Upload) -> Task:
+        """The task to lay out a motion from where the axis stands; see `planning`."""
+        feedforward = self.controller.feedforward
+        stops = relaxed(feedforward.friction) if self._stops is None else self._stops.copy()
+        return Task(name, self._from_here(), feedforward, stops, trajectory)
 
     def _from_here(self) -> Setup:
         """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands."""
@@ -208,7 +153,7 @@ class AxisController:
     def start(self, motion: Motion, together: int) -> Order:
         """Put the first rows on the board; the order that begins it, at once with those of `together` axes in all."""
         self.motion, self._put = motion, 0
-        self._stops = None  # until the motion has come to its end
+        self._stops, self._next_stops = None, motion.stops  # until the motion has come to its end
         first = self.board.filled
         self.fill()
         return Order(Event.MOVE, Move(float(first), float(motion.length), *motion.span, float(together)))
@@ -268,7 +213,3 @@ class AxisController:
     def adopt(self, gains: Gains) -> None:
         """Make `gains` the present ones: the real-time process has taken them."""
         self.control, self.controller = gains
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import pickle
 import select
@@ -17,14 +18,16 @@ from stagectl.recording.ring import Ring
 
 _PATIENCE = 180.0  # s for a companion to become ready: it may have to compile
 _LEAVE = 15.0  # s for it to end after the loop: it may be behind
+PYTHON = (sys.executable, "-P")  # a child: nothing is imported from the folder that the service was started in
 
 
 class Child:
     """One started process."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stdin is not None and process.stdout is not None
-        self._process, self._in, self._out = process, process.stdin, process.stdout
+        assert process.stdin is not None and isinstance(process.stdout, io.BufferedReader)
+        self._process, self._in = process, process.stdin
+        self._out = process.stdout.raw  # without a buffer: `readable` sees all that there is
 
     def send(self, order: object) -> None:
         """Hand over the order."""
@@ -40,7 +43,8 @@ class Child:
 
     def line(self) -> str:
         """Its next line; empty where it has ended."""
-        return self._out.readline().decode().strip()
+        line: bytes = self._out.readline()
+        return line.decode().strip()
 
     def readable(self, timeout: float) -> bool:
         """Whether it has written a line, or ended, within `timeout` (s)."""
@@ -89,7 +93,7 @@ def start(module: str, descriptors: tuple[int, ...], kernels: str) -> Child:
     """Start ``python -m module`` with these open descriptors and this kind of kernels (see `kernels.jit`)."""
     with _interrupts_held():
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", module],  # nothing is imported from the folder that we were started in
+            [*PYTHON, "-m", module],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=descriptors,

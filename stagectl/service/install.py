@@ -93,8 +93,14 @@ def _unit(installation: Installation) -> dict[str, str]:
         # A user namespace takes the real-time rights away: SCHED_FIFO needs the first one.
         "USERS": "no",
         "FAMILIES": " ".join(families),
-        "NETWORK": "" if installation.tcp else "any",
+        "NETWORK": _reachable(installation.tcp),
     }
+
+
+def _reachable(tcp: str) -> str:
+    """Whom the service may talk to over IP: nobody, this machine, or anybody, by the address that it listens on."""
+    host = tcp.rpartition(":")[0]
+    return "" if not tcp else "localhost" if host in ("127.0.0.1", "localhost", "[::1]") else "any"
 
 
 def _under_home(path: Path) -> bool:

@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import NamedTuple
 
-from stagectl.realtime.shared_memory import Order
+from stagectl.realtime.shared_memory import CUT, HOLD, INTERFACE, Board, Order
 from stagectl.realtime.states import Event, State, why_not
-from stagectl.service.axis_controller import AxisController, Motion, ServiceError
+from stagectl.service.axis_controller import AxisController, ServiceError
+from stagectl.service.limits import MOTIONS_WAITING
+from stagectl.service.planning import Task, Upload
 from stagectl.service.service import Service
 from stagectl.units import UnitError, parse
 
 _ENABLED, _STANDS, _CONNECTED = 6.0, 25.0, 16.0  # s that enabling, a stop and a connection may take
-Layout = Callable[[], Awaitable[Motion | None]]  # None: the axis is there already
+Layout = Callable[[], Task | None]  # None: the axis is there already
+
+
+class _Wanted(NamedTuple):
+    """A motion that was asked for, with the stops that there had been by then: another one ends it."""
+
+    axis: AxisController
+    layout: Layout
+    board: Board
+    stops: int
+
+
 _UNPOWERED = (State.DISABLED, State.FAULT, State.OFFLINE)
 
 
@@ -23,7 +37,7 @@ class OrderHandler:
     def __init__(self, service: Service) -> None:
         self.service = service
         self._begin = asyncio.Lock()  # one at a time lays its motion out from where the axes stand, and begins it
-        self._stops = 0
+        self._waiting = 0  # motions that wait for their turn
 
     async def enable(self, axes: list[AxisController]) -> None:
         """Switch power on; the axes then hold where they stand."""
@@ -33,21 +47,28 @@ class OrderHandler:
         for axis in axes:
             await self.service.order(axis, Order(Event.ENABLE))
         for axis in axes:
-            await self.service.until(axis, lambda state: state is not State.ENABLING, _ENABLED)
+            await self.service.until(partial(_no_longer, axis, State.ENABLING), _ENABLED)
             if axis.state is not State.STANDING:
                 raise ServiceError(f"{axis.name}: {axis.board.words or 'it did not get power'}")
 
     async def disable(self, axes: list[AxisController]) -> None:
         """Stop what moves, and switch power off."""
-        await self._stop(axes, Event.DISABLE, _UNPOWERED)
+        for axis in axes:
+            axis.board.stop(INTERFACE, HOLD)
+            axis.board.order(Order(Event.DISABLE))
+        await self._stopped(axes, _UNPOWERED)
 
     async def stop(self, axes: list[AxisController]) -> None:
         """Stop category 2: brake under control, then hold."""
-        await self._stop(axes, Event.STOP, (State.STANDING, *_UNPOWERED))
+        for axis in axes:
+            axis.board.stop(INTERFACE, HOLD)
+        await self._stopped(axes, (State.STANDING, *_UNPOWERED))
 
     async def quick_stop(self, axes: list[AxisController]) -> None:
         """Stop category 1: the drives brake on their own ramps, then power is cut."""
-        await self._stop(axes, Event.QUICK_STOP, _UNPOWERED)
+        for axis in axes:
+            axis.board.stop(INTERFACE, CUT)
+        await self._stopped(axes, _UNPOWERED)
 
     async def reset(self, axes: list[AxisController]) -> None:
         """Leave the fault: the drives are configured anew, and have no power yet."""
@@ -79,12 +100,12 @@ class OrderHandler:
             planned.append((axis, partial(self._planned, axis, (text, name in to), pace)))
         await self._run(planned, wait)
 
-    async def trajectory(self, name: str, text: tuple[str, str], wait: bool) -> None:
-        """Run a trajectory of this (name, YAML)."""
+    async def trajectory(self, name: str, called: str, upload: Upload, wait: bool) -> None:
+        """Run an uploaded trajectory, which is `called` so, on the axis of this name."""
         axes = self.service.chosen(name)
         if len(axes) != 1:
             raise ServiceError(f"the trajectory must name its axis; the axes are: {', '.join(self.service.axes)}")
-        await self._run([(axes[0], partial(asyncio.to_thread, axes[0].trajectory, *text))], wait)
+        await self._run([(axes[0], partial(axes[0].task, called, upload))], wait)
 
     async def change(self, name: str, values: dict[str, str]) -> None:
         """Other gains for an axis, or for all."""
@@ -95,26 +116,27 @@ class OrderHandler:
 
     async def _connect(self, axis: AxisController, event: Event) -> None:
         await self.service.order(axis, Order(event))
-        await self.service.until(axis, lambda state: state is not State.CONNECTING, _CONNECTED)
+        await self.service.until(partial(_no_longer, axis, State.CONNECTING), _CONNECTED)
         if axis.state is not State.DISABLED:
             raise ServiceError(f"{axis.name}: {axis.board.words}")
 
-    async def _stop(self, axes: list[AxisController], event: Event, ends: tuple[State, ...]) -> None:
-        """All at once; then wait for each."""
-        self._stops += 1
+    async def _stopped(self, axes: list[AxisController], ends: tuple[State, ...]) -> None:
+        """Wait until the loop has heeded it, and each axis is in one of these states."""
+
+        def over(axis: AxisController) -> bool:
+            return axis.board.heeded(INTERFACE) and axis.state in ends
+
         for axis in axes:
-            axis.board.order(Order(event))
-        for axis in axes:
-            if not await self.service.until(axis, lambda state: state in ends, _STANDS):
+            if not await self.service.until(partial(over, axis), _STANDS):
                 raise ServiceError(f"{axis.name}: did not stop; state {axis.state.name.lower()}: see `stagectl status`")
 
     def _ready(self, axis: AxisController) -> None:
         if axis.state is not State.STANDING:
             raise ServiceError(f"{axis.name}: {why_not(Event.MOVE, axis.state)}")
 
-    async def _planned(
+    def _planned(
         self, axis: AxisController, where: tuple[str, bool], pace: tuple[str | None, str | None]
-    ) -> Motion | None:
+    ) -> Task | None:
         """The move to a position, or by a distance; None where the axis is there already."""
         unit, scale = axis.setup.file.axis.travel_unit, axis.setup.file.axis.travel_per_unit
         text, absolute = where
@@ -125,32 +147,43 @@ class OrderHandler:
             return None
         speed = _value(pace[0], f"{unit}/s") if pace[0] else None
         acceleration = _value(pace[1], f"{unit}/s^2") if pace[1] else None
-        return await asyncio.to_thread(axis.move, distance, speed, acceleration)
+        return axis.move(distance, speed, acceleration)
 
     async def _run(self, planned: Sequence[tuple[AxisController, Layout]], wait: bool) -> None:
-        stops = self._stops  # at the request: a stop also ends a motion that still waits for its turn
-        async with self._begin:
-            motions = await self._begun(planned, stops)
+        if self._waiting >= MOTIONS_WAITING:
+            raise ServiceError(f"{MOTIONS_WAITING} motions wait for their turn already: wait for their end")
+        wanted = [_Wanted(axis, layout, axis.board, axis.board.stops) for axis, layout in planned]
+        self._waiting += 1
+        try:
+            async with self._begin:
+                motions = await self._begun(wanted)
+        finally:
+            self._waiting -= 1
         if wait:
-            good = await asyncio.gather(*(self.service.settle(axis) for axis, _ in motions))
-            for (axis, _), well in zip(motions, good, strict=True):
+            good = await asyncio.gather(*(self.service.settle(axis) for axis in motions))
+            for axis, well in zip(motions, good, strict=True):
                 if not well:
                     why = axis.board.words if axis.status.fault else "it was stopped, or did not settle in position"
                     raise ServiceError(f"{axis.name}: not in position: {why}")
 
-    async def _begun(
-        self, planned: Sequence[tuple[AxisController, Layout]], stops: int
-    ) -> list[tuple[AxisController, Motion]]:
-        """Lay all of them out, then begin them; none where a stop has been ordered since there were `stops`."""
-        for axis, _ in planned:
-            self._ready(axis)
-        laid_out = [(axis, await layout()) for axis, layout in planned]
-        if self._stops != stops:
+    async def _begun(self, wanted: Sequence[_Wanted]) -> list[AxisController]:
+        """Lay all of them out, then begin them; the loop refuses those that a stop has ended since they were wanted."""
+        for motion in wanted:
+            self._ready(motion.axis)
+        tasks = [(motion, task) for motion in wanted if (task := motion.layout()) is not None]
+        planned = [(motion, await self.service.planner.plan(task)) for motion, task in tasks]
+        if any((motion.board, motion.stops) != (motion.axis.board, motion.axis.board.stops) for motion in wanted):
             raise ServiceError("stopped before it began: the motion was still being laid out")
-        motions = [(axis, motion) for axis, motion in laid_out if motion is not None]
-        orders = [(axis, axis.start(motion, len(motions))) for axis, motion in motions]
+        orders = [
+            (motion.axis, motion.axis.start(laid_out, len(tasks))._replace(stops=motion.stops))
+            for motion, laid_out in planned
+        ]
         await asyncio.gather(*(self.service.order(axis, order) for axis, order in orders))
-        return motions
+        return [axis for axis, _ in orders]
+
+
+def _no_longer(axis: AxisController, state: State) -> bool:
+    return axis.state is not state
 
 
 def _value(text: str, unit: str) -> float:

@@ -10,8 +10,11 @@ from stagectl.service import job_from_stage
 from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.service.black_box import BlackBoxOrder
 from stagectl.service.child_process import Child, start
+from stagectl.service.confined import rank
 from stagectl.service.foxglove_live import Feed, Source
+from stagectl.service.limits import LOOP
 from stagectl.service.recordings import about
+from stagectl.service.stop_path import StopPost
 from stagectl.service.virtual_timeouts import patient
 
 _RAMP = 0.5  # s that a drive's own ramp may take
@@ -33,6 +36,15 @@ def start_black_box(axis: AxisController, state: Path, alive: int) -> Child:
     child.send(
         BlackBoxOrder(ring.descriptor, ring.width, ring.capacity, board, alive, folder, meta, COLUMNS, dt, faults)
     )
+    return child
+
+
+def start_stop_path(axes: list[AxisController], socket: int, alive: int) -> Child:
+    """Start the stop path of these axes on its bound `socket` (descriptors)."""
+    boards = tuple(axis.board.descriptor for axis in axes)
+    child = start("stagectl.service.stop_path", (socket, alive, *boards), "interpreted")
+    rank(child.pid, LOOP)
+    child.send(StopPost(socket, alive, tuple((axis.shown, axis.board.descriptor) for axis in axes)))
     return child
 
 

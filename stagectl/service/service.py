@@ -4,6 +4,7 @@
 
     HTTP (http.py) --> Service --- board: orders, setpoints ---> axes process ===== CAN ===== drives
                           ^   <--- board: status, words ----          |
+    stop_path.py ---------|------- board: stops, of their own --------+
                           |                                           | ring
                        watch(): every 20 ms                           v
                        setpoints ahead, faults into the list,      black box ---> *.h5 on each fault
@@ -19,10 +20,10 @@ import collections
 import contextlib
 import json
 import os
+import socket
 import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from stagectl.drives.drive import Canopen, Fault, accepted
 from stagectl.evaluation import DWELL
@@ -30,25 +31,25 @@ from stagectl.realtime.shared_memory import PENDING, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State, why_not
 from stagectl.service import processes, single_instance, virtual_drive
 from stagectl.service.axis_controller import AxisController, ServiceError
-from stagectl.service.child_process import Child, start
+from stagectl.service.axis_status import answers, axis_json
+from stagectl.service.child_process import start
+from stagectl.service.companions import Companions
+from stagectl.service.confined import rank
+from stagectl.service.limits import LOOP, SERVICE
 from stagectl.service.notify import notify
+from stagectl.service.planner import Planner
 from stagectl.service.recordings import Recordings
+from stagectl.service.service_paths import ServicePaths as ServicePaths
+from stagectl.service.stop_link import Probe
+from stagectl.service.unix_sockets import serving
 
 LOOK = 0.02  # s between two looks at the processes
 _ANSWER = 2.0  # s in which the loop takes an order; longer only while it configures a drive
-_LEAVE, _WRITE = 15.0, 10.0  # s that the real-time process, and a black box, may take to end
+_LEAVE = 15.0  # s that the real-time process may take to end
 _UP = 120.0  # s that a new real-time process may take to start: imports, and the drives' answers
 _SETTLE = 3.0  # s after a motion in which the axis must be in position
 _DEATHS, _DEATH_TIME = 5, 60.0  # more deaths of the real-time process within this time (s) end the service
 _KEPT = 200  # entries of the fault list
-
-
-class ServicePaths(NamedTuple):
-    """Files and addresses of a running service."""
-
-    socket: Path
-    state: Path  # folder: black boxes, and the mark of a service that runs
-    foxglove: tuple[str, int] | None = None  # host and port of its live view; None: no live view
 
 
 class Service:
@@ -65,6 +66,8 @@ class Service:
         self._restarting: asyncio.Task[None] | None = None
         self._ends = contextlib.ExitStack()  # undoes what has been begun, the last step first
         self.recordings = Recordings(paths.state)
+        self.planner = Planner()
+        self._companions = Companions(axes, paths, self.note)
 
     # begin and end
 
@@ -79,11 +82,17 @@ class Service:
             self.note("", "service_died", "the last service was killed; the real-time process stopped its axes")
         for name in self.recordings.tidy():
             self.say(f"the writing of the black box {name} was interrupted; its rows so far are kept")
+        rank(os.getpid(), SERVICE)
+        self._stop_socket = self._ends.enter_context(serving(self.paths.stop, socket.SOCK_DGRAM))
         self._present_drives()
         self._spawn()
         self._ends.callback(self._stop)
+        self.planner.start()
+        self._ends.callback(self.planner.close)
         await self._up()
-        if self._live is not None and (address := await asyncio.to_thread(self._live.line)):
+        self._probe = Probe(self.paths.stop)
+        self._ends.callback(self._probe.close)
+        if self.paths.foxglove and (address := await asyncio.to_thread(self._companions.address)):
             self.say(f"for Foxglove: {address}")
 
     def end(self) -> None:
@@ -95,13 +104,8 @@ class Service:
     def _stop(self) -> None:
         self._loop.terminate()
         self._loop.wait(_LEAVE)
-        for child, patience in self._companions():
+        for child, patience in [*self._companions.leaving(), *self.recordings.cut(), *self._companions.last()]:
             child.wait(patience)
-
-    def _companions(self) -> list[tuple[Child, float]]:
-        """All processes that end with the real-time process, and how long (s) each may take; recordings end here."""
-        live = [(self._live, _LEAVE)] if self._live else []
-        return [*((box, _WRITE) for box in self._boxes.values()), *self.recordings.cut(), *live]
 
     def _present_drives(self) -> None:
         """Start virtual drives where the embedded bus has none."""
@@ -114,15 +118,15 @@ class Service:
                 self._ends.callback(drive.terminate)
 
     def _spawn(self) -> None:
-        """Start the real-time process and the black boxes: from this thread, as they die with it."""
+        """Start the real-time process and its companions: from this thread, as they die with it."""
         self._alive, held = os.pipe()
         axes = list(self.axes.values())
         shared = [descriptor for axis in axes for descriptor in (axis.ring.descriptor, axis.board.descriptor)]
         self._loop = start("stagectl.realtime.axes", (*shared, held, self._lock), "interpreted")
         os.close(held)
+        rank(self._loop.pid, LOOP)
         self._loop.send(processes.post(axes, self.coupled))
-        self._boxes = {name: self._box(axis) for name, axis in self.axes.items()}
-        self._live = processes.start_foxglove(axes, self.paths.foxglove, self._alive) if self.paths.foxglove else None
+        self._companions.spawn(self._alive, self._stop_socket.fileno())
 
     async def _up(self) -> None:
         """Wait until the real-time process has looked for its drives.  Raises ServiceError where it does not start."""
@@ -135,15 +139,14 @@ class Service:
         if not line:
             raise ServiceError("the real-time process did not start; see the messages above")
         self.refused = json.loads(line)["refused"]
+        if not await asyncio.to_thread(self._companions.announce, self.refused):
+            raise ServiceError("the stop path did not start; see the messages above")
         for axis in self.axes.values():
             wire = axis.setup.file.drive.wire
             for line in accepted(wire) if isinstance(wire, Canopen) else ():
                 self.say(f"{axis.name}: {line}")
             if axis.state is State.OFFLINE:
                 self.say(f"{axis.name}: {axis.board.words}")
-
-    def _box(self, axis: AxisController) -> Child:
-        return processes.start_black_box(axis, self.paths.state, self._alive)
 
     # supervision
 
@@ -160,14 +163,22 @@ class Service:
                 self.note(
                     name, "recorder_died", "the recorder failed; see the messages above, then check the disk with `df`"
                 )
-            if (self.alive() or self._restarting) and time.monotonic() - triggered > 0.5:
+            self._probe.look()
+            well = self.alive() and self._probe.well
+            if (well or self._restarting) and time.monotonic() - triggered > 0.5:
                 triggered = time.monotonic()
                 notify("WATCHDOG=1", f"STATUS={self.words()}")
 
     def alive(self) -> bool:
         """Whether the real-time process makes progress: by its own sign of life, not by ours."""
         now = time.monotonic()
-        return all(now - status.tick < status.patience for status in (axis.status for axis in self.axes.values()))
+        return any(now - status.tick < status.patience for status in (axis.status for axis in self.axes.values()))
+
+    def status_json(self) -> list[dict[str, Any]]:
+        """All axes now, as JSON values."""
+        now = time.monotonic()
+        silent = not answers((axis.status for axis in self.axes.values()), now)
+        return [axis_json(axis.shown, axis.board, now, silent) for axis in self.axes.values()]
 
     def words(self) -> str:
         """The states of all axes in one line."""
@@ -186,16 +197,10 @@ class Service:
             axis.finished(False)
 
     def _revive(self) -> None:
-        """Start again what died; a status request in between is answered, see `AxisController.status_json`."""
-        for name, box in self._boxes.items():
-            if box.ended is not None and self._loop.ended is None:
-                self.note(name, "blackbox_died", f"the black box ended ({box.ended}); a new one was started")
-                box.wait()  # closes its pipes
-                self._boxes[name] = self._box(self.axes[name])
-        if self._live is not None and self._live.ended is not None and self._loop.ended is None:
-            self._live.wait()
-            self._live = None
-            self.note("", "foxglove_ended", "Foxglove's server ended; see the messages above, then restart the service")
+        """Start again what died; a status request in between is answered, see `axis_status`."""
+        self.planner.look()
+        if self._loop.ended is None:
+            self._companions.look(self.refused)
         if self._restarting is not None and self._restarting.done():
             self._restarting.result()
             self._restarting = None
@@ -216,7 +221,7 @@ class Service:
             axis.renew()
             axis.board.show(Status(state=State.CONNECTING))
             self._seen[axis.name] = 0
-        for child, patience in [(self._loop, _LEAVE), *self._companions()]:
+        for child, patience in [(self._loop, _LEAVE), *self._companions.leaving(), *self.recordings.cut()]:
             await asyncio.to_thread(child.wait, patience)
         await asyncio.sleep(max(map(processes.silence, self.axes.values())))
         os.close(self._alive)
@@ -250,14 +255,16 @@ class Service:
                 raise ServiceError(f"{axis.name}: the real-time process does not answer; see `stagectl status`")
             await asyncio.sleep(0.002)
         if verdict != TAKEN:
+            if order.stops is not None and order.stops != board.stops:
+                raise ServiceError(f"{axis.name}: stopped before it began")
             event = Event(order.kind)
             own = event is Event.MOVE and state is State.STANDING
             raise ServiceError(f"{axis.name}: {axis.board.words if own else why_not(event, state)}")
 
-    async def until(self, axis: AxisController, wanted: Callable[[State], bool], timeout: float) -> bool:
-        """Wait until its state is as `wanted`; False where that takes longer than `timeout` (s)."""
+    async def until(self, wanted: Callable[[], bool], timeout: float) -> bool:
+        """Wait until it is as `wanted`; False where that takes longer than `timeout` (s)."""
         end = time.monotonic() + timeout
-        while not wanted(axis.state):
+        while not wanted():
             if time.monotonic() > end:
                 return False
             await asyncio.sleep(0.005)

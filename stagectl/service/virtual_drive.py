@@ -6,7 +6,6 @@ import math
 import os
 import struct
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -23,6 +22,7 @@ from stagectl.drives.virtual.node import VirtualNode
 from stagectl.drives.virtual.odrive import Pty, VirtualOdrive
 from stagectl.number_format import length
 from stagectl.realtime.scheduling import PARENT, settle
+from stagectl.service.child_process import PYTHON
 
 VELOCITY_LOOP = 20.0  # Hz, of the virtual drive's own stops
 _READY = "virtual drive"
@@ -57,7 +57,7 @@ def start(stage_file: Path, channel: str, seed: int) -> subprocess.Popen[str]:
     Raises DriveError with what it printed where it is not.
     """
     options = ["--channel", channel, "--seed", str(seed), "--follow"]
-    command = [sys.executable, "-P", "-m", "stagectl", "virtual-drive", str(stage_file), *options]
+    command = [*PYTHON, "-m", "stagectl", "virtual-drive", str(stage_file), *options]
     process = subprocess.Popen(  # a new session: Ctrl-C is for the controller, which stops the axis
         command,
         stdout=subprocess.PIPE,

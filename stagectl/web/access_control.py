@@ -12,6 +12,7 @@ import hmac
 import os
 import secrets
 import stat
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
@@ -23,6 +24,7 @@ from stagectl.service.axis_controller import ServiceError
 PUBLIC = ("/", "/page/")  # the page itself: nothing of the machine is in it
 _HOME = ("localhost", "127.0.0.1", "::1")
 _READING = ("GET", "HEAD", "OPTIONS")
+_FULL = "all seats of your kind are taken: close other connections; `stagectl stop` needs no seat"
 
 
 class Permission(enum.IntEnum):
@@ -48,11 +50,28 @@ class Keys(NamedTuple):
         return (Permission.MOVE if self.token_moves else Permission.READ) if known else Permission.NOTHING
 
 
+Seat = Callable[[Any, Permission], bool]  # for the scope of a request; see `seats`
+
+
+class Home:
+    """The Unix socket: whoever may use it owns the machine, and takes an owner's seat."""
+
+    def __init__(self, app: Any, seat: Seat) -> None:
+        self._app, self._seat = app, seat
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """One request."""
+        if scope["type"] == "http" and not self._seat(scope, Permission.MOVE):
+            await _no(503, _FULL)(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+
 class Guard:
     """TCP: attaches its permission to a request or refuses it; a live connection sends its key itself."""
 
-    def __init__(self, app: Any, keys: Keys) -> None:
-        self._app, self._keys = app, keys
+    def __init__(self, app: Any, keys: Keys, seat: Seat) -> None:
+        self._app, self._keys, self._seat = app, keys, seat
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """One request."""
@@ -69,6 +88,9 @@ class Guard:
             if scope["method"] not in _READING and may is not Permission.MOVE:
                 words = "this token only allows reading: use the Unix socket, or the key that `stagectl page` prints"
                 await _no(403, words)(scope, receive, send)
+                return
+            if not self._seat(scope, may):
+                await _no(503, _FULL)(scope, receive, send)
                 return
         await self._app(scope, receive, send)
 

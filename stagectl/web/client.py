@@ -8,15 +8,22 @@ import os
 import shutil
 import socket
 import tempfile
+import time
 import urllib.parse
 from pathlib import Path
 from typing import Any
 
+from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP, StopLink, beside
 from stagectl.units import StageError
 
 SYSTEM = Path("/run/stagectl/control.sock")
 MOTIONS = ("/v1/move", "/v1/home", "/v1/trajectory")  # are answered when they have ended
 _MOTION_TIME, _ANSWER_TIME = 3600.0, 60.0  # s until an answer; everything but a motion is done at once, or after a stop
+_STOP_ANSWER, _STOPPED = 2.0, 25.0  # s for the stop path to answer, and for the axes to stand
+_LOOK = 0.01  # s between two looks at axes that are being stopped
+_UNPOWERED = ("disabled", "fault", "offline")
+_NOBODY = "start one with `stagectl serve STAGE.yaml`, or see `systemctl status stagectl`"
+_BY_HAND = "press the emergency stop, then `systemctl restart stagectl`"
 
 
 class ControlError(StageError):
@@ -74,24 +81,63 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None) 
         answer = link.getresponse()
         result = json.loads(answer.read())
     except PermissionError as error:
-        raise ControlError(
-            f"{path}: only its group may use it: `sudo usermod -aG {_group(path)} $USER`, then log in again"
-        ) from error
+        raise _not_allowed(path) from error
     except TimeoutError as error:
         raise ControlError(
             f"the service on {path} has not answered for {patience:g} s: run `systemctl restart stagectl`, "
             "or kill it and start it again; both stop the axes"
         ) from error
     except (OSError, http.client.HTTPException, ValueError) as error:
-        raise ControlError(
-            f"no service answers on {path} ({error}); start one with `stagectl serve STAGE.yaml`, or see "
-            "`systemctl status stagectl`"
-        ) from error
+        raise ControlError(f"no service answers on {path} ({error}); {_NOBODY}") from error
     finally:
         link.close()
     if answer.status >= 400:
         raise RefusedError(str(result.get("error", result)))
     return result
+
+
+def stop(path: Path, quick: bool, axis: str) -> dict[str, Any]:
+    """Stop by the stop path, and wait until the axes stand; `path` is the control socket.  The machine then.
+
+    Raises RefusedError where there is no such axis, ControlError where nobody answers or the axes go on.
+    """
+    place = beside(path)
+    try:
+        link = StopLink(place)
+    except PermissionError as error:
+        raise _not_allowed(place) from error
+    except OSError as error:
+        raise ControlError(f"no service answers on {place} ({error}); {_NOBODY}") from error
+    try:
+        answer = link.ask(QUICK_STOP if quick else STOP, axis, _STOP_ANSWER)
+        if "error" in answer:
+            raise RefusedError(answer["error"])
+        return _stood(link, axis, quick)
+    except OSError as error:
+        raise ControlError(f"the stop path on {place} does not answer: {_BY_HAND}") from error
+    finally:
+        link.close()
+
+
+def _stood(link: StopLink, axis: str, quick: bool) -> dict[str, Any]:
+    """The machine when the loop has heeded the stop, and the axes stand.  Raises ControlError, OSError."""
+    ends, end = (_UNPOWERED if quick else (*_UNPOWERED, "standing")), time.monotonic() + _STOPPED
+    while True:
+        answer = link.ask(STATUS, "", _STOP_ANSWER)
+        heeded = answer.pop("heeded")
+        going = [shown for shown in answer["axes"] if axis in ("", shown["axis"]) and shown["state"] not in ends]
+        if heeded and not going:
+            return answer
+        if time.monotonic() > end:
+            states = "; ".join(f"{shown['axis']}: {shown['state_words']}" for shown in going)
+            raise ControlError(f"the stop is given and not carried out ({states}): {_BY_HAND}")
+        time.sleep(_LOOK)
+
+
+def _not_allowed(path: Path) -> ControlError:
+    return ControlError(
+        f"{path}: only its group may use it: `sudo usermod -aG {_group(path)} $USER`, then log in again"
+    )
 
 
 def fetch(path: Path, what: str, target: Path) -> None:

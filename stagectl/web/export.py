@@ -1,32 +1,114 @@
-"""A recording on its way to a browser; another process writes other formats."""
+"""A recording on its way to a client; for other formats another process writes it, into a file without a name.
+
+One export at a time, and few that wait or are being fetched.  Its process is killed when the client goes, and the file
+goes with its last descriptor: nothing can be left behind.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import sys
 import tempfile
+from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import IO
 
 from fastapi.responses import FileResponse
-from starlette.background import BackgroundTask
+from starlette.responses import Response, StreamingResponse
 
+from stagectl.realtime.scheduling import PARENT
 from stagectl.service.axis_controller import ServiceError
+from stagectl.service.child_process import PYTHON
+from stagectl.service.limits import EXPORT_TIME, EXPORTS_WAITING, FETCH_TIME
+
+_BLOCK = 1 << 18  # bytes sent at a time
 
 
-async def exported(path: Path, to: str) -> FileResponse:
-    """The file, or what `stagectl export` makes of it.
+class Exports:
+    """The exports of one service."""
 
-    Raises ServiceError with the export's reason.
-    """
-    if to == "h5":
-        return FileResponse(path, filename=path.name)
-    descriptor, name = tempfile.mkstemp(suffix=f".{to}", prefix="stagectl-")
-    os.close(descriptor)
-    command = [sys.executable, "-P", "-m", "stagectl", "export", str(path), "--to", to, "-o", name]
-    process = await asyncio.create_subprocess_exec(*command, stderr=asyncio.subprocess.PIPE)
-    _, errors = await process.communicate()
+    def __init__(self) -> None:
+        self._turn, self._going = asyncio.Lock(), 0
+
+    async def file(self, path: Path, to: str) -> Response:
+        """The file, or what `stagectl export` makes of it.
+
+        Raises ServiceError with the export's reason, and where too many are wanted.
+        """
+        if to == "h5":
+            return FileResponse(path, filename=path.name)
+        if self._going >= EXPORTS_WAITING:
+            raise ServiceError(f"{EXPORTS_WAITING} exports are going on: try again when they have ended")
+        self._going += 1
+        try:
+            async with self._turn:
+                file = await _exported(path, to)
+        except BaseException:
+            self._going -= 1
+            raise
+        size = os.fstat(file.fileno()).st_size
+        headers = {
+            "Content-Disposition": f"attachment; filename*=utf-8''{path.stem}.{to}".replace(" ", "%20"),
+            "Content-Length": str(size),
+        }
+        return _Fetched(self._sent(file, size), headers=headers, media_type="application/octet-stream")
+
+    async def _sent(self, file: IO[bytes], size: int) -> AsyncIterator[bytes]:
+        try:
+            async with asyncio.timeout(FETCH_TIME):
+                for _ in range(0, size, _BLOCK):
+                    yield await asyncio.to_thread(file.read, _BLOCK)
+        finally:
+            file.close()
+            self._going -= 1
+
+
+class _Fetched(StreamingResponse):
+    """A file whose iterator is closed when its client goes, and not when it is collected."""
+
+    body_iterator: AsyncIterator[bytes]
+
+    async def __call__(self, scope: object, receive: object, send: object) -> None:
+        try:
+            await super().__call__(scope, receive, send)  # type: ignore[arg-type]
+        finally:
+            await self.body_iterator.aclose()  # type: ignore[attr-defined]
+
+
+async def _exported(path: Path, to: str) -> IO[bytes]:
+    """The exported file, open and without a name.  Raises ServiceError."""
+    with tempfile.TemporaryDirectory(prefix="stagectl-export-") as folder:
+        target = Path(folder) / f"export.{to}"
+        await _written(path, to, target)
+        return target.open("rb")
+
+
+async def _written(path: Path, to: str, target: Path) -> None:
+    """Have another process write it; it is killed where it takes too long, or nobody waits any more."""
+    process = await asyncio.create_subprocess_exec(
+        *PYTHON,
+        "-m",
+        "stagectl.web.export_process",
+        *map(str, (path, to, target)),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", PARENT: str(os.getpid())},
+    )
+    try:
+        _, errors = await asyncio.wait_for(process.communicate(), EXPORT_TIME)
+    except TimeoutError as error:
+        raise ServiceError(f"the export took longer than {EXPORT_TIME:g} s: copy the .h5 and export that") from error
+    finally:
+        if process.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
     if process.returncode:
-        os.unlink(name)
-        raise ServiceError(errors.decode(errors="replace").strip().removeprefix("error: "))
-    return FileResponse(name, filename=f"{path.stem}.{to}", background=BackgroundTask(os.unlink, name))
+        sys.stderr.buffer.write(errors)
+        words = errors.decode(errors="replace").strip().splitlines()[-1:] or [
+            f"its process ended ({process.returncode})"
+        ]
+        raise ServiceError(f"the export failed: {words[0]}")

@@ -16,12 +16,15 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.routing import Match, Route
 
+from stagectl.config.bounds import LARGEST_FILE
 from stagectl.realtime.shared_memory import BoardFullError
+from stagectl.service import planning
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.orders import OrderHandler
 from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
+from stagectl.web.bodies import for_client
 
 AxisName = Annotated[str, Query(max_length=64, description="Name of the axis; empty: all of them.")]
 Length = Annotated[str, Field(max_length=80, examples=["10 mm"], description="With its unit.")]
@@ -96,8 +99,11 @@ class Upload(Strict):
 
     name: Annotated[str, Field(max_length=80)] = "trajectory"
     yaml: Annotated[
-        str, Field(max_length=1_000_000, examples=["{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 2}"])
+        str, Field(max_length=LARGEST_FILE, examples=["{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 2}"])
     ]
+    tables: dict[str, str] = Field(
+        default_factory=dict, max_length=16, description="Text of the CSV files that it names; no other file is read."
+    )
     axis: Annotated[str, Field(max_length=64)] = ""
     wait: bool = True
 
@@ -115,6 +121,9 @@ _REFUSALS: dict[int | str, dict[str, Any]] = {
     422: {"model": Refusal, "description": "It can never be done: a wrong value, a limit."},
 }
 _GUARDED: dict[int | str, dict[str, Any]] = {
+    408: {"model": Refusal, "description": "The body has not come in time."},
+    413: {"model": Refusal, "description": "The body is too large."},
+    503: {"model": Refusal, "description": "All seats for readers, or all for owners, are taken."},
     401: {"model": Refusal, "description": "TCP: the token is missing or wrong."},
     403: {"model": Refusal, "description": "TCP: reading only."},
 }
@@ -195,15 +204,16 @@ def _moving(app: FastAPI, orders: OrderHandler) -> None:
     verb("faults/reset", orders.reset)
 
     @app.post("/v1/move", response_model=Machine, responses=_REFUSALS)
-    async def move(body: Move) -> dict[str, Any]:
+    async def move(body: Move, request: Request) -> dict[str, Any]:
         """Move axes to positions or by distances; with `wait` it answers when they stand in position."""
-        await orders.move(body.to, body.by, (body.speed, body.acceleration), body.wait)
+        await for_client(request, orders.move(body.to, body.by, (body.speed, body.acceleration), body.wait))
         return machine_status(orders.service)
 
     @app.post("/v1/trajectory", response_model=Machine, responses=_REFUSALS)
-    async def trajectory(body: Upload) -> dict[str, Any]:
-        """Run a trajectory file from where the axis stands."""
-        await orders.trajectory(body.axis, (body.name, body.yaml), body.wait)
+    async def trajectory(body: Upload, request: Request) -> dict[str, Any]:
+        """Run a trajectory file from where the axis stands; a client that goes before it begins calls it off."""
+        upload = planning.Upload(body.yaml, body.tables)
+        await for_client(request, orders.trajectory(body.axis, body.name, upload, body.wait))
         return machine_status(orders.service)
 
     @app.patch("/v1/parameters", response_model=Machine, responses=_REFUSALS)
@@ -216,7 +226,7 @@ def _moving(app: FastAPI, orders: OrderHandler) -> None:
 def machine_status(service: Service) -> dict[str, Any]:
     """The machine as JSON values."""
     return {
-        "axes": [axis.status_json() for axis in service.axes.values()],
+        "axes": service.status_json(),
         "alive": service.alive(),
         "refused": service.refused,
     }

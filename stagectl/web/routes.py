@@ -14,17 +14,20 @@ from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from stagectl.service.axis_controller import ServiceError
+from stagectl.service.limits import MOVING_VIEWERS, READING_VIEWERS
 from stagectl.service.recordings import LONGEST
 from stagectl.service.service import Service
 from stagectl.web import assets
 from stagectl.web.access_control import Permission
+from stagectl.web.bodies import for_client
 from stagectl.web.channels import channels
-from stagectl.web.export import exported
+from stagectl.web.export import Exports
+from stagectl.web.seats import seated, stays
 from stagectl.web.status_feed import StatusFeed
 from stagectl.web.viewer import Viewer
 
 STATIC = Path(__file__).parent / "static"
-MOST = 8  # viewers at once
+_VIEWERS = {Permission.READ: READING_VIEWERS, Permission.MOVE: MOVING_VIEWERS}
 _PATIENCE = 10.0  # s for a key
 _UNASKED = 1008, 1013  # close codes: who may not, too many
 _HEADERS = {
@@ -130,6 +133,8 @@ def _reading(app: FastAPI, service: Service) -> None:
 
 
 def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:
+    exports = Exports()
+
     @app.get("/v1/recordings", response_model=list[File])
     async def files() -> list[dict[str, Any]]:
         """Recordings and black boxes, the newest first."""
@@ -151,36 +156,43 @@ def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:
 
     @app.get("/v1/recordings/{kind}/{axis}/{file}", response_class=FileResponse, responses=refusals)
     async def one(
-        kind: Part, axis: Part, file: Part, to: Literal["h5", "csv", "parquet", "mat", "mcap"] = "h5"
+        request: Request, kind: Part, axis: Part, file: Part, to: Literal["h5", "csv", "parquet", "mat", "mcap"] = "h5"
     ) -> Response:
         """A file, as it is or for other programs."""
         path = await asyncio.to_thread(service.recordings.path, kind, axis, file)
-        return await exported(path, to)
+        answer: Response = await for_client(request, exports.file(path, to))
+        return answer
 
 
 def _live(app: FastAPI, service: Service) -> None:
-    viewers: set[Viewer] = set()
+    viewers: dict[Viewer, Permission] = {}
     feed = StatusFeed(service)
 
     @app.websocket("/v1/live")
     async def live(link: WebSocket) -> None:
-        await link.accept()
-        may = await _may(link)
-        if may is Permission.NOTHING or len(viewers) >= MOST:
-            words = "the key is missing or wrong" if may is Permission.NOTHING else f"{MOST} viewers are connected"
-            await link.close(_UNASKED[may is not Permission.NOTHING], words)
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):  # it has gone
+            await link.accept()
+            await seen(link, await _may(link))
+
+    async def seen(link: WebSocket, may: Permission) -> None:
+        if may is Permission.NOTHING:
+            await link.close(_UNASKED[0], "the key is missing or wrong")
             return
+        if list(viewers.values()).count(may) >= _VIEWERS[may] or not seated(link.scope, may):
+            await link.close(_UNASKED[1], f"{_VIEWERS[may]} viewers are connected")
+            return
+        stays(link.scope)
 
         async def say(what: str | bytes) -> None:
             await (link.send_bytes(what) if isinstance(what, bytes) else link.send_text(what))
 
         viewer = Viewer(service, feed.status, say)
-        viewers.add(viewer)
+        viewers[viewer] = may
         try:
             await say(json.dumps({"may": {"move": may is Permission.MOVE}, "machine": feed.machine()}))
             await _served(link, viewer)
         finally:
-            viewers.discard(viewer)
+            del viewers[viewer]
 
 
 async def _may(link: WebSocket) -> Permission:

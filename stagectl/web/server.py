@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import resource
 import socket
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,15 +18,18 @@ import websockets  # noqa: F401  uvicorn imports it by name, and hides its absen
 
 from stagectl.service import shutdown_signals
 from stagectl.service.axis_controller import ServiceError
+from stagectl.service.limits import BACKLOG, DESCRIPTORS, IDLE_TIME
 from stagectl.service.notify import notify
 from stagectl.service.service import Service
+from stagectl.service.unix_sockets import serving
 from stagectl.web import assets
-from stagectl.web.access_control import Guard, Keys, SameSite, secret
+from stagectl.web.access_control import Guard, Home, Keys, SameSite, secret
+from stagectl.web.bodies import Bodies
 from stagectl.web.http import application
 from stagectl.web.routes import Port
+from stagectl.web.seats import Guest, Seats, seated
 
 _AT_ONCE = 0.2  # s
-_OWNERS = 0o660  # of the socket: who is neither its owner nor in its group cannot move anything
 
 
 class Tcp(NamedTuple):
@@ -57,30 +62,42 @@ def run(service: Service, tcp: Tcp | None) -> None:
 
 async def _run(service: Service, tcp: Tcp | None) -> None:
     stopped = shutdown_signals.stop_event()
-    listening = unix_socket(service.paths.socket)
-    ports = [listening]
-    keys, address = None, None
-    if tcp is not None:
-        keys = Keys(secret(tcp.token), secret(tcp.token.with_name("key")), tcp.writes)
-        ports.append(_port(tcp))
-        address = f"http://{tcp.host}:{ports[-1].getsockname()[1]}/"
-    app = application(service, Port(address, keys.key) if keys else Port())
-    servers = [(_server(SameSite(app, home=True)), [listening])]
-    if keys is not None:
-        servers.append((_server(SameSite(Guard(app, keys), home=False)), ports[1:]))
-    if tcp is not None and keys is not None:
-        service.say(f"live page: {address}#{keys.key}" if tcp.virtual else f"live page: {address} (`stagectl page`)")
-        threading.Thread(target=_plots, args=(service.say,), daemon=True).start()
-    try:
+    _reserve_descriptors(service.say)
+    with contextlib.ExitStack() as ends:
+        ends.callback(service.say, "stopped: all processes have ended")
+        servers = _servers(service, tcp, ends)
+        ends.callback(service.end)
+        ends.callback(notify, "STOPPING=1")
         if await _begun(service, stopped):
             await _until_stopped(service, servers, stopped)
-    finally:
-        notify("STOPPING=1")
-        service.end()
-        service.say("stopped: all processes have ended")
-        for port in ports:
-            port.close()
-        service.paths.socket.unlink(missing_ok=True)
+
+
+def _servers(
+    service: Service, tcp: Tcp | None, ends: contextlib.ExitStack
+) -> list[tuple[_Server, list[socket.socket]]]:
+    """The servers with their listening sockets, which `ends` closes."""
+    listening = ends.enter_context(serving(service.paths.socket, socket.SOCK_STREAM))
+    if tcp is None:
+        return [(_server(Home(Bodies(application(service)), seated), home=True), [listening])]
+    keys, port = Keys(secret(tcp.token), secret(tcp.token.with_name("key")), tcp.writes), _port(tcp)
+    ends.callback(port.close)
+    address = f"http://{tcp.host}:{port.getsockname()[1]}/"
+    service.say(f"live page: {address}#{keys.key}" if tcp.virtual else f"live page: {address} (`stagectl page`)")
+    threading.Thread(target=_plots, args=(service.say,), daemon=True).start()
+    app = Bodies(application(service, Port(address, keys.key)))
+    return [
+        (_server(Home(app, seated), home=True), [listening]),
+        (_server(Guard(app, keys, seated), home=False), [port]),
+    ]
+
+
+def _reserve_descriptors(say: Callable[[str], None]) -> None:
+    """Make sure that all seats together leave descriptors for what the service itself needs."""
+    now, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if now < DESCRIPTORS:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (min(DESCRIPTORS, most), most))
+    if most < DESCRIPTORS:
+        say(f"only {most} files may be open: clients could take them all; allow {DESCRIPTORS} with LimitNOFILE=")
 
 
 async def _begun(service: Service, stopped: asyncio.Event) -> bool:
@@ -117,13 +134,15 @@ async def _until_stopped(
         raise ServiceError("a server of the service ended by itself: start the service again, and report this as a bug")
 
 
-def _server(app: Any) -> _Server:
+def _server(app: Any, home: bool) -> _Server:
     config = uvicorn.Config(
-        app,
+        SameSite(app, home),
+        http=partial(Guest, Seats()),  # type: ignore[arg-type]
+        backlog=BACKLOG,
         log_level="warning",
         lifespan="off",
         access_log=False,
-        timeout_keep_alive=60,
+        timeout_keep_alive=round(IDLE_TIME),
         ws="websockets-sansio",
         ws_per_message_deflate=False,  # one small message each 16 ms: to compress it costs more than to send it
         ws_max_size=65536,
@@ -151,25 +170,3 @@ def _plots(say: Callable[[str], None]) -> None:
             assets.fetch(assets.cache())
         except assets.AssetError as error:
             say(f"the live page has no plots: {error}; the rest of it works")
-
-
-def unix_socket(path: Path) -> socket.socket:
-    """The control socket, with the permissions that decide who may move the axis.
-
-    Raises ServiceError where another service listens on it.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True, mode=0o755)
-    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-        probe.connect(os.fspath(path))
-        raise ServiceError(f"a service listens on {path} already: stop it first, or choose another --socket")
-    path.unlink(missing_ok=True)
-    before = os.umask(0o777 & ~_OWNERS)
-    try:
-        listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        listening.bind(os.fspath(path))
-    except OSError as error:
-        raise ServiceError(f"{path}: {error.strerror}; choose another --socket") from error
-    finally:
-        os.umask(before)
-    listening.listen(128)
-    return listening

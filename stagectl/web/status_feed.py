@@ -60,7 +60,7 @@ class StatusFeed:
         return {
             "alive": service.alive(),
             "refused": service.refused,
-            "axes": [{**axis.status_json(), **self._extras(axis, now)} for axis in service.axes.values()],
+            "axes": [{**shown, **self._extras(service.axes[shown["axis"]], now)} for shown in service.status_json()],
             "faults": list(service.faults)[-_FAULTS:],
         }
 

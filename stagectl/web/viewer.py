@@ -17,13 +17,14 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
 from stagectl.recording.joined_rings import Joined, Source
 from stagectl.recording.ring import Ring
 from stagectl.recording.triggering import Settings, Trigger
 from stagectl.service.axis_controller import AxisController, ServiceError
+from stagectl.service.limits import WORK_SHARE
 from stagectl.service.service import Service
 from stagectl.web.channels import Channel, channels, chosen, level, side_by_side
 from stagectl.web.live import ScopeView, Strip, Window
@@ -43,43 +44,64 @@ class Viewer:
         self._strip: tuple[Strip, Ring, StripRequest] | None = None
         self._view: tuple[ScopeView, Source, ScopeRequest] | None = None
         self._held, self._last_status = False, 0.0
+        self._cost = 0.0  # s of work for the present frame
 
     async def hear(self, text: str) -> None:
-        """Take a request; answer in words what cannot be done."""
+        """Take a request; answer in words what cannot be done.  Who asks for much is heard less often."""
+        began = time.perf_counter()
+        message = self._heard(text)
+        cost = time.perf_counter() - began
+        if message is not None:
+            await self._say(message)
+        await asyncio.sleep(cost / WORK_SHARE)
+
+    def _heard(self, text: str) -> str | bytes | None:
         try:
             request = read(text)
             if isinstance(request, DetailRequest):
-                await self._closer(request)
-            elif isinstance(request, HoldRequest):
+                return self._closer(request)
+            if isinstance(request, HoldRequest):
                 self._held = request.held
             elif isinstance(request, ScopeRequest):
                 self._held, self._view = False, None if request.mode == "off" else self._scope(request)
             else:
                 self._strip = self._stripes(request)
         except ServiceError as error:
-            await self._say(json.dumps({"error": str(error)}))
+            return json.dumps({"error": str(error)})
+        return None
 
     async def show(self) -> None:
-        """Frames, until cancelled."""
+        """Frames, until cancelled; the more they cost, the fewer."""
         while True:
-            began = time.monotonic()
+            began, self._cost = time.monotonic(), 0.0
             await self.frame(began)
-            await asyncio.sleep(max(1.0 / RATE - (time.monotonic() - began), 0.002))
+            left = 1.0 / RATE - (time.monotonic() - began)
+            await asyncio.sleep(max(left, self._cost / WORK_SHARE, 0.002))
 
     async def frame(self, now: float) -> None:
         """Send what is new."""
+        messages = self._messages(now)
+        while True:
+            began = time.perf_counter()
+            message = next(messages, None)
+            self._cost += time.perf_counter() - began
+            if message is None:
+                return
+            await self._say(message)
+
+    def _messages(self, now: float) -> Iterator[str | bytes]:
         self._follow()
         if self._strip is not None:
             strip, _, request = self._strip
             if (message := strip.look(request.number)) is not None:
-                await self._say(message)
+                yield message
         if self._view is not None and not self._held:
             view, _, scope = self._view
             if (message := view.look(scope.number)) is not None:
-                await self._say(message)
+                yield message
         if now - self._last_status >= _NEWS:
             self._last_status = now
-            await self._say(json.dumps({"status": self._status()}))
+            yield json.dumps({"status": self._status()})
 
     def _follow(self) -> None:
         """A new real-time process has a new ring."""
@@ -135,9 +157,5 @@ class Viewer:
         window = Window(tuple(chosen(known, p.channels)), p.span, p.points)
         return ScopeView(source, dt, window, settings), source, p
 
-    async def _closer(self, p: DetailRequest) -> None:
-        if self._view is None:
-            return
-        message = self._view[0].closer(p.start, p.end, p.points, p.number)
-        if message is not None:
-            await self._say(message)
+    def _closer(self, p: DetailRequest) -> bytes | None:
+        return None if self._view is None else self._view[0].closer(p.start, p.end, p.points, p.number)

@@ -16,6 +16,7 @@ from stagectl.realtime.shared_memory import PENDING, REFUSED, TAKEN, Order
 from stagectl.realtime.states import Event, State
 from stagectl.service.axis_controller import COLUMNS, AxisController, ServiceError
 from stagectl.service.machine import machine
+from stagectl.service.planning import laid_out
 from tests.conftest import CONFIG, varied
 
 STAGE = CONFIG / "ball-screw.yaml"
@@ -57,7 +58,7 @@ class Group:
 
     def moves(self) -> dict[str, Order]:
         return {
-            name: value.start(value.move(distance, 0.03, None), 2)
+            name: value.start(laid_out(value.move(distance, 0.03, None)), 2)
             for (name, value), distance in zip(self.manned.items(), (0.002, -0.001), strict=True)
         }
 

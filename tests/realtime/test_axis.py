@@ -18,6 +18,7 @@ from stagectl.realtime.shared_memory import REFUSED, TAKEN, Order, Status
 from stagectl.realtime.states import Event, State
 from stagectl.realtime.stops import STOPS, Category
 from stagectl.service.axis_controller import COLUMNS, AxisController
+from stagectl.service.planning import laid_out
 from stagectl.trajectories.motion import TrajectoryError
 from tests.conftest import varied
 
@@ -107,7 +108,7 @@ class Bench:
         self.until(State.STANDING)
         self.run(50)
         if state in (State.MOVING, State.STOPPING, State.QUICK_STOPPING, State.COASTING):
-            assert self.order(self.manned.start(self.manned.move(0.02, 0.05, None), 1))
+            assert self.order(self.manned.start(laid_out(self.manned.move(0.02, 0.05, None)), 1))
             self.run(250)  # at speed
         if state is State.HOMING:
             assert self.order(Order(Event.HOME))
@@ -193,7 +194,7 @@ def test_a_move_arrives_and_the_next_one_goes_on_without_a_bump(ball_screw: Setu
     bench.to(State.STANDING)
     scale = ball_screw.file.axis.travel_per_unit
     for distance in (0.002, 0.003):
-        motion = bench.manned.move(distance, None, None)
+        motion = laid_out(bench.manned.move(distance, None, None))
         assert bench.order(bench.manned.start(motion, 1))
         bench.until(State.STANDING)
         bench.manned.finished(True)
@@ -236,7 +237,7 @@ def test_an_ordered_quick_stop_ends_disabled_and_is_measured(ball_screw: Setup) 
 def test_setpoints_that_run_out_are_a_stop_under_control(ball_screw: Setup) -> None:
     bench = Bench(ball_screw)
     bench.to(State.STANDING)
-    motion = bench.manned.move(0.02, 0.05, None)
+    motion = laid_out(bench.manned.move(0.02, 0.05, None))
     half = motion._replace(rows=motion.rows[: len(motion.rows) // 2], length=motion.length // 2)
     order = bench.manned.start(half, 1)
     first, count, low, high, together = order.numbers
@@ -366,8 +367,8 @@ def test_home_here_needs_no_motion(ball_screw: Setup) -> None:
 def test_a_move_may_use_the_travel_that_is_left_from_where_the_axis_stands(ball_screw: Setup) -> None:
     manned, scale = AxisController("axis", ball_screw), ball_screw.file.axis.travel_per_unit
     manned.board.show(Status(reference=-0.04 / scale))  # of +-50 mm
-    assert manned.move(0.08, 0.1, None).span[1] * scale == pytest.approx(0.08)
-    assert manned.move(-0.009, 0.1, None).span[0] * scale == pytest.approx(-0.009)
+    assert laid_out(manned.move(0.08, 0.1, None)).span[1] * scale == pytest.approx(0.08)
+    assert laid_out(manned.move(-0.009, 0.1, None)).span[0] * scale == pytest.approx(-0.009)
     for distance in (0.0901, -0.0101):
         with pytest.raises(TrajectoryError, match=r"limits\.travel"):
-            manned.move(distance, 0.1, None)
+            laid_out(manned.move(distance, 0.1, None))

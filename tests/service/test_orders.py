@@ -17,11 +17,12 @@ from stagectl.realtime.states import Event, State
 from stagectl.service import processes
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.orders import OrderHandler
+from stagectl.service.planning import Upload
 from stagectl.service.service import Service, ServicePaths
 from tests.conftest import varied
 
 CALM = (None, None)
-LONG = ("long", "{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 40}")  # longer than the board
+LONG = Upload("{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 40}", {})  # longer than the board
 
 
 class Bench:
@@ -53,6 +54,7 @@ class Bench:
             await self.orderly.enable([self.axis])
             ends = await asyncio.gather(*asked, return_exceptions=True)
             going.cancel()
+            self.orderly.service.planner.close()
             return ends
 
         return asyncio.run(all_of_it())
@@ -84,7 +86,7 @@ def test_a_motion_longer_than_the_board_goes_on_when_another_is_refused(bench: B
             await asyncio.sleep(0)
         await bench.move("2 mm")
 
-    well, refused = bench.serve(bench.orderly.trajectory("", LONG, True), meanwhile())
+    well, refused = bench.serve(bench.orderly.trajectory("", "long", LONG, True), meanwhile())
     assert well is None
     assert isinstance(refused, ServiceError)
     assert bench.axis.status.faults == 0

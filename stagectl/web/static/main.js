@@ -109,7 +109,7 @@ function words(element, text) {
 
 function state(now) {
   words(at("state"), sentence(now.state_words) + (now.in_position ? ", in position" : ""));
-  const wrong = now.fault !== "" || now.state === "offline";
+  const wrong = now.fault !== "" || ["offline", "no_answer"].includes(now.state);
   at("fault").hidden = !wrong;
   words(at("fault-name"), now.fault ? `${now.fault.replaceAll("_", " ")}:` : "");
   words(at("fault-words"), now.words);

@@ -51,7 +51,7 @@ export class Orders {
 
   take(now, all) {
     const state = now.state, powered = POWERED.includes(state);
-    const moving = all.some((one) => ["moving", "homing", "stopping", "enabling"].includes(one.state));
+    const moving = all.some((one) => ["moving", "homing", "stopping", "enabling", "no_answer"].includes(one.state));
     at("enable").disabled = !["disabled", "offline"].includes(state);
     at("disable").disabled = !powered;
     at("home").disabled = state !== "standing";

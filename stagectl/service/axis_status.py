@@ -1,0 +1,69 @@
+"""The status of an axis as JSON values: for the control interface, the live page and the stop path alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from stagectl.drives.drive import Fault
+from stagectl.realtime.shared_memory import Board, Status
+from stagectl.realtime.states import State
+from stagectl.service.limits import NO_ANSWER
+
+SILENT = "no_answer"  # in place of a state: the loop does not say how the axis is
+_LENGTHS = ("position", "speed", "reference", "error", "stop_distance")
+
+
+class Shown(NamedTuple):
+    """What must be known of an axis to show its status."""
+
+    name: str
+    scale: float  # travel (m | rad) per axis unit
+    unit: str  # of travel
+    unborn: str  # words for its state until the real-time process reports one
+
+
+def answers(statuses: Iterable[Status], now: float) -> bool:
+    """Whether the loop of these axes gives signs of life, or has not begun; to configure a drive takes longer."""
+    return any(not status.tick or now - status.tick < _patience(status) for status in statuses)
+
+
+def _patience(status: Status) -> float:
+    return max(status.patience, NO_ANSWER) if int(status.state) == State.CONNECTING else NO_ANSWER
+
+
+def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str, Any]:
+    """The axis now; lengths in the unit of travel.  Of a `silent` loop's axis nothing is known but what it was."""
+    status = board.status()
+    state, fault = State(int(status.state)), Fault(int(status.fault))
+    lengths = {name: None if silent else _finite(getattr(status, name) * shown.scale) for name in _LENGTHS}
+    return {
+        "axis": shown.name,
+        "state": SILENT if silent else state.name.lower(),
+        "state_words": _words(shown, status, now, silent),
+        "fault": fault.name.lower() if fault else "",
+        "words": board.words if fault or state is State.OFFLINE else "",
+        "unit": shown.unit,
+        **lengths,
+        "current": None if silent else _finite(status.current),
+        "statusword": int(status.statusword),
+        "homed": bool(status.homed),
+        "in_position": status.settled > 0.0 and not silent,
+        "progress": status.row / status.rows if status.rows and not silent else None,
+        "cycles": int(status.cycles),
+        "late_cycles": int(status.late),
+        "faults": int(status.faults),
+        "stop_time": status.stop_time,
+    }
+
+
+def _words(shown: Shown, status: Status, now: float, silent: bool) -> str:
+    if not status.tick:
+        return shown.unborn
+    words = State(int(status.state)).words
+    return f"no answer from the loop for {now - status.tick:.1f} s; before that: {words}" if silent else words
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,71 @@
+"""Motions laid out for a service: a task that can be sent to another process, and what becomes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.config.stage_file import Setup
+from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.kernels.feedforward import Feedforward
+from stagectl.plan import check_duration, plan
+from stagectl.problem import Problem
+from stagectl.service.limits import PLANNED_ROWS
+from stagectl.trajectories import Experiment, phases
+
+_PLACE = Path("trajectory.yaml")  # what messages call an uploaded file
+
+
+class Upload(NamedTuple):
+    """A trajectory file as a client sent it, with the tables that it names."""
+
+    yaml: str
+    tables: Mapping[str, str]
+
+
+class Task(NamedTuple):
+    """A motion to be laid out from where the axis stands."""
+
+    name: str
+    setup: Setup  # with the travel that is left to both sides
+    feedforward: Feedforward
+    stops: Any  # (n,) friction operators as the last motion left them; they are moved on
+    trajectory: Experiment | Upload
+
+
+class Motion(NamedTuple):
+    """A motion that is laid out and goes, or has gone."""
+
+    name: str
+    rows: bytes  # empty while it is on its way from the planning process
+    length: int  # rows
+    span: tuple[float, float]  # rad | m, lowest and highest position, from where it begins
+    stops: Any  # friction operators at its end
+
+
+class Refusal(NamedTuple):
+    """Why it cannot be laid out."""
+
+    problems: tuple[Problem | str, ...]
+
+
+def laid_out(task: Task) -> Motion:
+    """The motion.  Raises StageError where a limit or a file forbids it."""
+    motion, rows = rows_of(task)
+    return motion._replace(rows=rows.tobytes())
+
+
+def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
+    """The motion, and apart from it its rows (n, 8)."""
+    trajectory = task.trajectory
+    if isinstance(trajectory, Upload):
+        trajectory = load_trajectory(_PLACE, axis_of(task.setup), trajectory.yaml, trajectory.tables)
+    check_duration(phases(trajectory).duration, task.setup.dt, PLANNED_ROWS)
+    stops = np.array(task.stops)
+    rows = np.ascontiguousarray(plan(task.setup, trajectory, task.feedforward, stops).setpoints)
+    span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
+    return Motion(task.name, b"", len(rows), span, stops), rows

@@ -1,0 +1,93 @@
+"""The body of a request: taken whole, in time and of a bounded size, before anything else looks at it."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import JSONResponse
+
+from stagectl.service.axis_controller import ServiceError
+from stagectl.service.limits import BODY, BODY_TIME, STRUCTURE, UPLOAD
+
+UPLOADS = ("/v1/trajectory",)  # take larger bodies
+
+
+class Bodies:
+    """Hands requests on with their bodies; refuses those that are too large (413) or too slow (408)."""
+
+    def __init__(self, app: Any) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """One request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        most = UPLOAD if scope["path"] in UPLOADS else BODY
+        try:
+            body = await asyncio.wait_for(_whole(scope, receive, most), BODY_TIME)
+        except TimeoutError:
+            await _refused(408, f"the body has not come within {BODY_TIME:g} s")(scope, receive, send)
+            return
+        if body is None or structure(body) > STRUCTURE:
+            words = f"the body must have at most {most} bytes, and {STRUCTURE} of them outside its texts"
+            await _refused(413, words)(scope, receive, send)
+            return
+        await self._app(scope, _replayed(body, receive), send)
+
+
+async def _whole(scope: Any, receive: Any, most: int) -> bytes | None:
+    """The body; None where it is larger than `most`."""
+    length = dict(scope["headers"]).get(b"content-length", b"0")
+    if length.isdigit() and int(length[:20]) > most:
+        return None
+    body = bytearray()
+    while len(body) <= most:
+        message = await receive()
+        body += message.get("body", b"")
+        if not message.get("more_body", False):
+            return bytes(body)
+    return None
+
+
+def structure(body: bytes) -> int:
+    """Bytes of JSON outside its texts: what a parser makes objects of."""
+    if len(body) <= STRUCTURE:
+        return len(body)
+    plain = body.replace(b"\\\\", b"").replace(b'\\"', b"")
+    return sum(map(len, plain.split(b'"')[::2]))
+
+
+def _replayed(body: bytes, receive: Any) -> Any:
+    """A `receive` that gives the body, then what comes after it: that the client goes."""
+    waiting = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def next_message() -> Any:
+        return waiting.pop() if waiting else await receive()
+
+    return next_message
+
+
+def _refused(status: int, words: str) -> JSONResponse:
+    return JSONResponse({"error": words}, status, {"Connection": "close"})
+
+
+async def for_client(request: Request, work: Any) -> Any:
+    """The result of this coroutine; it is cancelled when the client goes.  Raises ServiceError then, to nobody."""
+    task, gone = asyncio.ensure_future(work), asyncio.ensure_future(_gone(request))
+    try:
+        await asyncio.wait([task, gone], return_when=asyncio.FIRST_COMPLETED)
+        if not task.done():
+            raise ServiceError("the client has gone")
+        return await task
+    finally:
+        for waiting in (task, gone):
+            waiting.cancel()
+        await asyncio.gather(task, gone, return_exceptions=True)
+
+
+async def _gone(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
