@@ -16,7 +16,7 @@ from stagectl.drives.drive import ACCEPTED, DriveError, Fault, Identity, StartUp
 from stagectl.drives.limits import SETUPS
 from stagectl.drives.run_on import AxisLimits, RunOn
 from stagectl.drives.virtual.node import VirtualNode
-from tests.drives.workbench import DT, STEP, Workbench
+from tests.drives.workbench import DT, STEP, Workbench, enabled
 
 READ_ONLY, ABSENT = 0x0601_0002, 0x0602_0000
 RUN = RunOn(0.1, 100.0, 2.0)
@@ -95,7 +95,7 @@ def refused(scene: Scene, **changes: Any) -> DriveError:
 def test_what_is_right_already_is_not_written(scene: Scene) -> None:
     scene.drive()
     scene.refuses.read_only |= {key for key in range(0x100000, 0x610000) if key not in (0x604000,)}
-    assert scene.drive().enable().fault is Fault.NONE
+    assert enabled(scene.drive(), scene.time).fault is Fault.NONE
 
 
 def test_the_protection_is_read_back_and_described_with_its_way(scene: Scene) -> None:
@@ -117,7 +117,7 @@ def test_without_a_supervisor_it_is_refused_unless_accepted(scene: Scene, how: s
 @pytest.mark.parametrize("missing", [0x101601, 0x140005])
 def test_one_supervisor_is_enough(scene: Scene, missing: int) -> None:
     scene.refuses.absent.add(missing)
-    assert scene.drive().enable().fault is Fault.NONE
+    assert enabled(scene.drive(), scene.time).fault is Fault.NONE
 
 
 def test_a_heartbeat_alone_is_as_quick_as_the_missing_deadline(scene: Scene) -> None:
@@ -178,7 +178,7 @@ def fixed(scene: Scene, mapping: int, *entries: int) -> None:
 def test_a_fixed_map_that_holds_what_is_needed_is_followed(scene: Scene, entries: tuple[int, ...]) -> None:
     fixed(scene, 0x1600, *entries)
     drive = scene.drive()
-    assert drive.enable().fault is Fault.NONE
+    assert enabled(drive, scene.time).fault is Fault.NONE
     for _ in range(50):
         drive.apply(1.0)
         assert drive.sample().fault is Fault.NONE
@@ -225,7 +225,7 @@ def test_a_boot_after_any_sdo_of_the_set_up_begins_it_again(bench: Workbench) ->
         scene.refuses.event = lambda n, at=request, node=scene.node: node._reboot() if n == at else None  # type: ignore[misc]
         drive = scene.drive()
         assert [scene.number(key) for key in (0x101601, 0x140005, 0x600700, 0x608500, 0x160002)] == wanted, request
-        assert drive.enable().fault is Fault.NONE, request
+        assert enabled(drive, scene.time).fault is Fault.NONE, request
 
 
 def test_a_drive_that_boots_again_and_again_is_refused(scene: Scene) -> None:
