@@ -11,7 +11,7 @@ DEVELOPER := $(VENV)/.stamp-dev
 # Modules are compiled when they are first imported: all of them at once would take half a minute.
 PIP := install -q --disable-pip-version-check --no-compile
 
-.PHONY: run live test vm check docs setup clean
+.PHONY: run live test vm zoo check docs setup clean
 
 run: $(STAMP)
 	$(BIN)/stagectl demo
@@ -29,6 +29,10 @@ docs: $(DEVELOPER)
 # The tests that want a real CAN interface, systemd and a real-time kernel, in a virtual machine (see tools/vm).
 vm: $(DEVELOPER)
 	$(BIN)/python tools/vm
+
+# Every foreign drive in every test (see tests/zoo); `make test` tries a sample of them.
+zoo: $(DEVELOPER)
+	STAGECTL_ZOO=all $(BIN)/pytest -n 2 tests/zoo
 
 setup: $(DEVELOPER)
 

@@ -8,7 +8,7 @@
     bench.py      starts drive and `run`; judges                        monitors.py heartbeat, guarding, RPDO time-out
     node.py       the process                                           pdos.py     mapping, SYNC
     drive.py      all of it put together, without a bus                 plant.py    screw, friction, weight
-    service.py    a service with such a drive
+    service.py    a service with such a drive                           sample.py   what CI tries of all this
     events.py     what happens in mid-motion                            diary.py    what the drive writes down
 
 No module here imports the master or its virtual drive; the bus is python-can's interface ``stagectl``.
@@ -19,6 +19,9 @@ Start a variant by hand, and run a motion against it::
     python -m tests.zoo.node vertical --channel /tmp/v/bus --diary /tmp/v/diary.jsonl
     python -m stagectl run /tmp/v/stage.yaml /tmp/v/motion.yaml --channel /tmp/v/bus -o /tmp/v/run.h5
     python -m can.logger -i stagectl -c /tmp/v/bus     # listen
+
+``make zoo`` tries every case of every file; the tests in CI, and the words below, try a sample (`sample.py`) unless
+the environment says ``STAGECTL_ZOO=all``.
 
 One row of the table, with the program's own words::
 

@@ -15,10 +15,12 @@ from tests.conftest import ROOT, child_of
 from tests.zoo.bench import PATIENCE, drive, fallen, prepared, run_command, unsafe, until
 from tests.zoo.diary import Diary
 from tests.zoo.distances import longest_stop
+from tests.zoo.sample import sample
 from tests.zoo.stage import LONG_MOTION
 from tests.zoo.table import MOVES, ROWS, Row
 
 MOVING = {row.title: row for row in ROWS if row.allowed & MOVES and not row.bare}
+FEW = ("plain", "guarding-only", "heartbeat-only", "rpdo-timer-only", "vertical")
 _UNDER_WAY = 1e-3  # m
 
 
@@ -45,7 +47,7 @@ def _running(command: list[str]):  # type: ignore[no-untyped-def]
         process.wait(timeout=PATIENCE)
 
 
-@pytest.mark.parametrize("title", MOVING)
+@pytest.mark.parametrize("title", sample(MOVING, FEW))
 def test_it_stands_within_the_distance(title: str, tmp_path: Path) -> None:
     row: Row = MOVING[title]
     files = prepared(tmp_path, row, LONG_MOTION)
