@@ -129,8 +129,9 @@ class Axis(AxisData):
         """Our law holds the axis while its brake engages; the drive may leave Operation enabled meanwhile."""
         assert self.drive is not None
         self.output, self.x = output, _ = law.step(self.law, self.x, self.asked, self.seen.position)
-        self.drive.apply(output.current)
-        return _NONE
+        fault = _NONE if abs(output.error) <= self.limits.following_error else Fault.FOLLOWING_ERROR
+        self.drive.apply(output.current if fault is _NONE else 0.0)
+        return fault
 
     def _unpowered(self, fault: Fault) -> Fault:
         """What is a fault where no power was asked for: not the drive's want of it, but state Fault."""

@@ -22,6 +22,7 @@ class Table(NamedTuple):
     title: str
     head: list[str]
     rows: list[list[str]]
+    sentences: tuple[int, ...] = ()  # columns that hold text to read, not figures to compare
 
 
 class Section(NamedTuple):

@@ -69,7 +69,8 @@ def virtual(setup: Setup, only: frozenset[str] = frozenset()) -> Bench:
         return Rig(setup, laid_out)
 
     mode = "virtual drive in virtual time"
-    return Bench(rig, rows, STATES, laid_out.speed, mode, lambda row: ServedCase(rig(), row, service))
+    states = tuple(state for state in STATES if setup.file.brake.present or state not in served.OF_A_BRAKE)
+    return Bench(rig, rows, states, laid_out.speed, mode, lambda row: ServedCase(rig(), row, service))
 
 
 def matrix(bench: Bench) -> Iterator[Outcome]:

@@ -39,8 +39,10 @@ KINDS = {
     State.QUICK_STOPPING: "stopping",
     State.COASTING: "coasting",
     State.FAULT: "faulted",
+    State.ENGAGING: "powering",
 }
 STATES = {f"service {state.name.lower().replace('_', ' ')}": state for state in KINDS}
+OF_A_BRAKE = frozenset({"service engaging"})  # an axis without one is in it for no period
 _UNPOWERED = (State.OFFLINE, State.DISABLED, State.FAULT)
 _ENDS = {  # where a fault may leave the axis, once it has been disabled if it still had power
     State.DISABLED: (State.DISABLED, State.FAULT),
@@ -141,6 +143,8 @@ class ServedCase(Case):
         if state is State.FAULT:
             self.rig.trip(TRIP)
             self._until(State.FAULT)
+        elif state is State.ENGAGING:
+            self._take(Order(Event.DISABLE))
         elif state is not State.STANDING:
             self._take(Order(Event.HOME) if state is State.HOMING else self._move())
             self._run(BEFORE)

@@ -31,9 +31,9 @@ def heard(setup: Setup, moving: bool) -> tuple[list[float], int]:
     drive = rig.ours._wire.ends[1]
     plain = drive.take
 
-    def take(raw: bytes) -> None:
-        frames.append((rig.time.now(), raw))
-        plain(raw)
+    def take(frame: bytes) -> None:
+        frames.append((rig.time.now(), frame))
+        plain(frame)
 
     drive.take = take  # type: ignore[method-assign]
     for _ in range(PERIODS):

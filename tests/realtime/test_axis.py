@@ -11,6 +11,7 @@ import pytest
 
 from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
+from stagectl.drives.brake import Brake
 from stagectl.drives.drive import DriveError, Fault, Feedback, Power
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.realtime.axis import Axis
@@ -186,6 +187,18 @@ def test_an_encoder_that_lies_ends_in_coasting(
     assert bench.axis.state is State.DISABLED
     assert bench.order(Order(Event.ENABLE))
     bench.until(State.STANDING)
+
+
+def test_an_axis_that_leaves_its_place_while_its_brake_engages_loses_its_power(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw._replace(file=ball_screw.file._replace(brake=Brake("output", 0.03, 0.5))))
+    bench.to(State.STANDING)
+    assert bench.order(Order(Event.DISABLE))
+    bench.run(20)
+    assert bench.axis.state is State.ENGAGING
+    bench.drive.jump = 0.2
+    bench.run(1)
+    assert (bench.axis.state, bench.axis.fault) == (State.FAULT, Fault.FOLLOWING_ERROR)
+    assert bench.drive.power is Power.OFF
 
 
 def test_a_move_arrives_and_the_next_one_goes_on_without_a_bump(ball_screw: Setup) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,11 @@ from stagectl.report.page import Page, Table, write
 from stagectl.workflows.acceptance.result import Acceptance, StepResult
 
 _HEAD = ["step", "what was tried", "result", "distance", "bound", "what was found"]
+_SENTENCES = (1, 2, 5)  # columns
+_VIRTUAL = (
+    "a virtual drive: this page says nothing about a machine. With simulation.clock: sync its axis stands still while"
+    " the bus is silent; then the distances of kill and silence are zero"
+)
 
 
 def write_pages(result: Acceptance, signature: dict[str, Any], path: Path) -> tuple[Path, Path]:
@@ -39,10 +45,13 @@ def _page(result: Acceptance, signature: dict[str, Any], machine: Path) -> Page:
         _notes(result, signature),
         [],
         [
-            Table("Steps", _HEAD, [_row(step, result.unit) for step in result.steps]),
+            Table("Steps", _HEAD, [_row(step, result.unit) for step in result.steps], _SENTENCES),
             Table("Drive", ["", ""], [[name, value] for name, value in result.drive.items()]),
         ],
-        [f"stagectl drive accept {result.stage_file}", f"stagectl drive verify {machine.name}"],
+        [
+            f"stagectl drive accept {result.stage_file} --person {shlex.quote(result.person)}",
+            f"stagectl drive verify {machine.name}",
+        ],
         result.software,
     )
 
@@ -52,10 +61,10 @@ def _missing(result: Acceptance) -> list[StepResult]:
 
 
 def _notes(result: Acceptance, signature: dict[str, Any]) -> list[str]:
-    drive = "a virtual drive: this page says nothing about a machine" if result.virtual else "a drive on the bench"
+    drive = _VIRTUAL if result.virtual else "a drive on the bench"
     code = signature["hmac_sha256"]
     return [
-        f"Let happen and signed by {result.person} on {result.date}, on {drive}.",
+        f"Each step was permitted by {result.person}, who signed on {result.date}. The drive is {drive}.",
         f"Stage file {result.stage_file}, SHA-256 {result.stage_sha256}; EDS, SHA-256 {result.eds_sha256}.",
         f"SHA-256 of the content: {signature['sha256']}. "
         + (f"HMAC-SHA-256: {code}." if code else "No key was configured: there is no HMAC."),

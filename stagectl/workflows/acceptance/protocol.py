@@ -89,7 +89,7 @@ def _performed(bench: Workbench, person: Signatory, say: Say) -> tuple[StepResul
     ended = ""
     for step in STEPS:
         if not ended and not person.go_ahead(step, _announced(bench, step)):
-            ended = f"{step.name} was not let happen"
+            ended = f"{step.name} was not permitted"
         result = StepResult(step.name, step.title, Outcome.SKIPPED, ended) if ended else _done(bench, step)
         if result.outcome is Outcome.FAILED:
             ended = f"{step.name} failed"
