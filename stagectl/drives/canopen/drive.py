@@ -33,6 +33,7 @@ from stagectl.drives.canopen.fault_texts import Deviation
 from stagectl.drives.canopen.object_access import ObjectAccess
 from stagectl.drives.canopen.operation_watch import mode_place
 from stagectl.drives.canopen.power_states import FaultReset, PowerTransition, Standstill
+from stagectl.drives.canopen.protection import check_output_brake
 from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
@@ -90,6 +91,7 @@ class CanopenDrive:
         self._found = _read(setup.objects, cia402.STATUSWORD)  # before it gets power
         self._error_code = _read(setup.objects, cia402.ERROR_CODE)
         if brake.control == "output":
+            check_output_brake(setup.objects, self._description)
             setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 1)  # set, before any power
             setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 2)
 
