@@ -9,6 +9,7 @@ from __future__ import annotations
 
 CHARACTER_BITS = 10  # of a character on a serial line: start, eight, stop
 CYCLE = (0, 8, 8)  # data bytes of SYNC, answer and command
+_BESIDE = (1, 8, 8)  # of a heartbeat, and of a question by SDO and its answer
 SLCAN_DEFAULT_BAUD = 115200.0  # bit/s where the channel names none, as python-can has it
 _ACKNOWLEDGED = 2  # characters by which an slcan adapter acknowledges a frame of ours, "z<CR>"
 SLCAN_CHARACTERS = sum(6 + 2 * length for length in CYCLE) + 2 * _ACKNOWLEDGED  # of one cycle
@@ -29,6 +30,11 @@ def frame_bits(length: int) -> int:
 def bus_load(rate_hz: float, bitrate: float, lengths: tuple[int, ...] = CYCLE) -> float:
     """Share of the bus taken by frames of these data `lengths`, each sent `rate_hz` times a second."""
     return rate_hz * sum(frame_bits(length) for length in lengths) / bitrate
+
+
+def has_room_for_sdo(dt: float, bitrate: float) -> bool:
+    """Whether a heartbeat, a question by SDO and its answer fit into a period of `dt` (s) beside the cycle."""
+    return bus_load(1.0 / dt, bitrate, CYCLE + _BESIDE) <= 1.0
 
 
 def slcan_baud(channel: str) -> float:

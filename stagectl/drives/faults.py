@@ -166,7 +166,7 @@ TABLE: tuple[FaultType, ...] = (
     FaultType("sync-lost", "bus", "off", FrameFault, "SYNC does not reach the drive",
         Reaction(1, ("feedback",), reasons=(_LOST,))),
     FaultType("command-lost", "bus", "off", FrameFault, "the cyclic command (RPDO) does not reach the drive",
-        Reaction(1, ("command",), reasons=(_DRIVE, _EMCY, Fault.FOLLOWING_ERROR))),
+        Reaction(1, ("command",), reasons=(_DRIVE, _EMCY, _ERROR, Fault.CLAMPED))),
     FaultType("feedback-lost", "bus", "off", FrameFault, "the drive's cyclic answer (TPDO) is lost", _SILENT),
     FaultType("controller-heartbeat-lost", "bus", "off", FrameFault,
         "the controller's heartbeat does not reach the drive",

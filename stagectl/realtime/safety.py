@@ -110,14 +110,15 @@ def watched(p: Envelope, x: Watch, now: Observation, limit: float) -> Watch:
     position, current, _, _, _ = feedback
     before, _, from_, beyond, idle, stuck, excess, heat, last, highest, lowest, unfollowed, frozen, anchor = x
     same, share, release = position == before, dt / p.thermal_time, dt / p.current_settling
-    # Bounds that jump out with the command and come back with the settling time: a loop that follows stays within.
-    highest = command if command >= highest or release >= 1.0 else highest + (command - highest) * release
-    lowest = command if command <= lowest or release >= 1.0 else lowest + (command - lowest) * release
-    margin = p.current_floor + p.current_share * abs(command)
+    # What is measured now flowed under the commands before this one, which begins to act: however long that took.
+    margin = p.current_floor + p.current_share * max(highest, -lowest)
     if current > highest + margin or current < lowest - margin:
         unfollowed += dt
     elif unfollowed:
         unfollowed = max(unfollowed - dt, 0.0)
+    # Bounds that jump out with the command and come back with the settling time: a loop that follows stays within.
+    highest = command if command >= highest or release >= 1.0 else highest + (command - highest) * release
+    lowest = command if command <= lowest or release >= 1.0 else lowest + (command - lowest) * release
     if not (same and current == last and current):
         frozen, anchor = 0.0, command
     else:

@@ -84,7 +84,7 @@ STOPS: dict[Fault, Stop] = {
         Category.RAMP,
         "the drive gives another current than it is told",
         "Probable causes: a limit in the drive's own set-up (0x6072, 0x6073), its I2t or temperature limit, too little"
-        " voltage, a wrong current_scale, a motor cable that is off",
+        " voltage, a wrong current_scale, a motor cable that is off, commands that do not reach the drive",
         _LOOK,
     ),
     Fault.OVERLOAD: Stop(

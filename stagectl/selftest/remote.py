@@ -17,7 +17,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from stagectl.config.stage_file import Setup
-from stagectl.config.time_outs import axis_limits
 from stagectl.drives import faults
 from stagectl.drives.bus import faulty_bus
 from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Way
@@ -25,7 +24,6 @@ from stagectl.drives.bus.frames import Bus, frame
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
-from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import FeedbackPdo
 from stagectl.drives.clock import WALL, Clock
@@ -176,10 +174,10 @@ class Remote(BaseRig):
         self.laid_out = ways[self.seen.position > home[0]]  # so that the cases do not walk away
         del self.trace[:-1]
 
-    def connect(self) -> CanopenDrive:
-        """The daemon's side.  Raises DriveError."""
-        step, limits = self.setup.stage.encoder.step, axis_limits(self.setup.file)
-        return CanopenDrive(self.settings, self._faulty, step, self.setup.dt, clock=self.time, limits=limits)
+    @property
+    def bus(self) -> Bus:
+        """The controller's end, with the rules of the fault."""
+        return self._faulty
 
     def begin(self, block: Any) -> None:
         """The fault of this block, from our end."""

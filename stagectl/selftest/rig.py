@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.config.time_outs import axis_limits
+from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import Clock
@@ -122,9 +123,16 @@ class BaseRig:
         """The loop of a single motion, not connected yet."""
         return RigLoop(self, self.laid_out.job, self.laid_out.ring, True)
 
+    @property
+    def bus(self) -> Bus:
+        """The controller's end."""
+        raise NotImplementedError
+
     def connect(self) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
-        raise NotImplementedError
+        step, dt, file = self.setup.stage.encoder.step, self.setup.dt, self.setup.file
+        limits = axis_limits(file)
+        return CanopenDrive(self.settings, self.bus, step, dt, clock=self.time, limits=limits, brake=file.brake)
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""
@@ -167,11 +175,10 @@ class Rig(BaseRig):
         self.node.boot()
         time.every(_LOOK, self._look)
 
-    def connect(self) -> CanopenDrive:
-        """The daemon's side.  Raises DriveError."""
-        step, dt, file = self.setup.stage.encoder.step, self.setup.dt, self.setup.file
-        limits = axis_limits(file)
-        return CanopenDrive(self.settings, self.ours, step, dt, clock=self.time, limits=limits, brake=file.brake)
+    @property
+    def bus(self) -> Bus:
+        """The controller's end."""
+        return self.ours
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""

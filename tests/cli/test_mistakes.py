@@ -118,7 +118,7 @@ def test_drive_in_fault(folder: Path) -> None:
         env=dict(os.environ),
     )
     assert done.returncode == 1, done.stderr
-    for words in ("stopped after", "0x2310", "Remove the cause, then start the run again", "stagectl run stage.yaml"):
+    for words in ("stopped after", "0x2310", "Remove the cause", "--reset-fault", "stagectl run stage.yaml"):
         assert words in done.stderr, done.stderr
     assert "Traceback" not in done.stderr
 

@@ -13,6 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stagectl.drives.bus.embedded import Embedded
+from stagectl.drives.bus.frames import frame
+from stagectl.drives.virtual import inject
 from stagectl.realtime.states import State
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.virtual_timeouts import HELD_UP
@@ -198,17 +201,27 @@ def test_the_drive_killed_and_back(machine: Served) -> None:
 
 
 def test_a_drive_that_boots_again_is_configured_anew(machine: Served) -> None:
-    from stagectl.drives.bus.embedded import Embedded
-    from stagectl.drives.bus.frames import frame
-
     machine.begin_moving()
-    bus = Embedded(str(machine.folder / "bus"))
-    bus.send(frame(0, bytes([0x81, 5])))  # NMT: reset node, as after a dip of its supply
-    bus.close()
+    reboot = {"do": "add", "fault": {"fault": "node-reboot", "duration": 0.1}}
+    inject.ask(inject.socket_path("embedded", str(machine.folder / "bus"), 5), reboot)  # as after a dip of its supply
     machine.until(lambda axis: axis["state"] == "fault")
     assert machine.faults()[-1] == "rebooted"
-    assert machine.ask("POST", "faults/reset")["axes"][0]["state"] == "disabled"
+    machine.ask("POST", "faults/reset")
     machine.ask("POST", "enable")
+    machine.ask("POST", "move", by={"axis": "1 mm"})
+
+
+def test_the_nmt_command_of_another_controller_ends_the_motion(machine: Served) -> None:
+    """The drive begins at another position then, which is not homed until somebody homes it."""
+    machine.begin_moving()
+    bus = Embedded(str(machine.folder / "bus"))
+    bus.send(frame(0, bytes([0x81, 5])))  # NMT: reset node
+    bus.close()
+    machine.until(lambda axis: axis["state"] == "fault")
+    (axis,) = machine.ask("POST", "faults/reset")["axes"]
+    assert (axis["state"], axis["homed"]) == ("disabled", False)
+    machine.ask("POST", "enable")
+    machine.ask("POST", "home")
     machine.ask("POST", "move", by={"axis": "1 mm"})
 
 

@@ -36,8 +36,9 @@ from stagectl.drives.canopen.power_states import FaultReset, PowerTransition, St
 from stagectl.drives.canopen.protection import check_output_brake
 from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.clock import WALL, Clock
+from stagectl.drives.cycle_time import has_room_for_sdo
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
-from stagectl.drives.limits import REPEAT_COMMAND_CYCLES
+from stagectl.drives.limits import REPEAT_COMMAND_CYCLES, STANDING
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _SYNC = frame(0x080)
@@ -87,7 +88,8 @@ class CanopenDrive:
         self._reports = Reports(settings, dt, self._answer, self._now)
         self._reports.watch.mode_shown = setup.mode_shown
         self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
-        self._mode_at = mode_place(setup.tpdo)
+        self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
+        self._slow = settings.quick_stop_deceleration * STANDING
         self._found = _read(setup.objects, cia402.STATUSWORD)  # before it gets power
         self._error_code = _read(setup.objects, cia402.ERROR_CODE)
         if brake.control == "output":
@@ -171,13 +173,17 @@ class CanopenDrive:
             if now >= self._beat:
                 self._beat = now + self._alive_period
                 self._bus.send(self._alive)
-                if (self._reports.serving or self._reports.proving) and not self._mode_at:
+                if (self._reports.serving or self._reports.proving) and self._may_ask_for_mode():
                     self._line.ask_for_mode(now)
         except ValueError as error:
             self._reports.problem = Deviation(f"{error}; zero was sent instead")
             self.apply(0.0)
         except OSError as error:
             self._reports.problem = Deviation(f"the bus failed: {error}")
+
+    def _may_ask_for_mode(self) -> bool:
+        """Not where it is mapped; and where the period has no room, which delays SYNC, not while the axis moves."""
+        return not self._mode_at and (self._has_room or self._pace.speed <= self._slow)
 
     def pending_fault(self) -> str:
         """The fault in which the drive was found, or is on the way to power, in words; empty where there is none."""
