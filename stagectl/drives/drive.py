@@ -123,11 +123,14 @@ class Drive(Protocol):
 
 _U32 = Quantity("", "[0, 4294967295]", "as the drive must report it; absent: any")
 
-Accepted = Literal["no_supervision", "no_reaction", "nmt_reaction", "inverted_polarity", "encoder_resolution"]
+Accepted = Literal[
+    "no_supervision", "no_reaction", "nmt_reaction", "output_brake", "inverted_polarity", "encoder_resolution"
+]
 ACCEPTED: dict[str, str] = {
     "no_supervision": "the drive does not notice the loss of its controller: the axis goes on at its last current",
     "no_reaction": "the drive notices the loss of its controller and goes on: nothing stops the axis",
     "nmt_reaction": "the drive only leaves NMT operational when its controller is lost (0x1029): try whether it stops",
+    "output_brake": "nobody sets the brake when the controller is lost, and the drive does not hold the axis: it drops",
     "inverted_polarity": "the drive inverts position, velocity or torque (0x607E): check the sign of the loop",
     "encoder_resolution": "the drive's encoder (0x608F) is another than the stage file's: distances may be wrong",
 }

@@ -19,18 +19,17 @@ from typing import Any, NamedTuple
 
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Drive, DriveError, Fault
-from stagectl.realtime import safety, scheduling
+from stagectl.realtime import order_rules, safety, scheduling
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.drive_opening import Opening
-from stagectl.realtime.shared_memory import CUT, HOLD, Board, Order
+from stagectl.realtime.shared_memory import Board, Order
 from stagectl.realtime.single_axis import SingleAxis
 from stagectl.realtime.states import Event, State
 from stagectl.recording.ring import Ring
 from stagectl.units import StageError
 
 _IDLE = 0.02  # s between two looks where no drive is connected
-_STOP_EVENTS = {HOLD: Event.STOP, CUT: Event.QUICK_STOP}
 
 
 class Post(NamedTuple):
@@ -170,14 +169,14 @@ class Loop:
         that waits is its end.
         """
         for axis in self.axes:
-            _stop(axis)
+            order_rules.take_stops(axis)
         pending = [(axis, order) for axis in self.axes if (order := axis.board.next_order()) is not None]
-        together = [(axis, order) for axis, order in pending if _joint(order)]
+        together = [(axis, order) for axis, order in pending if order_rules.joint(order)]
         complete = bool(together) and len(together) >= together[0][1].numbers[-1]
         possible = complete and all([axis.may_begin(order) for axis, order in together])
         for axis, order in pending:
-            joint = _joint(order)
-            if not complete if joint else _too_soon(axis, order):
+            joint = order_rules.joint(order)
+            if not complete if joint else order_rules.too_soon(axis, order):
                 if axis.board.waiting > 1:  # the others have not come, and behind it may be a stop
                     axis.board.answer(False)
                 continue
@@ -194,25 +193,6 @@ class Loop:
 
     def _connect(self, p: Orders) -> Drive:
         return self._opening.drive(p)
-
-
-def _stop(axis: Axis) -> None:
-    """Take the stops that were asked for; no queue, no other axis and no state is in their way."""
-    kinds = axis.board.next_stops()
-    for kind in kinds:
-        axis.happen(_STOP_EVENTS[kind])
-    if kinds:
-        axis.show()  # before it is heeded: whoever asked sees the state that follows
-        axis.board.heed()
-
-
-def _joint(order: Order) -> bool:
-    """Whether it is a move that begins with those of other axes."""
-    return order.kind == Event.MOVE and order.numbers[-1] > 1.0
-
-
-def _too_soon(axis: Axis, order: Order) -> bool:
-    return order.kind == Event.MOVE and axis.state is State.ENABLING
 
 
 def serve(post: Post, clock: Clock = WALL) -> None:
@@ -238,7 +218,7 @@ def perform(post: Post) -> None:
     try:
         loop.connect()
         if axis.drive is None or axis.state is not State.DISABLED:
-            raise DriveError(axis.board.words)
+            raise DriveError(axis.reason or axis.board.words)
         _say("ready", refused=scheduling.prepare(post.priority, post.cpu), drive=axis.drive.describe())
         if sys.stdin.readline().strip() != "go":  # the recorder must be ready, with the drive's identity in its file
             return
@@ -254,11 +234,10 @@ def perform(post: Post) -> None:
 def _report(axis: SingleAxis, stopped: bool) -> None:
     """How the motion went.  Raises DriveError where it has not begun."""
     fault = axis.fault or (Fault.OPERATOR if stopped and not axis.motions else Fault.NONE)
-    reason = (
-        axis.reason if Fault.NONE < fault < Fault.FOLLOWING_ERROR else axis.judged.strip()
-    )  # the drive's words, or ours
     if not axis.motions and fault is not Fault.OPERATOR:
-        raise DriveError(reason or axis.board.words)
+        raise DriveError(axis.reason or axis.board.words)
+    drives = Fault.NONE < fault < Fault.FOLLOWING_ERROR
+    reason = axis.reason if drives else axis.judged.strip()  # the drive's words, or ours
     counts = {"cycles": axis.ring.written, "late": axis.late_rows, "fault": fault}
     _say("ended", **counts, words=safety.words(fault), reason=reason)
 

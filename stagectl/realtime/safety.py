@@ -208,7 +208,18 @@ def detail(fault: Fault, x: Watch, now: Observation) -> str:
             f"Position and current repeat to the last bit for {x.frozen * 1e3:.0f} ms while the command went from"
             f" {x.anchor:.3g} A to {command:.3g} A: the answer is frozen, or the axis stands under a fixed current. "
         )
+    if fault is Fault.FOLLOWING_ERROR and _runs_away(x, now):
+        words += (
+            f"The axis moves away from its reference, against the {command:.3g} A that are commanded: the sign of motor"
+            " or encoder is reversed (two phases exchanged, 0x607E), or a load is stronger than the motor. "
+        )
     return words
+
+
+def _runs_away(x: Watch, now: Observation) -> bool:
+    """Whether the axis goes against its command and away from the reference, for more than a period."""
+    lasts = abs(now.error) > 2.0 * abs(x.speed) * now.time  # a jump makes all of the error in one
+    return lasts and x.speed * now.command < 0.0 and x.speed * now.error < 0.0
 
 
 def leap(p: Envelope, moved: float, time: float) -> Fault:

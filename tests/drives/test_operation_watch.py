@@ -60,7 +60,8 @@ def answer(mode: int) -> bytes:
 def test_another_mode_is_told_when_it_is_certain() -> None:
     watch = OperationWatch(DT, None)
     assert [watch.mode(answer(mode)) for mode in (0, 0, 0)] == [None] * 3  # a drive that never shows it
-    assert watch.mode(answer(10)) is None
+    assert not watch.mode_shown  # and gets no motion
+    assert watch.mode(answer(10)) is None and watch.mode_shown
     assert watch.mode(answer(8)) is None
     assert watch.mode(bytes([0x80, 0x61, 0x60, 0, 0, 0, 2, 6])) is None  # aborted
     assert watch.mode(bytes([0x43, 0x41, 0x60, 0, 8, 0, 0, 0])) is None  # of another object

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.bus.frames import frame, parse
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.canopen.library import SdoAbortedError
@@ -67,8 +68,9 @@ class Scene:
         self.node, self.ours, self.time = bench.timed()
         self.refuses = Stubborn(self.node)
 
-    def drive(self, **changes: Any) -> CanopenDrive:
-        return CanopenDrive(self.bench.settings(**changes), self.ours, STEP, DT, clock=self.time, limits=AXIS)
+    def drive(self, brake: Brake = NO_BRAKE, **changes: Any) -> CanopenDrive:
+        settings = self.bench.settings(**changes)
+        return CanopenDrive(settings, self.ours, STEP, DT, clock=self.time, limits=AXIS, brake=brake)
 
     def store(self, key: int, value: int, size: int) -> None:
         """As the drive was delivered: no rule for writes applies."""
@@ -159,6 +161,36 @@ def test_without_an_option_code_leaving_operational_must_be_accepted(scene: Scen
     scene.node.objects.getters[0x102901] = lambda: 0
     assert refused(scene, accept=("no_reaction",)).object_key == 0x600700
     assert "ACCEPTED: nmt_reaction" in scene.drive(accept=("nmt_reaction",)).describe()
+
+
+def output_brake(scene: Scene, **changes: Any) -> DriveError:
+    with pytest.raises(DriveError) as caught:
+        scene.drive(brake=Brake("output", 0.03, 0.05), **changes)
+    return caught.value
+
+
+def test_a_brake_that_we_set_needs_a_drive_that_holds_without_us(scene: Scene) -> None:
+    """This drive has no 0x60FE: a set-up that gets so far has passed."""
+    scene.store(0x605A00, 2, 2)
+    assert (output_brake(scene).object_key, output_brake(scene).value) == (0x605A00, 2)
+    assert output_brake(scene, accept=("output_brake",)).object_key == 0x60FE01
+    scene.store(0x605A00, 6, 2)
+    assert output_brake(scene).object_key == 0x60FE01
+    scene.store(0x600700, 2, 2)
+    scene.refuses.read_only.add(0x600700)
+    assert (output_brake(scene).object_key, output_brake(scene).value) == (0x600700, 2)
+
+
+@pytest.mark.parametrize("under_power", [0, 10])
+def test_the_mode_is_shown_before_an_axis_may_move(scene: Scene, under_power: int) -> None:
+    scene.node.objects.getters[0x606100] = lambda: 0
+    drive = scene.drive()
+    scene.node.objects.getters[0x606100] = lambda: under_power
+    if under_power:
+        assert enabled(drive, scene.time).fault is Fault.NONE
+    else:
+        with pytest.raises(DriveError, match="0x6061"):
+            enabled(drive, scene.time)
 
 
 MAPPINGS = {index << 8 | subindex for index in (0x1600, 0x1A00) for subindex in range(9)}

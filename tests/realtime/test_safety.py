@@ -234,6 +234,13 @@ def test_an_answer_that_repeats_while_the_command_changes_is_frozen() -> None:
     assert judged(FOLLOWED, driven(jump, lambda _: 0.3, moving=0.0)) == (Fault.NONE, 105)
 
 
+def test_an_axis_that_runs_away_is_of_the_wrong_sign() -> None:
+    away = seen(-0.11, error=0.11, command=4.0)
+    assert "0x607E" in detail(Fault.FOLLOWING_ERROR, FRESH._replace(speed=-1.0), away)
+    assert detail(Fault.FOLLOWING_ERROR, FRESH._replace(speed=1.0), away) == ""  # it comes
+    assert detail(Fault.FOLLOWING_ERROR, FRESH._replace(speed=-100.0), away) == ""  # a jump: all in one period
+
+
 def test_the_fault_names_both_currents() -> None:
     clamped = seen(0.0, command=5.0, current=2.0)
     text = detail(Fault.CLAMPED, FRESH, clamped)

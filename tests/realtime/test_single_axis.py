@@ -15,6 +15,7 @@ import pytest
 from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import NO_BRAKE
+from stagectl.drives.canopen import drive as canopen_drive
 from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.kernels import rollout
@@ -432,6 +433,9 @@ def test_the_canopen_drive_gets_the_stages_step_and_period(ball_screw: Setup, mo
     assert isinstance(wire, Canopen)
     _, post = ordered(ball_screw)
     monkeypatch.setattr(drive_opening, "open_bus", lambda *names: names)
-    monkeypatch.setattr(drive_opening, "CanopenDrive", lambda *order, limits, brake: (*order, brake))
-    drive: Any = drive_opening.Opening(False).drive(post.axes[0]._replace(wire=wire))
+    monkeypatch.setattr(drive_opening, "listen", lambda wire, bus: None)
+    monkeypatch.setattr(canopen_drive, "CanopenDrive", lambda *order, limits, brake: (*order, brake))
+    opening = drive_opening.Opening(False)
+    drive: Any = opening.drive(post.axes[0]._replace(wire=wire))
+    opening.close()
     assert drive == (wire, ("embedded", "stage", 1e6), 2.0 * math.pi / 2**20, 5e-4, NO_BRAKE)

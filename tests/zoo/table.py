@@ -116,7 +116,8 @@ ROWS = [
     _row("two-nodes", MOVES),
     _accepted("unsupervised", "no_supervision", bare=True),
     _accepted("abort-connection-0-fixed", "no_reaction", bare=True),
-    _accepted("abort-connection-absent", "no_reaction", bare=True),
+    # Its 0x1029:01 is 0: on a lost heartbeat it leaves operational (CiA 301), so that this is the lack it has.
+    _accepted("abort-connection-absent", "nmt_reaction", bare=True),
     _accepted("other-encoder", "encoder_resolution"),
 ]
 LACKS = [

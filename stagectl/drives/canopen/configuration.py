@@ -50,6 +50,7 @@ class DriveConfiguration:
     rpdo: PdoMap  # as read back
     tpdo: PdoMap
     protection: Protection
+    mode_shown = False  # as cyclic synchronous torque, before it has power
 
     def __init__(
         self,
@@ -209,7 +210,8 @@ class DriveConfiguration:
         deadline = self._clock.now() + MODE_TIME
         while (mode := self.objects.read(cia402.MODE_DISPLAY)) != torque and self._clock.now() < deadline:
             pass
-        shown = "" if mode == torque else f"; 0x6061 shows {mode} until it is enabled"
+        self.mode_shown = mode == torque
+        shown = "" if self.mode_shown else f"; 0x6061 shows {mode} until it is enabled"
         self.description["mode of operation"] = f"cyclic synchronous torque (10){shown}"
 
     def _kept_mode(self, mode: int) -> DriveError:

@@ -33,6 +33,7 @@ from stagectl.drives.canopen.fault_texts import Deviation
 from stagectl.drives.canopen.object_access import ObjectAccess
 from stagectl.drives.canopen.operation_watch import mode_place
 from stagectl.drives.canopen.power_states import FaultReset, PowerTransition, Standstill
+from stagectl.drives.canopen.protection import check_output_brake
 from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.cycle_time import has_room_for_sdo
@@ -85,12 +86,14 @@ class CanopenDrive:
         self._command, self._answer = setup.pdos  # as the drive has them, not as they were wished
         self._alive, self._alive_period = setup.protection.alive, setup.protection.period
         self._reports = Reports(settings, dt, self._answer, self._now)
+        self._reports.watch.mode_shown = setup.mode_shown
         self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
         self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
         self._slow = settings.quick_stop_deceleration * STANDING
         self._found = _read(setup.objects, cia402.STATUSWORD)  # before it gets power
         self._error_code = _read(setup.objects, cia402.ERROR_CODE)
         if brake.control == "output":
+            check_output_brake(setup.objects, self._description)
             setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 1)  # set, before any power
             setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 2)
 
@@ -98,7 +101,8 @@ class CanopenDrive:
         """Bring the drive to `power` with the periods that follow."""
         self._walk = self._transition(power)
         self._braking = BrakingMonitor(self._pace, self._settings.quick_stop_deceleration)
-        self._reports.serving, self._walking = False, power is Power.ON
+        self._reports.serving = self._reports.proving = False
+        self._walking = power is Power.ON
         if power is Power.ON:
             self._reason = None
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
@@ -169,7 +173,7 @@ class CanopenDrive:
             if now >= self._beat:
                 self._beat = now + self._alive_period
                 self._bus.send(self._alive)
-                if self._reports.serving and self._may_ask_for_mode():
+                if (self._reports.serving or self._reports.proving) and self._may_ask_for_mode():
                     self._line.ask_for_mode(now)
         except ValueError as error:
             self._reports.problem = Deviation(f"{error}; zero was sent instead")
@@ -256,8 +260,9 @@ class CanopenDrive:
     def _walked(self, now: Feedback) -> Feedback:
         """A step towards Operation enabled; once there, no fault later leads there again by itself."""
         state = self._walk.step(now)
-        if now.fault is Fault.NONE and not self._brake.released():
-            return now._replace(fault=Fault.DRIVE_FAULT)  # not yet: release before motion
+        self._reports.proving = now.fault is Fault.NONE and not self._reports.watch.mode_shown
+        if now.fault is Fault.NONE and not (self._reports.watch.mode_shown and self._brake.released()):
+            return now._replace(fault=Fault.DRIVE_FAULT)  # not yet: mode before release, release before motion
         self._reports.serving = now.fault is Fault.NONE
         self._walking = not self._reports.serving
         if state is DriveState.OPERATION_ENABLED:

@@ -66,6 +66,11 @@ WRONG_MODE = Deviation(
     "Probable causes: a service tool or another controller wrote 0x6060, or an input of the drive selects the mode."
     f" Take it away, then reset: {_RESET}",
 )
+UNSHOWN_MODE = Deviation(
+    "it has power, but shows the mode of operation {} (0x6061) where 10 (cyclic synchronous torque) was ordered",
+    "Probable causes: the drive does not take the mode (0x6060), or its firmware does not report it. Compare both with"
+    " `stagectl drive dump STAGE.yaml`; a drive that does not show its mode is not moved",
+)
 LOST_BITS = {
     9: Deviation(
         "it is no longer under remote control (statusword bit 9, remote)",
@@ -167,10 +172,9 @@ def not_enabled(node: int, last: Feedback, signs: DriveSigns) -> str:
     parts = filter(None, (_state(last, signs), problem and problem.words, reported))
     hint = _HINTS.get(cia402.state(last.statusword), CAUSES[Fault.DRIVE_FAULT])
     causes = _causes(last, signs) if last.fault is Fault.FEEDBACK_LOST or problem else hint
-    return (
-        f"node {node} does not reach Operation enabled within {ENABLE_TIME:.0f} s: it remains in"
-        f" {'; '.join(parts)}. {causes}"
-    )
+    enabled = cia402.state(last.statusword) in _RUNS
+    missed = "is not ready" if enabled else "does not reach Operation enabled"
+    return f"node {node} {missed} within {ENABLE_TIME:.0f} s: it remains in {'; '.join(parts)}. {causes}"
 
 
 def explained(node: int, last: Feedback, signs: DriveSigns) -> str:

@@ -7,6 +7,7 @@
          no --> not in Operation enabled: at once
                 bit 9 or 12 lost for STATUS_BIT_TIME: by name
 
+A drive that has never shown its mode (0x6061) as cyclic synchronous torque is not ready, power or not.
 Which of the bits a drive drives at all is learned in the first LEARNING_TIME under power, unless the stage file names
 them: a bit that it never showed is not demanded.  Source: CiA 402-2 (IEC 61800-7-201), statusword and 0x6061.
 """
@@ -53,7 +54,8 @@ class OperationWatch:
         self._named = None if bits is None else sum(1 << bit for bit in set(bits))
         self._learning_periods = periods(LEARNING_TIME, dt)
         self._patience = periods(STATUS_BIT_TIME, dt, CERTAIN_CYCLES)
-        self._shown, self._right = 0, False  # bits that the drive has shown under power, ever; the mode likewise
+        self._shown = 0  # bits that the drive has shown under power, ever
+        self.mode_shown, self.last_mode = False, 0  # whether it has ever shown the right one; the last that it showed
         self.begin()
 
     def begin(self) -> None:
@@ -87,8 +89,9 @@ class OperationWatch:
     def shown_mode(self, mode: int) -> Deviation | None:
         """What is wrong with a mode of operation (0x6061) that the drive shows, once that is certain."""
         right = mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
-        self._right = self._right or right  # some drives never show it: then it is not demanded
-        self._wrong = 0 if right or not self._right else self._wrong + 1
+        self.last_mode = mode
+        self.mode_shown = self.mode_shown or right  # some show it only under power; none moves before
+        self._wrong = 0 if right or not self.mode_shown else self._wrong + 1
         return WRONG_MODE.filled(mode) if self._wrong >= WRONG_MODES else None
 
     def _learn(self, statusword: int) -> None:

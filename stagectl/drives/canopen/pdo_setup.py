@@ -154,7 +154,8 @@ class PdoSetup:
         kept = tuple(entry >> 8 for entry in first.entries) if first is not None else ()
         missing = next((key for key in needed if key not in kept), None)
         if missing is None or first is None:
-            key, reason = direction.parameter << 8 | 2, "none that exists and goes with each SYNC"
+            key = direction.parameter << 8 | 2
+            reason = f"none that exists and goes with each SYNC (0x{direction.parameter:04X}:02)"
         else:
             key, reason = missing, f"none with 0x{missing >> 8:04X}:{missing & 0xFF:02X} ({needed[missing]})"
         shown = ", ".join(f"0x{entry >> 8:04X}:{entry & 0xFF:02X}" for entry in kept) or "no object"

@@ -28,7 +28,8 @@ MASTER = 127  # our own node id, as the drive's heartbeat consumer (0x1016) know
 NOT_OFFERED = "not offered by this drive"
 HEARTBEAT = frame(0x700 + MASTER, bytes([cia402.OPERATIONAL]))
 _STOPS = (1, 2, 3)  # options 0x6007 that stop: fault, power off, quick stop
-_WRITTEN = (3, 1, 2)  # in which order they are tried: the ramp of a quick stop is known
+_QUICK_STOP, _HOLDS = 3, (5, 6, 7, 8)  # option 0x6007; options 0x605A that stay in Quick stop active, under power
+_WRITTEN = (_QUICK_STOP, 1, 2)  # in which order they are tried: the ramp of a quick stop is known
 _LEAVES, _STOPPED = 0, 2  # options 0x1029:01: to pre-operational, which is the default of CiA 301; to stopped
 _COMMUNICATION = 1  # subindex of 0x1029
 
@@ -161,6 +162,18 @@ class Supervision:
         lacks(self._objects, self._description, name, key, value)
 
 
+def check_output_brake(objects: ObjectAccess, description: dict[str, str]) -> None:
+    """A brake that we set by 0x60FE: nobody does once we are lost, so that the drive must hold the axis under power.
+
+    Raises DriveError where its reaction does not end in Quick stop active (0x6007 = 3, 0x605A of 5 to 8).
+    """
+    reaction, option = objects.offered(cia402.ABORT_CONNECTION), objects.offered(cia402.QUICK_STOP_OPTION)
+    if reaction != _QUICK_STOP:
+        lacks(objects, description, "output_brake", cia402.ABORT_CONNECTION << 8, reaction)
+    elif option not in _HOLDS:
+        lacks(objects, description, "output_brake", cia402.QUICK_STOP_OPTION << 8, option)
+
+
 def lacks(
     objects: ObjectAccess, description: dict[str, str], name: Accepted, key: int, value: int | None, detail: str = ""
 ) -> None:
@@ -185,6 +198,8 @@ _REMEDY: dict[str, str] = {
     "no_supervision": "one of 0x1016 (heartbeat), 0x1400:05 (RPDO time-out) and 0x100C with 0x100D (guarding) must hold"
     " a time; compare the EDS with the drive's firmware, or take another drive",
     "nmt_reaction": "its power stage need not follow 0x1029:01; try it at low current with the power to the motor off",
+    "output_brake": "let 0x605A be 5 to 8 by drive.wire.start_up, so that the quick stop (0x6007 = 3) ends in holding;"
+    " or wire the brake to the drive's own brake output and say 'brake.control: drive'",
     "no_reaction": "set 0x6007 to 3 (quick stop) with the drive's own tool; where it is missing, 0x1029:01 to 0",
 }
 

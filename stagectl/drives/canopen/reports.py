@@ -37,6 +37,7 @@ class Reports:
         self.rebooted = False  # since it was configured
         self._answered = math.nan  # s, monotonic, of its last answer to SYNC since it was configured
         self.serving = False  # enabled, and not asked to stop
+        self.proving = False  # enabled, but it has not shown its mode yet
         self._heard = math.nan  # s, monotonic, when its heartbeat was last heard
         self._nmt: int | None = None  # NMT state in it
 
@@ -50,7 +51,10 @@ class Reports:
         """What is known, for the words of a fault."""
         age, answered = self.now() - self._heard, self._answered == self._answered
         after = not answered or self._heard > self._answered
-        return DriveSigns(self.problem, self.emergency, answered, age, self._nmt, after and age < YOUNG_HEARTBEAT)
+        unshown = fault_texts.UNSHOWN_MODE.filled(self.watch.last_mode) if self.proving else None
+        return DriveSigns(
+            self.problem or unshown, self.emergency, answered, age, self._nmt, after and age < YOUNG_HEARTBEAT
+        )
 
     def fault(self, statusword: int) -> Fault:
         """What the drive, its heartbeat and this answer say."""
@@ -72,7 +76,7 @@ class Reports:
 
     def show_mode(self, mode: int) -> None:
         """The mode of operation (0x6061) in an answer to SYNC."""
-        if self.serving:
+        if self.serving or self.proving:
             self.problem = self.watch.shown_mode(mode) or self.problem
 
     def take(self, raw: bytes) -> None:
@@ -83,7 +87,7 @@ class Reports:
             self.emergency = emergency if emergency.code & 0xFF00 else None
         elif identifier == _HEARTBEATS + node:
             self._hear(raw[8])
-        elif identifier == _ANSWERS + node and self.serving:
+        elif identifier == _ANSWERS + node and (self.serving or self.proving):
             self.problem = self.watch.mode(raw[8:16]) or self.problem
         elif identifier == self._answer.identifier and raw[:5] != self._answer.head:
             self.problem = fault_texts.OTHER_MAPPING.filled(raw[4], self._answer.head[4])
