@@ -111,6 +111,7 @@ def test_a_short_reset_pulse_is_not_enough(bus: tuple[StockMaster, Diary]) -> No
     master, diary = bus
     for controlword in (0x80, 0x00):
         master.network.send_message(0x600 + NODE, bytes([0x2B, 0x40, 0x60, 0, controlword, 0, 0, 0]))
+    until(lambda: master.node.sdo.responses.qsize() == 2, "the writes are not confirmed")  # not taken for the next
     assert master.node.sdo[0x6041].raw & 0x4F == 0x08
     master.order(0x80, 0x40)
     assert diary.lines("state")[-1]["why"] == "fault reset"
