@@ -67,7 +67,7 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, stops: 
     Raises LimitError with value, limit and the field to change; nothing has moved then.
     """
     parts = phases(experiment)
-    check_duration(parts.duration, setup.dt)
+    check_duration(parts.duration, setup.dt, LONGEST)
     _within_limits(setup, parts.motion)
     seen = foresee(setup, parts.motion, parts.duration)
     _check_jumps(setup, seen)
@@ -135,7 +135,7 @@ def _excitation(parts: Phases) -> tuple[Span, ...]:
     return tuple(span._replace(start=span.start + parts.start, end=span.end + parts.start) for span in spans)
 
 
-def check_duration(duration: float, dt: float, most: int = LONGEST) -> None:
+def check_duration(duration: float, dt: float, most: int) -> None:
     """Refuse a motion of more than `most` periods.  Raises LimitError."""
     longest = most * dt
     if duration > longest:

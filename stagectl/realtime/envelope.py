@@ -59,7 +59,8 @@ def envelope(setup: Setup) -> Envelope:
 def _followed(setup: Setup) -> dict[str, Any]:
     """When the measured current is not the commanded one: from the model's drive and its measurement."""
     drive, wire, dt = setup.stage.drive, setup.file.drive.wire, setup.dt
-    count = wire.current_scale if isinstance(wire, Canopen) else 0.0
+    measured = wire.current_scale if isinstance(wire, Canopen) else 0.0
+    count = max(measured, drive.current_quantum)  # A; a smaller change of the command shows in neither
     noise, errors = CURRENT_NOISE * setup.file.simulation.current_noise, drive.telemetry
     floor = max(CURRENT_FLOOR * drive.current_limit, 2.0 * count) + noise + abs(drive.offset) + abs(errors.offset)
     given = setup.file.limits.current_deviation

@@ -33,7 +33,7 @@ def test_without_power_friction_stops_the_axis(sign: float) -> None:
     speed, began = drive.plant.state.velocity, drive.plant.state.position
     assert speed * sign > 0.2
     drive.ask(Power.QUICK_STOP)
-    for _ in range(2000):
+    for _ in range(round(10.0 / DT)):
         drive.apply(sign)  # no current flows
     now = drive.sample()
     assert now.fault is Fault.DRIVE_FAULT  # it has no power any more, and says so

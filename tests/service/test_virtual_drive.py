@@ -28,7 +28,7 @@ def instead(monkeypatch: pytest.MonkeyPatch, folder: Path, program: str) -> None
     script = folder / "drive"
     script.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" "{folder / "program.py"}"\n')
     script.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(script))
+    monkeypatch.setattr(virtual_drive, "PYTHON", (str(script),))
 
 
 def test_a_drive_that_says_more_than_a_pipe_holds_goes_on(
