@@ -131,7 +131,10 @@ class Drive:
 
     def tick(self, now: float) -> None:
         """Move the plant on to `now`, look at the monitors, and note a sample."""
-        self.plant.advance(now, self.current() * FORCE_CONSTANT * self.variant.motor_sign)
+        if self.power.state in RAMPS:
+            self.plant.advance(now, 0.0, ramp_torque(self.memory.number(0x608500)))
+        else:
+            self.plant.advance(now, self.current() * FORCE_CONSTANT * self.variant.motor_sign)
         self.now = now
         self.power.hold(now)
         if lost := self.monitors.lost(now):
@@ -153,8 +156,8 @@ class Drive:
     def current(self) -> float:
         """Current that flows (A): the command within the drive's limits, or that of its own ramp."""
         if self.power.state in RAMPS:
-            counts = self.memory.number(0x608500)
-            return self.variant.motor_sign * ramp_torque(self.plant.speed, counts) / FORCE_CONSTANT
+            speed, braking = self.plant.speed, ramp_torque(self.memory.number(0x608500))
+            return -self.variant.motor_sign * math.copysign(braking, speed) / FORCE_CONSTANT if speed else 0.0
         if self.power.state is not State.OPERATION_ENABLED or self.mode != CST or self.deaf:
             return 0.0
         limit = self._limit()

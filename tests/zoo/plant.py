@@ -31,20 +31,20 @@ class Plant:
         self.braked = gravity != 0.0
         self._time = -1.0
 
-    def advance(self, now: float, torque: float) -> None:
-        """Move on to the time `now` (s) under a constant motor torque (N m)."""
+    def advance(self, now: float, torque: float, braking: float = 0.0) -> None:
+        """Move on to the time `now` (s) under a constant motor torque (N m), and one that only brakes."""
         gap = 0.0 if self._time < 0.0 else min(now - self._time, _LONGEST_GAP)
         self._time = now
         steps = math.ceil(gap / _STEP)
         for _ in range(steps):
-            self._step(gap / steps, torque)
+            self._step(gap / steps, torque, braking)
 
-    def _step(self, dt: float, torque: float) -> None:
+    def _step(self, dt: float, torque: float, braking: float) -> None:
         if self.braked:
             self.speed = 0.0
             return
         speed = self.speed + dt * (torque - self.gravity - VISCOUS * self.speed) / INERTIA
-        dry = dt * COULOMB / INERTIA  # the most that dry friction takes away in one step; it never reverses
+        dry = dt * (COULOMB + braking) / INERTIA  # the most that both take away in one step; they never reverse
         self.speed = math.copysign(max(abs(speed) - dry, 0.0), speed)
         self.angle += dt * self.speed
 
@@ -54,7 +54,6 @@ class Plant:
         return self.angle * METRES_PER_RAD
 
 
-def ramp_torque(speed: float, deceleration_counts: float) -> float:
-    """Torque (N m) of the drive's own ramp at this speed (rad/s), limited by its peak current."""
-    wanted = INERTIA * deceleration_counts * 2.0 * math.pi / COUNTS
-    return -math.copysign(min(wanted, FORCE_CONSTANT * PEAK_CURRENT), speed) if speed else 0.0
+def ramp_torque(deceleration_counts: float) -> float:
+    """Size (N m) of the torque of the drive's own ramp, limited by its peak current; it acts against the speed."""
+    return min(INERTIA * deceleration_counts * 2.0 * math.pi / COUNTS, FORCE_CONSTANT * PEAK_CURRENT)
