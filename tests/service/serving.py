@@ -145,6 +145,8 @@ class Served:
 
     def begin_moving(self) -> None:
         self.ask("POST", "enable")
+        if not self.ask("GET", "status")["axes"][0]["homed"]:  # its drive was reset by an earlier test
+            self.ask("POST", "home")
         self.ask("POST", "move", by={"axis": "20 mm"}, speed="5 mm/s", wait=False)
         self.until(lambda axis: axis["state"] == "moving" and axis["progress"] > 0.1)
 
