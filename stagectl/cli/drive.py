@@ -9,7 +9,7 @@ import typer
 
 from stagectl.cli import drive_accept, drive_dump
 from stagectl.cli.drive_dump import Anyway
-from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.motion import Channel, Json, StageArgument, amperes
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 from stagectl.units import StageError
@@ -51,7 +51,7 @@ def probe(
 
     setup = on_channel(load_stage(stage, designed=False), channel)
     with line_of(setup, console.print, anyway) as (wire, line):
-        answers = ask(wire, line, _chosen(preset), _current(rated), limits=axis_limits(setup.file))
+        answers = ask(wire, line, _chosen(preset), amperes("--rated", rated), limits=axis_limits(setup.file))
     _show(answers)
     changed = [str(change) for change in _written(stage, answers.values)] if write and answers.values else []
     for change in changed:
@@ -85,20 +85,6 @@ def _chosen(name: str | None) -> Any:
     if name not in NAMES:
         raise StageError(f"--preset {name}; must be one of {', '.join(NAMES)}: see `stagectl drive presets`")
     return named(name)
-
-
-def _current(text: str | None) -> float | None:
-    from stagectl.units import UnitError, parse
-
-    if text is None:
-        return None
-    try:
-        value = parse(text, "A")
-    except UnitError as error:
-        raise StageError(f"--rated {text}: {error}") from error
-    if not 0.0 < value <= 1000.0:
-        raise StageError(f"--rated {text}; must lie in (0, 1000] A")
-    return value
 
 
 def _show(result: Any) -> None:

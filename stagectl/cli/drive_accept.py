@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.motion import Channel, Json, StageArgument, amperes
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
 from stagectl.extras import require
@@ -58,7 +58,7 @@ def accept(
     if yes and not virtual(setup):
         raise StageError("--yes is for a virtual drive only: with a real one a person must let each step happen")
     secret = None if key is None else read_key(key)
-    result = perform(setup, Signatory(person, _yes if yes else _typed), console.print, _amperes(current))
+    result = perform(setup, Signatory(person, _yes if yes else _typed), console.print, amperes("--current", current))
     signature = signed(result, secret)
     path = output or Path(f"acceptance-{time.strftime('%Y%m%d-%H%M%S')}")
     for file in write_pages(result, signature, path):
@@ -101,17 +101,3 @@ def _typed(step: Step, words: str) -> bool:
     console.print(f"\n{step.name}: {words}")
     console.print(f"type {_WORD} and Enter to let it happen; anything else ends the acceptance")
     return sys.stdin.readline().strip() == _WORD
-
-
-def _amperes(text: str | None) -> Any:
-    from stagectl.units import UnitError, parse
-
-    if text is None:
-        return None
-    try:
-        value = parse(text, "A")
-    except UnitError as error:
-        raise StageError(f"--current {text}: {error}") from error
-    if not 0.0 < value <= 1000.0:
-        raise StageError(f"--current {text}; must lie in (0, 1000] A")
-    return value

@@ -51,6 +51,21 @@ Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the st
 _UNLOADED, _UNCOMPILED = 40_000, 200_000
 
 
+def amperes(option: str, text: str | None) -> float | None:
+    """The current (A) that an option of this name states, or None without it.  Raises StageError."""
+    from stagectl.units import StageError, UnitError, parse
+
+    if text is None:
+        return None
+    try:
+        value = parse(text, "A")
+    except UnitError as error:
+        raise StageError(f"{option} {text}: {error}") from error
+    if not 0.0 < value <= 1000.0:
+        raise StageError(f"{option} {text}; must lie in (0, 1000] A")
+    return value
+
+
 def run(
     stage: StageArgument,
     trajectory: TrajectoryArgument,

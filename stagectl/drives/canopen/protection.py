@@ -58,9 +58,8 @@ class Supervision:
         quick = min(self._settings.rpdo_timeout or self._settings.heartbeat_timeout, self._settings.heartbeat_timeout)
         heartbeat = self._heartbeat(self._settings.heartbeat_timeout if deadline else quick)
         watched = deadline or heartbeat or self._objects.offered(cia402.CONSUMER_HEARTBEAT, 1) is not None
-        guarding = (
-            0.0 if watched else self._guarding(quick)
-        )  # a drive whose 0x1016 does not hold is not trusted further
+        # A drive whose 0x1016 does not hold is not trusted further.
+        guarding = 0.0 if watched else self._guarding(quick)
         timeout = min((time for time in (deadline, heartbeat, guarding) if time), default=0.0)
         if not timeout:
             self._lack("no_supervision", cia402.CONSUMER_HEARTBEAT << 8 | 1, None)
