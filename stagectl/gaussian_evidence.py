@@ -1,0 +1,84 @@
+"""Linear Gaussian models with priors: what the data say of the parameters, and how well the model explains them.
+
+A model is ``y = X p + e``, rows whitened (``e`` of unit variance), prior ``p ~ N(mean, precision^-1)``.  All that is
+needed of the data are the sums ``X'X``, ``X'y`` and ``y'y``.  The likelihood enters with a power `temper` in (0, 1]:
+below 1 where the rows are known to carry less than their number says (MacKay 2003, chapters 27 and 28; tempered
+likelihood: Gruenwald and van Ommen 2017).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class Sums(NamedTuple):
+    """Sums over the whitened rows of a record; those of several records add up."""
+
+    gram: Matrix  # X'X, (n, n)
+    right: Vector  # X'y, (n,)
+    square: float  # y'y
+
+    def tempered(self, power: float) -> Sums:
+        """The same data with this power of their likelihood, in (0, 1]."""
+        return Sums(power * self.gram, power * self.right, power * self.square)
+
+
+class Prior(NamedTuple):
+    """What is known of the parameters before the data; a precision of zero is no knowledge."""
+
+    mean: Vector  # (n,)
+    precision: Matrix  # (n, n), the inverse of the covariance
+
+
+class Posterior(NamedTuple):
+    """What is known of the parameters after the data."""
+
+    mean: Vector  # (n,)
+    covariance: Matrix  # (n, n)
+    log_evidence: float  # log of the integral over the parameters, less the constant of the rows' number
+
+
+def independent(mean: Vector, deviation: Vector) -> Prior:
+    """The prior of independent parameters with these standard deviations; one of infinity is no knowledge."""
+    return Prior(mean, np.diag(np.asarray(deviation, dtype=np.float64) ** -2.0))
+
+
+def posterior(sums: Sums, prior: Prior) -> Posterior:
+    """Condition the prior on the data.
+
+    Where a parameter has no prior its flat density is taken as 1: the evidence then compares only models that have the
+    same such parameters.  Raises numpy.linalg.LinAlgError where neither prior nor data determine a parameter.
+    """
+    factor = cho_factor(sums.gram + prior.precision, lower=True)
+    pull = prior.precision @ prior.mean
+    right = sums.right + pull
+    mean = cho_solve(factor, right)
+    gain = right @ mean - pull @ prior.mean - sums.square
+    volume = _log_determinant(prior.precision) - 2.0 * float(np.log(np.diag(factor[0])).sum())
+    return Posterior(mean, cho_solve(factor, np.eye(len(mean))), 0.5 * (float(gain) + volume))
+
+
+def without(sums: Sums, prior: Prior, nuisance: slice) -> tuple[Sums, float]:
+    """Integrate the parameters `nuisance` out: the sums of the others, and the log of the evidence's factor.
+
+    `prior` is that of the nuisances alone.  The sums that are returned hold for models of the other parameters.
+    """
+    chosen = np.zeros(len(sums.right), dtype=bool)
+    chosen[nuisance] = True
+    cross = sums.gram[np.ix_(chosen, ~chosen)]
+    alone = posterior(Sums(sums.gram[np.ix_(chosen, chosen)], sums.right[chosen], 0.0), prior)
+    gram = sums.gram[np.ix_(~chosen, ~chosen)] - cross.T @ alone.covariance @ cross
+    return Sums(gram, sums.right[~chosen] - cross.T @ alone.mean, sums.square), alone.log_evidence
+
+
+def _log_determinant(precision: Matrix) -> float:
+    """Of the part that is known: a parameter without a prior counts as 1."""
+    values = np.linalg.eigvalsh(precision)
+    return float(np.log(values[values > 0.0]).sum())

@@ -1,0 +1,70 @@
+"""The Gaussian evidence against densities by scipy, in which no sum and no elimination stands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from stagectl.gaussian_evidence import Matrix, Prior, Sums, Vector, independent, posterior, without
+
+ROWS, COLUMNS = 40, 5
+
+
+def _case(seed: int) -> tuple[Matrix, Vector, Prior]:
+    random = np.random.default_rng(seed)
+    x = random.normal(size=(ROWS, COLUMNS))
+    root = random.normal(size=(COLUMNS, COLUMNS))
+    return x, random.normal(size=ROWS), Prior(random.normal(size=COLUMNS), root @ root.T + np.eye(COLUMNS))
+
+
+def _sums(x: Matrix, y: Vector) -> Sums:
+    return Sums(x.T @ x, x.T @ y, float(y @ y))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_evidence_is_the_density_of_the_rows(seed: int) -> None:
+    x, y, prior = _case(seed)
+    covariance = np.eye(ROWS) + x @ np.linalg.inv(prior.precision) @ x.T
+    expected = multivariate_normal(x @ prior.mean, covariance).logpdf(y) + 0.5 * ROWS * np.log(2.0 * np.pi)
+    assert posterior(_sums(x, y), prior).log_evidence == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_integrated_out_changes_neither_evidence_nor_posterior(seed: int) -> None:
+    x, y, _ = _case(seed)
+    random = np.random.default_rng(seed + 100)
+    mean, deviation = random.normal(size=COLUMNS), random.uniform(0.1, 3.0, COLUMNS)
+    whole = posterior(_sums(x, y), independent(mean, deviation))
+    rest, factor = without(_sums(x, y), independent(mean[:2], deviation[:2]), slice(0, 2))
+    part = posterior(rest, independent(mean[2:], deviation[2:]))
+    assert part.log_evidence + factor == pytest.approx(whole.log_evidence, rel=1e-9)
+    assert part.mean == pytest.approx(whole.mean[2:], rel=1e-9)
+    assert part.covariance == pytest.approx(whole.covariance[2:, 2:], rel=1e-9)
+
+
+def test_what_the_data_do_not_excite_stays_at_its_prior() -> None:
+    x, y, _ = _case(0)
+    x[:, 0] = 0.0
+    answer = posterior(_sums(x, y), independent(np.full(COLUMNS, 2.0), np.full(COLUMNS, 0.3)))
+    assert answer.mean[0] == pytest.approx(2.0) and answer.covariance[0, 0] == pytest.approx(0.09)
+
+
+def test_without_a_prior_it_is_least_squares() -> None:
+    x, y, _ = _case(1)
+    answer = posterior(_sums(x, y), independent(np.zeros(COLUMNS), np.full(COLUMNS, np.inf)))
+    assert answer.mean == pytest.approx(np.linalg.lstsq(x, y, rcond=None)[0])
+
+
+def test_what_nothing_determines_is_refused() -> None:
+    x, y, _ = _case(2)
+    x[:, 0] = 0.0
+    with pytest.raises(np.linalg.LinAlgError):
+        posterior(_sums(x, y), independent(np.zeros(COLUMNS), np.full(COLUMNS, np.inf)))
+
+
+def test_a_tempered_record_counts_as_a_part_of_its_rows() -> None:
+    x, y, prior = _case(3)
+    twice = _sums(np.vstack([x, x]), np.concatenate([y, y]))
+    whole, half = posterior(_sums(x, y), prior), posterior(twice.tempered(0.5), prior)
+    assert half.mean == pytest.approx(whole.mean) and half.log_evidence == pytest.approx(whole.log_evidence)
