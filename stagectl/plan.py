@@ -1,6 +1,6 @@
 """A trajectory on a stage: checked against the limits, then laid out period by period.
 
-The delay rule, with ``L = current lag + nd Ts`` and the measurement late by ``nm Ts``::
+The delay rule, with ``L = current lag + nd Ts + dead time`` and the measurement late by ``nm Ts``::
 
     feedforward   desired states at t + L             (the current acts L later)
     target y0     desired states at t - nm Ts         (so late is the measurement)
@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import math
 import shlex
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.compensation import model_effects
 from stagectl.compensation.forms import Model
 from stagectl.compensation.legs import legs
 from stagectl.config.stage_file import Setup
@@ -44,6 +45,22 @@ class LimitError(TrajectoryError):
         self.needed, self.allowed = needed, allowed  # in the unit of the problem; of a travel downwards, its length
 
 
+class Start(NamedTuple):
+    """Where a motion begins, and what earlier ones left of the friction."""
+
+    position: float = 0.0  # rad | m, of the axis: the motion's reference is relative to it
+    stops: Any = None  # friction operators; None: relaxed
+    effects: model_effects.Memory | None = None  # None: at rest, not moved yet
+
+    def copy(self) -> Start:
+        """One of its own to move on."""
+        stops = None if self.stops is None else np.array(self.stops)
+        return Start(self.position, stops, None if self.effects is None else self.effects.copy())
+
+
+AT_ZERO = Start()
+
+
 class Plan(NamedTuple):
     """A motion laid out period by period."""
 
@@ -51,18 +68,19 @@ class Plan(NamedTuple):
     steady: tuple[float, float]  # s, window of the tracking error
     duration: float  # s, without the standstill at its end
     excitation: tuple[Span, ...] = ()  # steady parts of an injected current
+    effects: model_effects.Memory | None = None  # of the model's effects at its end; None where it has none
 
 
 def command_delay(setup: Setup) -> float:
-    """L (s): from the command to the current."""
+    """L (s): from the command to the current, its dead time included."""
     drive = setup.stage.drive
-    return drive.current_lag + drive.delay_samples * setup.dt
+    return drive.current_lag + drive.delay_samples * setup.dt + drive.dead_time
 
 
-def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, stops: Array | None = None) -> Plan:
+def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, start: Start = AT_ZERO) -> Plan:
     """Check against the stage's limits and lay out the rows.
 
-    `stops` are the friction operators as an earlier motion left them, relaxed if there was none; they are moved on.
+    `start` is what earlier motions left; its friction states are moved on.
 
     Raises LimitError with value, limit and the field to change; nothing has moved then.
     """
@@ -74,9 +92,10 @@ def plan(setup: Setup, experiment: Experiment, feedforward: Feedforward, stops: 
     force = _further_friction(setup, parts.motion, seen) if feedforward.with_friction else None
     model = isinstance(setup.file.compensation, Model)
     ahead = feedforward._replace(with_friction=feedforward.with_friction and model)
-    rows = setpoint_rows(ahead, seen, relaxed(feedforward.friction) if stops is None else stops, force)
+    rows = setpoint_rows(ahead, seen, relaxed(feedforward.friction) if start.stops is None else start.stops, force)
+    memory = _add_effects(setup, parts.motion, rows, start) if feedforward.with_effects else None
     _experiment(setup, parts, rows)
-    return Plan(rows, parts.steady, parts.duration, _excitation(parts))
+    return Plan(rows, parts.steady, parts.duration, _excitation(parts), memory)
 
 
 def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | None) -> NDArray[np.float64]:
@@ -90,6 +109,21 @@ def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | N
         current, column = force / p.force_constant, SETPOINT_COLUMNS["friction"]
         rows[:, column] = rows[:, column] + current if p.with_friction else current
     return rows
+
+
+def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) -> model_effects.Memory | None:
+    """Put the current against the model's further effects into `rows`, with the friction; what they remember then."""
+    p, dt = setup.stage, setup.dt
+    if not model_effects.present(p):
+        return None
+    each = model_effects.steps(p, dt)
+    t: Array = dt / each * np.arange(each * len(rows) + 1, dtype=np.float64) + command_delay(setup)
+    path = np.stack(motion.at(t)[:3], axis=1) / setup.file.axis.travel_per_unit
+    path[:, 0] += start.position
+    memory = model_effects.begun(p, start.position) if start.effects is None else start.effects
+    current, memory = model_effects.along(p, memory, path, dt)
+    rows[:, SETPOINT_COLUMNS["friction"]] += current
+    return memory
 
 
 def _further_friction(setup: Setup, motion: Trajectory, seen: Foreseen) -> Array | None:

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from stagectl import design
 from stagectl.config.stage_file import Setup, load_stage
-from stagectl.design.margins import _phase_margin
+from stagectl.design.margins import _phase_margin, plant
 from stagectl.kernels import feedback, friction, law, observer, rollout, stage
 from stagectl.problem import ProblemKind
 from tests.conftest import CONFIG, varied
@@ -289,3 +290,26 @@ def test_a_loop_that_is_slow_for_its_period_has_its_margin_all_the_same(
     late = 1.5 * period * 2.0 * math.pi * reached.crossover
     assert reached.phase == pytest.approx(float(np.angle(-loop)) - late, abs=2e-3)
     assert math.radians(35.0) < reached.phase < math.radians(60.0)
+
+
+@pytest.mark.parametrize("periods", [0, 1])
+def test_a_dead_time_counts_as_the_delay_that_it_is(ball_screw: Setup, periods: int) -> None:
+    """A whole period is one of nd; a part of one turns the phase by its length, well below the Nyquist frequency."""
+    drive, dt, frequency = ball_screw.stage.drive, ball_screw.dt, np.array([5.0, 40.0, 100.0])
+    z = np.exp(2j * np.pi * frequency * dt)
+
+    def at(dead_time: float, nd: int) -> NDArray[np.complex128]:
+        changed = drive._replace(dead_time=dead_time, delay_samples=nd)
+        return plant(ball_screw.stage._replace(drive=changed), dt).at(z)
+
+    assert at(dt, 1) == pytest.approx(at(0.0, 2), rel=1e-12)
+    for part in (0.05, 0.5, 0.95):
+        turned = np.angle(at((periods + part) * dt, 1) / at(0.0, 1 + periods)) / (2 * np.pi * frequency)
+        assert turned == pytest.approx(np.full(3, -part * dt), rel=2e-3)
+
+
+def test_a_loop_whose_margin_a_dead_time_takes_is_refused(ball_screw: Setup) -> None:
+    late = ball_screw.stage._replace(drive=ball_screw.stage.drive._replace(dead_time=0.6e-3))
+    with pytest.raises(design.DesignError) as error:
+        design.design(late, ball_screw.file.control)
+    assert error.value.phase == pytest.approx(math.radians(13.5), abs=math.radians(0.3))

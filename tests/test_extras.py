@@ -19,7 +19,8 @@ from stagectl.extras import EXTRAS, MissingExtraError, require
 from stagectl.recording.exports import export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording
 from stagectl.recording.imports import read
-from stagectl.workflows.motion import prepare, pretend
+from stagectl.workflows.motion import prepare
+from stagectl.workflows.simulated_motion import pretend
 from tests.conftest import CONFIG, ROOT
 
 STAGE, SINE = CONFIG / "ball-screw.yaml", CONFIG / "trajectories/sine-1.6hz.yaml"

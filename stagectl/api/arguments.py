@@ -8,7 +8,7 @@ from pathlib import Path
 
 from stagectl.units import Quantity, StageError, UnitError, parse
 
-LAYERS = ("ptc", "friction", "observer")  # that can be switched off
+LAYERS = ("ptc", "friction", "effects", "observer")  # that can be switched off
 PathLike = str | os.PathLike[str]
 
 
@@ -40,14 +40,18 @@ def quantity(name: str, value: float | str | None, declared: Quantity, example: 
 
 
 def switched_off(without: Iterable[str]) -> frozenset[str]:
-    """The layers that are switched off.
+    """The layers and the effects that are switched off.
 
     Raises ArgumentError where there is no such layer.
     """
     names = [without] if isinstance(without, str) else list(without)
-    for layer in names:
-        if layer not in LAYERS:
-            raise ArgumentError("without", layer, f"; must be one of {', '.join(LAYERS)}")
+    unknown = [name for name in names if name not in LAYERS]
+    if unknown:
+        from stagectl.gap.effects.library import answered
+
+        for name in unknown:
+            if name not in answered():
+                raise ArgumentError("without", name, f"; must be one of {', '.join((*LAYERS, *answered()))}")
     return frozenset(names)
 
 

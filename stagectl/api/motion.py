@@ -13,6 +13,7 @@ from stagectl.api.stage import StageLike, as_stage
 from stagectl.api.trajectory import TrajectoryLike, as_trajectory
 from stagectl.recording.hdf5 import open_recording
 from stagectl.workflows import motion as workflow
+from stagectl.workflows import simulated_motion
 
 if TYPE_CHECKING:
     from stagectl.config.stage_file import Setup
@@ -32,8 +33,9 @@ def simulate(
 ) -> MotionRecord:
     """Run the law on the stage's model, compiled, faster than real time; nothing is written.
 
-    `plant` is the machine where it is not as the model says, `seed` that of its noise.  `without` switches layers off:
-    ``"ptc"``, ``"friction"``, ``"observer"``.  `learned` is a file that ``stagectl learn`` wrote.
+    `plant` is the machine where it is not as the model says, `seed` that of its noise.  `without` switches off layers
+    (``"ptc"``, ``"friction"``, ``"effects"``, ``"observer"``) and effects of the model (``"cogging"``).  `learned` is a
+    file that ``stagectl learn`` wrote.
     `friction(velocity, position, dt)` returns a force (N m | N, positive against positive velocity) that replaces the
     plant's friction; the run is then interpreted, about as fast as real time.
 
@@ -44,8 +46,8 @@ def simulate(
     machine = None if plant is None else as_stage(plant).setup
     if seed is not None:
         machine = workflow.reseeded(machine or designed.setup, seed)
-    recording = workflow.simulated(motion, machine, friction=friction)
-    return MotionRecord(recording, workflow.simulated_result(motion, recording))
+    recording = simulated_motion.simulated(motion, machine, friction=friction)
+    return MotionRecord(recording, simulated_motion.simulated_result(motion, recording))
 
 
 def run(

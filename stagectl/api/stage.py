@@ -84,7 +84,7 @@ class DesignedStage(PrintedResult):
 
         file = self.setup.file
         changed = " (changed in memory)" if self.changes else ""
-        layers = " + ".join(file.control.layers) or "none"
+        layers = " + ".join(self.setup.layers) or "none"
         answer = (
             f"{sheet.NAMES[law_of(file.control)]} of {self.loop.bandwidth:g} Hz every {self.period * 1e3:g} ms, "
             f"layers: {layers}; phase margin {math.degrees(self.margins.phase):.1f} deg"

@@ -88,8 +88,8 @@ def compare(
 ) -> None:
     """Run a motion with different layers, interleaved, and report which of them help, and how certain that is.
 
-    A variant is `off` (feedback alone) or layers joined by +: ptc, friction, observer, ilc.  The first variant is what
-    the others are compared with.  What ilc needs is learned first, unless --learned gives it.
+    A variant is `off` (feedback alone) or layers joined by +: ptc, friction, effects, observer, ilc.  The first
+    variant is what the others are compared with.  What ilc needs is learned first, unless --learned gives it.
 
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """

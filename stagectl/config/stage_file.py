@@ -10,6 +10,7 @@ from typing import NamedTuple
 import yaml
 
 from stagectl import design
+from stagectl.compensation import model_effects
 from stagectl.config.friction_laws import friction_of
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader
@@ -41,6 +42,12 @@ class Setup(_Stage):
     def dt(self) -> float:
         """Control period Ts (s)."""
         return self.file.control.period
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """The layers that act: those of ``control.layers``, `effects` only where the model holds some."""
+        answered = model_effects.present(self.stage)
+        return tuple(layer for layer in self.file.control.layers if answered or layer != "effects")
 
     @functools.cached_property
     def controller(self) -> design.Controller:

@@ -66,6 +66,7 @@ class Controller(NamedTuple):
         ahead = ahead._replace(
             with_ptc=ahead.with_ptc and "ptc" not in layers,
             with_friction=ahead.with_friction and "friction" not in layers,
+            with_effects=ahead.with_effects and "effects" not in layers,
         )
         watching = observer.ABSENT if "observer" in layers else self.law.observer
         return Controller(self.law._replace(observer=watching), ahead)
@@ -88,6 +89,7 @@ def design(p: stage.Stage, control: Settings) -> Controller:
         p.motor.force_constant,
         "ptc" in layers,
         "friction" in layers,
+        "effects" in layers,
     )
     running = law_of(designed, control.period, p.drive.current_limit)
     return Controller(running._replace(observer=watching), anticipation)
@@ -202,9 +204,10 @@ def _reached(reached: Margins, control: Settings) -> str:
 
 def _refusal(p: stage.Stage, control: Settings, reached: Margins) -> DesignError:
     name, value, unit = speed(control)
+    late = f", dead time {p.drive.dead_time * 1e3:.3g} ms" if p.drive.dead_time > 0.0 else ""
     reason = (
         f"{_reached(reached, control)} (period {control.period * 1e3:g} ms, nd {p.drive.delay_samples}, "
-        f"nm {p.encoder.delay_samples}, current lag {p.drive.current_lag * 1e3:.3g} ms)"
+        f"nm {p.encoder.delay_samples}, current lag {p.drive.current_lag * 1e3:.3g} ms{late})"
     )
     problem = Problem(reason, ProblemKind.LOOP, f"control.{name}", f"{value:g} {unit}", unit)
     advice = _slower_feedback(p, control)

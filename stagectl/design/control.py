@@ -23,10 +23,10 @@ class DesignError(StageError):
         self.advised = advised  # Hz, the bandwidth that would be accepted; None where no lower one helps
 
 
-Layer = Literal["ptc", "friction", "observer"]
+Layer = Literal["ptc", "friction", "effects", "observer"]
 _PERIOD = Quantity("s", "[1e-5, 0.1]", "control period Ts")
 _MARGIN = Quantity("rad", "[0, 1.5]", "least phase margin that is accepted")
-_LAYERS = "layers that act together with the feedback: ptc, friction, observer"
+_LAYERS = "layers that act together with the feedback: ptc, friction, effects, observer"
 _OBSERVER = Quantity("Hz", "(0, 2000]", "frequency at which the disturbance observer's three poles are placed")
 
 
@@ -36,7 +36,7 @@ class Control(NamedTuple):
     period: Annotated[float, _PERIOD]
     bandwidth: Annotated[float, Quantity("Hz", "(0, 2000]", "frequency at which all four closed-loop poles are placed")]
     margin: Annotated[float, _MARGIN] = math.radians(20)
-    layers: Annotated[tuple[Layer, ...], _LAYERS] = ("ptc", "friction")
+    layers: Annotated[tuple[Layer, ...], _LAYERS] = ("ptc", "friction", "effects")
     observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
 
 
@@ -55,7 +55,7 @@ class CascadeControl(NamedTuple):
     velocity_feedforward: Annotated[float, Quantity("", "[0, 2]", "share of the reference velocity, FF")] = 1.0
     velocity_span: Annotated[int, Quantity("", "[1, 2]", "periods over which the velocity is differenced")] = 1
     margin: Annotated[float, _MARGIN] = math.radians(20)
-    layers: Annotated[tuple[Layer, ...], _LAYERS] = ("friction",)
+    layers: Annotated[tuple[Layer, ...], _LAYERS] = ("friction", "effects")
     observer_bandwidth: Annotated[float | None, _OBSERVER] = None  # that of the position loop
 
 

@@ -132,18 +132,28 @@ def _cascade(p: cascade.Cascade) -> Rational:
 
 
 def plant(p: stage.Stage, dt: float) -> Rational:
-    """From the command to the measured position: zero-order hold, current loop, inertia, and nd + nm periods."""
+    """From the command to the measured position: zero-order hold, current loop, inertia, nd + nm periods, dead time."""
     return _plant(p, dt, held=False)
 
 
 def _plant(p: stage.Stage, dt: float, held: bool) -> Rational:
     a, b = _sampled(p, dt, held)
     denominator = np.poly(a)
-    pulse = [float(b[0]), float((a @ b)[0]), float((a @ a @ b)[0])]  # position after 1, 2 and 3 periods
-    numerator = np.convolve(pulse, denominator)[:3]
-    delays = np.zeros(1 + p.drive.delay_samples + p.encoder.delay_samples)
+    whole, part = divmod(p.drive.dead_time, dt)
+    states = [b, a @ b, a @ a @ b] if part == 0.0 else _within_a_period(a, b, _sampled(p, dt - part, held)[1])
+    order = len(states)
+    numerator = np.convolve([float(x[0]) for x in states], denominator)[:order]
+    delays = np.zeros(order - 2 + p.drive.delay_samples + int(whole) + p.encoder.delay_samples)
     delays[0] = 1.0
     return Rational(numerator, np.polymul(denominator, delays))
+
+
+def _within_a_period(a: NDArray[Any], b: NDArray[Any], begun: NDArray[Any]) -> list[NDArray[Any]]:
+    """States after 1 to 4 periods of a command that acts from within a period on, in whose rest it does `begun`."""
+    states = [begun, a @ begun + (b - begun)]
+    for _ in range(2):
+        states.append(a @ states[-1])
+    return states
 
 
 def _poles(moved: Rational, controller: Rational) -> NDArray[Any]:

@@ -220,7 +220,7 @@ def _observer(meta: dict[str, Any]) -> dict[str, Any]:
 def _anticipation(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
     """The parts of the command other than the feedback."""
     ahead, dt = meta["feedforward"], meta["dt"]
-    advance = file.drive.current_lag + meta["nd"] * dt
+    advance = file.drive.current_lag + meta["nd"] * dt + file.drive.dead_time
     form = meta["compensation"]["form"]
     friction = ahead["friction"] if ahead["with_friction"] and form == "model" else {"weight": (), "slip": ()}
     return {
@@ -232,6 +232,7 @@ def _anticipation(file: StageFile, meta: dict[str, Any]) -> dict[str, Any]:
         **_bristle(file, form == "model" and ahead["with_friction"]),
         "friction_weight": list(friction["weight"]),
         "friction_slip": list(friction["slip"]),
+        "effect_feedforward": "nominal" if "effects" in meta.get("layers", ()) else "none",
         "feedforward_advance_s": advance,
         "friction_advance_s": advance + 0.5 * dt,
         "measurement_delay_samples": meta["nm"],

@@ -10,6 +10,7 @@ from stagectl import design
 from stagectl.config.stage_file import Setup
 from stagectl.kernels import rollout, stage
 from stagectl.kernels.friction import relaxed
+from stagectl.plan import Start
 from stagectl.realtime.axis_data import LAW, Orders
 from stagectl.realtime.bumpless_transfer import flattened
 from stagectl.realtime.shared_memory import AHEAD, Board, Move, Order, Status
@@ -61,8 +62,8 @@ class AxisController:
         self.ring, self.board = Ring.create(len(COLUMNS), capacity), Board.create()
         self.motion: Motion | None = None
         self._put = 0  # rows of the motion that are on the board
-        self._stops: Any = None  # friction operators as the last motion left them
-        self._next_stops: Any = None
+        self._left: Start | None = None  # what the last motion left of the friction
+        self._next_left: Start | None = None
 
     def renew(self) -> None:
         """New shared memory after a process died; the old one stays as long as somebody reads it."""
@@ -139,8 +140,10 @@ class AxisController:
     def task(self, name: str, trajectory: Experiment | Upload) -> Task:
         """The task to lay out a motion from where the axis stands; see `planning`."""
         feedforward = self.controller.feedforward
-        stops = relaxed(feedforward.friction) if self._stops is None else self._stops.copy()
-        return Task(name, self._from_here(), feedforward, stops, trajectory)
+        here = self.status.reference
+        start = Start(stops=relaxed(feedforward.friction)) if self._left is None else self._left
+        start = start._replace(position=here if math.isfinite(here) else 0.0)
+        return Task(name, self._from_here(), feedforward, start, trajectory)
 
     def _from_here(self) -> Setup:
         """The set-up with the travel that is left to both sides: a motion is laid out from where the axis stands."""
@@ -153,7 +156,7 @@ class AxisController:
     def start(self, motion: Motion, together: int) -> Order:
         """Put the first rows on the board; the order that begins it, at once with those of `together` axes in all."""
         self.motion, self._put = motion, 0
-        self._stops, self._next_stops = None, motion.stops  # until the motion has come to its end
+        self._left, self._next_left = None, motion.left  # until the motion has come to its end
         first = self.board.filled
         self.fill()
         return Order(Event.MOVE, Move(float(first), float(motion.length), *motion.span, float(together)))
@@ -172,7 +175,7 @@ class AxisController:
 
     def finished(self, whole: bool) -> None:
         """The motion is over; after a whole one the friction state is that at the end of its plan."""
-        self._stops = self._next_stops if whole else None
+        self._left = self._next_left if whole else None
         self.motion = None
 
     # parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.kernels.feedforward import Feedforward
-from stagectl.plan import check_duration, plan
+from stagectl.plan import Start, check_duration, plan
 from stagectl.problem import Problem
 from stagectl.service.limits import PLANNED_ROWS
 from stagectl.trajectories import Experiment, phases
@@ -33,7 +33,7 @@ class Task(NamedTuple):
     name: str
     setup: Setup  # with the travel that is left to both sides
     feedforward: Feedforward
-    stops: Any  # (n,) friction operators as the last motion left them; they are moved on
+    start: Start  # where the axis stands, and what the last motion left of the friction
     trajectory: Experiment | Upload
 
 
@@ -44,7 +44,7 @@ class Motion(NamedTuple):
     rows: bytes  # empty while it is on its way from the planning process
     length: int  # rows
     span: tuple[float, float]  # rad | m, lowest and highest position, from where it begins
-    stops: Any  # friction operators at its end
+    left: Start  # what it leaves of the friction; its position is that of its beginning
 
 
 class Refusal(NamedTuple):
@@ -65,7 +65,8 @@ def rows_of(task: Task) -> tuple[Motion, NDArray[np.float64]]:
     if isinstance(trajectory, Upload):
         trajectory = load_trajectory(_PLACE, axis_of(task.setup), trajectory.yaml, trajectory.tables)
     check_duration(phases(trajectory).duration, task.setup.dt, PLANNED_ROWS)
-    stops = np.array(task.stops)
-    rows = np.ascontiguousarray(plan(task.setup, trajectory, task.feedforward, stops).setpoints)
+    start = task.start.copy()
+    laid_out = plan(task.setup, trajectory, task.feedforward, start)
+    rows = np.ascontiguousarray(laid_out.setpoints)
     span = (float(rows[:, 0].min()), float(rows[:, 0].max()))
-    return Motion(task.name, b"", len(rows), span, stops), rows
+    return Motion(task.name, b"", len(rows), span, start._replace(effects=laid_out.effects)), rows

@@ -29,7 +29,8 @@ from stagectl.gap.logs.session import GapError
 from stagectl.recording.hdf5 import Recording, open_recording
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
-from stagectl.workflows.motion import Say, perform, prepare, pretend, reseeded
+from stagectl.workflows.motion import Say, perform, prepare, reseeded
+from stagectl.workflows.simulated_motion import pretend
 from stagectl.workflows.trials import Machine, Shown, after
 
 HELD_OUT_REPEATS = 2  # enough for a floor

@@ -7,7 +7,7 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,25 +15,25 @@ from numpy.typing import NDArray
 from stagectl.config.source import read_text
 from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
+from stagectl.design.control import Layer
 from stagectl.drives.bus.frames import Bus
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.bus.other_masters import alone
-from stagectl.drives.drive import Canopen, DriveError, Fault, accepted
+from stagectl.drives.drive import Canopen, DriveError, accepted
 from stagectl.evaluation import evaluate
+from stagectl.gap.effects.library import left_out
 from stagectl.kernels.law import Setpoint
 from stagectl.plan import plan
-from stagectl.realtime.safety import words
 from stagectl.recording.file_lock import sweep
-from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair, save
+from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, repair
 from stagectl.recording.learned_current import Learned, check, load, nothing
 from stagectl.recording.metadata import describe
 from stagectl.service.single_motion import Ended, Motion, Progress, move
 from stagectl.service.virtual_timeouts import HELD_UP, waits_for_sync
 from stagectl.trajectories import Experiment
-from stagectl.units import StageError
 
 if TYPE_CHECKING:
-    from stagectl.simulation import FrictionLaw
+    pass
 
 Say = Callable[[str], object]
 
@@ -83,12 +83,15 @@ def lay_out(
 ) -> Motion:
     """Check and lay out a motion, with the current that was `learned` for it; nothing moves yet.
 
-    `without` names layers that are switched off.  Without a `recording` a fresh name in ``recordings/`` is planned.
+    `without` names layers, and effects of the model, that are switched off.  Without a `recording` a fresh name in
+    ``recordings/`` is planned.
     Raises DesignError, TrajectoryError or LearnedError where the motion is refused.
     """
     controller = setup.controller.without(without)
-    laid_out = plan(setup, commanded.experiment, controller.feedforward)
-    layers = sorted(frozenset(setup.file.control.layers) - without)
+    effects = without - frozenset(get_args(Layer))
+    known = setup._replace(stage=left_out(setup.stage, effects)) if effects else setup
+    laid_out = plan(known, commanded.experiment, controller.feedforward)
+    layers = sorted(frozenset(setup.layers) - without)
     about = describe(setup, laid_out, controller, commanded.name, commanded.text)
     meta = {**about, "without": sorted(without), "layers": layers}
     motion = Motion(setup, laid_out, controller.law, meta, recording or unused(Path(commanded.name).stem, ".h5"))
@@ -130,68 +133,6 @@ def unused(what: str, suffix: str = "") -> Path:
     stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
     names = itertools.chain([stem], (f"{stem}-{n}" for n in itertools.count(2)))
     return next(path for name in names if not (path := Path("recordings") / f"{name}{suffix}").exists())
-
-
-def pretend(motion: Motion, plant: Setup | None = None, start: float = 0.0) -> dict[str, Any]:
-    """Simulate and record the motion, see `simulated`; the result as JSON values."""
-    recording = simulated(motion, plant, start)
-    recording.path.parent.mkdir(parents=True, exist_ok=True)
-    save(recording.path, recording.meta, recording.samples, recording.ended)
-    return simulated_result(motion, recording)
-
-
-def simulated(
-    motion: Motion, plant: Setup | None = None, start: float = 0.0, friction: FrictionLaw | None = None
-) -> Recording:
-    """The recording of the motion on the stage's model, or on another `plant`; it is not written to its path.
-
-    It starts at `start` (s) on the session's clock.  `friction` takes the place of the plant's friction.
-    Raises StageError where the plant is an axis of another kind.
-    """
-    from stagectl.simulation import simulate, simulate_with_friction  # compiles
-
-    if plant is not None:
-        _check_plant(motion.setup, plant)
-    if friction is None:
-        samples, engine = simulate(motion.setup, motion.plan, motion.law, plant, start), "simulated, compiled"
-    else:
-        samples = simulate_with_friction(motion.setup, motion.plan, motion.law, friction, plant)
-        engine = "simulated, with a friction law of the user"
-    meta = {**motion.meta, "drive": {"drive": engine, "plant": str((plant or motion.setup).path)}}
-    return Recording(motion.recording, meta, samples, True, "complete", 0)
-
-
-def simulated_result(motion: Motion, recording: Recording) -> dict[str, Any]:
-    """What a simulated motion achieved, as JSON values."""
-    achieved = evaluate(recording.samples, recording.meta)
-    stopped = envelope(motion.setup, recording.samples)
-    return {**achieved, **stopped, "recording": str(recording.path), "simulated": True}
-
-
-def _check_plant(setup: Setup, plant: Setup) -> None:
-    """The law and its plant must share what the rows of a run are in."""
-    for name, ours, its in (
-        ("axis.kind", setup.file.axis.kind, plant.file.axis.kind),
-        ("axis.lead", setup.file.axis.lead, plant.file.axis.lead),
-        ("encoder.step", setup.stage.encoder.step, plant.stage.encoder.step),
-    ):
-        if ours != its:
-            raise StageError(
-                f"{name} = {its} in {plant.path}; must be {ours}, as in {setup.path}: one axis, two models"
-            )
-
-
-def envelope(setup: Setup, samples: NDArray[Any]) -> dict[str, Any]:
-    """Where `run` would stop this simulated motion: nothing stops a model."""
-    limits = setup.file.limits
-    error = np.abs(samples["error"]) > limits.following_error
-    outside = (samples["measured"] < limits.travel[0]) | (samples["measured"] > limits.travel[1])
-    reasons = ((error, Fault.FOLLOWING_ERROR), (outside, Fault.TRAVEL))
-    first = min(((int(np.argmax(rows)), fault) for rows, fault in reasons if rows.any()), default=None)
-    if first is None:
-        return {"fault": ""}
-    at = float(samples["time"][first[0]])
-    return {"fault": f"{words(first[1])} at {at:.6g} s: `run` would stop there", "in_position": False}
 
 
 def perform(motion: Motion, say: Say, progress: Progress) -> dict[str, Any]:

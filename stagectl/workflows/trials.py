@@ -23,7 +23,8 @@ from stagectl.number_format import length
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
-from stagectl.workflows.motion import Say, blank, drive_present, perform, pretend, reseeded, with_current
+from stagectl.workflows.motion import Say, blank, drive_present, perform, reseeded, with_current
+from stagectl.workflows.simulated_motion import pretend
 
 Bar = Callable[[str, int], AbstractContextManager[Any]]
 Result = dict[str, Any]

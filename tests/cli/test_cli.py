@@ -15,6 +15,7 @@ import pytest
 from stagectl.kernels.rollout import COLUMNS
 from stagectl.recording.hdf5 import Recording
 from stagectl.workflows import motion as session
+from stagectl.workflows import simulated_motion
 from tests.cli.conftest import Command
 from tests.config.corpus import Case, files
 from tests.conftest import CONFIG
@@ -32,8 +33,9 @@ def still(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def moved(*_: Any, **__: Any) -> Any:
         raise AssertionError("something was about to move")
 
-    for name in ("perform", "simulated", "move", "drive_present"):
+    for name in ("perform", "move", "drive_present"):
         monkeypatch.setattr(session, name, moved)
+    monkeypatch.setattr(simulated_motion, "simulated", moved)
     monkeypatch.setattr(subprocess, "Popen", moved)
 
 
@@ -85,7 +87,8 @@ def test_usage(command: Command) -> None:
         assert (code, out) == (2, "")
         assert "Traceback" not in err
     refused(
-        command("simulate", STAGE, SINE, "--without", "pid"), "--without pid; must be one of ptc, friction, observer"
+        command("simulate", STAGE, SINE, "--without", "pid"),
+        "--without pid; must be one of ptc, friction, effects, observer",
     )
 
 
@@ -95,7 +98,7 @@ def test_a_result_that_cannot_be_written(command: Command, monkeypatch: pytest.M
         samples["time"], samples["closed"] = motion.setup.dt * np.arange(len(samples)), 1.0
         return Recording(motion.recording, motion.meta, samples, True, "complete", 0)
 
-    monkeypatch.setattr(session, "simulated", at_rest)
+    monkeypatch.setattr(simulated_motion, "simulated", at_rest)
     Path("file").write_text("")
     for target in ("file/below.json", "/proc/result.json", "."):
         code, out, err = command("simulate", STAGE, SINE, "--json", target)

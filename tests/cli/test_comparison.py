@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.recording.hdf5 import open_recording
 from stagectl.recording.learned_current import load
-from stagectl.workflows import motion as session
+from stagectl.workflows import simulated_motion as session
 from stagectl.workflows import trials
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
@@ -119,7 +119,7 @@ def test_identical_repeats_are_said_to_be(command: Command) -> None:
 
 
 REFUSED = [
-    (("ptc", "pct"), "pct: no layer 'pct'; write off, or some of ptc, friction, observer, ilc with +"),
+    (("ptc", "pct"), "pct: no layer 'pct'; write off, or some of ptc, friction, effects, observer, ilc with +"),
     (("ptc",), "ptc: at least two variants, each once"),
     (("ptc+friction", "friction+ptc"), "at least two variants, each once"),
     (("ptc+ptc", "off"), "ptc+ptc: a layer stands there twice"),

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import load_stage
 from stagectl.recording.exports import export, write_columns
 from stagectl.recording.hdf5 import open_recording
-from stagectl.workflows.motion import prepare, pretend
+from stagectl.workflows.motion import prepare
+from stagectl.workflows.simulated_motion import pretend
 
 CONFIG = Path(__file__).parents[2] / "config"
 SINE = "type: sine\namplitude: 5 mm\nfrequency: 1.6 Hz\nperiods: 1\nramp: 0.5\n"

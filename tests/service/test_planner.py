@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.config.stage_file import load_stage
+from stagectl.plan import AT_ZERO
 from stagectl.problem import ProblemKind
 from stagectl.service import planner as planners
 from stagectl.service.axis_controller import AxisController, ServiceError
@@ -43,7 +44,7 @@ def planned(planner: Planner, axis: AxisController, yaml: str, tables: dict[str,
 def test_it_lays_out_what_is_laid_out_here(planner: Planner, axis: AxisController) -> None:
     motion = planned(planner, axis, SINE % 2)
     own = laid_out(axis.task("motion", Upload(SINE % 2, {})))
-    assert motion.rows == own.rows and motion._replace(rows=b"", stops=0) == own._replace(rows=b"", stops=0)
+    assert motion.rows == own.rows and motion._replace(rows=b"", left=AT_ZERO) == own._replace(rows=b"", left=AT_ZERO)
 
 
 @pytest.mark.parametrize(

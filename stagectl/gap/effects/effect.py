@@ -122,6 +122,7 @@ class Effect(NamedTuple):
     nominal: bool = False  # every model has it: a change of it is an error of a parameter
     force_scaled: bool = False  # an error of the force constant scales its fitted value
     in_stage_file: bool = True  # the stage file has entries for its `places`
+    answer: str = "current"  # of the controller that knows it: current | design (loop and look-ahead) | none
 
 
 class Definition(NamedTuple):

@@ -6,13 +6,15 @@ import difflib
 import functools
 import operator
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from stagectl.compensation import model_effects
 from stagectl.gap.effects import drive, friction, mechanics, parameters, sensor
 from stagectl.gap.effects.effect import Data, Definition, Effect, Scales, definition
 from stagectl.gap.logs.session import GapError
+from stagectl.kernels.stage import Stage
 
 _PARAMETERS = {
     name: of for part in (parameters, drive, mechanics, friction, sensor) for name, of in part.PARAMETERS.items()
@@ -47,6 +49,16 @@ def definitions(scales: Scales) -> list[Definition]:
     """All effects that can be searched for on a machine of these sizes."""
     known = (definition(effect, scales) for effect in EFFECTS.values() if not effect.nominal)
     return [effect for effect in known if effect is not None]
+
+
+def answered() -> tuple[str, ...]:
+    """The effects that a controller answers with a current along the reference, once its model has them."""
+    return tuple(effect.name for effect in EFFECTS.values() if effect.answer == "current" and not effect.nominal)
+
+
+def left_out(p: Stage, names: Iterable[str]) -> Stage:
+    """The stage model without these effects."""
+    return model_effects.without(p, [place for name in sorted(names) for place in EFFECTS[name].places])
 
 
 def label(name: str) -> str:

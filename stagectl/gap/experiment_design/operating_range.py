@@ -158,7 +158,7 @@ def _stand_in(session: Session) -> DeployedController:
     law = Law(feedback.discretised(gains, dt), p.drive.current_limit)
     plant = feedforward.held(p.mechanics, p.motor.force_constant, dt)
     ahead = feedforward.Feedforward(plant, p.friction.operators, p.motor.force_constant, True, True)
-    advance = p.drive.current_lag + p.drive.delay_samples * dt
+    advance = p.drive.current_lag + p.drive.delay_samples * dt + p.drive.dead_time
     return DeployedController(law, dt, ahead, advance, advance + 0.5 * dt, p.encoder.delay_samples)
 
 

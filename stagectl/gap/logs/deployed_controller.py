@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
+from stagectl.compensation import model_effects
 from stagectl.compensation.forms import FORMS
 from stagectl.compensation.legs import legs
 from stagectl.gap.logs import nominal_model
@@ -35,8 +36,8 @@ _KEYS = (
     "Ts bandwidth_Hz Kp Ki Kd derivative_pole discretisation law position_gain velocity_gain integral_gain retained "
     "velocity_feedforward span kp kv observer observer_model observer_gains model_inertia model_viscous "
     "model_force_constant feedforward friction_compensation friction_bristle friction_weight friction_slip "
-    "feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples reference_interpolation "
-    "states_at_first_row anti_windup command_limit_A"
+    "effect_feedforward feedforward_advance_s friction_advance_s measurement_delay_samples frame_samples "
+    "reference_interpolation states_at_first_row anti_windup command_limit_A"
 )
 
 
@@ -51,6 +52,7 @@ class DeployedController(NamedTuple):
     late: int = 0  # periods by which the position is late
     bristle: friction_bristle.Bristle = friction_bristle.NEUTRAL  # of the compensation
     form: Any = None  # of the compensation, where it is not the model's
+    effects: stage.Stage | None = None  # the model whose further effects are fed forward
 
 
 def read(file: Block) -> DeployedController | None:
@@ -82,6 +84,7 @@ def read(file: Block) -> DeployedController | None:
         c.whole("measurement_delay_samples", quantity(stage.Encoder, "delay_samples"), 0),
         _bristle(c),
         _form(c),
+        _effects(c, file),
     )
 
 
@@ -177,6 +180,13 @@ def _form(c: Block) -> Any:
         raise c.refused("friction_compensation", f"does not fit the form {name}: {error}") from error
 
 
+def _effects(c: Block, file: Block) -> stage.Stage | None:
+    """The nominal model, where the controller answers its further effects."""
+    if c.word("effect_feedforward", ("none", "nominal"), "none") == "none":
+        return None
+    return nominal_model.read(file)
+
+
 def setpoints_of(p: DeployedController, reference: LoggedReference, rows: int, injection: Array | None) -> Array:
     """Setpoints (rows, 8), the fields of `kernels.law.Setpoint`, with an `injection` (rows,) A if there was one.
 
@@ -188,25 +198,37 @@ def setpoints_of(p: DeployedController, reference: LoggedReference, rows: int, i
     at = _curve(reference)
     t: Array = p.dt * np.arange(count + 2, dtype=np.float64)
     ahead = at(t[:-2] + p.friction_advance)
-    seen = feedforward.Foreseen(at(t[:-2])[:, 0].copy(), at(t + p.advance), at(t - p.late * p.dt), ahead[:, 0].copy())
+    tracked, late = (np.ascontiguousarray(at(times)[:, :2]) for times in (t + p.advance, t - p.late * p.dt))
+    seen = feedforward.Foreseen(at(t[:-2])[:, 0].copy(), tracked, late, ahead[:, 0].copy())
     stops = friction.relaxed(p.feedforward.friction)
     setpoints = setpoint_rows(p.feedforward, seen, stops, _further_friction(p, seen, ahead))[:rows]
+    if p.effects is not None and model_effects.present(p.effects):
+        setpoints[:, SETPOINT_COLUMNS["friction"]] += _against_effects(p.effects, p, at, count)[:rows]
     if injection is not None:
         setpoints[:, SETPOINT_COLUMNS["injection"]] = injection
     return setpoints
 
 
 def _curve(reference: LoggedReference) -> Callable[[Array], Array]:
-    """Position and velocity (n, 2) at any times (n,); at rest outside the samples."""
+    """Position, velocity and acceleration (n, 3) at any times (n,); at rest outside the samples."""
     first, last = float(reference.time[0]), float(reference.time[-1])
     spline: BSpline = make_interp_spline(reference.time, reference.value, k=5)
-    speed = spline.derivative()
+    derivatives = (spline.derivative(), spline.derivative(2))
 
     def at(t: Array) -> Array:
         inside = np.clip(t, first, last)
-        return np.ascontiguousarray(np.stack([spline(inside), np.where(inside == t, speed(inside), 0.0)], axis=1))
+        moving = [np.where(inside == t, derivative(inside), 0.0) for derivative in derivatives]
+        return np.stack([spline(inside), *moving], axis=1)
 
     return at
+
+
+def _against_effects(model: stage.Stage, p: DeployedController, at: Callable[[Array], Array], count: int) -> Array:
+    """Current (count,) A against the model's further effects, from rest at the first sample."""
+    each = model_effects.steps(model, p.dt)
+    path = at(p.dt / each * np.arange(each * count + 1, dtype=np.float64) + p.advance)
+    memory = model_effects.begun(model, float(path[0, 0]))
+    return model_effects.along(model, memory, path, p.dt)[0]
 
 
 def _further_friction(p: DeployedController, seen: feedforward.Foreseen, ahead: Array) -> Array | None:

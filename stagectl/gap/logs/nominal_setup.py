@@ -108,4 +108,5 @@ def _of_others(logs: list[RawLog], axis: dict[str, Any], setup: Setup | None) ->
         defaults = ", ".join(dict.fromkeys(file.defaults))
         file.notes.append(f"{place.name} does not give {defaults}: the values in brackets are taken")
     known = running.law if running else None
-    return NominalSetup(axis, model, known, running.dt if running else 0.0, running, values, tuple(file.notes))
+    notes = tuple(dict.fromkeys(file.notes))
+    return NominalSetup(axis, model, known, running.dt if running else 0.0, running, values, notes)

@@ -1,0 +1,102 @@
+"""Current against all that the stage model holds beyond inertia, viscous and rolling friction.
+
+The whole model and the plain one are both inverted along the same reference (`kernels.inverse`); the difference is what
+the further effects demand::
+
+    reference --+--> inverse of the whole model --(+)--> mean of each period --> current
+                +--> inverse of the plain one ----(-)
+
+Perfect tracking and the friction compensation answer the plain model, to the last bit as before; where a model has no
+further effect the difference is zero.  What is demanded at rest, before the motion, is left to the
+feedback, which holds it already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.compensation.constants import INVERSE_STEPS
+from stagectl.kernels import effects, friction, inverse, stage, transmission
+
+Array = NDArray[np.float64]
+
+
+class Memory(NamedTuple):
+    """Both models as an earlier motion left them; their friction states change in place."""
+
+    whole: stage.State
+    plain: stage.State
+    at_rest: float  # A, what was demanded before the first motion
+
+    def copy(self) -> Memory:
+        """One of its own to move on."""
+        whole, plain = (x._replace(stops=x.stops.copy()) for x in (self.whole, self.plain))
+        return Memory(whole, plain, self.at_rest)
+
+
+def present(p: stage.Stage) -> bool:
+    """Whether the model holds anything that a current beyond tracking and rolling friction answers."""
+    known = plain(p)
+    body = (p.motor, p.mechanics, p.drive.offset) != (known.motor, known.mechanics, 0.0)
+    rubbing = p.friction[1:] != known.friction[1:]
+    return body or rubbing or p.residual.coordinate != effects.NONE
+
+
+def plain(p: stage.Stage) -> stage.Stage:
+    """What tracking and rolling friction know of the model."""
+    drive, motor = stage.Drive(*p.drive[:4]), type(p.motor)(p.motor.force_constant)
+    mechanics = stage.Mechanics(p.mechanics.inertia, p.mechanics.viscous, pitch=p.mechanics.pitch)
+    rolling = stage.Friction(p.friction.operators, friction.Stribeck(), p.friction.bristle)
+    return stage.Stage(drive, motor, mechanics, rolling, stage.Encoder(*p.encoder[:2]))
+
+
+def without(p: stage.Stage, places: Iterable[str]) -> stage.Stage:
+    """The model with the fields at these dotted `places` neutral."""
+    known = plain(p)
+    for place in places:
+        block, _, field = place.partition(".")
+        value = attrgetter(place)(known)
+        outer = getattr(p, block)
+        head, _, rest = field.partition(".")
+        if rest:
+            value = getattr(outer, head)._replace(**{rest: value})
+        p = p._replace(**{block: outer._replace(**{head: value})})
+    return p
+
+
+def steps(p: stage.Stage, dt: float) -> int:
+    """Into how many steps a control period `dt` (s) is divided for the inverse."""
+    return INVERSE_STEPS * int(transmission.finer(p.mechanics, dt / INVERSE_STEPS))
+
+
+def begun(p: stage.Stage, position: float) -> Memory:
+    """The memory of an axis that stands at `position` (rad | m) and has not moved yet."""
+    whole, bare = stage.at_rest(p, position), stage.at_rest(plain(p), position)
+    rest = np.array([[position, 0.0, 0.0]])
+    (demanded, _), (known, _) = (_inverse(model, x, rest, (1.0, 1)) for model, x in ((p, whole), (plain(p), bare)))
+    return Memory(stage.at_rest(p, position), stage.at_rest(plain(p), position), float(demanded[0] - known[0]))
+
+
+def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Array, Memory]:
+    """Current (n,) A of each control period `dt` (s), and the memory at the motion's end.
+
+    `motion` (n `steps` + 1, 3) is position, velocity and acceleration (axis units) at the times in which the current
+    acts, from the beginning of the first period to the end of the last.
+    """
+    each = steps(p, dt)
+    whole, at_end = _inverse(p, memory.whole, motion, (dt / each, each))
+    known, plain_at_end = _inverse(plain(p), memory.plain, motion, (dt / each, each))
+    further = whole - known - memory.at_rest
+    means = (0.5 * (further[1:] + further[:-1])).reshape(-1, each).mean(axis=1)
+    return means, Memory(at_end, plain_at_end, memory.at_rest)
+
+
+def _inverse(p: stage.Stage, x: stage.State, motion: Array, steps: tuple[float, int]) -> tuple[Array, Any]:
+    current = np.empty(len(motion))
+    at_end = inverse.along(p, x, np.ascontiguousarray(motion), steps, current)
+    return current, at_end

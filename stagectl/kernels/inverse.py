@@ -1,0 +1,140 @@
+"""The inverse of the whole stage: the current that moves it along a known path.
+
+::
+
+    position, velocity, acceleration --> friction with its memory, cable, table, load, base --> effort --> current
+
+Path and memory are those of `plant_with_effects`; here the motor's motion is given and the effort is sought.  The load
+behind a spring and the base on its feet move freely under it: as the encoder sits at the motor, this inverse is stable
+(the zeros of a collocated mechanism are damped).  The drive's lag and delay are no part of it: the caller looks ahead.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from stagectl.kernels import effects, friction, friction_effects, plant_with_effects, transmission
+from stagectl.kernels.constants import TURN_SHARE
+from stagectl.kernels.jit import kernel
+from stagectl.kernels.plant import Mechanics, Memory, Stage, State
+from stagectl.kernels.transmission import Bodies
+
+
+class _Given(NamedTuple):
+    """The motor's motion at one instant."""
+
+    position: float  # rad | m
+    velocity: float  # rad/s | m/s
+    acceleration: float  # rad/s^2 | m/s^2
+
+
+class _Opposed(NamedTuple):
+    """What the motor works against, N m | N."""
+
+    friction: float  # viscous part and all
+    pull: float  # cable and table, less the bias
+
+
+@kernel
+def along(p: Stage, x: State, motion: Any, steps: tuple[float, int], out: Any) -> State:
+    """Fill `out` (n,) with the motor current (A) at each row of `motion` (n, 3); the state at its end.
+
+    `motion` has position, velocity and acceleration of the motor in axis units, from the position of `x` on.  `steps`
+    is the time between its rows (s), short enough for the model (`transmission.finer`), and after how many of them
+    warming and drift are looked at again.
+    """
+    h, each = steps
+    masses = transmission.coefficients(p.mechanics, x.memory.time, h)
+    held = friction_effects.held(p.friction, x.memory.time, h)
+    for k in range(len(motion)):
+        if k % each == 0:
+            masses = transmission.coefficients(p.mechanics, x.memory.time, h)
+            held = friction_effects.held(p.friction, x.memory.time, h)
+        given = _Given(motion[k, 0], motion[k, 1], motion[k, 2])
+        opposed, x = _opposed(p, (masses, held), x, given)
+        effort, x = _effort(p.mechanics, masses, x, given, opposed)
+        motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * given.position)
+        driving = effort - motor.cogging
+        current = driving / motor.constant - p.drive.offset
+        out[k] = current
+        x = State(x.commands, x.latched, current, given.position, given.velocity, x.force, x.stops, x.bristle, x.memory)
+    return x
+
+
+@kernel
+def _opposed(
+    p: Stage, held: tuple[transmission.Coefficients, friction_effects.Held], x: State, given: _Given
+) -> tuple[_Opposed, State]:
+    """Friction, cable and table after the move to the `given` position, and what they remember."""
+    masses, c = held
+    m, h = x.memory, c.h
+    load = m.load + h * m.load_velocity if masses.load > 0.0 else given.position
+    dx = (1.0 - masses.share) * (given.position - x.position) + masses.share * (load - m.load)
+    velocity = (
+        given.velocity + masses.share * (m.load_velocity - given.velocity) if masses.load > 0.0 else given.velocity
+    )
+    place = friction_effects.place_factor(
+        p.friction.along,
+        p.friction.lead,
+        p.friction.ball_pass,
+        (given.position, effects.TURN / p.mechanics.pitch * given.position),
+    )
+    contact = friction_effects.Contact(x.force, x.bristle, m.lagged, m.rested)
+    driving = p.motor.force_constant * x.current
+    limits = friction_effects.limits(c, contact, velocity, place, driving)
+    force = friction.stops_between(p.friction.operators, x.stops, dx, limits.low, limits.high)
+    contact = friction_effects.slid(c, contact, limits, force, dx)
+    path = plant_with_effects.Path(m.cable, m.turned, m.furthest, m.direction)
+    path = plant_with_effects.pulled_along(path, p.mechanics.cable.slip, load - m.load)
+    bodies = Bodies(given.position, given.velocity, load, m.load_velocity, m.base, m.base_velocity)
+    pull = transmission.pulled(p.mechanics.cable, load, path.cable) - p.mechanics.bias
+    code = p.residual.coordinate
+    if code != effects.NONE:
+        path = plant_with_effects.turning(path, given.position, TURN_SHARE * c.length)
+        place = plant_with_effects.coordinate(code, p.mechanics.pitch, bodies, path, (x.current, m.time))
+        pull += effects.looked_up(p.residual, place)
+    viscous = transmission.viscous(p.mechanics, masses, velocity) * velocity
+    memory = Memory(
+        m.time + h, m.begun, m.acting, m.before, m.heat, load, m.load_velocity, m.base, m.base_velocity,
+        contact.lagged, contact.rested, path.cable, path.turned, path.furthest, path.direction,
+    )  # fmt: skip
+    moved = State(
+        x.commands, x.latched, x.current, x.position, x.velocity, contact.force, x.stops, contact.bristle, memory
+    )
+    return _Opposed(contact.force + viscous, pull), moved
+
+
+@kernel
+def _effort(
+    _: Mechanics, c: transmission.Coefficients, x: State, given: _Given, opposed: _Opposed
+) -> tuple[float, State]:
+    """Effort (N m | N) on the motor; load and base take their step.
+
+    Accelerations are those of `transmission`: on the ground g = effort / inertia, the base takes the recoil of both.
+    """
+    m = x.memory
+    mu, stiffness, damping = c.base
+    feet = stiffness * m.base + damping * m.base_velocity
+    spring, load_share, free = 0.0, 0.0, 0.0
+    if c.load > 0.0:
+        spring = transmission.transmitted(
+            c, Bodies(given.position, given.velocity, m.load, m.load_velocity, m.base, m.base_velocity)
+        )
+        load_share = c.load / (c.motor + c.load)
+        free = (spring - opposed.pull - c.share * opposed.friction) / c.load
+    ground = (given.acceleration - mu * load_share * free - feet) / (1.0 + mu * (1.0 - load_share))
+    against = opposed.friction + opposed.pull if c.load == 0.0 else spring + (1.0 - c.share) * opposed.friction
+    effort = c.motor * ground + against
+    recoil = given.acceleration - ground  # of the coordinate: less the base's acceleration
+    h = 2.0 * c.half
+    base_velocity = m.base_velocity - h * recoil if mu > 0.0 else 0.0
+    base = m.base + h * base_velocity
+    load, load_velocity = given.position, given.velocity
+    if c.load > 0.0:
+        load_velocity = m.load_velocity + h * (free + recoil)
+        load = m.load
+    memory = Memory(
+        m.time, m.begun, m.acting, m.before, m.heat, load, load_velocity, base, base_velocity,
+        m.lagged, m.rested, m.cable, m.turned, m.furthest, m.direction,
+    )  # fmt: skip
+    return effort, State(x.commands, x.latched, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, memory)
