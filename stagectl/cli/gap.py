@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli import gap_apply, gap_diagnose, gap_fleet, gap_knock, gap_next, gap_twin
+from stagectl.cli import gap_apply, gap_close, gap_diagnose, gap_fleet, gap_knock, gap_next, gap_twin
 from stagectl.cli.comparison import Plant, Simulate, engine
 from stagectl.cli.motion import Channel, Json, StageArgument
 from stagectl.cli.show import console, emit
@@ -21,6 +21,7 @@ gap = typer.Typer(
 for name, verb in (
     ("diagnose", gap_diagnose.diagnose),
     ("apply", gap_apply.apply),
+    ("close", gap_close.close),
     ("next", gap_next.following),
     ("watch", gap_twin.watch),
     ("drift", gap_twin.drift),

@@ -1,0 +1,84 @@
+"""The page of a gap that was closed on the machine: the error before and after, and what each effect gave."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from stagectl.gap.effects.library import label
+from stagectl.number_format import length, percent, prefix
+from stagectl.recording.metadata import versions
+from stagectl.report.figures import WITH, WITHOUT, drawing, embedded
+from stagectl.report.page import Page, Picture, Table
+
+Result = dict[str, Any]
+_WIDTH = 5.2  # inches
+
+
+def sentence(result: Result) -> str:
+    """What was reached, in one line."""
+    if not result["rounds"]:
+        return f"Nothing was changed: {result['ended']}"
+    before, after = (length(result["levels"][name], result["unit"]) for name in ("before", "after"))
+    gave = ", ".join(
+        f"{label(name)} gave {percent(share)}"
+        for name, share in sorted(result["shares"].items(), key=lambda item: -item[1])
+    )
+    return f"Tracking error {before} -> {after} rms on motions that nothing had seen" + (f"; {gave}" if gave else "")
+
+
+def notes(result: Result) -> list[str]:
+    """How it went and how it ended."""
+    lines = [
+        f"Round {number}: {done['diagnosis']}. In simulation {percent(done['foretold'])} of the squared gap closes."
+        for number, done in enumerate(result["rounds"], 1)
+    ]
+    where = "Simulated runs." if result["simulated"] else "Runs on the drive."
+    back = "`stage-0.yaml` is the model as it was."
+    return [*lines, f"It ended because of this: {result['ended']}.", f"{where} The model is {result['model']}; {back}"]
+
+
+def tables(result: Result) -> list[Table]:
+    """Peak and rms of each motion, before, after, and without each effect."""
+    rows = [
+        [motion.removeprefix("unseen-"), name, *(length(row[measure]["mean"], result["unit"]) for measure in MEASURES)]
+        for motion, variants in result["errors"].items()
+        for name, row in variants.items()
+    ]
+    return [Table("Tracking error on motions that nothing had seen", ["motion", "model", "peak", "rms"], rows)]
+
+
+MEASURES = ("peak", "rms")
+
+
+def page(result: Result, commands: list[str]) -> Page:
+    """The page of `workflows.gap_closing.close`."""
+    pictures = [Picture(embedded(errors(result)), _CAPTION)] if result["errors"] else []
+    title = f"stagectl gap close: {result['stage']}"
+    return Page(title, sentence(result), notes(result), pictures, tables(result), commands, versions())
+
+
+_CAPTION = "Rms tracking error of each repeat, before and after. Logarithmic."
+
+
+def errors(result: Result) -> Figure:
+    """The rms error of each repeat before and after, a row a motion."""
+    motions = list(result["errors"])
+    everything = np.concatenate(
+        [result["errors"][motion][name]["rms"]["values"] for motion in motions for name in ("before", "after")]
+    )
+    letter, factor = prefix(float(np.max(everything)))
+    with drawing(figsize=(_WIDTH, 1.2 + 0.5 * len(motions))) as (figure, axes):
+        for row, motion in enumerate(motions):
+            for name, colour in (("before", WITHOUT), ("after", WITH)):
+                values = factor * np.array(result["errors"][motion][name]["rms"]["values"])
+                places = np.full(len(values), float(row))
+                axes.plot(values, places, "o", color=colour, markersize=5, label=name if row == 0 else None)
+        axes.set_yticks(range(len(motions)), [motion.removeprefix("unseen-").replace("-", " ") for motion in motions])
+        axes.set_ylim(len(motions) - 0.5, -0.5)
+        axes.set_xscale("log")
+        axes.set_xlabel(f"rms tracking error [{letter}{result['unit']}]")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 0.5 / len(motions)), ncols=2)
+    return figure
