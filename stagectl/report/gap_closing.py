@@ -60,7 +60,7 @@ def page(result: Result, commands: list[str]) -> Page:
     return Page(title, sentence(result), notes(result), pictures, tables(result), commands, versions())
 
 
-_CAPTION = "Rms tracking error of each repeat, before and after. Logarithmic."
+_CAPTION = "Rms tracking error of each repeat, before and after."
 
 
 def errors(result: Result) -> Figure:
@@ -78,7 +78,7 @@ def errors(result: Result) -> Figure:
                 axes.plot(values, places, "o", color=colour, markersize=5, label=name if row == 0 else None)
         axes.set_yticks(range(len(motions)), [motion.removeprefix("unseen-").replace("-", " ") for motion in motions])
         axes.set_ylim(len(motions) - 0.5, -0.5)
-        axes.set_xscale("log")
+        axes.set_xlim(left=0.0)
         axes.set_xlabel(f"rms tracking error [{letter}{result['unit']}]")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 0.5 / len(motions)), ncols=2)
     return figure
