@@ -39,16 +39,17 @@ def quantity(name: str, value: float | str | None, declared: Quantity, example: 
     return number
 
 
-def switched_off(without: Iterable[str]) -> frozenset[str]:
-    """The layers that are switched off.
+def switched_off(without: Iterable[str], compensator: str = "model") -> frozenset[str]:
+    """The layers that are switched off; the name of the `compensator` that acts is the layer ``friction``.
 
-    Raises ArgumentError where there is no such layer.
+    Raises ArgumentError where there is no such layer, or a compensator does not act.
     """
     names = [without] if isinstance(without, str) else list(without)
+    known = (*LAYERS, compensator)
     for layer in names:
-        if layer not in LAYERS:
-            raise ArgumentError("without", layer, f"; must be one of {', '.join(LAYERS)}")
-    return frozenset(names)
+        if layer not in known:
+            raise ArgumentError("without", layer, f"; must be one of {', '.join(known)}, which act here")
+    return frozenset("friction" if layer == compensator else layer for layer in names)
 
 
 def paths_of(places: PathLike | Sequence[PathLike]) -> list[Path]:
