@@ -95,14 +95,19 @@ def _rheology(p: Friction) -> dict[str, Any]:
     curve = reversal_curve(p, since)
     start = np.array([np.log(since[-1]), SPRING_EXPONENT])
     bounds = ([np.log(since[1]), EXPONENTS[0]], [np.log(10.0 * since[-1]), EXPONENTS[1]])
-    fit = optimize.least_squares(lambda x: _spring(coulomb, x, since) - curve, start, bounds=bounds, diff_step=SPRING_STEP)
+    fit = optimize.least_squares(
+        lambda x: _spring(coulomb, x, since) - curve, start, bounds=bounds, diff_step=SPRING_STEP
+    )
     return {"coulomb": coulomb, "range": float(np.exp(fit.x[0])), "exponent": float(fit.x[1])}
 
 
 def _spring(coulomb: float, x: Array, since: Array) -> Array:
     """The rheology model's force (m,) at the displacements `since` a full reversal; `x` = (ln range, exponent)."""
     law = friction_memory.Rheology(coulomb, float(np.exp(x[0])), float(x[1]))
-    path, out = np.concatenate([[0.0], -10.0 * law.range + np.concatenate([[0.0], since])]), np.empty((len(since) + 2, 2))
+    path, out = (
+        np.concatenate([[0.0], -10.0 * law.range + np.concatenate([[0.0], since])]),
+        np.empty((len(since) + 2, 2)),
+    )
     friction_path.rheology(law, path, 1.0, out)
     return np.asarray(out[2:, 0])
 
