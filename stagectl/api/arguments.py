@@ -48,7 +48,7 @@ def switched_off(without: Iterable[str], compensator: str = "model") -> frozense
     known = (*LAYERS, compensator)
     for layer in names:
         if layer not in known:
-            raise ArgumentError("without", layer, f"; must be one of {', '.join(known)}, which act here")
+            raise ArgumentError("without", layer, f"; must be one of {', '.join(known)}")
     return frozenset("friction" if layer == compensator else layer for layer in names)
 
 

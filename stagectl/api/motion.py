@@ -33,9 +33,9 @@ def simulate(
     """Run the law on the stage's model, compiled, faster than real time; nothing is written.
 
     `plant` is the machine where it is not as the model says, `seed` that of its noise.  `without` switches layers off:
-    ``"ptc"``, ``"friction"`` (or the compensator by its name), ``"observer"``.  `learned` is a file that ``stagectl learn`` wrote.
-    `friction(velocity, position, dt)` returns a force (N m | N, positive against positive velocity) that replaces the
-    plant's friction; the run is then interpreted, about as fast as real time.
+    ``"ptc"``, ``"friction"`` (or the compensator that acts, by its name), ``"observer"``.  `learned` is a file that
+    ``stagectl learn`` wrote.  `friction(velocity, position, dt)` returns a force (N m | N, positive against positive
+    velocity) that replaces the plant's friction; the run is then interpreted, about as fast as real time.
 
     Raises StageError where the motion is beyond a limit, or the plant is another kind of axis.
     """

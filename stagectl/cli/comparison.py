@@ -72,7 +72,7 @@ def compare(
     trajectory: TrajectoryArgument,
     variants: Annotated[
         list[str],
-        typer.Argument(metavar="VARIANT...", help="off, ptc, ptc+friction, ptc+table, ptc+friction+ilc, ptc+observer ..."),
+        typer.Argument(metavar="VARIANT...", help="off, ptc, ptc+friction, ptc+table, ptc+friction+ilc ..."),
     ],
     repeats: Annotated[int, typer.Option(min=1, max=1000, help="Number of runs of each variant.")] = 5,
     simulate: Simulate = False,

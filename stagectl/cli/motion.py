@@ -25,7 +25,8 @@ Lines = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="A line of JSON for each message; - for standard output.")
 ]
 Without = Annotated[
-    list[str] | None, typer.Option("--without", metavar="LAYER", help="Switch a layer off: ptc, friction (or the compensator by its name), observer.")
+    list[str] | None,
+    typer.Option("--without", metavar="LAYER", help="Switch off: ptc, friction (or its compensator), observer."),
 ]
 Write = Annotated[
     Path | None, typer.Option("--write", metavar="STAGE.yaml", help="Patch this stage file; its comments stay.")

@@ -3,10 +3,9 @@
 ROUNDING = 1e-9  # of the largest speed: a slower reference is at rest; rounding
 SMALLEST = 1e-6  # least divisor of the shape between two legs; avoids a division by zero
 
-# Compensators made from a friction law; chosen: ten times finer changes the tracking by less than the encoder's step.
-CURVE_ROWS = 24  # rows of a table that is made from a bristle
-GMS_ELEMENTS = 16  # elements that a bristle becomes
-ROWS_FROM = 0.02  # of the bristle's length: the first row
+# Compensators made from a friction law; chosen, so that the curve of Dahl's law is met within 1 % of T_c.
+CURVE_ROWS = 24  # rows of a table, or elements of GMS, that a bristle becomes
+ROWS_FROM = 0.05  # of the bristle's length: the first row
 REACHED = 0.999  # of the way from -T_c to T_c: the last row of a law that only approaches it
 FROM_FULL_SLIP = 1e4  # bristle's lengths behind which it slips fully, for exponents up to 2; 1e-4 is missing then
 EXPONENTS = (1.05, 5.9)  # of the rheology model's spring, within its admissible interval

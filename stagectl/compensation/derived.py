@@ -16,7 +16,6 @@ from stagectl.compensation.constants import (
     CURVE_ROWS,
     EXPONENTS,
     FROM_FULL_SLIP,
-    GMS_ELEMENTS,
     REACHED,
     ROWS_FROM,
     SPRING_EXPONENT,
@@ -64,7 +63,7 @@ def _rows(p: Friction) -> Array:
     return np.concatenate([[0.0], np.unique(rows)])
 
 
-def _table(p: Friction) -> dict[str, Any]:
+def _table(p: Friction) -> dict[str, list[float]]:
     """Rows of the curve; it ends at T_c, where a law only approaches it."""
     since = _rows(p)
     force = reversal_curve(p, since)
@@ -73,19 +72,25 @@ def _table(p: Friction) -> dict[str, Any]:
 
 
 def _gms(p: Friction) -> dict[str, Any]:
-    """The operators as they are; a bristle as elements of even ratio with the same curve."""
+    """The operators as they are; a bristle as operators that bend the curve at the rows of its table."""
     if p.bristle.coulomb == 0.0:
-        pairs = zip(p.operators.weight, p.operators.slip, strict=True)
-        carrying = [(float(weight), float(slip)) for weight, slip in pairs if weight > 0.0]
-        weights, slips, rise = [w for w, _ in carrying], [s for _, s in carrying], p.stribeck
+        pairs, rise = zip(p.operators.weight, p.operators.slip, strict=True), p.stribeck
+        elements = [(float(weight), float(slip)) for weight, slip in pairs if weight > 0.0]
     else:
-        since, rise = _rows(p), p.bristle.stribeck
-        near = np.geomspace(0.5 * since[1], 0.5 * since[-1], GMS_ELEMENTS)
-        found, _ = optimize.nnls(np.minimum(since[:, None] / near, 2.0), reversal_curve(p, since) + _coulomb(p))
-        kept = found > 0.0
-        weights, slips = (found[kept] * (_coulomb(p) / found.sum())).tolist(), near[kept].tolist()
-    made: dict[str, Any] = {"weight": weights, "slip": slips}
+        elements, rise = _through(np.array(list(_table(p).values()))), p.bristle.stribeck
+    weights, slips = zip(*elements, strict=True)
+    made: dict[str, Any] = {"weight": list(weights), "slip": list(slips)}
     return {**made, "stribeck": rise._asdict()} if rise.rise > 0.0 else made
+
+
+def _through(rows: Array) -> list[tuple[float, float]]:
+    """Weight and slip of operators whose curve goes through the `rows` (2, m) of a table that bends down only."""
+    since, force = rows
+    slopes = np.diff(force) / np.diff(since)
+    slip = 0.5 * since[1:]
+    weight = np.maximum(slopes - np.append(slopes[1:], 0.0), 0.0) * slip
+    weight *= force[-1] / np.sum(weight)
+    return [(float(w), float(s)) for w, s in zip(weight, slip, strict=True) if w > 0.0]
 
 
 def _rheology(p: Friction) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The compensators by their names: the stage's friction model, those of the ball-screw paper, and the slider's forms."""
+"""The compensators by their names: the stage's friction model, the ball-screw paper's, and the slider's forms."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from stagectl.compensation import rolling, zero_crossing
 
 
 class Model(NamedTuple):
-    """The stage's own friction: its stop operators run along the reference (`kernels.feedforward`)."""
+    """The stage's own friction: its stop operators or its bristle, run along the reference (`kernels.feedforward`).
+
+    The operators run without Stribeck's rise, and continue from motion to motion; `gms` has the rise, and begins at 0.
+    """
 
 
 # By the name in the stage file.  All but `model` have ``along(legs) -> (n,) N m | N``.

@@ -8,12 +8,13 @@ Each runs its law along the reference, from rest, half a period ahead of the com
 
 What a reversal inside the rolling zone does (an inner loop) tells them apart::
 
-    table       begins again at -T_c: the paper's rule, a table of the displacement since the reversal alone.  The
-                force jumps by what was missing to T_c, and the loop around it is forgotten
-    rheology    goes on from the force that it has reached; the loop around it is forgotten
-    gms         goes on, and joins the outer loop again where the inner one closes (Masing's rules)
+    table       ``restart`` looks the table up and no more, which is all that the paper says: it begins at -T_c, so the
+                force jumps by what was missing to T_c.  On motions smaller than the last row that can make the error
+                larger than without compensation.  ``continue`` begins at the force that was reached, within +-T_c
+    rheology    continues in the same way; both forget the loop around the inner one
+    gms         continues, and joins the outer loop again where the inner one closes (Masing's rules)
 
-A table is therefore right where reversals are further apart than its last row, and wrong on smaller motions.
+Where reversals are further apart than the last row, both rules of the table are the same to the last bit.
 
 Source: Simultaneous Identification ..., section V (table, after its reference [5]) and section I (GMS [1], rheology
 [2]); the laws themselves are in `kernels.friction` and `kernels.friction_memory`.
@@ -21,7 +22,7 @@ Source: Simultaneous Identification ..., section V (table, after its reference [
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -43,11 +44,15 @@ class ReversalTable(NamedTuple):
     force: Annotated[
         tuple[float, ...], Quantity("N m | N", "[-1e6, 1e6]", "friction there; from -T_c to T_c, and never falling")
     ]
+    inner_loops: Annotated[
+        Literal["continue", "restart"],
+        "at a reversal before the last row: continue from the force, or restart at -T_c, as the paper's table",
+    ] = "continue"
 
     def along(self, cut: Legs) -> Array:
         """Friction (n,) N m | N along legs that are known."""
         out = np.empty(len(cut.leg) + 1)
-        p = friction_memory.Table(table(self.displacement), table(self.force))
+        p = friction_memory.Table(table(self.displacement), table(self.force), self.inner_loops == "continue")
         friction_path.table(p, cut.path, cut.period, out)
         return out[1:]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -48,5 +49,5 @@ def _same_length(one: tuple[str, tuple[float, ...]], other: tuple[str, tuple[flo
 
 
 def _rises(values: tuple[float, ...], strictly: bool = False) -> bool:
-    steps = [after - before for before, after in zip(values, values[1:], strict=False)]
+    steps = [after - before for before, after in itertools.pairwise(values)]
     return all(step > 0.0 if strictly else step >= 0.0 for step in steps)

@@ -62,17 +62,17 @@ def _errors(e: Evidence) -> Part:
     words = [
         "The paper: PID at 40 Hz by pole placement and perfect tracking feedforward, both from the identified J and D, "
         "without friction compensation, with the conventional characteristic (Fig. 6) and with the proposed one (Fig. "
-        "9), both as a data-based table over the displacement since the reversal; both reduce the reversal peaks alike. "
+        "9), both as a data-based table over the displacement since reversal; both reduce the reversal peaks alike. "
         "Its text gives no numbers. Ours: the same three, from the J and D of the simultaneous identification; nothing "
         "here knows the truth.",
-        "Beside them the other models that the paper names, from the same identification: stop operators, GMS (the same "
-        "here, as this stage has no Stribeck curve), and the rheology model, fitted to the curve as reconstructed.",
+        "Beside them the other models that the paper names, from the same identification: stop operators, GMS (the "
+        "same here, as this stage has no Stribeck curve), and the rheology model, fitted to the curve.",
         "Shown: all without noise; then the compensated ones closer, without noise and with "
         f"{NOISE} A rms of noise on the motor current, which the loop can only partly reject. Shaded: where the "
         "error is taken.",
-        "Without noise what remains is of the size of the encoder's step, 11.4 nm, but for the rheology model, whose two "
-        "parameters do not follow the curve as closely. A real stage has torque ripple, a flexible coupling and friction "
-        "that changes along its travel, which this plant has not: do not expect such small errors of it.",
+        "Without noise what remains is of the size of the encoder's step, 11.4 nm, but for the rheology model, whose "
+        "two parameters do not follow the curve as closely. A real stage has torque ripple, a flexible coupling and "
+        "friction that changes along its travel, which this plant has not: do not expect such small errors of it.",
     ]
     table = Table("Peak of the tracking error at full amplitude (how many times lower)", head, rows)
     return Part("figure 13", Section("Fig. 13 - Tracking error", words, pictures, [table]), found)
