@@ -100,9 +100,11 @@ def _rheology(p: Friction) -> dict[str, Any]:
     curve = reversal_curve(p, since)
     start = np.array([np.log(since[-1]), SPRING_EXPONENT])
     bounds = ([np.log(since[1]), EXPONENTS[0]], [np.log(10.0 * since[-1]), EXPONENTS[1]])
-    fit = optimize.least_squares(
-        lambda x: _spring(coulomb, x, since) - curve, start, bounds=bounds, diff_step=SPRING_STEP
-    )
+
+    def missing(x: Array) -> Array:
+        return _spring(coulomb, x, since) - curve
+
+    fit = optimize.least_squares(missing, start, bounds=bounds, diff_step=[SPRING_STEP] * len(start))
     return {"coulomb": coulomb, "range": float(np.exp(fit.x[0])), "exponent": float(fit.x[1])}
 
 

@@ -93,7 +93,7 @@ LAWS = {"rolling": Rolling, "stop-operators": Operators, "dahl": Dahl, "lugre": 
 
 def law_in(block: Mapping[str, Any]) -> Rolling | Operators | Dahl | Lugre:
     """The law of a block in SI, as an identification writes it."""
-    entries = {name: tuple(value) if isinstance(value, list) else value for name, value in block.items()}
+    entries: dict[str, Any] = {key: tuple(x) if isinstance(x, list) else x for key, x in block.items()}
     if "stribeck" in entries:
         entries["stribeck"] = friction.Stribeck(**entries["stribeck"])
     law: Any = LAWS[entries.pop("law")]

@@ -83,7 +83,7 @@ def written(p: Any) -> Any:
     """A block of parameters as JSON values; floats survive bit for bit."""
     if hasattr(p, "_asdict"):
         return {name: written(value) for name, value in p._asdict().items()}
-    return [float(x) for x in p] if hasattr(p, "__len__") else p
+    return [float(x) for x in p] if hasattr(p, "__len__") and not isinstance(p, str) else p
 
 
 def _form(compensation: Any) -> dict[str, Any]:
