@@ -152,7 +152,7 @@ def identify(
     `current` names the column that is the motor's current, `columns` the columns of logs, see `load_log`.  `doubtful`
     goes on where a capture's units or current look wrong.  `options` are the method's own: ``delay`` (s, or text with
     a unit), ``gravity``, ``directions``, ``form``, ``seed``.  Of the friction that is found, `changes` get the
-    `compensation` that acts and the `compensators` beside it: ``table``, ``gms``, ``rheology``.
+    `compensation` that acts and the `compensators` next to it: ``table``, ``gms``, ``rheology``.
 
     Raises IdentificationError where the data do not tell the parameters, RecordingError where they cannot be read.
     """

@@ -19,7 +19,7 @@ FORMS: dict[str, type[Any]] = {"model": Model, **rolling.FORMS, **zero_crossing.
 
 
 class Compensators(NamedTuple):
-    """Compensators beside the one that acts: `compare` sets them against each other by their names."""
+    """Compensators next to the one that acts: `compare` sets them against each other by their names."""
 
     table: rolling.ReversalTable | None = None
     gms: rolling.GeneralisedMaxwell | None = None
@@ -35,8 +35,8 @@ def name_of(compensator: Any) -> str:
     return next(name for name, kind in FORMS.items() if isinstance(compensator, kind))
 
 
-def named(name: str, acting: Any, beside: Compensators) -> Any:
-    """The compensator `name`: the `acting` one, or one `beside` it; None where the stage file holds none."""
+def named(name: str, acting: Any, compared: Compensators) -> Any:
+    """The compensator `name`: the `acting` one, or one that is `compared`; None where the stage file holds none."""
     if name_of(acting) == name:
         return acting
-    return Model() if name == "model" else getattr(beside, name)
+    return Model() if name == "model" else getattr(compared, name)

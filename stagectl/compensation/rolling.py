@@ -4,7 +4,7 @@ Each runs its law along the reference, from rest, half a period ahead of the com
 
     table       F = way T(s), s since the last reversal, straight between the rows, T_c beyond the last
     gms         stop operators that slip at weight_j (1 + rise exp(-(|v| / velocity)^shape))
-    rheology    a nonlinear spring from each reversal on, held at +-T_c, and a creeping spring beside it
+    rheology    a nonlinear spring from each reversal on, held at +-T_c, and a creeping spring next to it
 
 What a reversal inside the rolling zone does (an inner loop) tells them apart::
 

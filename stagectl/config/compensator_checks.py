@@ -16,10 +16,10 @@ _CONFLICT = ProblemKind.CONFLICT
 
 
 def compensator_conflicts(file: StageFile) -> Iterator[Problem]:
-    """Conflicts of the compensator that acts, and of those beside it."""
-    beside = file.compensators
+    """Conflicts of the compensator that acts, and of those next to it."""
+    compared = file.compensators
     blocks: list[tuple[str, Any]] = [("compensation", file.compensation)]
-    blocks += [(f"compensators.{name}", getattr(beside, name)) for name in Compensators._fields]
+    blocks += [(f"compensators.{name}", getattr(compared, name)) for name in Compensators._fields]
     for name, block in blocks:
         if isinstance(block, ReversalTable):
             yield from _table(block, name)

@@ -12,13 +12,13 @@ from stagectl.identification.result import IdentificationResult
 
 
 def with_compensators(
-    result: IdentificationResult, method: str, acting: str | None, beside: Sequence[str]
+    result: IdentificationResult, method: str, acting: str | None, compared: Sequence[str]
 ) -> IdentificationResult:
-    """`result` whose changes hold the compensator that is `acting`, and those `beside` it, by their names.
+    """`result` whose changes hold the compensator that is `acting`, and those to be `compared`, by their names.
 
     Raises IdentificationError for a name that is none, and where `method` writes no friction into the stage file.
     """
-    wanted = [*([acting] if acting else []), *beside]
+    wanted = [*([acting] if acting else []), *compared]
     if not wanted:
         return result
     for name in wanted:
@@ -36,16 +36,16 @@ def with_compensators(
             Refusal.UNKNOWN_OPTION,
             value=", ".join(wanted),
         )
-    return result._replace(changes={**result.changes, **_blocks(result, acting, beside)})
+    return result._replace(changes={**result.changes, **_blocks(result, acting, compared)})
 
 
-def _blocks(result: IdentificationResult, acting: str | None, beside: Sequence[str]) -> dict[str, Any]:
+def _blocks(result: IdentificationResult, acting: str | None, compared: Sequence[str]) -> dict[str, Any]:
     from stagectl.compensation import derived  # scipy's parts, which few calls need
 
     friction = friction_of(law_in(result.changes["friction"]))
     blocks: dict[str, Any] = {}
     if acting:
         blocks["compensation"] = derived.block(acting, friction)
-    for name in beside:
+    for name in compared:
         blocks[f"compensators.{name}"] = {k: v for k, v in derived.block(name, friction).items() if k != "form"}
     return blocks

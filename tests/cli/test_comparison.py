@@ -211,9 +211,9 @@ compensators:
 
 def test_compare_takes_compensators_by_name(command: Command) -> None:
     """Each name is the layer friction with that compensator; learning belongs to one of them."""
-    Path("beside.yaml").write_text(STAGE.read_text() + COMPENSATORS)
+    Path("several.yaml").write_text(STAGE.read_text() + COMPENSATORS)
     code, out, err = command(
-        *("compare", "beside.yaml", "sine.yaml", "ptc", "ptc+model", "ptc+friction", "ptc+table", "ptc+gms+ilc"),
+        *("compare", "several.yaml", "sine.yaml", "ptc", "ptc+model", "ptc+friction", "ptc+table", "ptc+gms+ilc"),
         *("--simulate", "--repeats", 1, "--trials", 1, "-o", "there", "--json", "-"),
     )
     assert code == 0, err
@@ -224,7 +224,7 @@ def test_compare_takes_compensators_by_name(command: Command) -> None:
 
 @pytest.mark.parametrize("variant", ["ptc+rheology", "ptc+table+gms", "ptc+friction+table"])
 def test_compare_refuses_compensators_that_are_not_there_or_two_at_once(command: Command, variant: str) -> None:
-    Path("beside.yaml").write_text(STAGE.read_text() + COMPENSATORS)
-    code, out, err = command("compare", "beside.yaml", "sine.yaml", "ptc", variant, "--simulate")
+    Path("several.yaml").write_text(STAGE.read_text() + COMPENSATORS)
+    code, out, err = command("compare", "several.yaml", "sine.yaml", "ptc", variant, "--simulate")
     assert (code, out) == (2, "")
     assert ("compensators.rheology" if "rheology" in variant else variant) in err

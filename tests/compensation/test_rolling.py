@@ -133,9 +133,9 @@ def test_a_standstill_is_exactly_still() -> None:
 
 def test_a_compensator_is_found_by_its_name() -> None:
     table = made("table")
-    beside = Compensators(table=table)
-    assert named("table", Model(), beside) is table
-    assert named("gms", Model(), beside) is None
+    compared = Compensators(table=table)
+    assert named("table", Model(), compared) is table
+    assert named("gms", Model(), compared) is None
     assert named("model", table, Compensators()) == Model()
     assert (name_of(table), name_of(made("rheology")), name_of(Model())) == ("table", "rheology", "model")
 

@@ -20,7 +20,7 @@ from stagectl.problem import ProblemKind
 from tests.conftest import CONFIG
 from tests.problems import refused
 
-BESIDE = """
+SEVERAL = """
 compensation:
   form: table
   displacement: [0 um, 2 um, 6 um, 20 um]
@@ -42,7 +42,7 @@ def stage_with(folder: Path, block: str) -> Path:
 
 
 def test_compensators_are_read_with_their_units(tmp_path: Path) -> None:
-    file = load_stage(stage_with(tmp_path, BESIDE)).file
+    file = load_stage(stage_with(tmp_path, SEVERAL)).file
     assert isinstance(file.compensation, ReversalTable)
     assert file.compensation.displacement == pytest.approx((0.0, 2 * UM, 6 * UM, 20 * UM))
     assert (file.compensation.force[0], file.compensation.inner_loops) == (-1.0, "continue")
@@ -70,13 +70,13 @@ def test_compensators_are_read_with_their_units(tmp_path: Path) -> None:
 def test_what_a_compensator_cannot_be_is_refused(
     tmp_path: Path, written: str, changed: str, kind: ProblemKind, key: str
 ) -> None:
-    assert written in BESIDE
+    assert written in SEVERAL
     with refused(ConfigError, kind=kind, key=key):
-        load_stage(stage_with(tmp_path, BESIDE.replace(written, changed)))
+        load_stage(stage_with(tmp_path, SEVERAL.replace(written, changed)))
 
 
 def test_without_takes_the_name_of_the_compensator_that_acts(tmp_path: Path) -> None:
-    stage, sine = sc.load_stage(stage_with(tmp_path, BESIDE)), CONFIG / "trajectories" / "sine-3.2hz.yaml"
+    stage, sine = sc.load_stage(stage_with(tmp_path, SEVERAL)), CONFIG / "trajectories" / "sine-3.2hz.yaml"
     named, layer = (sc.simulate(stage, sine, without=[name]) for name in ("table", "friction"))
     assert named.recording.samples.tobytes() == layer.recording.samples.tobytes()
     assert np.ptp(sc.simulate(stage, sine).recording.samples["friction"]) > 1.0

@@ -65,7 +65,7 @@ def _errors(e: Evidence) -> Part:
         "9), both as a data-based table over the displacement since reversal; both reduce the reversal peaks alike. "
         "Its text gives no numbers. Ours: the same three, from the J and D of the simultaneous identification; nothing "
         "here knows the truth.",
-        "Beside them the other models that the paper names, from the same identification: stop operators, GMS (the "
+        "Next to them the other models that the paper names, from the same identification: stop operators, GMS (the "
         "same here, as this stage has no Stribeck curve), and the rheology model, fitted to the curve.",
         "Shown: all without noise; then the compensated ones closer, without noise and with "
         f"{NOISE} A rms of noise on the motor current, which the loop can only partly reject. Shaded: where the "
