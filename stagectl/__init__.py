@@ -69,7 +69,7 @@
     gap/effects/      one record per effect: all of these rooms read it
     gap/diagnose.py   the pipeline [14] to [20]
     twin/             the model next to the axis while it runs: `run --twin`, `gap watch`, `gap drift`
-    tools/studies/    the blind exam of the diagnosis, its baselines, and both source papers reproduced
+    tools/studies/    the blind exam of the diagnosis, its baselines, both source papers reproduced, foreign machines
 
 **The way of one order**, of a service that runs for months::
 

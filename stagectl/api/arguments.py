@@ -39,20 +39,21 @@ def quantity(name: str, value: float | str | None, declared: Quantity, example: 
     return number
 
 
-def switched_off(without: Iterable[str]) -> frozenset[str]:
-    """The layers and the effects that are switched off.
+def switched_off(without: Iterable[str], compensator: str = "model") -> frozenset[str]:
+    """The layers and effects that are switched off; the `compensator` that acts is the layer ``friction``.
 
-    Raises ArgumentError where there is no such layer.
+    Raises ArgumentError where there is no such layer, or a compensator does not act.
     """
     names = [without] if isinstance(without, str) else list(without)
-    unknown = [name for name in names if name not in LAYERS]
+    known = (*LAYERS, compensator)
+    unknown = [name for name in names if name not in known]
     if unknown:
         from stagectl.gap.effects.library import answered
 
         for name in unknown:
             if name not in answered():
-                raise ArgumentError("without", name, f"; must be one of {', '.join((*LAYERS, *answered()))}")
-    return frozenset(names)
+                raise ArgumentError("without", name, f"; must be one of {', '.join((*known, *answered()))}")
+    return frozenset("friction" if name == compensator else name for name in names)
 
 
 def paths_of(places: PathLike | Sequence[PathLike]) -> list[Path]:

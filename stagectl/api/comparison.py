@@ -104,8 +104,10 @@ def compare(
     """Run a motion with different layers, interleaved, and say which of them help.
 
     A variant is ``"off"`` (feedback alone) or layers joined by +: ``"ptc+friction"``, also with ``observer`` and
-    ``ilc``.  The first is what the others are compared with.  What ilc needs is learned first, in `trials`, unless
-    `learned` names files that hold it.  Recordings go to `folder`, else into ``recordings/``; `seed` is of the order.
+    ``ilc``.  In the place of ``friction`` stands a compensator of the stage file by its name, such as ``"ptc+table"``:
+    ``model``, ``table``, ``gms``, ``rheology`` or a form of zero-crossing.  The first variant is what the others are
+    compared with.  What ilc needs is learned first, in `trials`, unless `learned` names files that hold it.  Recordings
+    go to `folder`, else into ``recordings/``; `seed` is of the order.
 
     Raises TrialError where the variants are wrong or a run is stopped, ArgumentError for a plant next to a drive.
     """

@@ -19,6 +19,7 @@ from stagectl.config.patch import Change, write
 from stagectl.extras import require
 from stagectl.identification import capture_checks, captures, methods
 from stagectl.identification.capture import Capture
+from stagectl.identification.compensators import with_compensators
 from stagectl.identification.result import IdentificationResult, Parameter
 from stagectl.units import Quantity, StageError
 
@@ -141,6 +142,8 @@ def identify(
     current: str | None = None,
     columns: Mapping[str, str] | str | None = None,
     doubtful: bool = False,
+    compensation: str | None = None,
+    compensators: Sequence[str] = (),
     progress: ProgressOption = False,
     **options: Any,
 ) -> IdentifiedModel:
@@ -148,7 +151,8 @@ def identify(
 
     `current` names the column that is the motor's current, `columns` the columns of logs, see `load_log`.  `doubtful`
     goes on where a capture's units or current look wrong.  `options` are the method's own: ``delay`` (s, or text with
-    a unit), ``gravity``, ``directions``, ``form``, ``seed``.
+    a unit), ``gravity``, ``directions``, ``form``, ``seed``.  Of the friction that is found, `changes` get the
+    `compensation` that acts and the `compensators` next to it: ``table``, ``gms``, ``rheology``.
 
     Raises IdentificationError where the data do not tell the parameters, RecordingError where they cannot be read.
     """
@@ -165,6 +169,7 @@ def identify(
     values = {name: parameter.value for name, parameter in estimate.parameters.items()}
     implausible = capture_checks.implausible(values, designed.setup)
     estimate = estimate._replace(notes=(*implausible, *estimate.notes))
+    estimate = with_compensators(estimate, method, compensation, compensators)
     return IdentifiedModel(method, designed, estimate, used, held_out, implausible)
 
 

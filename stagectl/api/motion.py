@@ -34,15 +34,15 @@ def simulate(
     """Run the law on the stage's model, compiled, faster than real time; nothing is written.
 
     `plant` is the machine where it is not as the model says, `seed` that of its noise.  `without` switches off layers
-    (``"ptc"``, ``"friction"``, ``"effects"``, ``"observer"``) and effects of the model (``"cogging"``).  `learned` is a
-    file that ``stagectl learn`` wrote.
-    `friction(velocity, position, dt)` returns a force (N m | N, positive against positive velocity) that replaces the
-    plant's friction; the run is then interpreted, about as fast as real time.
+    (``"ptc"``, ``"friction"`` or its compensator by name, ``"effects"``, ``"observer"``) and effects of the model
+    (``"cogging"``).  `learned` is a file that ``stagectl learn`` wrote.  `friction(velocity, position, dt)` returns a
+    force (N m | N, positive against positive velocity) that replaces the plant's friction; the run is then interpreted,
+    about as fast as real time.
 
     Raises StageError where the motion is beyond a limit, or the plant is another kind of axis.
     """
     designed = as_stage(stage)
-    motion = _laid_out(designed.setup, trajectory, switched_off(without), None, learned)
+    motion = _laid_out(designed.setup, trajectory, switched_off(without, designed.compensator), None, learned)
     machine = None if plant is None else as_stage(plant).setup
     if seed is not None:
         machine = workflow.reseeded(machine or designed.setup, seed)
@@ -79,7 +79,8 @@ def run(
             say(words)
 
     place = None if recording is None else Path(recording)
-    motion = _laid_out(as_stage(stage).setup, trajectory, switched_off(without), place, learned)
+    designed = as_stage(stage)
+    motion = _laid_out(designed.setup, trajectory, switched_off(without, designed.compensator), place, learned)
     motion = motion._replace(reset_fault=reset_fault)
     if twin or twin_record is not None:
         motion = _with_twin(motion, twin_record, heard)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from stagectl.api.arguments import PathLike
 from stagectl.api.result import PrintedResult, Sheet, gains_frame
+from stagectl.compensation.forms import name_of
 from stagectl.config import stage_file
 from stagectl.config.lengths import Lengths
 from stagectl.config.machine_file import text_of
@@ -48,6 +49,11 @@ class DesignedStage(PrintedResult):
     def period(self) -> float:
         """Control period Ts (s)."""
         return self.setup.dt
+
+    @property
+    def compensator(self) -> str:
+        """Name of the friction compensator that acts."""
+        return name_of(self.setup.file.compensation)
 
     @cached_property
     def loop(self) -> Tuned:

@@ -45,13 +45,15 @@ def learn(
     engine(simulate)
     import stagectl as sc
     from stagectl.api.comparison import machine_of
+    from stagectl.compensation.forms import name_of
     from stagectl.recording import learned_current
     from stagectl.workflows import trials as many
     from stagectl.workflows.motion import prepare, unused
 
     machine = machine_of(sc.load_stage(stage).on_channel(channel), simulate, plant)
+    compensator = name_of(machine.setup.file.compensation)
     folder = unused(f"learn-{trajectory.stem}")
-    base = prepare(machine.setup, trajectory, switched_off(without or ()), folder / "trial-1.h5")
+    base = prepare(machine.setup, trajectory, switched_off(without or (), compensator), folder / "trial-1.h5")
     path = output or folder / "learned.h5"
     learned_current.claim(path)
     result = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
@@ -70,7 +72,7 @@ def compare(
     trajectory: TrajectoryArgument,
     variants: Annotated[
         list[str],
-        typer.Argument(metavar="VARIANT...", help="off, ptc, ptc+friction, ptc+friction+ilc, ptc+observer ..."),
+        typer.Argument(metavar="VARIANT...", help="off, ptc, ptc+friction, ptc+table, ptc+friction+ilc ..."),
     ],
     repeats: Annotated[int, typer.Option(min=1, max=1000, help="Number of runs of each variant.")] = 5,
     simulate: Simulate = False,
@@ -88,8 +90,9 @@ def compare(
 ) -> None:
     """Run a motion with different layers, interleaved, and report which of them help, and how certain that is.
 
-    A variant is `off` (feedback alone) or layers joined by +: ptc, friction, effects, observer, ilc.  The first
-    variant is what the others are compared with.  What ilc needs is learned first, unless --learned gives it.
+    A variant is `off` (feedback alone) or layers joined by +: ptc, friction, effects, observer, ilc.  In the place of
+    friction stands model, table, gms, rheology or another compensator of the stage file.  The first variant is what
+    the others are compared with.  What ilc needs is learned first, unless --learned gives it.
 
     Example: stagectl compare config/ball-screw.yaml config/trajectories/sine-1.6hz.yaml off ptc ptc+friction --simulate
     """

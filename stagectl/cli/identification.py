@@ -25,6 +25,12 @@ Delay = Annotated[str | None, typer.Option("--delay", metavar="TIME", help="A kn
 Gravity = Annotated[bool, typer.Option("--gravity", help="The axis turns in gravity: sine and cosine of its angle.")]
 Directions = Annotated[bool, typer.Option("--directions", help="Friction of its own in each direction.")]
 Form = Annotated[str | None, typer.Option("--form", help="Of zero-crossing: the form whose parameters are wanted.")]
+Compensation = Annotated[
+    str | None, typer.Option("--compensation", metavar="NAME", help="Compensator to act: table, gms or rheology.")
+]
+Compensators = Annotated[
+    str, typer.Option("--compensators", metavar="NAMES", help="Compensators to `compare`: table,gms,rheology.")
+]
 Seed = Annotated[int | None, typer.Option("--seed", help="Of a method that searches at random.")]
 
 
@@ -43,6 +49,8 @@ def identify(
     form: Form = None,
     seed: Seed = None,
     doubtful: Doubtful = False,
+    compensation: Compensation = None,
+    compensators: Compensators = "",
 ) -> None:
     """Find the parameters of an axis from captures of its motion.
 
@@ -59,6 +67,8 @@ def identify(
         current=current,
         columns=columns,
         doubtful=doubtful,
+        compensation=compensation,
+        compensators=compensators.split(",") if compensators else (),
         progress=True,
         delay=delay,
         gravity=gravity,

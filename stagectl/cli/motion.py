@@ -29,7 +29,7 @@ Without = Annotated[
     typer.Option(
         "--without",
         metavar="LAYER",
-        help="Switch a layer off: ptc, friction, effects, observer; or one effect of the model, such as cogging.",
+        help="Switch off: ptc, friction (or its compensator), effects, observer; or one effect, such as cogging.",
     ),
 ]
 Write = Annotated[

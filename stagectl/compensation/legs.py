@@ -15,6 +15,7 @@ acceleration; at the edge of a standstill it is extrapolated from the moving sid
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,11 +41,22 @@ class Legs(NamedTuple):
     start: Array  # (m,) s, instant at which the leg begins
     end: Array  # (m,) s, instant at which it comes to a stop
     length: Array  # (m,) rad | m, from its beginning to its end
+    period: float = math.nan  # s, between two rows; NaN where they are cut out of several motions
 
     @property
     def duration(self) -> Array:
         """Of each leg (m,) s."""
         return np.concatenate([[0.0], self.end[1:] - self.start[1:]])
+
+    @property
+    def path(self) -> Array:
+        """Position (n + 1,) rad | m since the rest at the beginning, which comes first; a standstill is exactly still.
+
+        For a reference: a record that begins in motion has no such beginning.
+        """
+        ends = np.cumsum(self.way * np.where(np.isfinite(self.length), self.length, 0.0))
+        begins = np.concatenate([[0.0], ends[:-1]])
+        return np.concatenate([[0.0], begins[self.leg] + self.way[self.leg] * self.covered])
 
     def reversals(self) -> NDArray[np.intp]:
         """Numbers of the legs that run against the leg before."""
@@ -106,7 +118,7 @@ def _measured_from(starts: Array, ends: Array, way: Array, rows: tuple[NDArray[n
     since = np.where(leg > 0, np.minimum(at, end[leg]) - start[leg], 0.0)
     until = np.where(leg > 0, np.maximum(end[leg] - at, 0.0), 0.0)
     covered = np.where(leg > 0, np.minimum(np.where(at < end[leg], moved, np.inf), length[leg]), 0.0)
-    return Legs(leg, since * dt, until * dt, covered, np.abs(v), way, start * dt, end * dt, length)
+    return Legs(leg, since * dt, until * dt, covered, np.abs(v), way, start * dt, end * dt, length, dt)
 
 
 def _runs(velocity: Array, band: float) -> list[_Run]:

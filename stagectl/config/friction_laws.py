@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import types
+from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_type_hints
 
 from stagectl.kernels import friction, friction_bristle, stage
@@ -88,6 +89,15 @@ class Lugre(NamedTuple):
 
 
 LAWS = {"rolling": Rolling, "stop-operators": Operators, "dahl": Dahl, "lugre": Lugre}
+
+
+def law_in(block: Mapping[str, Any]) -> Rolling | Operators | Dahl | Lugre:
+    """The law of a block in SI, as an identification writes it."""
+    entries: dict[str, Any] = {key: tuple(x) if isinstance(x, list) else x for key, x in block.items()}
+    if "stribeck" in entries:
+        entries["stribeck"] = friction.Stribeck(**entries["stribeck"])
+    law: Any = LAWS[entries.pop("law")]
+    return cast("Rolling | Operators | Dahl | Lugre", law(**entries))
 
 
 def friction_of(law: Rolling | Operators | Dahl | Lugre) -> stage.Friction:

@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Any, Literal, NamedTuple
 
 from stagectl import design, learning
-from stagectl.compensation.forms import FORMS, Model
+from stagectl.compensation.forms import FORMS, Compensators, Model
 from stagectl.config.friction_laws import LAWS, Dahl, Lugre, Operators, Rolling
 from stagectl.config.homing import Homing
 from stagectl.drives.brake import Brake
@@ -162,6 +162,7 @@ class StageFile(NamedTuple):
     homing: Homing = Homing()
     brake: Brake = Brake()
     compensation: Annotated[Any, Tagged("form", FORMS)] = Model()
+    compensators: Compensators = Compensators()
     realtime: Realtime = Realtime()
     simulation: Simulation = Simulation()
     learning: learning.LearningSettings = learning.LearningSettings()

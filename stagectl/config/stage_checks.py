@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from stagectl.config.bounds import DELAY_LINE, WIDEST_SLIPS
+from stagectl.config.compensator_checks import compensator_conflicts
 from stagectl.config.friction_laws import Operators, Rolling
 from stagectl.config.stage_blocks import StageFile
 from stagectl.config.time_outs import too_far
@@ -28,6 +29,7 @@ def conflicts(file: StageFile, path: Path) -> Iterator[Problem]:
     yield from _drive(file)
     yield from _transmission(file)
     yield from _friction(file)
+    yield from compensator_conflicts(file)
     yield from wire_conflicts(file, path)
     yield from too_far(file)
 

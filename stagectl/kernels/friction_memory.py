@@ -1,9 +1,9 @@
 """Friction as a function of the displacement since the last reversal: the data-based table, and the rheology model.
 
 Both follow one branch from reversal to reversal, with Masing's half curve for the start from rest, and forget all
-reversals but the last: a small loop inside a large one leaves a trace, where stop operators leave none.  The plain
-table even jumps to +-T_c at a partial reversal, and so gives out energy on small loops: it is for compensation, as
-the papers' baseline, and no plant has it.
+reversals but the last: a small loop inside a large one leaves a trace, where stop operators leave none.  A table that
+is looked up and no more even jumps to +-T_c at a partial reversal, and so gives out energy on small loops; one that
+continues begins where the force is, as the rheology model does.  Both are for compensation, and no plant has them.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ class Table(NamedTuple):
 
     displacement: Any  # (m,) rad | m, from 0 up
     force: Any  # (m,) N m | N, from -T_c to T_c
+    continues: bool = False  # from the force at the reversal; False: from -T_c, as the table is looked up
 
 
 class Branch(NamedTuple):
@@ -73,6 +74,9 @@ def table(p: Table, x: Branch, v: float, dx: float, dt: float) -> tuple[float, B
         return 0.0, x
     if x.virgin == 1.0:
         force = 0.5 * x.direction * (_interpolated(p, 2.0 * x.travelled) - p.force[0])
+    elif p.continues:
+        reached = x.origin + x.direction * (_interpolated(p, x.travelled) - p.force[0])
+        force = min(max(reached, p.force[0]), -p.force[0])
     else:
         force = x.direction * _interpolated(p, x.travelled)
     return force, Branch(x.travelled, x.direction, x.virgin, x.origin, force)

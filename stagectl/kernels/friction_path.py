@@ -49,6 +49,15 @@ def operators(p: friction.Gms, position: Any, dt: float, out: Any) -> None:
 
 
 @kernel
+def gms(p: friction.Gms, s: Any, position: Any, dt: float, out: Any) -> None:
+    """Forces (n,) of a bundle whose elements slip on Stribeck's curve, from the states `s` (j,), changed in place."""
+    out[0] = 0.0
+    for k in range(1, len(position)):
+        dx = position[k] - position[k - 1]
+        out[k], _ = friction.gms(p, s, dx / dt, dx, dt)
+
+
+@kernel
 def branches(position: Any, out: Any) -> None:
     """Columns (n, 3) of the laws of displacement since reversal: what is travelled, direction, 1 while virgin."""
     x = friction_memory.Branch(0.0, 0.0, 1.0, 0.0, 0.0)

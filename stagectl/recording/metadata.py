@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from stagectl.compensation.forms import FORMS
+from stagectl.compensation.forms import name_of
 from stagectl.config.machine_file import text_of
 from stagectl.config.stage_file import Setup
 from stagectl.design import Controller
@@ -83,13 +83,12 @@ def written(p: Any) -> Any:
     """A block of parameters as JSON values; floats survive bit for bit."""
     if hasattr(p, "_asdict"):
         return {name: written(value) for name, value in p._asdict().items()}
-    return [float(x) for x in p] if hasattr(p, "__len__") else p
+    return [float(x) for x in p] if hasattr(p, "__len__") and not isinstance(p, str) else p
 
 
 def _form(compensation: Any) -> dict[str, Any]:
     """The friction compensation's form by its name, with its numbers."""
-    name = next(name for name, kind in FORMS.items() if isinstance(compensation, kind))
-    return {"form": name, **written(compensation)}
+    return {"form": name_of(compensation), **written(compensation)}
 
 
 def read_law(values: dict[str, Any]) -> law.Law:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl import paired_comparison
+from stagectl.compensation.forms import FORMS, named
 from stagectl.config.stage_file import Setup
 from stagectl.design import Layer
 from stagectl.recording.learned_current import Learned, LearnedError, check, load, save
@@ -22,21 +23,24 @@ from stagectl.service.single_motion import Motion, Progress
 from stagectl.workflows.motion import Commanded, blank, lay_out, with_current
 from stagectl.workflows.trials import Machine, Result, Shown, TrialError, after, learn, learned_words, ready, run_once
 
-ILC, OFF = "ilc", "off"
+ILC, OFF, FRICTION = "ilc", "off", "friction"
 LAYERS = (*get_args(Layer), ILC)
+NAMES = (*LAYERS, *FORMS)  # a compensator's name is the layer `friction` with that compensator
 
 
 def chosen(name: str) -> list[str]:
-    """``ptc+friction`` as its layers; ``off`` has none.
+    """``ptc+friction`` as its layers, ``ptc+table`` with one compensator of several; ``off`` has none.
 
     Raises TrialError naming those there are.
     """
     layers = [] if name == OFF else name.split("+")
     for layer in layers:
-        if layer not in LAYERS:
-            raise TrialError(f"{name}: no layer {layer!r}; write {OFF}, or some of {', '.join(LAYERS)} with +")
+        if layer not in NAMES:
+            raise TrialError(f"{name}: no layer {layer!r}; write {OFF}, or some of {', '.join(NAMES)} with +")
     if len(set(layers)) < len(layers):
         raise TrialError(f"{name}: a layer stands there twice")
+    if len(compensators := [layer for layer in layers if layer == FRICTION or layer in FORMS]) > 1:
+        raise TrialError(f"{name}: {' and '.join(compensators)} compensate the same friction; take one of them")
     return layers
 
 
@@ -52,10 +56,25 @@ def laid_out(setup: Setup, trajectory: Commanded, names: Sequence[str], folder: 
 
 
 def _laid_out(setup: Setup, trajectory: Commanded, layers: list[str], folder: Path) -> Motion:
-    running = tuple(layer for layer in layers if layer != ILC)
+    running = tuple(FRICTION if layer in FORMS else layer for layer in layers if layer != ILC)
     control = setup.file.control._replace(layers=cast("tuple[Layer, ...]", running))
-    changed = setup._replace(file=setup.file._replace(control=control))
-    return lay_out(changed, trajectory, frozenset(), folder / "run.h5")
+    file = setup.file._replace(control=control)
+    for layer in layers:
+        if layer in FORMS:
+            file = file._replace(compensation=_compensator(setup, layer))
+    motion = lay_out(setup._replace(file=file), trajectory, frozenset(), folder / "run.h5")
+    return motion._replace(meta={**motion.meta, "layers": sorted(layer for layer in layers if layer != ILC)})
+
+
+def _compensator(setup: Setup, name: str) -> Any:
+    """The compensator of the stage file with this name.  Raises TrialError where there is none."""
+    compensator = named(name, setup.file.compensation, setup.file.compensators)
+    if compensator is None:
+        raise TrialError(
+            f"compensators.{name} is not in {setup.path}; `stagectl identify simultaneous {setup.path} CAPTURE "
+            f"--compensators {name} --write {setup.path}` makes it"
+        )
+    return compensator
 
 
 def learn_missing(

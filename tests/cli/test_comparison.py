@@ -119,7 +119,7 @@ def test_identical_repeats_are_said_to_be(command: Command) -> None:
 
 
 REFUSED = [
-    (("ptc", "pct"), "pct: no layer 'pct'; write off, or some of ptc, friction, effects, observer, ilc with +"),
+    (("ptc", "pct"), "pct: no layer 'pct'; write off, or some of ptc, friction, effects, observer, ilc, model"),
     (("ptc",), "ptc: at least two variants, each once"),
     (("ptc+friction", "friction+ptc"), "at least two variants, each once"),
     (("ptc+ptc", "off"), "ptc+ptc: a layer stands there twice"),
@@ -198,3 +198,33 @@ def test_what_a_wrong_friction_model_leaves_is_learned(command: Command) -> None
     assert 0.08 < means["ptc+friction"] / means["ptc"] < 0.14
     assert means["ptc+friction+ilc"] < 0.06 * means["ptc+friction"]
     assert "--repeats 5" in err
+
+
+COMPENSATORS = """
+compensators:
+  table:
+    displacement: [0 um, 0.6 um, 2 um, 6 um, 18 um]
+    force: [-1 N m, -0.39 N m, 0.22 N m, 0.71 N m, 1 N m]
+  gms: {weight: [0.4 N m, 0.6 N m], slip: [0.6 um, 5 um]}
+"""
+
+
+def test_compare_takes_compensators_by_name(command: Command) -> None:
+    """Each name is the layer friction with that compensator; learning belongs to one of them."""
+    Path("several.yaml").write_text(STAGE.read_text() + COMPENSATORS)
+    code, out, err = command(
+        *("compare", "several.yaml", "sine.yaml", "ptc", "ptc+model", "ptc+friction", "ptc+table", "ptc+gms+ilc"),
+        *("--simulate", "--repeats", 1, "--trials", 1, "-o", "there", "--json", "-"),
+    )
+    assert code == 0, err
+    peaks = {variant["name"]: variant["peak"]["mean"] for variant in result(out)["variants"]}
+    assert peaks["ptc+model"] == peaks["ptc+friction"] < peaks["ptc+table"] < 0.1 * peaks["ptc"]
+    assert load(Path("there/learned-ptc+gms+ilc.h5")).meta["layers"] == ["gms", "ptc"]
+
+
+@pytest.mark.parametrize("variant", ["ptc+rheology", "ptc+table+gms", "ptc+friction+table"])
+def test_compare_refuses_compensators_that_are_not_there_or_two_at_once(command: Command, variant: str) -> None:
+    Path("several.yaml").write_text(STAGE.read_text() + COMPENSATORS)
+    code, out, err = command("compare", "several.yaml", "sine.yaml", "ptc", variant, "--simulate")
+    assert (code, out) == (2, "")
+    assert ("compensators.rheology" if "rheology" in variant else variant) in err

@@ -77,6 +77,7 @@ LAWS: dict[str, Callable[[Array], Array]] = {
     "gms": gms,
     "rheology": rheology,
     "table": law(lambda x, out: friction_path.table(TABLE, x, DT, out)),
+    "table-continued": law(lambda x, out: friction_path.table(TABLE._replace(continues=True), x, DT, out)),
 }
 
 

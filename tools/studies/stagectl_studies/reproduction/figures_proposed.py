@@ -169,4 +169,11 @@ def inputs(courses: list[tuple[str, list[Course]]]) -> list[Picture]:
     ]
 
 
-COLOURS = {"none": WITHOUT, "conventional": CONVENTIONAL, "proposed": WITH}
+COLOURS = {
+    "none": WITHOUT,
+    "conventional": CONVENTIONAL,
+    "proposed": WITH,
+    "stop operators": "#7c3aed",
+    "gms": "#be185d",
+    "rheology": "#65a30d",
+}

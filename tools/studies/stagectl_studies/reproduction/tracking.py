@@ -1,8 +1,10 @@
 """The ball-screw paper's examination: three sines without and with friction compensation (Figs. 12 to 14).
 
 PID and perfect tracking feedforward are designed from the inertia and the viscous friction that the proposed method
-found, in all runs alike, as in the paper; the runs differ in the friction characteristic that is compensated.  Each
-runs on a machine without current noise and on one with it.
+found, in all runs alike, as in the paper; the runs differ in the friction that is compensated.  `conventional` and
+`proposed` are the paper's: a table over the displacement since reversal, from the ultra-slow motion and from the
+proposed method.  The others are the models that its introduction names, from the proposed method as well.  Each runs on
+a machine without current noise and on one with it.
 """
 
 from __future__ import annotations
@@ -12,12 +14,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stagectl.compensation import derived
+from stagectl.compensation.rolling import FORMS
+from stagectl.config.stage_file import Setup
 from stagectl.config.trajectory_file import axis_of, load_trajectory
 from stagectl.identification.result import IdentificationResult
 from stagectl_studies.reproduction.bench import CONFIG, NO_FRICTION, NOISE, Bench, Run, believing, carried_out
 
 MOTIONS = ("sine-3.2hz", "sine-1.6hz", "sine-0.8hz")
-CONTROLLERS = ("none", "conventional", "proposed")
+CONTROLLERS = ("none", "conventional", "proposed", "stop operators", "gms", "rheology")
+FORM = {"stop operators": "model", "gms": "gms", "rheology": "rheology"}  # of the compensator; of all others the table
 NOISES = ("without noise", "with noise")
 _ALL = frozenset[str]()
 
@@ -41,7 +47,7 @@ def tracked(
         for controller in CONTROLLERS:
             table = tables.get(controller, tables["proposed"]).table
             assert table is not None
-            believed = believing(bench.believed, **mechanics, table=table)
+            believed = compensating(believing(bench.believed, **mechanics, table=table), FORM.get(controller, "table"))
             without = NO_FRICTION if controller == "none" else _ALL
             here = bench._replace(believed=believed)
             name = f"{motion}, {controller}"
@@ -49,6 +55,14 @@ def tracked(
             noisy[motion, controller] = carried_out(here.noisy(NOISE, 100 + number), path, name, without)
         tell(number + 1, len(motions))
     return Tracking(quiet, noisy, motions)
+
+
+def compensating(setup: Setup, form: str) -> Setup:
+    """`setup` with a compensator of this form, made from its own friction."""
+    if form == "model":
+        return setup
+    entries = {name: value for name, value in derived.block(form, setup.stage.friction).items() if name != "form"}
+    return setup._replace(file=setup.file._replace(compensation=FORMS[form](**entries)))
 
 
 def errors(run: Run) -> dict[str, float]:
