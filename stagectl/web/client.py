@@ -7,12 +7,12 @@ import json
 import os
 import shutil
 import socket
-import tempfile
 import time
 import urllib.parse
 from pathlib import Path
 from typing import Any
 
+from stagectl.runtime_folder import runtime_folder, short_name
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP, StopLink, beside
 from stagectl.units import StageError
 
@@ -42,7 +42,8 @@ class _UnixConnection(http.client.HTTPConnection):
     def connect(self) -> None:
         self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self.sock.settimeout(self.timeout)
-        self.sock.connect(os.fspath(self._path))
+        with short_name(self._path) as name:
+            self.sock.connect(name)
 
 
 def default_socket() -> Path:
@@ -55,9 +56,7 @@ def default_socket() -> Path:
 
 def own_socket() -> Path:
     """Of a service that a user starts."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    base = Path(runtime) / "stagectl" if runtime else Path(tempfile.gettempdir()) / f"stagectl-{os.getuid()}"
-    return base / "control.sock"
+    return runtime_folder() / "control.sock"
 
 
 def _group(path: Path) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from stagectl.runtime_folder import short_name
 from stagectl.web import client
 from stagectl.web.client import ControlError, ask
 
@@ -17,7 +18,8 @@ def stuck(tmp_path: Path) -> Iterator[Path]:
     """Socket of a service that is there and says nothing."""
     path = tmp_path / "s"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listening:
-        listening.bind(str(path))
+        with short_name(path) as name:
+            listening.bind(name)
         listening.listen()
         yield path
 
