@@ -124,7 +124,7 @@ def test_what_a_sentence_names_exists(page: str, line: str) -> None:
     """Its verb, and each of its options."""
     words = shlex.split(line.replace("'s ", " ").partition(" #")[0])
     command = ROOT_COMMAND
-    for word in words[words.index(next(one for one in words if one.endswith("stagectl"))) + 1 :]:
+    for word in words[words.index(next(program for program in words if program.endswith("stagectl"))) + 1 :]:
         if hasattr(command, "commands"):
             assert word in command.commands, line
             command = command.commands[word]

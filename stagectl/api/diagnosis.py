@@ -190,7 +190,7 @@ def diagnose(
     with reported(progress, "diagnosis", 100) as update:
         outcome = pipeline.diagnose(logs, options, _steps(update))
         update(100, 100)
-    return GapDiagnosis(places[0], outcome.found, logs, outcome.improved)
+    return GapDiagnosis(places[0], outcome.result, logs, outcome.improved)
 
 
 def _steps(update: Update) -> Callable[[str], None]:

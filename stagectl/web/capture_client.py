@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from stagectl.runtime_folder import short_name
 from stagectl.web.client import ControlError, RefusedError
+from stagectl.web.limits import CONNECTION_TIME
 from stagectl.web.live import CAPTURE, FREE, HEAD
 
-_PATIENCE = 10.0  # s for the connection
 _TRIGGER = re.compile(r"\s*([\w.]+)\s*(>|<|=)\s*(.+?)\s*")
 _EDGES = {">": "rising", "<": "falling", "=": "both"}
 
@@ -53,7 +53,7 @@ def captures(path: Path, request: dict[str, Any]) -> Iterator[tuple[dict[str, An
         with (
             short_name(path) as name,
             unix_connect(
-                name, uri="ws://localhost/v1/live", open_timeout=_PATIENCE, compression=None, max_size=None
+                name, uri="ws://localhost/v1/live", open_timeout=CONNECTION_TIME, compression=None, max_size=None
             ) as link,
         ):
             link.send("{}")

@@ -46,7 +46,11 @@ class Target:
         link.request("GET", "/v1/recordings", headers=self.reading)
         listed = json.loads(link.getresponse().read())
         link.close()
-        return [f"/v1/recordings/{one['kind']}/{one['axis']}/{one['file']}" for one in listed if one["bytes"]]
+        return [
+            f"/v1/recordings/{recording['kind']}/{recording['axis']}/{recording['file']}"
+            for recording in listed
+            if recording["bytes"]
+        ]
 
 
 def idle(target: Target) -> Iterator[None]:

@@ -28,13 +28,13 @@ def stuck(tmp_path: Path) -> Iterator[Path]:
 def test_a_service_that_is_stuck_is_not_waited_for(
     stuck: Path, monkeypatch: pytest.MonkeyPatch, method: str, what: str
 ) -> None:
-    monkeypatch.setattr(client, "_ANSWER_TIME", 0.2)
+    monkeypatch.setattr(client, "ANSWER_TIME", 0.2)
     with pytest.raises(ControlError, match=r"systemctl restart stagectl"):
         ask(stuck, method, what)
 
 
 def test_a_motion_is_waited_for(stuck: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(client, "_ANSWER_TIME", 0.1)
-    monkeypatch.setattr(client, "_MOTION_TIME", 0.4)
+    monkeypatch.setattr(client, "ANSWER_TIME", 0.1)
+    monkeypatch.setattr(client, "MOTION_TIME", 0.4)
     with pytest.raises(ControlError, match=r"for 0\.4 s"):
         ask(stuck, "POST", "/v1/home?axis=x")

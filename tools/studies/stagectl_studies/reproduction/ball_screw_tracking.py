@@ -45,14 +45,14 @@ def _references(e: Evidence) -> Part:
 
 
 def _errors(e: Evidence) -> Part:
-    t, found = e.tracking, numbers(e.tracking)
+    t, errors = e.tracking, numbers(e.tracking)
     pictures, rows = [], []
     for motion in t.motions:
         quiet, noisy = (
             [_course(runs[motion, controller], controller) for controller in CONTROLLERS] for runs in (t.quiet, t.noisy)
         )
         pictures += figures.errors(_title(motion), noisy, quiet, t.quiet[motion, "none"].plan.steady)
-        for noise, row in found[motion].items():
+        for noise, row in errors[motion].items():
             cells = [length(row[controller]["peak"], "m") for controller in CONTROLLERS]
             times = [f"{row[controller]['times_lower']:.0f}" for controller in CONTROLLERS[1:]]
             rms = [length(row[controller]["rms"], "m") for controller in CONTROLLERS[1:]]
@@ -71,14 +71,14 @@ def _errors(e: Evidence) -> Part:
         "small errors of it.",
     ]
     table = Table("Peak of the tracking error at full amplitude", head, rows)
-    return Part("figure 13", Section("Fig. 13 - Tracking error", words, pictures, [table]), found)
+    return Part("figure 13", Section("Fig. 13 - Tracking error", words, pictures, [table]), errors)
 
 
 def _inputs(e: Evidence) -> Part:
-    t, found = e.tracking, numbers(e.tracking)
+    t, errors = e.tracking, numbers(e.tracking)
     courses = [(_title(motion), [_course(t.quiet[motion, c], c) for c in ("none", "proposed")]) for motion in t.motions]
     peaks = {
-        motion: {c: found[motion]["without noise"][c]["peak_current"] for c in CONTROLLERS} for motion in t.motions
+        motion: {c: errors[motion]["without noise"][c]["peak_current"] for c in CONTROLLERS} for motion in t.motions
     }
     words = [
         "The paper: the currents of the three. Ours, without noise: friction compensation changes the current's sign "
