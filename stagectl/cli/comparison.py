@@ -45,22 +45,15 @@ def learn(
     engine(simulate)
     import stagectl as sc
     from stagectl.api.comparison import machine_of
-    from stagectl.recording import learned_current
-    from stagectl.workflows import trials as many
-    from stagectl.workflows.motion import prepare, unused
+    from stagectl.workflows.motion import lay_out, unused
+    from stagectl.workflows.trials import Shown, learn_into
 
     machine = machine_of(sc.load_stage(stage).on_channel(channel), simulate, plant)
     folder = unused(f"learn-{trajectory.stem}")
-    base = prepare(machine.setup, trajectory, switched_off(without or ()), folder / "trial-1.h5")
-    path = output or folder / "learned.h5"
-    learned_current.claim(path)
-    result = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
-    learned_current.save(path, result.pop("current"))
-    for line in many.convergence_words(result):
-        console.print(line)
-    console.print(many.learned_words(result))
-    console.print(f"learned: {path}")
-    emit({**result, "learned": str(path), "simulated": simulate}, json)
+    commanded = sc.load_trajectory(trajectory).bound(machine.setup)
+    base = lay_out(machine.setup, commanded, switched_off(without or ()), folder / "trial-1.h5")
+    result = learn_into(machine, base, trials, Shown(console.print, bar), output or folder / "learned.h5")
+    emit(result, json)
     if result["stopped"]:
         raise typer.Exit(1)
 

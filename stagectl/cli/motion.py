@@ -12,7 +12,6 @@ import typer
 
 from stagectl.cli.process import single_threaded_algebra, without_compiler
 from stagectl.cli.show import console, emit, message_event, stream, summary, tell, typed
-from stagectl.cli.show import progress as bar
 from stagectl.extras import require
 
 if TYPE_CHECKING:
@@ -204,10 +203,9 @@ def demo(
     """
     without_compiler()
     require("report", "the demo's page")
-    from stagectl.workflows.demo import demo as show
-    from stagectl.workflows.trials import Shown
+    from stagectl.api.demo import demo as show
 
-    result = show(output, Shown(console.print, bar))
+    result = show(output, True, console.print)
     console.print(f"report: {result['report']}")
     console.print("live, in a browser: `make live`, or `stagectl serve config/ball-screw.yaml`")
     emit(result, json)
