@@ -9,16 +9,13 @@ from typing import Annotated
 import typer
 
 from stagectl.api.arguments import switched_off
-from stagectl.cli.motion import Channel, Json, StageArgument, TrajectoryArgument, Without
+from stagectl.cli.motion import Channel, Json, Plant, StageArgument, TrajectoryArgument, Without
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, write_page
 from stagectl.cli.show import progress as bar
 from stagectl.extras import require
 
 Simulate = Annotated[bool, typer.Option("--simulate", help="On the stage model, compiled, instead of the drive.")]
-Plant = Annotated[
-    Path | None, typer.Option(metavar="PLANT.yaml", help="With --simulate: the machine, where it is not the model.")
-]
 Trials = Annotated[int, typer.Option(min=1, max=100, help="Number of trials to learn from.")]
 
 

@@ -45,6 +45,9 @@ State = Annotated[
 ResetFault = Annotated[
     bool, typer.Option("--reset-fault", help="Reset the drive's fault first. See what caused it before you do.")
 ]
+Plant = Annotated[
+    Path | None, typer.Option(metavar="PLANT.yaml", help="The simulated machine, where it differs from the model.")
+]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
 # Rows of a motion that kernels go through interpreted, in the time that it takes to load them, or to compile them.
 _UNLOADED, _UNCOMPILED = 40_000, 200_000
@@ -114,9 +117,7 @@ def simulate(
     without: Without = None,
     json: Json = None,
     output: Output = None,
-    plant: Annotated[
-        Path | None, typer.Option(metavar="PLANT.yaml", help="The machine, where it differs from the model.")
-    ] = None,
+    plant: Plant = None,
     learned: Learned = None,
 ) -> None:
     """Run the same law on the stage model, compiled, faster than real time.
