@@ -13,7 +13,7 @@
     [3] plan.py <-----------------------+                           limits checked, one row per period
               |
     [4] api/motion.py                   `run` and `simulate`, as Python and the command line call them
-        workflows/motion.py             from two YAML files to a result: what they share with `demo`
+        workflows/motion.py             from two YAML files to a result: what they share with `learn`
               |
     [5] service/single_motion.py        starts the loop and the recorder, hands over the rows
               |

@@ -22,15 +22,10 @@ from numpy.typing import NDArray
 from scipy import special  # not `stats`, which takes a second to import
 
 from stagectl.number_format import length
-from stagectl.units import StageError
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95  # of intervals and verdicts; convention
 SAME = 1e-12  # relative spread of repeats below which nothing has varied; rounding
-
-
-class ComparisonError(StageError):
-    """A comparison that cannot be made, and what to compare instead."""
 
 
 class Figures(NamedTuple):

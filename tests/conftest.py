@@ -159,8 +159,8 @@ class Run:
         reference = self.samples["reference"]
         if of == "measured":
             reference = latched_reference(self.samples, {"nm": self.setup.stage.encoder.delay_samples})
-        found: NDArray[np.float64] = (reference - self.samples[of]) * scale
-        return found
+        error: NDArray[np.float64] = (reference - self.samples[of]) * scale
+        return error
 
     def peak(self, of: str = "measured") -> float:
         """Largest error in the steady window (um)."""

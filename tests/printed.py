@@ -75,6 +75,7 @@ class Reader:
         mine = {"XDG_RUNTIME_DIR": str(folder), "HOME": str(folder), "XDG_CACHE_HOME": cache, "COLUMNS": "120"}
         programs = f"{folder / '.venv' / 'bin'}:{os.environ['PATH']}"
         self.environment = {**os.environ, **mine, "PATH": programs, "PYTHONPATH": SOURCES, "LC_ALL": "C.UTF-8"}
+        self._terminal = folder / "terminal"  # what the line that goes on prints
         self._going: list[subprocess.Popen[str]] = []
 
     def types(self, line: str, patience: float = 600.0) -> subprocess.CompletedProcess[str]:
@@ -84,13 +85,28 @@ class Reader:
             self._put(_DONE[key].made)
             return _DONE[key].outcome
         before = self._files()
-        outcome = subprocess.run(
-            line, shell=True, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=patience
-        )
+        try:
+            outcome = self._run(line, patience)
+        except subprocess.TimeoutExpired as error:
+            raise AssertionError(f"{error}\n{self.elsewhere()}") from error
         if outcome.returncode == 0 and not self._going:
             made = [path for path, state in self._files().items() if before.get(path) != state]
             _DONE[key] = Outcome(outcome, {path: (self.folder / path).read_bytes() for path in made})
         return outcome
+
+    def _run(self, line: str, patience: float) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            line, shell=True, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=patience
+        )
+
+    def elsewhere(self) -> str:
+        """What the other terminal shows, and the faults of the service in it; nothing where nothing goes on."""
+        if not self._going:
+            return ""
+        faults = self._run("stagectl fault list", _PATIENCE)
+        return (
+            f"the other terminal:\n{self._terminal.read_text()}\nstagectl fault list:\n{faults.stdout}\n{faults.stderr}"
+        )
 
     def _named(self, line: str) -> list[str]:
         """Digests of the files and folders that a line names, as they are now."""
@@ -120,20 +136,19 @@ class Reader:
 
     def begins(self, line: str) -> None:
         """A line that goes on, in another terminal; returns when it can be asked."""
-        with (self.folder / "terminal").open("w") as said:
+        with self._terminal.open("w") as said:
             going = subprocess.Popen(
                 f"exec {line}", shell=True, cwd=self.folder, env=self.environment, stdout=said, stderr=said, text=True
             )
         self._going.append(going)
         end = time.monotonic() + _PATIENCE
         while not self._can_be_asked(line):
-            heard = (self.folder / "terminal").read_text()
-            assert going.poll() is None and time.monotonic() < end, heard
+            assert going.poll() is None and time.monotonic() < end, self._terminal.read_text()
             time.sleep(0.1)
 
     def _can_be_asked(self, line: str) -> bool:
         if " serve " not in line:
-            return "virtual drive of" in (self.folder / "terminal").read_text()
+            return "virtual drive of" in self._terminal.read_text()
         try:
             return bool(ask(self.folder / "stagectl" / "control.sock", "GET", "/v1/status"))
         except StageError:
@@ -143,7 +158,11 @@ class Reader:
         """Ctrl-C in the other terminals."""
         for going in self._going:
             going.send_signal(signal.SIGINT)
-            assert going.wait(timeout=_PATIENCE) == 0, (self.folder / "terminal").read_text()
+            try:
+                code = going.wait(timeout=_PATIENCE)
+            except subprocess.TimeoutExpired as error:
+                raise AssertionError(f"{error}\n{self.elsewhere()}") from error
+            assert code == 0, self._terminal.read_text()
         self._going.clear()
 
     def closes(self) -> None:

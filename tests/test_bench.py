@@ -24,9 +24,9 @@ def peers_page(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def line(low: float, median: float, high: float, what: str = "time of a fit") -> dict[str, Any]:
     spread = {"low": low, "median": median, "high": high}
-    one = {"low": 1.0, "median": 1.0, "high": 1.0}
+    unity = {"low": 1.0, "median": 1.0, "high": 1.0}
     topic = {"topic": "Identification", "peer": "scipy", "what": what, "unit": "s", "method": "in turn"}
-    return {**topic, "ours": one, "theirs": spread, "ratio": spread}
+    return {**topic, "ours": unity, "theirs": spread, "ratio": spread}
 
 
 def figures(*lines: dict[str, Any]) -> dict[str, Any]:

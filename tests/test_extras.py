@@ -29,13 +29,13 @@ DISTRIBUTIONS = {"sklearn": "scikit-learn", "foxglove": "foxglove-sdk"}
 
 
 def _names(requirements: list[str]) -> set[str]:
-    return {re.split(r"[\[>=<]", one)[0] for one in requirements}
+    return {re.split(r"[\[>=<]", requirement)[0] for requirement in requirements}
 
 
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_an_extra_brings_what_it_is_asked_for(extra: str) -> None:
     brought = _names(PROJECT["optional-dependencies"][extra])
-    assert {DISTRIBUTIONS.get(one, one) for one in EXTRAS[extra]} <= brought
+    assert {DISTRIBUTIONS.get(distribution, distribution) for distribution in EXTRAS[extra]} <= brought
     assert not brought & _names(PROJECT["dependencies"])
 
 

@@ -44,8 +44,8 @@ def tried(
     """Error (n,) of a trial with this learned current."""
     rows = what.setpoints.copy()
     rows[:, law.Setpoint._fields.index("learned")] = current
-    found: NDArray[Any] = simulate(setup, what._replace(setpoints=rows), running, plant)["error"].copy()
-    return found
+    error: NDArray[Any] = simulate(setup, what._replace(setpoints=rows), running, plant)["error"].copy()
+    return error
 
 
 def disturbed(what: Plan, dt: float, frequency: float) -> tuple[Plan, NDArray[Any]]:

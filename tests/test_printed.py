@@ -47,10 +47,9 @@ def reads(reader: Reader, lines: list[str]) -> None:
             reader.begins(line)
             continue
         outcome = reader.types(_shorter(line))
-        said = f"{line}\n{outcome.stdout}\n{outcome.stderr}"
-        assert "Traceback" not in outcome.stderr, said
         good = (0, 1) if line.startswith(MAY_SAY_NO) else (0,)
-        assert outcome.returncode in good, said
+        if outcome.returncode not in good or "Traceback" in outcome.stderr:
+            pytest.fail(f"{line}\n{outcome.stdout}\n{outcome.stderr}\n{reader.elsewhere()}")
     reader.ends()
 
 
@@ -77,6 +76,15 @@ def test_every_command_runs_as_printed(reader: Reader, least: int, request: pyte
             save(found("effects"), folder)
     assert sum("stagectl" in line for line in lines) >= least
     reads(reader, [line for line in lines if not line.startswith("stagectl gap diagnose")])
+
+
+@pytest.mark.parametrize("reader", ["index.md"], indirect=True)
+def test_a_line_that_fails_beside_a_service_says_what_the_service_saw(reader: Reader) -> None:
+    with pytest.raises(pytest.fail.Exception) as caught:
+        reads(reader, ["stagectl serve config/ball-screw.yaml", "stagectl jog nonsense"])
+    said = str(caught.value)
+    assert str(reader.folder / "stagectl" / "control.sock") in said.partition("the other terminal:")[2]
+    assert "no fault" in said.partition("stagectl fault list:")[2]
 
 
 def test_every_page_with_commands_is_read() -> None:
@@ -116,7 +124,7 @@ def test_what_a_sentence_names_exists(page: str, line: str) -> None:
     """Its verb, and each of its options."""
     words = shlex.split(line.replace("'s ", " ").partition(" #")[0])
     command = ROOT_COMMAND
-    for word in words[words.index(next(one for one in words if one.endswith("stagectl"))) + 1 :]:
+    for word in words[words.index(next(program for program in words if program.endswith("stagectl"))) + 1 :]:
         if hasattr(command, "commands"):
             assert word in command.commands, line
             command = command.commands[word]

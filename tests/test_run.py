@@ -150,13 +150,13 @@ def start_moving(tmp_path: Path, name: str) -> subprocess.Popen[bytes]:
 
 def members(group: int) -> dict[str, int]:
     """Processes of a group by the module they run."""
-    found = {}
+    processes = {}
     for entry in Path("/proc").iterdir():
         with contextlib.suppress(OSError, ValueError):
             words = (entry / "cmdline").read_bytes().split(b"\0")
             if os.getpgid(int(entry.name)) == group and b"-m" in words:
-                found[words[words.index(b"-m") + 1].decode()] = int(entry.name)
-    return found
+                processes[words[words.index(b"-m") + 1].decode()] = int(entry.name)
+    return processes
 
 
 def rows(path: Path) -> int:

@@ -27,6 +27,7 @@ from stagectl.trajectories import (
     check,
     columns,
     peaks,
+    phases,
 )
 from stagectl.trajectories.periodic import FLAT, Flat
 from stagectl.units import quantity_of
@@ -272,7 +273,7 @@ def test_a_trajectory_that_cannot_be_run_is_refused(trajectory: Trajectory, fiel
 @pytest.mark.parametrize("trajectory", ALL, ids=named)
 def test_check_passes_what_is_sound(trajectory: Trajectory) -> None:
     check(trajectory)
-    begin, stop = trajectory.steady
+    begin, stop = phases(trajectory).steady
     assert 0.0 <= begin < stop <= trajectory.duration
 
 

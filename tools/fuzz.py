@@ -23,8 +23,8 @@ def main() -> None:
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
     for name, fuzz in (("virtual drive", fuzz_node), ("controller", fuzz_controller)):
         began = time.monotonic()
-        told = fuzz(frames, seed)
-        print(f"{name}: {frames} frames, seed {seed}, {time.monotonic() - began:.0f} s: {told}", flush=True)
+        tally = fuzz(frames, seed)
+        print(f"{name}: {frames} frames, seed {seed}, {time.monotonic() - began:.0f} s: {tally}", flush=True)
 
 
 if __name__ == "__main__":

@@ -86,10 +86,10 @@ def _moving(machine: Served) -> None:
 def _killed(machine: Served, victim: Victim) -> tuple[str, float]:
     """Words, and the time (s) from the signal to standstill."""
     began = time.monotonic()
-    told = machine.faults().count(victim.said) if victim.module else 0
+    earlier = machine.faults().count(victim.said) if victim.module else 0
     machine.kill(victim.module)
     if victim.goes_on:
-        _until(lambda: machine.faults().count(victim.said) > told)
+        _until(lambda: machine.faults().count(victim.said) > earlier)
         assert machine.axis()["state"] == "moving", "the motion needed it"
         machine.ask("POST", "disable")
     stands = _stands(machine)
@@ -97,7 +97,7 @@ def _killed(machine: Served, victim: Victim) -> tuple[str, float]:
     assert victim.goes_on or stop < SILENCE + BUSY, f"stood after {stop:.1f} s"
     if victim.name == "service":
         machine.start()
-    _until(lambda: machine.faults().count(victim.said) > told)
+    _until(lambda: machine.faults().count(victim.said) > earlier)
     machine.until(lambda axis: axis["state"] == "disabled", MOST)
     if victim.goes_on:
         return f"{victim.said}; the motion went on", stop
@@ -140,8 +140,8 @@ def _stands(machine: Served) -> str:
     """What the drive said of its stop, whose time-out it must have kept."""
     said = [machine.drive_says()]
     while not said[-1].startswith("stands"):
-        found = re.search(r"for (\d+) ms", said[-1])
-        assert found is None or int(found[1]) < 1e3 * (SILENCE + BUSY), said
+        outage = re.search(r"for (\d+) ms", said[-1])
+        assert outage is None or int(outage[1]) < 1e3 * (SILENCE + BUSY), said
         said.append(machine.drive_says())
     why = said[0].split(":")[0] if len(said) > 1 else "ordered"
     return f"the drive stopped ({why}) and {said[-1].strip()};"

@@ -183,10 +183,10 @@ def started() -> tuple[float, float, int]:
             loop = start("stagectl.realtime.axes", (axis.ring.descriptor, axis.board.descriptor), "interpreted")
             loop.send(post)
             assert loop.line()
-            found = time.monotonic() - began, worked(loop.pid), resident(loop.pid)
+            sample = time.monotonic() - began, worked(loop.pid), resident(loop.pid)
             loop.terminate()
             assert loop.wait(60.0) == 0
-            return found
+            return sample
         finally:
             drive.end()
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from stagectl.api.arguments import ArgumentError, PathLike, paths_of
+from stagectl.api.arguments import PathLike, paths_of
 from stagectl.api.progress import ProgressOption, Update, reported
-from stagectl.api.result import ReportedResult, Sheet, frame
+from stagectl.api.result import ReportedResult, Sheet, drawn, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.extras import require
 from stagectl.gap import diagnose as pipeline
@@ -116,12 +116,7 @@ class GapDiagnosis(ReportedResult):
         from stagectl.gap.result import verdict_text
         from stagectl.report.tables.gap import tables
 
-        notes = [
-            *verdict_text.remarks(self.diagnosis),
-            *verdict_text.ambiguous(self.diagnosis),
-            *verdict_text.advice(self.diagnosis),
-        ]
-        return Sheet(self.verdict, self.sentence, tables(self.diagnosis), notes)
+        return Sheet(self.verdict, self.sentence, tables(self.diagnosis), verdict_text.lines(self.diagnosis))
 
     def plot(self, what: DiagnosisFigure = "shares") -> Figure:
         """Shares of the squared gap, what it follows, when it is open, or the held-out run that shows most.
@@ -129,13 +124,9 @@ class GapDiagnosis(ReportedResult):
         Raises ArgumentError where the diagnosis holds nothing of the kind.
         """
         require("report", "plot")
-        from stagectl.report.figures import detached
         from stagectl.report.gap.figures import drawings
 
-        known = drawings(self.diagnosis)
-        if what not in known:
-            raise ArgumentError("what", what, f"; this diagnosis draws {', '.join(known) or 'nothing'}")
-        return detached(known[what]())
+        return drawn(drawings(self.diagnosis), what)
 
     def page(self, command: str = "") -> Page:
         """The page with all figures."""
@@ -190,7 +181,7 @@ def diagnose(
     with reported(progress, "diagnosis", 100) as update:
         outcome = pipeline.diagnose(logs, options, _steps(update))
         update(100, 100)
-    return GapDiagnosis(places[0], outcome.found, logs, outcome.improved)
+    return GapDiagnosis(places[0], outcome.result, logs, outcome.improved)
 
 
 def _steps(update: Update) -> Callable[[str], None]:

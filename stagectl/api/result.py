@@ -6,7 +6,7 @@ import html
 import importlib
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +15,8 @@ from stagectl.extras import require
 from stagectl.units import StageError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from stagectl.report.page import Page, Table
 
 _STYLE = "text-align:left;padding:0 1em 0 0"
@@ -90,6 +92,18 @@ class ReportedResult(PrintedResult):
             return write(self.page(), target)
         target.write_text(json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
         return target
+
+
+def drawn(drawings: Mapping[str, Callable[[], Figure]], what: str) -> Figure:
+    """The figure of this name, which nothing but its caller shows.
+
+    Raises ArgumentError where there is none.
+    """
+    from stagectl.report.figures import detached
+
+    if what not in drawings:
+        raise ArgumentError("what", what, f"; must be one of {', '.join(drawings) or 'none: there is nothing to draw'}")
+    return detached(drawings[what]())
 
 
 def frame(columns: Mapping[str, Any], units: Mapping[str, str]) -> Any:

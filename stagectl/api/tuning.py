@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from stagectl.api.arguments import ArgumentError, PathLike, quantity
-from stagectl.api.result import ReportedResult, Sheet, gains_frame
+from stagectl.api.arguments import PathLike, quantity
+from stagectl.api.result import ReportedResult, Sheet, drawn, gains_frame
 from stagectl.api.stage import DesignedStage, StageLike, load_stage
 from stagectl.config.patch import Change, write
 from stagectl.extras import require
@@ -72,13 +72,9 @@ class TunedGains(ReportedResult):
         Raises ArgumentError for another name.
         """
         require("report", "plot")
-        from stagectl.report.figures import detached
         from stagectl.report.tuning import drawings
 
-        known = drawings(self.stage.setup, self.tuned)
-        if what not in known:
-            raise ArgumentError("what", what, f"; must be one of {', '.join(known)}")
-        return detached(known[what]())
+        return drawn(drawings(self.stage.setup, self.tuned), what)
 
     def page(self, command: str = "") -> Page:
         """The page with all figures."""

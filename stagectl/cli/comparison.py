@@ -9,16 +9,13 @@ from typing import Annotated
 import typer
 
 from stagectl.api.arguments import switched_off
-from stagectl.cli.motion import Channel, Json, StageArgument, TrajectoryArgument, Without
+from stagectl.cli.motion import Channel, Json, Plant, StageArgument, TrajectoryArgument, Without
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, write_page
 from stagectl.cli.show import progress as bar
 from stagectl.extras import require
 
 Simulate = Annotated[bool, typer.Option("--simulate", help="On the stage model, compiled, instead of the drive.")]
-Plant = Annotated[
-    Path | None, typer.Option(metavar="PLANT.yaml", help="With --simulate: the machine, where it is not the model.")
-]
 Trials = Annotated[int, typer.Option(min=1, max=100, help="Number of trials to learn from.")]
 
 
@@ -46,23 +43,16 @@ def learn(
     import stagectl as sc
     from stagectl.api.comparison import machine_of
     from stagectl.compensation.forms import name_of
-    from stagectl.recording import learned_current
-    from stagectl.workflows import trials as many
-    from stagectl.workflows.motion import prepare, unused
+    from stagectl.workflows.motion import lay_out, unused
+    from stagectl.workflows.trials import Shown, learn_into
 
     machine = machine_of(sc.load_stage(stage).on_channel(channel), simulate, plant)
     compensator = name_of(machine.setup.file.compensation)
     folder = unused(f"learn-{trajectory.stem}")
-    base = prepare(machine.setup, trajectory, switched_off(without or (), compensator), folder / "trial-1.h5")
-    path = output or folder / "learned.h5"
-    learned_current.claim(path)
-    result = many.learn(machine, base, trials, many.Shown(console.print, bar), folder)
-    learned_current.save(path, result.pop("current"))
-    for line in many.convergence_words(result):
-        console.print(line)
-    console.print(many.learned_words(result))
-    console.print(f"learned: {path}")
-    emit({**result, "learned": str(path), "simulated": simulate}, json)
+    commanded = sc.load_trajectory(trajectory).bound(machine.setup)
+    base = lay_out(machine.setup, commanded, switched_off(without or (), compensator), folder / "trial-1.h5")
+    result = learn_into(machine, base, trials, Shown(console.print, bar), output or folder / "learned.h5")
+    emit(result, json)
     if result["stopped"]:
         raise typer.Exit(1)
 

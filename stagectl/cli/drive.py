@@ -39,7 +39,7 @@ def probe(
 ) -> None:
     """Read identity, state, modes, rated current and option codes of a drive; changes nothing.
 
-    Exit 1 where something must be looked at before it may move.
+    Exit 1 where something needs your attention before the axis may move.
 
     Example: stagectl drive probe config/ball-screw.yaml
     """

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from stagectl.cli import gap_apply, gap_close, gap_diagnose, gap_fleet, gap_knock, gap_next, gap_twin
-from stagectl.cli.comparison import Plant, Simulate, engine
-from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.comparison import Simulate, engine
+from stagectl.cli.motion import Channel, Json, Plant, StageArgument
 from stagectl.cli.show import console, emit
 from stagectl.cli.show import progress as bar
 from stagectl.cli.studies import add

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from stagectl.cli.comparison import Plant, Simulate, engine
-from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.comparison import Simulate, engine
+from stagectl.cli.motion import Channel, Json, Plant, StageArgument
 from stagectl.cli.show import console, emit, write_page
 from stagectl.extras import require
 

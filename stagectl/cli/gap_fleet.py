@@ -41,18 +41,22 @@ def fleet(
         FleetMachine(str(place), name, names, full) for place, name in zip(places, names_of(places), strict=True)
     ]
     with progress("machines", len(machines)) as update:
-        machines_seen = sorted(
-            _counted(_lines(machines, scheduler), len(machines), update), key=lambda one: one.machine
+        summaries = sorted(
+            _counted(_lines(machines, scheduler), len(machines), update), key=lambda summary: summary.machine
         )
     table = Table("machine", "verdict", "named", "gap", "left", "drift")
-    for machine in machines_seen:
-        table.add_row(*_cells(machine))
+    for summary in summaries:
+        table.add_row(*_cells(summary))
     console.print(table)
-    lost = [one for one in machines_seen if not one.verdict]
-    for machine in lost:
-        console.print(f"{machine.machine}: {machine.words}")
+    lost = [summary for summary in summaries if not summary.verdict]
+    for summary in lost:
+        console.print(f"{summary.machine}: {summary.words}")
     emit(
-        {"machines": [{**one._asdict(), "gap": _plain(one.gap), "left": _plain(one.left)} for one in machines_seen]},
+        {
+            "machines": [
+                {**summary._asdict(), "gap": _plain(summary.gap), "left": _plain(summary.left)} for summary in summaries
+            ]
+        },
         json,
     )
     if lost:

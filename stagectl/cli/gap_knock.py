@@ -58,16 +58,16 @@ def knock(
     options, table = pipeline.Options(full=full, advice=False), Table("knocked", "way", "named", "verdict", "right")
     knocks = []
     with progress("knocked out and in", 1 + len(waiting)) as update:
-        plain = pipeline.diagnose(session, options, lambda _: None).found
+        plain = pipeline.diagnose(session, options, lambda _: None).result
         for done, effect in enumerate(waiting, start=1):
             update(done, 1 + len(waiting))
-            judged = knock_out.judged(effect, pipeline.diagnose(effect.session, options, lambda _: None).found, plain)
+            judged = knock_out.judged(effect, pipeline.diagnose(effect.session, options, lambda _: None).result, plain)
             knocks.append(judged._asdict())
             named = ", ".join(" or ".join(each) for each in judged.named)
             table.add_row(judged.name, judged.way, named, judged.verdict, "yes" if judged.right else "no")
     console.print(table)
-    before = ", ".join(hidden_effect.name for hidden_effect in plain.named) or "nothing"
+    before = ", ".join(effect.name for effect in plain.named) or "nothing"
     console.print(f"as it is the record shows {plain.verdict}: {before}; that counts for no knock")
-    right = sum(bool(one["right"]) for one in knocks)
+    right = sum(bool(knock["right"]) for knock in knocks)
     console.print(f"{right} of {len(knocks)} knocked terms are named")
-    emit({"share": share, "plain": [hidden_effect.name for hidden_effect in plain.named], "knocks": knocks}, json)
+    emit({"share": share, "plain": [effect.name for effect in plain.named], "knocks": knocks}, json)

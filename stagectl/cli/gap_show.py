@@ -25,9 +25,7 @@ def show(diagnosis: DiagnosisResult, folder: Path) -> None:
         console.print(_gaps(diagnosis))
     for line in (
         *_where(diagnosis),
-        *verdict_text.remarks(diagnosis),
-        *verdict_text.ambiguous(diagnosis),
-        *verdict_text.advice(diagnosis),
+        *verdict_text.lines(diagnosis),
     ):
         console.print(line)
     for line in _commands(diagnosis, folder):

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from stagectl.cli.motion import Json
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit
-
-if TYPE_CHECKING:
-    from stagectl.service.doctor import Check
 
 Stages = Annotated[
     list[str], typer.Argument(metavar="STAGE.yaml...", help="The machine; several files: x=STAGE.yaml ...")
@@ -35,11 +31,11 @@ def doctor(
     """
     without_compiler()
     from stagectl.config.stage_file import load_stage
+    from stagectl.runtime_folder import state_folder
     from stagectl.service.doctor import examine
     from stagectl.web.client import default_socket
 
-    folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
-    checks = list(examine(load_stage(stage), folder, default_socket().exists()))
+    checks = list(examine(load_stage(stage), state or state_folder(), default_socket().exists()))
     for check in checks:
         console.print(
             f"{'ok ' if check.good else 'BAD'}  {check.name}: {check.words}", style="green" if check.good else "red"
@@ -47,13 +43,10 @@ def doctor(
         if not check.good:
             console.print(f"       {check.fix}")
     fit = all(check.good for check in checks)
-    emit({"checks": [_as_json(check) for check in checks], "fit": fit}, json)
+    rows = [{"name": check.name, "good": check.good, "words": check.words, "mend": check.fix} for check in checks]
+    emit({"checks": rows, "fit": fit}, json)
     if not fit:
         raise typer.Exit(1)
-
-
-def _as_json(check: Check) -> dict[str, Any]:
-    return {"name": check.name, "good": check.good, "words": check.words, "mend": check.fix}
 
 
 @service.command("install")

@@ -12,7 +12,6 @@ import typer
 
 from stagectl.cli.process import single_threaded_algebra, without_compiler
 from stagectl.cli.show import console, emit, message_event, stream, summary, tell, typed
-from stagectl.cli.show import progress as bar
 from stagectl.extras import require
 
 if TYPE_CHECKING:
@@ -50,6 +49,9 @@ State = Annotated[
 ]
 ResetFault = Annotated[
     bool, typer.Option("--reset-fault", help="Reset the drive's fault first. See what caused it before you do.")
+]
+Plant = Annotated[
+    Path | None, typer.Option(metavar="PLANT.yaml", help="The simulated machine, where it differs from the model.")
 ]
 Channel = Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")]
 # Rows of a motion that kernels go through interpreted, in the time that it takes to load them, or to compile them.
@@ -120,9 +122,7 @@ def simulate(
     without: Without = None,
     json: Json = None,
     output: Output = None,
-    plant: Annotated[
-        Path | None, typer.Option(metavar="PLANT.yaml", help="The machine, where it differs from the model.")
-    ] = None,
+    plant: Plant = None,
     learned: Learned = None,
 ) -> None:
     """Run the same law on the stage model, compiled, faster than real time.
@@ -209,10 +209,9 @@ def demo(
     """
     without_compiler()
     require("report", "the demo's page")
-    from stagectl.workflows.demo import demo as show
-    from stagectl.workflows.trials import Shown
+    from stagectl.api.demo import demo as show
 
-    result = show(output, Shown(console.print, bar))
+    result = show(output, True, console.print)
     console.print(f"report: {result['report']}")
     console.print("live, in a browser: `make live`, or `stagectl serve config/ball-screw.yaml`")
     emit(result, json)

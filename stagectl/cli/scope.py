@@ -9,7 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from stagectl.api.progress import terminal
-from stagectl.cli.service import AxisName, Json, Socket, ask_service
+from stagectl.cli.motion import Json
+from stagectl.cli.service import AxisName, Socket, ask_service
 from stagectl.cli.show import console, emit, progress
 from stagectl.units import UnitError, parse
 

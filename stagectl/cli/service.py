@@ -10,13 +10,12 @@ from typing import Annotated, Any
 import typer
 
 from stagectl.cli.addresses import foxglove_address, tcp_port
-from stagectl.cli.motion import Lines
+from stagectl.cli.motion import Channel, Json, Lines
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, message_event, stream
 from stagectl.extras import require
 from stagectl.service import shutdown_signals
 
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Result as JSON; - for standard output.")]
 Socket = Annotated[
     Path | None,
     typer.Option("--socket", metavar="PATH", help="Control socket of the service; default: $STAGECTL_SOCKET."),
@@ -33,7 +32,7 @@ def serve(
     state: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Folder for black boxes; default: $STATE_DIRECTORY.")
     ] = None,
-    channel: Annotated[str | None, typer.Option(help="Bus channel instead of the stage file's.")] = None,
+    channel: Channel = None,
     tcp: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="Serve the live page over TCP; a token allows reading.")
     ] = None,
@@ -55,12 +54,13 @@ def serve(
     without_compiler()
     require("service", "the service")
     from stagectl import design
+    from stagectl.runtime_folder import state_folder
     from stagectl.service.machine import machine, together, virtual
     from stagectl.service.service import Service, ServicePaths
     from stagectl.web.client import own_socket
     from stagectl.web.server import run
 
-    folder = state or Path(os.environ.get("STATE_DIRECTORY") or Path.home() / ".local" / "state" / "stagectl")
+    folder = state or state_folder()
     runtime = os.environ.get("RUNTIME_DIRECTORY")
     place = socket or (Path(runtime) / "control.sock" if runtime else own_socket())
     axes, coupled = machine(stages, channel), together(stages) and not uncoupled

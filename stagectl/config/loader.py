@@ -16,7 +16,7 @@ import yaml
 from stagectl.config.bounds import DEEPEST_BLOCK, LONGEST_LIST, LONGEST_SHOWN, LONGEST_TEXT, MOST_PROBLEMS
 from stagectl.config.hints import extras_of, fields_of, is_union, meaning_of, plain, tag_of, without_none
 from stagectl.config.lengths import Lengths
-from stagectl.config.source import ConfigError, compose
+from stagectl.config.source import ConfigError, compose, entry_of
 from stagectl.problem import Problem, ProblemKind
 from stagectl.units import StageError, Tagged, quantity_of
 
@@ -98,11 +98,9 @@ class Reader:
 
     def _tagged(self, tag: Tagged, node: yaml.Node, name: str) -> Any:
         key, choices = _below(name, tag.key), tuple(tag.blocks)
-        chosen = None
-        if isinstance(node, yaml.MappingNode):
-            chosen = next((v for k, v in node.value if getattr(k, "value", None) == tag.key), None)
-            if chosen is None and tag.default:
-                return self.block(tag.blocks[tag.default], node, name)
+        chosen = entry_of(node, tag.key)
+        if chosen is None and tag.default and isinstance(node, yaml.MappingNode):
+            return self.block(tag.blocks[tag.default], node, name)
         if not isinstance(chosen, yaml.ScalarNode):
             self.refuse(node, Problem("is missing", ProblemKind.MISSING, key, choices=choices))
             return None

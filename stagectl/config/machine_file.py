@@ -20,7 +20,7 @@ import yaml
 from stagectl.config.bounds import MOST_AXES
 from stagectl.config.lengths import Lengths
 from stagectl.config.loader import Reader, load
-from stagectl.config.source import ConfigError, compose, read_text
+from stagectl.config.source import ConfigError, compose, entry_of, read_text
 from stagectl.problem import Problem, ProblemKind
 
 AXES, COUPLED = "axes", "coupled"
@@ -67,7 +67,7 @@ def axes_of(path: Path) -> list[Path]:
 
 def coupled(path: Path) -> bool:
     """Whether a fault of one axis stops the others; true without ``coupled: false`` next to `axes`."""
-    return getattr(_value(compose(split(path)[0]), COUPLED), "value", "true") != "false"
+    return getattr(entry_of(compose(split(path)[0]), COUPLED), "value", "true") != "false"
 
 
 def text_of(path: Path) -> str:
@@ -115,20 +115,15 @@ def _check(reader: Reader, root: yaml.Node, entries: dict[str, yaml.Node]) -> No
             reader.refuse(block, Problem(reason, ProblemKind.SHAPE, f"{AXES}.{name}"))
     if len(entries) > MOST_AXES:
         reader.refuse(root, Problem(f"has {len(entries)} entries; must have 1 to {MOST_AXES}", ProblemKind.SHAPE, AXES))
-    coupling = _value(root, COUPLED)
+    coupling = entry_of(root, COUPLED)
     if coupling is not None and getattr(coupling, "value", "") not in ("true", "false"):
         reader.refuse(coupling, Problem("must be true or false", ProblemKind.VALUE, COUPLED))
 
 
 def _entries(root: yaml.Node) -> list[tuple[yaml.Node, yaml.Node]]:
     """Axis names and their blocks."""
-    block = _value(root, AXES)
+    block = entry_of(root, AXES)
     return list(block.value) if isinstance(block, yaml.MappingNode) else []
-
-
-def _value(root: yaml.Node, name: str) -> yaml.Node | None:
-    entries = root.value if isinstance(root, yaml.MappingNode) else []
-    return next((value for key, value in entries if key.value == name), None)
 
 
 def _put(reader: Reader, root: yaml.Node, key: yaml.Node, value: yaml.Node) -> None:
@@ -136,7 +131,7 @@ def _put(reader: Reader, root: yaml.Node, key: yaml.Node, value: yaml.Node) -> N
     *blocks, last = str(key.value).split(".")
     node = root
     for word in blocks:
-        inner = _value(node, word)
+        inner = entry_of(node, word)
         if inner is None:
             inner = yaml.MappingNode("tag:yaml.org,2002:map", [], key.start_mark, key.end_mark)
             node.value.append((_word(word, key), inner))

@@ -73,6 +73,12 @@ def _check_brackets(path: Path, text: str) -> None:
                 raise malformed(path, "brackets are nested too deep", number)
 
 
+def entry_of(node: yaml.Node | None, name: str) -> yaml.Node | None:
+    """The value under `name` in a block; None where there is none, or no block."""
+    entries = node.value if isinstance(node, yaml.MappingNode) else []
+    return next((value for key, value in entries if key.value == name), None)
+
+
 def node_at(node: yaml.Node, name: str) -> yaml.Node:
     """The node of a dotted `name` such as ``parts[2].distance``, or the innermost one on the way there."""
     for word in re.findall(r"[^.\[\]]+", name):

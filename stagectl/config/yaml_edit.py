@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import yaml
 
-from stagectl.config.source import ConfigError, node_at
+from stagectl.config.source import ConfigError, entry_of, node_at
 from stagectl.problem import Problem, ProblemKind
 
 _BETWEEN = re.compile(r"\s*:\s*(#[^\r\n]*\s*)*")  # key and value, without an anchor, alias or tag
@@ -44,14 +44,10 @@ def root_of(text: str) -> yaml.Node:
 
 def holds(root: yaml.Node, name: str) -> bool:
     """Whether there is an entry of this dotted `name`."""
-    node = root
+    node: yaml.Node | None = root
     for word in name.split("."):
-        entries = node.value if isinstance(node, yaml.MappingNode) else []
-        inner = [value for key, value in entries if key.value == word]
-        if not inner:
-            return False
-        node = inner[0]
-    return True
+        node = entry_of(node, word)
+    return node is not None
 
 
 def place_of(text: str, root: yaml.Node, name: str) -> Place:

@@ -70,7 +70,7 @@ class Options(NamedTuple):
 class Diagnosis(NamedTuple):
     """The answer, and the model that it leads to."""
 
-    found: DiagnosisResult
+    result: DiagnosisResult
     improved: Stage  # nominal with all that was found
 
 

@@ -56,7 +56,7 @@ def diagnosed(machine: FleetMachine) -> MachineSummary:
     last = _last_gap(folder)
     try:
         options = Options(machine.excluded, machine.full)
-        result = diagnose(load_session.load([folder]), options, lambda _: None).found
+        result = diagnose(load_session.load([folder]), options, lambda _: None).result
         result_json.save(result, folder)
     except Exception as error:  # whatever one machine's logs cause
         words = str(error) if isinstance(error, StageError) else f"{type(error).__name__}: {error}"

@@ -39,8 +39,9 @@ def write(recording: Recording, path: Path, fields: dict[str, tuple[str, str]]) 
         for number, (time, row) in enumerate(zip(times.tolist(), _rows(recording, list(fields)), strict=True)):
             writer.add_message(channel, time, CDR + row, time, number)
         writer.add_metadata("stagectl", {"meta": json.dumps(recording.meta), "ended": recording.ended})
-        for name, text in _files(recording):
-            writer.add_attachment(int(times[0]), int(times[0]), name, "application/yaml", text.encode())
+        for carried in recording.meta.get("files", {}).values():
+            text = carried["text"].encode()
+            writer.add_attachment(int(times[0]), int(times[0]), carried["name"], "application/yaml", text)
         writer.finish()
 
 
@@ -63,7 +64,3 @@ def _times(recording: Recording) -> NDArray[np.int64]:
 def _rows(recording: Recording, columns: list[str]) -> list[bytes]:
     table = np.column_stack([recording.column(name) for name in columns]).astype("<f8", copy=False)
     return [row.tobytes() for row in table]
-
-
-def _files(recording: Recording) -> list[tuple[str, Any]]:
-    return [(file["name"], file["text"]) for file in recording.meta.get("files", {}).values()]

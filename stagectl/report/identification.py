@@ -13,12 +13,11 @@ from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
 from stagectl.number_format import duration, length
 from stagectl.recording.metadata import versions
+from stagectl.report.constants import MOST_CAPTURES, MOST_POINTS
 from stagectl.report.figures import TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded, weights
 from stagectl.report.page import Page, Picture, Table
 from stagectl.report.tables.identification import parameters
 
-MOST_POINTS = 4000  # of a line; more is not seen
-MOST_CAPTURES = 3  # drawn
 _FIGURES = {  # the module of `report.methods` that draws a method's figures; least squares has none of its own
     "simultaneous": "simultaneous",
     "frf": "conventional",

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from stagectl import evaluation
 from stagectl.number_format import prefix
 from stagectl.recording.hdf5 import Recording
+from stagectl.report.constants import BUCKETS
 from stagectl.report.figures import WITH, WITHOUT
 from stagectl.report.page import Page
 from stagectl.report.panels import CONVENTIONAL, TRUTH, Frame, Line, picture, stacked
 from stagectl.report.tables import run as tables
 
-BUCKETS = 1500  # points of a curve: each the lowest and the highest of its rows
 _CURRENTS = (
     ("measured_current", "measured", TRUTH),
     ("current", "command", WITH),

@@ -11,6 +11,7 @@ from typing import Any
 
 from stagectl.number_format import duration, length
 from stagectl.recording.metadata import versions
+from stagectl.report.constants import REASON_CHARACTERS
 from stagectl.report.page import Page, Section, Table, write
 
 _HEAD = ["fault", "state", "result", "stopped by", "category", "stop time", "at most", "distance", "at most"]
@@ -83,7 +84,7 @@ def _signed(result: dict[str, Any]) -> Table:
 
 def _row(case: dict[str, Any], unit: str, scale: float) -> list[str]:
     goes_on = case["category"] is None
-    reason = case["reason"] if len(case["reason"]) < 30 else "refused, in words"
+    reason = case["reason"] if len(case["reason"]) < REASON_CHARACTERS else "refused, in words"
     return [
         case["name"],
         case["state"],

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_file import Setup
 from stagectl.design import DesignError
 from stagectl.recording.metadata import versions
+from stagectl.report.constants import BODE_RANGE, RESPONSE_POINTS
 from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded, note
 from stagectl.report.page import Page, Picture
 from stagectl.report.tables.tuning import tables
@@ -76,7 +77,7 @@ def drawings(setup: Setup, tuned: Tuned) -> dict[str, Callable[[], Figure]]:
 
 
 def _frequencies(loop: Loop, tuned: Tuned) -> Array:
-    return np.geomspace(min(0.02 * tuned.bandwidth, 0.01 / loop.dt), 0.5 / loop.dt, 1500)
+    return np.geomspace(min(0.02 * tuned.bandwidth, 0.01 / loop.dt), 0.5 / loop.dt, RESPONSE_POINTS)
 
 
 def bode(each: dict[str, Loop], tuned: Tuned) -> Figure:
@@ -89,7 +90,7 @@ def bode(each: dict[str, Loop], tuned: Tuned) -> Figure:
             phase.semilogx(f, _unwrapped(values), color=colour, linewidth=1.2)
         _mark(size, phase, next(iter(tuned.reached.values())))
         size.axhline(0.0, color=FAINT, linewidth=0.8)
-        size.set(ylim=(-40.0, 60.0), ylabel="|L| [dB]")
+        size.set(ylim=BODE_RANGE, ylabel="|L| [dB]")
         phase.axhline(-180.0, color=FAINT, linewidth=0.8)
         phase.set(ylim=(-360.0, -45.0), yticks=[-360, -270, -180, -90], ylabel="phase of L [deg]")
         _frequency_axis(phase)
@@ -178,7 +179,7 @@ def dynamic_stiffness(setup: Setup, each: dict[str, Loop], closed_loop: ClosedLo
     loop, axis = next(iter(each.values())), setup.file.axis
     scale, unit = stiffness_unit(setup)
     with drawing(figsize=(WIDTH, HEIGHT)) as (figure, axes):
-        f = np.geomspace(min(1.0, 0.001 / loop.dt), 0.2 / loop.dt, 1500)  # above, the hold distorts it
+        f = np.geomspace(min(1.0, 0.001 / loop.dt), 0.2 / loop.dt, RESPONSE_POINTS)  # above, the hold distorts it
         axes.loglog(f, scale * stiffness(setup.stage, loop, f) / axis.travel_per_unit**2, color=WITH, linewidth=1.4)
         least = scale * closed_loop.softest.value
         axes.plot(closed_loop.softest.frequency, least, "o", color=WITHOUT, markersize=4)

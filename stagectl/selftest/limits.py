@@ -73,9 +73,9 @@ def braked(setup: Setup, row: FaultType, speed: float) -> Limit:
     return coasting if row.required.category == 0 else larger(coasting, ramp(setup, speed))
 
 
-def larger(one: Limit, other: Limit) -> Limit:
+def larger(first: Limit, second: Limit) -> Limit:
     """The most of both."""
-    return Limit(max(one.time, other.time), max(one.distance, other.distance))
+    return Limit(max(first.time, second.time), max(first.distance, second.distance))
 
 
 def unnoticed(setup: Setup, row: FaultType, block: Any, speed: float) -> float:
@@ -123,7 +123,7 @@ def _noticed(setup: Setup, name: str, block: Any, speed: float) -> float:
     error = 2.0 * setup.file.limits.following_error / speed + _LOOP if speed else _LOOP
     # A drive without an RPDO time-out keeps its last current, as long as it hears heartbeats: see "motion".
     command = wire.rpdo_timeout + _LOOP if wire.rpdo_timeout else LONGEST + error
-    found: dict[str, float] = {
+    times: dict[str, float] = {
         "cycle": _CYCLES * dt,
         "feedback": wire.feedback_timeout + _CYCLES * dt,
         "heartbeat": silence,
@@ -135,4 +135,4 @@ def _noticed(setup: Setup, name: str, block: Any, speed: float) -> float:
         "delay": _CYCLES * getattr(block, "delay", 0.0),
         "unbraked": _MARGIN * speed / wire.quick_stop_deceleration + _SETTLES + _CYCLES * dt,  # see `canopen_stop`
     }
-    return found[name]
+    return times[name]

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import socket
 import time
 from pathlib import Path
 from typing import Any
 
+from stagectl.runtime_folder import short_name
 from stagectl.service.limits import LONGEST_ANSWER, PROBE, PROBE_PATIENCE
 
 STOP, QUICK_STOP, STATUS = "stop", "quick-stop", "status"
@@ -31,7 +31,8 @@ class StopLink:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._mine, self._theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            self._socket.connect(os.fspath(path))
+            with short_name(path) as name:
+                self._socket.connect(name)
         except OSError:
             self.close()
             raise

@@ -9,6 +9,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+from stagectl.runtime_folder import short_name
 from stagectl.service.axis_controller import ServiceError
 
 _OWNERS = 0o660  # who is neither its owner nor in its group cannot move anything
@@ -25,7 +26,8 @@ def bound(path: Path, kind: socket.SocketKind) -> socket.socket:
     served = socket.socket(socket.AF_UNIX, kind)
     before = os.umask(0o777 & ~_OWNERS)
     try:
-        served.bind(os.fspath(path))
+        with short_name(path) as name:
+            served.bind(name)
         if kind is socket.SOCK_STREAM:
             served.listen(_QUEUE)
     except OSError as error:
@@ -65,7 +67,8 @@ def _clear(path: Path, kind: socket.SocketKind) -> None:
     with socket.socket(socket.AF_UNIX, kind) as probe:
         probe.settimeout(1.0)
         try:
-            probe.connect(os.fspath(path))
+            with short_name(path) as name:
+                probe.connect(name)
         except ConnectionRefusedError:
             path.unlink()
             return

@@ -5,8 +5,7 @@ Each trajectory is a NamedTuple of plain numbers with
 * ``at(t)``, the `Motion` at any times (n,) s: relative to the axis' position at the start, 0 before t = 0, then the
   motion, then standing at ``end`` for ever;
 * ``duration`` (s) and ``end`` (m);
-* ``steady``, the window (s) over which a tracking error is taken: the periods at full amplitude of a periodic
-  motion, else the whole run;
+* ``steady``, where it is not the whole run: the window (s) over which a tracking error is taken, see `steady_of`;
 
 `check` it before use; `peaks` are what to compare with the limits of a machine.  Lengths are in the unit of
 travel: m here, whatever the configuration converts them to.

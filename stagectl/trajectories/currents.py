@@ -1,6 +1,6 @@
 """Excitation currents: what an experiment adds to the command, and the spans in which they are steady.
 
-Each is a NamedTuple with ``at(t)`` (n,) A, ``duration`` (s), ``steady`` (s) and ``spans``: steady parts of whole
+Each is a NamedTuple with ``at(t)`` (n,) A, ``duration`` (s) and ``spans``: steady parts of whole
 periods, each with the frequencies in it, which is what a frequency response is taken over.
 """
 
@@ -112,11 +112,6 @@ class CurrentSweep(NamedTuple):
     def duration(self) -> float:
         """All frequencies (s)."""
         return self._starts[-1]
-
-    @property
-    def steady(self) -> tuple[float, float]:
-        """All of it (s)."""
-        return 0.0, self.duration
 
     @property
     def spans(self) -> tuple[Span, ...]:

@@ -18,7 +18,9 @@ from stagectl.trajectories.currents import CURRENTS, Current, CurrentMultisine, 
 from stagectl.trajectories.limits import check as check_trajectory
 from stagectl.trajectories.limits import check_duration, check_intervals
 from stagectl.trajectories.motion import TrajectoryError
+from stagectl.trajectories.periodic import Multisine, Sine
 from stagectl.trajectories.profiles import Dwell
+from stagectl.trajectories.recorded import Recorded
 from stagectl.trajectories.sequence import Entry, Trajectory
 from stagectl.units import Quantity, Tagged
 
@@ -59,16 +61,23 @@ def phases(experiment: Experiment) -> Phases:
     """What `experiment` is made of."""
     if isinstance(experiment, CurrentSine | CurrentMultisine | CurrentSweep):
         duration = experiment.duration
-        return Phases(Dwell(duration), experiment, 0.0, 0.0, duration, experiment.steady)
+        return Phases(Dwell(duration), experiment, 0.0, 0.0, duration, steady_of(experiment))
     if isinstance(experiment, Excited):
         start, current = experiment.start or 0.0, experiment.current
         duration = max(experiment.motion.duration, start + current.duration)
-        steady = (start + current.steady[0], start + current.steady[1])
-        return Phases(experiment.motion, current, start, math.inf, duration, steady)
+        begin, end = steady_of(current)
+        return Phases(experiment.motion, current, start, math.inf, duration, (start + begin, start + end))
     if isinstance(experiment, Released):
         at = experiment.motion.duration if experiment.at is None else experiment.at
         return Phases(experiment.motion, None, 0.0, at, at + experiment.watch, (0.0, at))
-    return Phases(experiment, None, 0.0, math.inf, experiment.duration, experiment.steady)
+    return Phases(experiment, None, 0.0, math.inf, experiment.duration, steady_of(experiment))
+
+
+def steady_of(part: Trajectory | Current) -> tuple[float, float]:
+    """Where a tracking error is taken (s): the periods at full amplitude, the recorded part, else all of it."""
+    if isinstance(part, Sine | Multisine | Recorded | CurrentSine | CurrentMultisine):
+        return part.steady
+    return 0.0, part.duration
 
 
 def check(experiment: Experiment) -> None:

@@ -31,11 +31,6 @@ class Dwell(NamedTuple):
         """Where it stands (m)."""
         return 0.0
 
-    @property
-    def steady(self) -> tuple[float, float]:
-        """All of it (s)."""
-        return 0.0, self.duration
-
     def at(self, t: npt.ArrayLike) -> Motion:
         """Zeros at the times `t` (n,) s."""
         zero = np.zeros(np.shape(t))
@@ -63,11 +58,6 @@ class Trapezoid(NamedTuple):
     def end(self) -> float:
         """Position afterwards (m)."""
         return _end(self)
-
-    @property
-    def steady(self) -> tuple[float, float]:
-        """All of it (s)."""
-        return 0.0, self.duration
 
     def at(self, t: npt.ArrayLike) -> Motion:
         """Motion at the times `t` (n,) s; the acceleration jumps, and counts from its jump on."""
@@ -105,11 +95,6 @@ class SCurve(NamedTuple):
     def end(self) -> float:
         """Position afterwards (m)."""
         return _end(self)
-
-    @property
-    def steady(self) -> tuple[float, float]:
-        """All of it (s)."""
-        return 0.0, self.duration
 
     def at(self, t: npt.ArrayLike) -> Motion:
         """Motion at the times `t` (n,) s."""

@@ -30,11 +30,6 @@ class Sequence(NamedTuple):
         """Where the last part ends (m)."""
         return float(sum(part.end for part in self.parts))
 
-    @property
-    def steady(self) -> tuple[float, float]:
-        """All of it (s)."""
-        return 0.0, self.duration
-
     def at(self, t: npt.ArrayLike) -> Motion:
         """Motion at the times `t` (n,) s."""
         return contained(self._inside, t, self.duration, self.end)
@@ -66,11 +61,6 @@ class Sum(NamedTuple):
     def end(self) -> float:
         """Sum of the parts' ends (m)."""
         return float(sum(part.end for part in self.parts))
-
-    @property
-    def steady(self) -> tuple[float, float]:
-        """All of it (s)."""
-        return 0.0, self.duration
 
     def at(self, t: npt.ArrayLike) -> Motion:
         """Motion at the times `t` (n,) s."""

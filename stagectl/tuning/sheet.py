@@ -103,16 +103,13 @@ def step(setup: Setup, tuned: Tuned, periods: float) -> NDArray[np.float64]:
 def headline(setup: Setup, tuned: Tuned) -> str:
     """The design and its margins, in a sentence or two."""
     whole = next(iter(tuned.reached.values()))
-    law, meaning = NAMES[law_of(tuned.control)], _meaning(tuned.control)
+    law = NAMES[law_of(tuned.control)]
+    meaning = "four poles" if isinstance(tuned.control, design.Control) else "position loop, Kp = 2 pi f"
     words = (
         f"{law} of {tuned.bandwidth:g} Hz ({meaning}): phase margin {math.degrees(whole.phase):.1f} deg, gain margin "
         f"{decibels(whole.raised.value)} up, Ms {whole.sensitivity.value:.2f}."
     )
     return f"{words}  {_binding(tuned)}" if tuned.binding else words
-
-
-def _meaning(control: design.Settings) -> str:
-    return "four poles" if isinstance(control, design.Control) else "position loop, Kp = 2 pi f"
 
 
 def _binding(tuned: Tuned) -> str:

@@ -98,7 +98,7 @@ def _trend(name: str, lines: Sequence[dict[str, Any]]) -> Trend | None:
 
 
 def _named(trends: tuple[Trend, ...]) -> DriftReport:
-    drifting = sorted((trend for trend in trends if trend.drifts), key=_pace, reverse=True)
+    drifting = sorted((trend for trend in trends if trend.drifts), key=lambda trend: -abs(trend.slope / trend.scale))
     if not drifting:
         return DriftReport(trends, (), (), f"nothing drifts beyond {100 * MATERIAL_DRIFT:.0f} % over {_span(trends)}")
     if _same_rate([trend for trend in trends if trend.name in FORCE_SCALED]):
@@ -108,10 +108,6 @@ def _named(trends: tuple[Trend, ...]) -> DriftReport:
         named = ("force_constant", *(trend.name for trend in rest))
         return DriftReport(trends, named, ("current_gain",), "; ".join([words, *map(_words, rest)]))
     return DriftReport(trends, tuple(t.name for t in drifting), (), "; ".join(map(_words, drifting)))
-
-
-def _pace(trend: Trend) -> float:
-    return abs(trend.slope / trend.scale)
 
 
 def _same_rate(common: Sequence[Trend]) -> bool:

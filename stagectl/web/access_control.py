@@ -20,6 +20,7 @@ from urllib.parse import urlsplit
 from starlette.responses import JSONResponse
 
 from stagectl.service.axis_controller import ServiceError
+from stagectl.web.limits import LEAST_SECRET, SECRET_BYTES
 
 PUBLIC = ("/", "/page/")  # the page itself: nothing of the machine is in it
 _HOME = ("localhost", "127.0.0.1", "::1")
@@ -140,12 +141,13 @@ def secret(path: Path) -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as file:
-            file.write(secrets.token_urlsafe(32) + "\n")
+            file.write(secrets.token_urlsafe(SECRET_BYTES) + "\n")
     if stat.S_IMODE(path.stat().st_mode) & 0o077:
         raise ServiceError(f"other users can read {path}: remove it, and the next start writes a new one")
     text = path.read_text(encoding="utf-8").strip()
-    if len(text) < 16:
+    if len(text) < LEAST_SECRET:
         raise ServiceError(
-            f"{path} holds {len(text)} characters; a token has at least 16: remove it, and restart the service"
+            f"{path} holds {len(text)} characters; a token has at least {LEAST_SECRET}: "
+            "remove it, and restart the service"
         )
     return text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.runtime_folder import short_name
 from stagectl.web.client import ControlError, RefusedError
+from stagectl.web.limits import CONNECTION_TIME
 from stagectl.web.live import CAPTURE, FREE, HEAD
 
-_PATIENCE = 10.0  # s for the connection
 _TRIGGER = re.compile(r"\s*([\w.]+)\s*(>|<|=)\s*(.+?)\s*")
 _EDGES = {">": "rising", "<": "falling", "=": "both"}
 
@@ -50,9 +50,12 @@ def captures(path: Path, request: dict[str, Any]) -> Iterator[tuple[dict[str, An
     from websockets.sync.client import unix_connect
 
     try:
-        with unix_connect(
-            os.fspath(path), uri="ws://localhost/v1/live", open_timeout=_PATIENCE, compression=None, max_size=None
-        ) as link:
+        with (
+            short_name(path) as name,
+            unix_connect(
+                name, uri="ws://localhost/v1/live", open_timeout=CONNECTION_TIME, compression=None, max_size=None
+            ) as link,
+        ):
             link.send("{}")
             machine = json.loads(link.recv())["machine"]
             link.send(json.dumps({"scope": request}))

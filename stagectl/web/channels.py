@@ -9,8 +9,8 @@ from stagectl.config.stage_file import Setup
 from stagectl.kernels import law, rollout
 from stagectl.service.axis_controller import COLUMNS, ServiceError
 from stagectl.units import Quantity, StageError, factor, quantity_of
+from stagectl.web.limits import CHANNELS
 
-MOST = 16
 _HIDDEN = ("time", "true_position")  # the first is the axis of time, the second is not known on a machine
 _STATE = Quantity("", "[0, 10]", "state of the axis, see realtime.states.State")
 
@@ -55,8 +55,8 @@ def chosen(known: dict[str, Channel], names: list[str]) -> list[Channel]:
     for name in names:
         if name not in known:
             raise ServiceError(f"no channel {name}; the channels are: {', '.join(known)}")
-    if not 0 < len(names) <= MOST:
-        raise ServiceError(f"{len(names)} channels; a scope shows 1 to {MOST}")
+    if not 0 < len(names) <= CHANNELS:
+        raise ServiceError(f"{len(names)} channels; a scope shows 1 to {CHANNELS}")
     return [known[name] for name in names]
 
 

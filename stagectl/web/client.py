@@ -7,20 +7,18 @@ import json
 import os
 import shutil
 import socket
-import tempfile
 import time
 import urllib.parse
 from pathlib import Path
 from typing import Any
 
+from stagectl.runtime_folder import runtime_folder, short_name
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP, StopLink, beside
 from stagectl.units import StageError
+from stagectl.web.limits import ANSWER_TIME, MOTION_TIME, STOP_ANSWER, STOP_LOOK, STOPPED
 
 SYSTEM = Path("/run/stagectl/control.sock")
 MOTIONS = ("/v1/move", "/v1/home", "/v1/trajectory")  # are answered when they have ended
-_MOTION_TIME, _ANSWER_TIME = 3600.0, 60.0  # s until an answer; everything but a motion is done at once, or after a stop
-_STOP_ANSWER, _STOPPED = 2.0, 25.0  # s for the stop path to answer, and for the axes to stand
-_LOOK = 0.01  # s between two looks at axes that are being stopped
 _UNPOWERED = ("disabled", "fault", "offline")
 _NOBODY = "start one with `stagectl serve STAGE.yaml`, or see `systemctl status stagectl`"
 _BY_HAND = "press the emergency stop, then `systemctl restart stagectl`"
@@ -42,7 +40,8 @@ class _UnixConnection(http.client.HTTPConnection):
     def connect(self) -> None:
         self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self.sock.settimeout(self.timeout)
-        self.sock.connect(os.fspath(self._path))
+        with short_name(self._path) as name:
+            self.sock.connect(name)
 
 
 def default_socket() -> Path:
@@ -55,9 +54,7 @@ def default_socket() -> Path:
 
 def own_socket() -> Path:
     """Of a service that a user starts."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    base = Path(runtime) / "stagectl" if runtime else Path(tempfile.gettempdir()) / f"stagectl-{os.getuid()}"
-    return base / "control.sock"
+    return runtime_folder() / "control.sock"
 
 
 def _group(path: Path) -> str:
@@ -73,7 +70,7 @@ def ask(path: Path, method: str, what: str, body: dict[str, Any] | None = None) 
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask.
     """
-    patience = _MOTION_TIME if what.partition("?")[0] in MOTIONS else _ANSWER_TIME
+    patience = MOTION_TIME if what.partition("?")[0] in MOTIONS else ANSWER_TIME
     link = _UnixConnection(path, patience)
     try:
         content = None if body is None else json.dumps(body)
@@ -109,7 +106,7 @@ def stop(path: Path, quick: bool, axis: str) -> dict[str, Any]:
     except OSError as error:
         raise ControlError(f"no service answers on {place} ({error}); {_NOBODY}") from error
     try:
-        answer = link.ask(QUICK_STOP if quick else STOP, axis, _STOP_ANSWER)
+        answer = link.ask(QUICK_STOP if quick else STOP, axis, STOP_ANSWER)
         if "error" in answer:
             raise RefusedError(answer["error"])
         return _stood(link, axis, quick)
@@ -121,9 +118,9 @@ def stop(path: Path, quick: bool, axis: str) -> dict[str, Any]:
 
 def _stood(link: StopLink, axis: str, quick: bool) -> dict[str, Any]:
     """The machine when the loop has heeded the stop, and the axes stand.  Raises ControlError, OSError."""
-    ends, end = (_UNPOWERED if quick else (*_UNPOWERED, "standing")), time.monotonic() + _STOPPED
+    ends, end = (_UNPOWERED if quick else (*_UNPOWERED, "standing")), time.monotonic() + STOPPED
     while True:
-        answer = link.ask(STATUS, "", _STOP_ANSWER)
+        answer = link.ask(STATUS, "", STOP_ANSWER)
         heeded = answer.pop("heeded")
         going = [shown for shown in answer["axes"] if axis in ("", shown["axis"]) and shown["state"] not in ends]
         if heeded and not going:
@@ -131,7 +128,7 @@ def _stood(link: StopLink, axis: str, quick: bool) -> dict[str, Any]:
         if time.monotonic() > end:
             states = "; ".join(f"{shown['axis']}: {shown['state_words']}" for shown in going)
             raise ControlError(f"the stop is given and not carried out ({states}): {_BY_HAND}")
-        time.sleep(_LOOK)
+        time.sleep(STOP_LOOK)
 
 
 def _not_allowed(path: Path) -> ControlError:
@@ -145,7 +142,7 @@ def fetch(path: Path, what: str, target: Path) -> None:
 
     Raises RefusedError with the service's reason, ControlError where there is none to ask.
     """
-    link = _UnixConnection(path, _MOTION_TIME)
+    link = _UnixConnection(path, MOTION_TIME)
     try:
         link.request("GET", urllib.parse.quote(what))
         answer = link.getresponse()

@@ -22,8 +22,7 @@ from stagectl.realtime.scheduling import PARENT
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.child_process import PYTHON
 from stagectl.service.limits import EXPORT_TIME, EXPORTS_WAITING, FETCH_TIME
-
-_BLOCK = 1 << 18  # bytes sent at a time
+from stagectl.web.limits import BLOCK
 
 
 class Exports:
@@ -58,8 +57,8 @@ class Exports:
     async def _sent(self, file: IO[bytes], size: int) -> AsyncIterator[bytes]:
         try:
             async with asyncio.timeout(FETCH_TIME):
-                for _ in range(0, size, _BLOCK):
-                    yield await asyncio.to_thread(file.read, _BLOCK)
+                for _ in range(0, size, BLOCK):
+                    yield await asyncio.to_thread(file.read, BLOCK)
         finally:
             file.close()
             self._going -= 1

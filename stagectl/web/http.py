@@ -25,9 +25,10 @@ from stagectl.service.service import Service
 from stagectl.units import StageError
 from stagectl.web import routes
 from stagectl.web.bodies import for_client
+from stagectl.web.limits import AXES, AXIS_NAME, FILE_NAME, GAINS, QUANTITY, TABLES
 
-AxisName = Annotated[str, Query(max_length=64, description="Name of the axis; empty: all of them.")]
-Length = Annotated[str, Field(max_length=80, examples=["10 mm"], description="With its unit.")]
+AxisName = Annotated[str, Query(max_length=AXIS_NAME, description="Name of the axis; empty: all of them.")]
+Length = Annotated[str, Field(max_length=QUANTITY, examples=["10 mm"], description="With its unit.")]
 
 
 class Strict(BaseModel):
@@ -87,8 +88,8 @@ class Entry(BaseModel):
 class Move(Strict):
     """A move of one or several axes, which begin in one period; positions or distances."""
 
-    to: dict[str, Length] = Field(default_factory=dict, description="Position by axis.", max_length=16)
-    by: dict[str, Length] = Field(default_factory=dict, description="Distance by axis.", max_length=16)
+    to: dict[str, Length] = Field(default_factory=dict, description="Position by axis.", max_length=AXES)
+    by: dict[str, Length] = Field(default_factory=dict, description="Distance by axis.", max_length=AXES)
     speed: Length | None = None
     acceleration: Length | None = None
     wait: bool = True
@@ -97,22 +98,24 @@ class Move(Strict):
 class Upload(Strict):
     """A trajectory file for one axis."""
 
-    name: Annotated[str, Field(max_length=80)] = "trajectory"
+    name: Annotated[str, Field(max_length=FILE_NAME)] = "trajectory"
     yaml: Annotated[
         str, Field(max_length=LARGEST_FILE, examples=["{type: sine, amplitude: 1 mm, frequency: 1 Hz, periods: 2}"])
     ]
     tables: dict[str, str] = Field(
-        default_factory=dict, max_length=16, description="Text of the CSV files that it names; no other file is read."
+        default_factory=dict,
+        max_length=TABLES,
+        description="Text of the CSV files that it names; no other file is read.",
     )
-    axis: Annotated[str, Field(max_length=64)] = ""
+    axis: Annotated[str, Field(max_length=AXIS_NAME)] = ""
     wait: bool = True
 
 
 class Parameters(Strict):
     """Changes of `control`, values with units."""
 
-    control: dict[str, Length] = Field(max_length=32)
-    axis: Annotated[str, Field(max_length=64)] = ""
+    control: dict[str, Length] = Field(max_length=GAINS)
+    axis: Annotated[str, Field(max_length=AXIS_NAME)] = ""
 
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {

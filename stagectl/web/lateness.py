@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from stagectl.recording.ring import Ring
 from stagectl.service.axis_controller import COLUMNS
+from stagectl.web.limits import EDGES, KEPT
 
-EDGES = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # s
-KEPT = 60.0  # s
 _COLUMN = COLUMNS.index("lateness")
 
 

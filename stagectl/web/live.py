@@ -23,7 +23,7 @@ from stagectl.recording.triggering import Capture, Scope, Settings
 from stagectl.web.channels import Channel
 
 STRIP, CAPTURE, DETAIL, FREE = 0.0, 1.0, 2.0, 3.0  # kinds; FREE: a capture that no trigger began
-HEAD = 8
+HEAD = 8  # numbers before the values, as above
 Array = NDArray[np.float64]
 
 

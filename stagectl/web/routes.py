@@ -22,13 +22,13 @@ from stagectl.web.access_control import Permission
 from stagectl.web.bodies import for_client
 from stagectl.web.channels import channels
 from stagectl.web.export import Exports
+from stagectl.web.limits import AXIS_NAME, FILE_NAME, KEY_TIME, PATH_PART, REACHED_BACK, RECORDED
 from stagectl.web.seats import seated, stays
 from stagectl.web.status_feed import StatusFeed
 from stagectl.web.viewer import Viewer
 
 STATIC = Path(__file__).parent / "static"
 _VIEWERS = {Permission.READ: READING_VIEWERS, Permission.MOVE: MOVING_VIEWERS}
-_PATIENCE = 10.0  # s for a key
 _UNASKED = 1008, 1013  # close codes: who may not, too many
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'",
@@ -36,17 +36,17 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-cache",
 }
-Part = Annotated[str, InPath(max_length=100)]
+Part = Annotated[str, InPath(max_length=PATH_PART)]
 
 
 class Record(BaseModel):
     """A recording to be begun."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
-    axis: Annotated[str, Field(max_length=64)] = ""
-    name: Annotated[str, Field(max_length=80, description="Of the file; empty: the time.")] = ""
-    before: float = Field(0.0, ge=0.0, le=3600.0, description="s before now, as far as they are still there.")
-    seconds: float = Field(3600.0, gt=0.0, le=LONGEST, description="s after which it ends by itself.")
+    axis: Annotated[str, Field(max_length=AXIS_NAME)] = ""
+    name: Annotated[str, Field(max_length=FILE_NAME, description="Of the file; empty: the time.")] = ""
+    before: float = Field(0.0, ge=0.0, le=REACHED_BACK, description="s before now, as far as they are still there.")
+    seconds: float = Field(RECORDED, gt=0.0, le=LONGEST, description="s after which it ends by itself.")
 
 
 class Granted(BaseModel):
@@ -148,7 +148,7 @@ def _recording(app: FastAPI, service: Service, refusals: Refusals) -> None:
         return {"axis": axis.name, "file": path.name, "path": str(path)}
 
     @app.post("/v1/recordings/end", response_model=dict[str, str], responses=refusals)
-    async def end(axis: Annotated[str, Query(max_length=64)] = "") -> dict[str, str]:
+    async def end(axis: Annotated[str, Query(max_length=AXIS_NAME)] = "") -> dict[str, str]:
         """End the recording of an axis."""
         (recorded,) = service.chosen(axis or next(iter(service.axes)))
         path = await asyncio.to_thread(service.recordings.end, recorded.name)
@@ -199,7 +199,7 @@ async def _may(link: WebSocket) -> Permission:
     """What its first message grants; on the Unix socket, everything."""
     keys = link.scope.get("keys")
     with contextlib.suppress(WebSocketDisconnect, asyncio.TimeoutError, ValueError, AttributeError, KeyError):
-        message = json.loads(await asyncio.wait_for(link.receive_text(), _PATIENCE))
+        message = json.loads(await asyncio.wait_for(link.receive_text(), KEY_TIME))
         return Permission.MOVE if keys is None else Permission(keys.grant(str(message.get("key", ""))))
     return Permission.NOTHING
 

@@ -26,10 +26,9 @@ from stagectl.web import assets
 from stagectl.web.access_control import Guard, Home, Keys, SameSite, secret
 from stagectl.web.bodies import Bodies
 from stagectl.web.http import application
+from stagectl.web.limits import AT_ONCE, MESSAGE
 from stagectl.web.routes import Port
 from stagectl.web.seats import Guest, Seats, seated
-
-_AT_ONCE = 0.2  # s
 
 
 class Tcp(NamedTuple):
@@ -105,7 +104,7 @@ async def _begun(service: Service, stopped: asyncio.Event) -> bool:
     beginning, waiting = asyncio.create_task(service.begin()), asyncio.create_task(stopped.wait())
     await asyncio.wait([beginning, waiting], return_when=asyncio.FIRST_COMPLETED)
     if beginning.done() and beginning.exception():  # systemd signals all processes at once: a child may be the first
-        await asyncio.wait([waiting], timeout=_AT_ONCE)
+        await asyncio.wait([waiting], timeout=AT_ONCE)
     waiting.cancel()
     if stopped.is_set():
         beginning.cancel()
@@ -145,7 +144,7 @@ def _server(app: Any, home: bool) -> _Server:
         timeout_keep_alive=round(IDLE_TIME),
         ws="websockets-sansio",
         ws_per_message_deflate=False,  # one small message each 16 ms: to compress it costs more than to send it
-        ws_max_size=65536,
+        ws_max_size=MESSAGE,
     )
     return _Server(config)
 

@@ -11,9 +11,7 @@ from stagectl.service.axis_controller import AxisController
 from stagectl.service.service import Service
 from stagectl.web.channels import Channel, channels, side_by_side
 from stagectl.web.lateness import Lateness
-
-_AGE = 0.09  # s
-_FAULTS = 20  # of the list, the newest
+from stagectl.web.limits import CYCLES_OVER, FAULTS_SHOWN, STATUS_AGE
 
 
 class StatusFeed:
@@ -51,7 +49,7 @@ class StatusFeed:
     def status(self) -> dict[str, Any]:
         """The machine now."""
         now = time.monotonic()
-        if now - self._last[0] > _AGE:
+        if now - self._last[0] > STATUS_AGE:
             self._last = now, self._status(now)
         return self._last[1]
 
@@ -61,7 +59,7 @@ class StatusFeed:
             "alive": service.alive(),
             "refused": service.refused,
             "axes": [{**shown, **self._extras(service.axes[shown["axis"]], now)} for shown in service.status_json()],
-            "faults": list(service.faults)[-_FAULTS:],
+            "faults": list(service.faults)[-FAULTS_SHOWN:],
         }
 
     def _extras(self, axis: AxisController, now: float) -> dict[str, Any]:
@@ -81,7 +79,7 @@ class StatusFeed:
         """Cycles a second, over a second or more."""
         cycles = axis.status.cycles
         when, before, rate = self._rates.get(axis.name, (now, cycles, 0.0))
-        if now - when >= 1.0:
+        if now - when >= CYCLES_OVER:
             rate = max(cycles - before, 0.0) / (now - when)
             self._rates[axis.name] = now, cycles, rate
         else:

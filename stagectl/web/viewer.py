@@ -27,12 +27,10 @@ from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.limits import WORK_SHARE
 from stagectl.service.service import Service
 from stagectl.web.channels import Channel, channels, chosen, level, side_by_side
+from stagectl.web.limits import FREE_PAUSE, HELD_OFF, LEAST_PAUSE, LONGEST_SHARE, RATE, STATUS_PERIOD
 from stagectl.web.live import ScopeView, Strip, Window
 from stagectl.web.viewer_request import DetailRequest, HoldRequest, ScopeRequest, StripRequest, read
 
-RATE = 30.0  # frames a second; the page draws what they hold with every picture of its screen
-_NEWS = 0.1  # s between two statuses
-_LONGEST_SHARE = 0.6  # of the ring that a capture may take
 Say = Callable[[str | bytes], Awaitable[None]]
 
 
@@ -76,7 +74,7 @@ class Viewer:
             began, self._cost = time.monotonic(), 0.0
             await self.frame(began)
             left = 1.0 / RATE - (time.monotonic() - began)
-            await asyncio.sleep(max(left, self._cost / WORK_SHARE, 0.002))
+            await asyncio.sleep(max(left, self._cost / WORK_SHARE, LEAST_PAUSE))
 
     async def frame(self, now: float) -> None:
         """Send what is new."""
@@ -99,7 +97,7 @@ class Viewer:
             view, _, scope = self._view
             if (message := view.look(scope.number)) is not None:
                 yield message
-        if now - self._last_status >= _NEWS:
+        if now - self._last_status >= STATUS_PERIOD:
             self._last_status = now
             yield json.dumps({"status": self._status()})
 
@@ -143,7 +141,7 @@ class Viewer:
         axis = self._axis(p.axis)
         source, known = self._field(axis, [*p.channels, *([p.trigger.channel] if p.trigger else [])])
         dt = axis.setup.dt
-        longest = _LONGEST_SHARE * source.capacity * dt
+        longest = LONGEST_SHARE * source.capacity * dt
         if p.span > longest:
             raise ServiceError(f"span {p.span:g} s; a capture of {axis.name} has {longest:.3g} s at most")
         trigger = None
@@ -151,9 +149,10 @@ class Viewer:
             (cause,) = chosen(known, [p.trigger.channel])
             trigger = Trigger(cause.column, level(cause, p.trigger.level), p.trigger.edge)
         rows = max(round(p.span / dt), 2)
-        pause = round(min(max(p.span, 0.05), 0.5) / dt)
+        least, most = FREE_PAUSE
+        pause = round(min(max(p.span, least), most) / dt)
         mode = "single" if p.mode == "off" else p.mode
-        settings = Settings(rows, min(round(p.before * rows), rows - 1), trigger, mode, pause, round(0.05 / dt))
+        settings = Settings(rows, min(round(p.before * rows), rows - 1), trigger, mode, pause, round(HELD_OFF / dt))
         window = Window(tuple(chosen(known, p.channels)), p.span, p.points)
         return ScopeView(source, dt, window, settings), source, p
 

@@ -8,10 +8,23 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from stagectl.service.axis_controller import ServiceError
+from stagectl.web.limits import (
+    AXIS_NAME,
+    CHANNEL_NAME,
+    CHANNELS_NAMED,
+    LARGEST_NUMBER,
+    LEAST_POINTS,
+    LEVEL,
+    LONGEST_SCOPE,
+    LONGEST_STRIP,
+    MOST_POINTS,
+    SHORTEST_SCOPE,
+)
 
-_Name = Annotated[str, Field(max_length=64)]
-_Points = Annotated[int, Field(ge=10, le=100_000)]
-_Number = Annotated[int, Field(ge=0, le=2**50)]
+_Name = Annotated[str, Field(max_length=AXIS_NAME)]
+_Channels = Annotated[list[Annotated[str, Field(max_length=CHANNEL_NAME)]], Field(max_length=CHANNELS_NAMED)]
+_Points = Annotated[int, Field(ge=LEAST_POINTS, le=MOST_POINTS)]
+_Number = Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
 
 
 class _Strict(BaseModel):
@@ -22,8 +35,8 @@ class StripRequest(_Strict):
     """Channels of a continuous strip chart."""
 
     axis: _Name = ""
-    channels: list[_Name] = Field(max_length=64)
-    span: float = Field(10.0, gt=0.0, le=3600.0, description="s that the viewer shows.")
+    channels: _Channels
+    span: float = Field(10.0, gt=0.0, le=LONGEST_STRIP, description="s that the viewer shows.")
     points: _Points = 600
     number: _Number = 0  # comes back with each message
 
@@ -31,8 +44,8 @@ class StripRequest(_Strict):
 class TriggerRequest(_Strict):
     """The trigger of a scope."""
 
-    channel: _Name
-    level: str = Field(max_length=40, description="With its unit: '1 um'.")
+    channel: Annotated[str, Field(max_length=CHANNEL_NAME)]
+    level: str = Field(max_length=LEVEL, description="With its unit: '1 um'.")
     edge: Literal["rising", "falling", "both"] = "rising"
 
 
@@ -40,8 +53,8 @@ class ScopeRequest(_Strict):
     """A scope; `off`: none."""
 
     axis: _Name = ""
-    channels: list[_Name] = Field(max_length=64)
-    span: float = Field(1.0, ge=1e-3, le=60.0, description="s of a capture.")
+    channels: _Channels
+    span: float = Field(1.0, ge=SHORTEST_SCOPE, le=LONGEST_SCOPE, description="s of a capture.")
     before: float = Field(0.2, ge=0.0, le=1.0, description="Share of it before the trigger.")
     points: _Points = 1000
     trigger: TriggerRequest | None = None

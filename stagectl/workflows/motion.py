@@ -1,4 +1,4 @@
-"""From two YAML files to a result: what `run`, `simulate` and `demo` share."""
+"""From two YAML files to a result: what `run`, `simulate` and the trials share."""
 
 from __future__ import annotations
 

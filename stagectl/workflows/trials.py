@@ -20,6 +20,7 @@ from stagectl import learning
 from stagectl.config.stage_file import Setup
 from stagectl.kernels.law import SETPOINT_COLUMNS
 from stagectl.number_format import length
+from stagectl.recording import learned_current
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service.single_motion import Motion, Progress
 from stagectl.units import StageError
@@ -72,20 +73,20 @@ def run_once(machine: Machine, motion: Motion, update: Progress) -> Result:
 
     Raises TrialError with the fault and the recording that shows it.
     """
-    result = pretend(motion, machine.plant) if machine.simulated else perform(motion, unsaid, update)
+    result = pretend(motion, machine.plant) if machine.simulated else perform(motion, _quiet, update)
     update(len(motion.plan.setpoints), len(motion.plan.setpoints))
     if result["fault"]:
         raise TrialError(f"the run was stopped: {result['fault']}; {result['recording']} shows it")
     return result
 
 
+def _quiet(_: str) -> None:
+    """What a drive says at its first run holds for all; faults come with the result."""
+
+
 def after(done: int, total: int, update: Progress) -> Progress:
     """Progress of a run as part of all runs, after `done` periods of `total`."""
     return lambda now, _: update(done + now, total)
-
-
-def unsaid(_: str) -> None:
-    """What a drive says at its first run holds for all; faults come with the result."""
 
 
 class Learning(NamedTuple):
@@ -122,6 +123,19 @@ def learn(machine: Machine, base: Motion, trials: int, shown: Shown, folder: Pat
             state = state._replace(course=learning.after_trial(state.filters, state.settings, state.course, error))
             results.append(_said(result, state, number, shown))
     return _learned(state, results, stopped)
+
+
+def learn_into(machine: Machine, base: Motion, trials: int, shown: Shown, path: Path) -> Result:
+    """`learn`, recorded beside the recording of `base`; the learned current goes into the file `path`.
+
+    Raises LearnedError where the file cannot be written, before anything moves.
+    """
+    learned_current.claim(path)
+    result = learn(machine, base, trials, shown, base.recording.parent)
+    learned_current.save(path, result.pop("current"))
+    for line in (*convergence_words(result), learned_words(result), f"learned: {path}"):
+        shown.say(line)
+    return {**result, "learned": str(path), "simulated": machine.simulated}
 
 
 def _begin(setup: Setup, base: Motion) -> Learning:

@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from stagectl.runtime_folder import short_name
 from stagectl.web.client import _UnixConnection
 from tests.conftest import ROOT
 
@@ -45,7 +46,11 @@ class Target:
         link.request("GET", "/v1/recordings", headers=self.reading)
         listed = json.loads(link.getresponse().read())
         link.close()
-        return [f"/v1/recordings/{one['kind']}/{one['axis']}/{one['file']}" for one in listed if one["bytes"]]
+        return [
+            f"/v1/recordings/{recording['kind']}/{recording['axis']}/{recording['file']}"
+            for recording in listed
+            if recording["bytes"]
+        ]
 
 
 def idle(target: Target) -> Iterator[None]:
@@ -104,7 +109,8 @@ def body(target: Target) -> Iterator[None]:
             with contextlib.suppress(OSError):
                 link = socket.socket(socket.AF_UNIX) if home else target.connected()
                 if home:
-                    link.connect(str(target.socket))
+                    with short_name(target.socket) as name:
+                        link.connect(name)
                 link.settimeout(1.0)
                 link.sendall(b"POST /v1/trajectory HTTP/1.1\r\nHost: localhost\r\n" + head)
                 for _ in range(BODY // len(part)):

@@ -175,7 +175,7 @@ def test_over_the_bus_each_run_has_its_seed_and_its_time(command: Command, monke
     numbers = [names.index("sine-strong"), names.index("check-micro")]
     expected = [5 + repeat + 1000 * number for repeat in (1, 2, 3) for number in numbers]
     assert seeds == expected[:5]
-    starts = [one["start_s"] for one in json.loads(out)["runs"]]
+    starts = [run["start_s"] for run in json.loads(out)["runs"]]
     assert starts == [100.0, 200.0, 300.0, 400.0, 500.0]
 
 

@@ -13,7 +13,8 @@ import pytest
 import yaml
 
 from stagectl.recording.hdf5 import open_recording
-from stagectl.report.run import BUCKETS, thinned
+from stagectl.report.constants import BUCKETS
+from stagectl.report.run import thinned
 
 ROOT = Path(__file__).parents[2]
 STAGE = ROOT / "config" / "ball-screw.yaml"

@@ -56,13 +56,13 @@ def test_legs_meet_where_the_velocity_crosses_zero() -> None:
 
 def test_the_papers_form_at_a_reversal_is_its_equation() -> None:
     t, motion = sampled(BACK_AND_FORTH)
-    found = force(EXPONENTIAL, motion)
+    friction = force(EXPONENTIAL, motion)
     before = (t > TZ - 0.2) & (t <= TZ)
     after = (t > TZ) & (t < TZ + 0.2)
-    assert found[before] == pytest.approx(4.5 + 0.8 * np.exp(-(TZ - t[before]) / 20e-3), abs=1e-6)
+    assert friction[before] == pytest.approx(4.5 + 0.8 * np.exp(-(TZ - t[before]) / 20e-3), abs=1e-6)
     tail = (5.3 + 4.2) * np.exp(-(t[after] - TZ) / 15e-3)
     rise = (5.3 - 4.2) * np.exp(-(1.2 - t[after]) / 20e-3)  # of the next crossing: nothing yet
-    assert found[after] == pytest.approx(-4.2 + tail - rise, abs=1e-6)
+    assert friction[after] == pytest.approx(-4.2 + tail - rise, abs=1e-6)
 
 
 def test_the_gaussian_behind_the_crossing() -> None:
@@ -83,11 +83,11 @@ def test_the_displacement_form_at_a_reversal() -> None:
 def test_the_symmetric_curve_jumps_and_is_symmetric() -> None:
     form = SYMMETRIC._replace(negative=4.5)
     _, motion = sampled(BACK_AND_FORTH, ahead=0.25e-3)
-    found, k = force(form, motion), round(TZ / DT)
+    friction, k = force(form, motion), round(TZ / DT)
     near = 5.3 - 4.5
-    assert found[k - 1] == pytest.approx(4.5 + near * math.exp(-0.25e-3 / 20e-3), abs=1e-9)
-    assert found[k] == pytest.approx(-found[k - 1], abs=1e-9)
-    assert found[k : k + 200] == pytest.approx(-found[k - 200 : k][::-1], abs=1e-9)
+    assert friction[k - 1] == pytest.approx(4.5 + near * math.exp(-0.25e-3 / 20e-3), abs=1e-9)
+    assert friction[k] == pytest.approx(-friction[k - 1], abs=1e-9)
+    assert friction[k : k + 200] == pytest.approx(-friction[k - 200 : k][::-1], abs=1e-9)
 
 
 def test_the_displacement_form_knows_no_time() -> None:
@@ -136,8 +136,8 @@ def test_a_standstill_holds_the_force(form: Form) -> None:
 def test_going_on_does_not_start_anew(form: Form) -> None:
     """The same direction again: from Cs down to C1, never through zero."""
     t, motion = sampled(Trapezoid(5e-3, 10e-3, 0.1, 0.2, 2, True))
-    found = force(form, motion)
-    again = found[(t > 0.8) & (t < 1.2)]
+    friction = force(form, motion)
+    again = friction[(t > 0.8) & (t < 1.2)]
     assert again[0] == pytest.approx(5.3, abs=0.1) and np.min(again) == pytest.approx(4.5, abs=0.05)
     assert np.all(again > 4.4)
 
@@ -145,17 +145,17 @@ def test_going_on_does_not_start_anew(form: Form) -> None:
 @pytest.mark.parametrize("form", CONTINUOUS, ids=lambda form: type(form).__name__)
 def test_from_rest_it_begins_at_zero_even_where_the_first_row_moves(form: Form) -> None:
     _, motion = sampled(BACK_AND_FORTH, ahead=0.9e-3)
-    found = force(form, motion)
-    assert 0.0 < found[0] < 0.6
-    assert np.all(np.diff(found[:20]) > 0.0)
+    friction = force(form, motion)
+    assert 0.0 < friction[0] < 0.6
+    assert np.all(np.diff(friction[:20]) > 0.0)
 
 
 def test_from_rest_the_displacement_form_takes_half_the_slip() -> None:
     """Masing: the first branch is the reversal's, halved in force and in displacement: the same stiffness."""
     form = Displacement(1e-9, 14e-6, 4.5, 4.5, 4.5)
     _, motion = sampled(BACK_AND_FORTH)
-    found = force(form, motion)[:100]
-    assert found == pytest.approx(4.5 * (1.0 - np.exp(-2.0 * motion.position[:100] / 14e-6)), abs=1e-9)
+    friction = force(form, motion)[:100]
+    assert friction == pytest.approx(4.5 * (1.0 - np.exp(-2.0 * motion.position[:100] / 14e-6)), abs=1e-9)
 
 
 @pytest.mark.parametrize("form", [*CONTINUOUS, SYMMETRIC], ids=lambda form: type(form).__name__)
@@ -186,8 +186,8 @@ def test_errors_at_reversals_have_the_machinists_sign() -> None:
         stuck = (t > turn) & (t < turn + 10e-3)
         measured[stuck] = motion.position[round(turn / DT)]
         measured[np.argmin(np.abs(t - turn - 0.05))] += 1e-6 * way  # ahead of the reference, once
-    found = reversal_errors(motion.position, motion.velocity, measured, DT)
-    assert [(round(one.time, 9), one.way) for one in found] == [(0.6, -1.0), (1.2, 1.0), (1.8, -1.0)]
-    for one in found:
-        assert one.negative == pytest.approx(-0.5 * 0.1 * 9.5e-3**2, rel=1e-3)
-        assert one.positive == pytest.approx(1e-6, rel=1e-9)
+    errors = reversal_errors(motion.position, motion.velocity, measured, DT)
+    assert [(round(error.time, 9), error.way) for error in errors] == [(0.6, -1.0), (1.2, 1.0), (1.8, -1.0)]
+    for error in errors:
+        assert error.negative == pytest.approx(-0.5 * 0.1 * 9.5e-3**2, rel=1e-3)
+        assert error.positive == pytest.approx(1e-6, rel=1e-9)

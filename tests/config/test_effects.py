@@ -104,7 +104,7 @@ def setup(path: Path) -> Setup:
 
 def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
     p, arcsec, turn = setup.stage, math.pi / 648000.0, 2.0 * math.pi
-    found = {**p.motor._asdict(), **p.mechanics._asdict(), **p.friction._asdict(), **p.drive._asdict()}
+    values = {**p.motor._asdict(), **p.mechanics._asdict(), **p.friction._asdict(), **p.drive._asdict()}
     expected = {
         "cogging": Harmonic(0.02, 6.0, math.pi / 6.0),
         "cogging_second": Harmonic(0.005, 12.0, 0.0),
@@ -124,11 +124,11 @@ def test_every_effect_is_read_with_its_unit(setup: Setup) -> None:
         "telemetry": Reported(0.01, 0.01, 2e-4),
     }
     for name, value in expected.items():
-        assert tuple(found[name]) == pytest.approx(tuple(value), rel=1e-12), name
+        assert tuple(values[name]) == pytest.approx(tuple(value), rel=1e-12), name
     numbers = {"pitch": turn, "quadratic": 1e-4, "root": 0.01, "viscous_asymmetry": 0.05, "lag": 5e-3, "load": 0.02}
     numbers |= {"asymmetry": 0.05, "dead_time": 7e-4, "jitter": 2e-5, "offset": 0.02, "continuous_current": 5.0}
     numbers |= {"foldback_time": 2.0, "voltage_limit": 48.0, "resistance": 1.1, "back_emf": 0.48}
-    assert {name: found[name] for name in numbers} == pytest.approx(numbers, rel=1e-12)
+    assert {name: values[name] for name in numbers} == pytest.approx(numbers, rel=1e-12)
     assert tuple(p.encoder.eccentricity) == pytest.approx((30 * arcsec, 1.0, math.pi / 2.0))
     assert tuple(p.encoder.interpolation) == pytest.approx((2 * arcsec, 2048.0, 0.0))
     assert p.residual[:3] == (effects.SINCE_REVERSAL, -0.01, 0.01)
@@ -189,16 +189,16 @@ def test_without_jitter_the_noise_is_that_of_always(setup: Setup) -> None:
 
 
 def test_nominal_loses_none_of_them(setup: Setup) -> None:
-    found, drive = nominal_yaml.effects_of(setup.file), nominal_yaml._drive(setup.file)
+    effects, drive = nominal_yaml.effects_of(setup.file), nominal_yaml._drive(setup.file)
     given = yaml.safe_load("\n".join(f"{line.split(':')[0]}:{more}" for line, more in ADDED.items()))
-    assert set(found["motor"]) == {"cogging", "cogging_second", "ripple", "ripple_second"}
-    assert set(found["mechanics"]) == set(setup.stage.mechanics._fields[4:])
-    assert set(found["friction"]) == set(setup.stage.friction._fields[3:])
-    assert set(found["encoder"]) == set(given["counts_per_revolution"])
-    assert set(found["drive"]) | {"voltage_limit", "resistance", "back_emf"} == set(given["current_limit"])
+    assert set(effects["motor"]) == {"cogging", "cogging_second", "ripple", "ripple_second"}
+    assert set(effects["mechanics"]) == set(setup.stage.mechanics._fields[4:])
+    assert set(effects["friction"]) == set(setup.stage.friction._fields[3:])
+    assert set(effects["encoder"]) == set(given["counts_per_revolution"])
+    assert set(effects["drive"]) | {"voltage_limit", "resistance", "back_emf"} == set(given["current_limit"])
     assert (drive["voltage_limit_V"], drive["resistance_ohm"], drive["back_emf_V_per_unit_s"]) == (48.0, 1.1, 0.48)
-    assert found["residual"]["values"] == [-0.02, 0.0, 0.02]
-    assert yaml.safe_load(yaml.safe_dump(found)) == found
+    assert effects["residual"]["values"] == [-0.02, 0.0, 0.02]
+    assert yaml.safe_load(yaml.safe_dump(effects)) == effects
     assert nominal_yaml.effects_of(load_stage(CONFIG / "ball-screw.yaml").file) == {}
 
 

@@ -53,7 +53,7 @@ def well_said(message: str, case: Case) -> None:
         assert line.isprintable() and len(line) < 700, f"{case.name}: {line!r}"
         assert not PYTHON.search(line), f"{case.name}: {line!r}"
     if message and case.line is not None:
-        assert any((found := PLACE.search(line)) and int(found[1]) == case.line for line in message.splitlines()), (
+        assert any((match := PLACE.search(line)) and int(match[1]) == case.line for line in message.splitlines()), (
             message
         )
 

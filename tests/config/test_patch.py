@@ -82,9 +82,9 @@ def check_values(file: StageFile, wanted: dict[str, Any]) -> None:
     assert file.mechanics.viscous == pytest.approx(wanted["mechanics.viscous"], rel=1e-6)
     assert file.mechanics.bias == pytest.approx(wanted["mechanics.bias"], rel=1e-6)
     assert isinstance(file.friction, Rolling | Operators)
-    found = file.friction.operators()
-    np.testing.assert_allclose(found.weight, wanted["friction"]["weight"], rtol=1e-6)
-    np.testing.assert_allclose(found.slip, wanted["friction"]["slip"], rtol=1e-6)
+    operators = file.friction.operators()
+    np.testing.assert_allclose(operators.weight, wanted["friction"]["weight"], rtol=1e-6)
+    np.testing.assert_allclose(operators.slip, wanted["friction"]["slip"], rtol=1e-6)
 
 
 def test_the_shipped_file_reads_as_its_user_would_have_written_it(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_the_shipped_file_reads_as_its_user_would_have_written_it(tmp_path: Path
     slips = [2.0 * math.pi * travel / 0.012 for travel in (0.25e-6, 1.5e-6, 14e-6)]
     friction = {"law": "stop-operators", "weight": [0.3, 0.25, 0.46], "slip": slips}
     made = write(path, path, {"mechanics.inertia": 0.01003, "friction": friction})
-    assert [str(planned_trial) for planned_trial in made[:4]] == [
+    assert [str(change) for change in made[:4]] == [
         "mechanics.inertia: 0.010 kg m^2 -> 0.01003 kg m^2",
         "friction.law: rolling -> stop-operators",
         "friction.weight: (not there) -> [0.3 N m, 0.25 N m, 0.46 N m]",

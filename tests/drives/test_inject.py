@@ -15,16 +15,21 @@ from stagectl.config.stage_file import load_stage
 from stagectl.drives.faults import BLOCKS, TABLE, OnOffFault, PositionJump
 from stagectl.drives.virtual.inject import InjectError, InjectionSocket, ask, obey, socket_path
 from stagectl.report.fault_table import lines
+from stagectl.runtime_folder import short_name
 from stagectl.units import StageError
 from tests.conftest import CONFIG, ROOT, Command
 from tests.drives.workbench import Script, Workbench
+
+DEEP = "x" * 100  # a folder whose sockets' paths are longer than an AF_UNIX address
 
 
 @pytest.fixture
 def drive(bench: Workbench, script: Script, tmp_path: Path) -> Any:
     """A virtual drive that listens at a path until the test is over."""
     node, over = bench.node(script), threading.Event()
-    door = InjectionSocket(tmp_path / "node-5.inject")
+    path = tmp_path / DEEP / "node-5.inject"
+    path.parent.mkdir()
+    door = InjectionSocket(path)
 
     def serve() -> None:
         while not over.wait(0.002):
@@ -32,11 +37,11 @@ def drive(bench: Workbench, script: Script, tmp_path: Path) -> Any:
 
     thread = threading.Thread(target=serve)
     thread.start()
-    yield tmp_path / "node-5.inject"
+    yield path
     over.set()
     thread.join()
     door.close()
-    assert not (tmp_path / "node-5.inject").exists()
+    assert not path.exists()
 
 
 def test_a_fault_is_added_and_cleared(drive: Path) -> None:
@@ -61,11 +66,11 @@ def test_what_is_no_fault_is_refused_by_the_drive(drive: Path, fault: dict[str, 
     assert ask(drive, {"do": "clear"}) == {"active": []}
 
 
-def test_noise_at_the_door_is_answered_and_harmless(drive: Path, tmp_path: Path) -> None:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ours:
-        ours.bind(str(tmp_path / "noise"))
+def test_noise_at_the_door_is_answered_and_harmless(drive: Path, runtime: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ours, short_name(drive) as name:
+        ours.bind(str(runtime / "noise"))
         for noise in (b"", b"\xff\xfe", b"[1]", b"{}", b'{"do": "add"}'):
-            ours.sendto(noise, str(drive))
+            ours.sendto(noise, name)
             assert "error" in json.loads(ours.recv(4096))
 
 
@@ -78,9 +83,11 @@ def test_where_no_drive_listens_the_next_step_is_said(tmp_path: Path, runtime: P
     assert path.is_relative_to(runtime)
 
 
-def test_a_path_that_is_too_long_is_said_to_be(tmp_path: Path) -> None:
-    with pytest.raises(InjectError, match="AF_UNIX"):
-        InjectionSocket(tmp_path / ("x" * 100))
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "nowhere" / "node-5.inject"
+    with pytest.raises(InjectError) as caught:
+        InjectionSocket(path)
+    assert caught.value.place == str(path)
 
 
 def test_words_are_read_as_strictly_as_a_file(command: Command) -> None:

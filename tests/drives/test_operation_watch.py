@@ -18,8 +18,8 @@ PATIENCE = round(STATUS_BIT_TIME / DT)
 def fed(watch: OperationWatch, statusword: int, periods: int) -> tuple[Deviation | None, int]:
     """What the cyclic path finds, and in which period."""
     for k in range(periods):
-        if statusword & watch.mask != watch.expected and (found := watch.look(statusword)) is not None:
-            return found, k + 1
+        if statusword & watch.mask != watch.expected and (deviation := watch.look(statusword)) is not None:
+            return deviation, k + 1
     return None, periods
 
 

@@ -94,7 +94,7 @@ def test_what_is_not_named_explains_nothing() -> None:
     selected, nothing = _selected({"cogging": 900.0, "dwell": 300.0}, {}), Any
     effects = [FoundEffect(name, (), p, 0.0, {}) for name, p in (("cogging", 0.9), ("dwell", 0.4))]
     sure = verdict.only_named(nothing, selected, effects)  # type: ignore[arg-type]
-    assert [one.effect.name for one in sure.fitted.effects] == ["cogging"]
+    assert [fitted.effect.name for fitted in sure.fitted.effects] == ["cogging"]
     assert verdict.only_named(nothing, sure, effects) is sure  # type: ignore[arg-type]
 
 
@@ -117,8 +117,8 @@ def test_a_law_that_gives_as_much_in_one_experiment_makes_it_doubtful() -> None:
     g = _data(1.0, 50.0)
     unexplained = np.zeros_like(g.effort)
     unexplained[:, -1, -1] = np.where(g.experiment == 0, 400.0, 0.0)
-    found = clarity(g._replace(effort=g.effort + unexplained), [0], [FORM])
-    assert found.doubt < 0.3 and found.share < 0.1
+    clearness = clarity(g._replace(effort=g.effort + unexplained), [0], [FORM])
+    assert clearness.doubt < 0.3 and clearness.share < 0.1
 
 
 @pytest.mark.parametrize(
@@ -131,5 +131,5 @@ def test_what_is_faint_on_all_data_is_clear_where_one_experiment_says_so(
     """250 units of an effect next to 10 000 unexplained ones; not for a delay, which shows in another channel."""
     gain = 250.0 if block == "mechanics" else 40.0
     selected = _selected({name: gain}, {name: 1.0})._replace(unexplained=10_000.0, clarity={name: Clarity(0.1, 0.6)})
-    one = EffectValues(EFFECT._replace(name=name, block=block), {"time": 1e-4})
-    assert verdict.clarity(selected, one, {"dead_time.time": 0.0}, apart) == pytest.approx(clear)
+    hidden = EffectValues(EFFECT._replace(name=name, block=block), {"time": 1e-4})
+    assert verdict.clarity(selected, hidden, {"dead_time.time": 0.0}, apart) == pytest.approx(clear)

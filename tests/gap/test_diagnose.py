@@ -36,14 +36,14 @@ def _named(result: DiagnosisResult) -> list[str]:
 def test_one_hidden_effect(tmp_path: Path) -> None:
     session, truth = _trial(tmp_path, 3, "single", effects=("viscous_asymmetry",), scale=2.0)
     done = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None)
-    found = done.found
-    assert found.verdict == "effects" and _named(found) == ["viscous_asymmetry"]
-    assert found.gap.closure > 0.8 and abs(found.gap.closure - (found.gap.predicted or 0.0)) < 0.1
-    assert sum(share for _, share in found.shares) == pytest.approx(1.0, abs=1e-6)
+    result = done.result
+    assert result.verdict == "effects" and _named(result) == ["viscous_asymmetry"]
+    assert result.gap.closure > 0.8 and abs(result.gap.closure - (result.gap.predicted or 0.0)) < 0.1
+    assert sum(share for _, share in result.shares) == pytest.approx(1.0, abs=1e-6)
     inertia = truth["true"]["inertia"]
     assert done.improved.mechanics.inertia == pytest.approx(inertia, rel=0.01)
-    assert set(as_json(found)) >= {"verdict", "effects", "gap", "where", "next_experiment"}
-    assert [name for name, _ in found.seconds] == list(Step) == list(BEGINS)
+    assert set(as_json(result)) >= {"verdict", "effects", "gap", "where", "next_experiment"}
+    assert [name for name, _ in result.seconds] == list(Step) == list(BEGINS)
     _check_predictions(session, done, tmp_path / "predictions")
 
 
@@ -54,21 +54,21 @@ def _check_predictions(session: Session, done: diagnose.Diagnosis, place: Path) 
     assert [path.name for path in paths] == [log.name for log in held]
     first = pyarrow.csv.read_csv(paths[0]).to_pydict()
     difference = held[0].position - np.array(first["position_rad"])
-    assert np.sqrt(np.mean(difference[1000:] ** 2)) < 1.5 * done.found.gap.before
+    assert np.sqrt(np.mean(difference[1000:] ** 2)) < 1.5 * done.result.gap.before
 
 
 def test_what_looks_like_a_bias_is_told_from_it_by_its_reversals(tmp_path: Path) -> None:
     """An asymmetry of the friction under another law: all but its way through the rolling zone is taken by the base."""
     session, _ = _trial(tmp_path, 109, "single", effects=("coulomb_asymmetry",), scale=2.0)
-    found = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).found
-    assert found.verdict == "effects" and _named(found) == ["coulomb_asymmetry"]
+    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    assert result.verdict == "effects" and _named(result) == ["coulomb_asymmetry"]
 
 
 def test_another_friction_law_is_no_effect(tmp_path: Path) -> None:
     session, _ = _trial(tmp_path, 2, "null-law")
-    found = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).found
-    assert _named(found) == []
-    assert found.verdict in ("none", "parameters")
+    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    assert _named(result) == []
+    assert result.verdict in ("none", "parameters")
 
 
 def test_a_wrong_controller_ends_the_search(tmp_path: Path) -> None:
@@ -76,18 +76,18 @@ def test_a_wrong_controller_ends_the_search(tmp_path: Path) -> None:
     assert session.law is not None
     pid = session.law.feedback
     wrong = session._replace(law=session.law._replace(feedback=pid._replace(integral=0.5 * pid.integral)))
-    found = diagnose.diagnose(wrong, diagnose.Options(advice=False), lambda _: None).found
-    assert found.verdict == "controller" and found.effects == ()
-    assert "integral" in found.reason
+    result = diagnose.diagnose(wrong, diagnose.Options(advice=False), lambda _: None).result
+    assert result.verdict == "controller" and result.effects == ()
+    assert "integral" in result.reason
 
 
 def test_logs_without_a_force_tell_nothing(tmp_path: Path) -> None:
     session, _ = _trial(tmp_path, 5, "null-exact")
     bare = tuple(log._replace(command=None, current=None) for log in session.logs)
-    found = diagnose.diagnose(
+    result = diagnose.diagnose(
         session._replace(logs=bare, law=None), diagnose.Options(advice=False), lambda _: None
-    ).found
-    assert found.verdict == "not-identifiable" and "current" in found.reason
+    ).result
+    assert result.verdict == "not-identifiable" and "current" in result.reason
 
 
 def test_a_machine_that_is_its_model_lacks_nothing(tmp_path: Path) -> None:
@@ -95,6 +95,6 @@ def test_a_machine_that_is_its_model_lacks_nothing(tmp_path: Path) -> None:
     session = load_session.load(
         [exported([*recorded(tmp_path, SINE), *recorded(tmp_path, TRAPEZOID)], tmp_path / "session")]
     )
-    found = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).found
-    assert (found.verdict, _named(found), found.unknown, found.gap.before) == ("none", [], None, 0.0)
-    assert any("copies" in note for note in found.notes)
+    result = diagnose.diagnose(session, diagnose.Options(advice=False), lambda _: None).result
+    assert (result.verdict, _named(result), result.unknown, result.gap.before) == ("none", [], None, 0.0)
+    assert any("copies" in note for note in result.notes)

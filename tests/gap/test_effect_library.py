@@ -27,7 +27,7 @@ from stagectl.gap.experiment_design.manual_experiments import MANUAL
 from stagectl.gap.result.diagnosis import BLOCKS
 
 OF_BATTERY = {"sine", "stairs", "scan", "micro", "steps", "multisine", "sine-strong"}
-SEARCHED = {one.name for one in definitions(SIZES)}
+SEARCHED = {definition.name for definition in definitions(SIZES)}
 
 
 def test_records_name_only_what_exists() -> None:
@@ -59,7 +59,7 @@ def test_an_effect_that_is_searched_is_no_parameter_of_the_model() -> None:
     assert not SEARCHED & nominal
     assert set(EFFECTS) - SEARCHED - nominal == {"jitter", "current_quantisation", "controller"}
     without = SIZES._replace(voltage=0.0, session=(0.0,), orders={})
-    assert SEARCHED - {one.name for one in definitions(without)} == {
+    assert SEARCHED - {definition.name for definition in definitions(without)} == {
         "voltage_saturation",
         "friction_step",
         "encoder_interpolation",

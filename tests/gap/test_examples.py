@@ -17,7 +17,7 @@ from stagectl.gap.result.diagnosis import DiagnosisResult
 def _diagnosed(place: Path, drawn: Drawn, seed: int, excluded: tuple[str, ...] = ()) -> DiagnosisResult:
     stage_trial(draw(seed, "single" if len(drawn.effects or ()) == 1 else "pair", drawn), place)
     session = load_session.load([place / "captures"])
-    return diagnose.diagnose(session, diagnose.Options(excluded=excluded, advice=False), lambda _: None).found
+    return diagnose.diagnose(session, diagnose.Options(excluded=excluded, advice=False), lambda _: None).result
 
 
 def test_a_weak_effect_behind_a_strong_one(tmp_path: Path) -> None:

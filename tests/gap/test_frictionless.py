@@ -28,7 +28,7 @@ def diagnosed(place: Path, machine: str, model: str) -> DiagnosisResult:
     (place / "model.yaml").write_text(model)
     paths = [path for text in (SINE, TRAPEZOID) for path in recorded(place, text, 2, place / "machine.yaml")]
     session = load_session.load(paths, load_stage(place / "model.yaml"))
-    return diagnose.diagnose(session, diagnose.Options(), lambda _: None).found
+    return diagnose.diagnose(session, diagnose.Options(), lambda _: None).result
 
 
 @pytest.mark.parametrize(

@@ -61,9 +61,9 @@ def test_the_matrices_follow_their_definition(steps: Sequence[Sequence[str]], ch
     runs = [_run(source), _run(source)]
     x = [_columns(source) for _ in runs]
     residuals = [[source.standard_normal((ROWS, 2)) for _ in range(REPEATS)] for _ in runs]
-    p = gram_matrices.products(runs, [{name: one[name] for name in ("own", *steps[0])} for one in x], "own")
+    p = gram_matrices.products(runs, [{name: columns[name] for name in ("own", *steps[0])} for columns in x], "own")
     for more in steps[1:]:
-        p = gram_matrices.with_columns(p, [{name: one[name] for name in more} for one in x])
+        p = gram_matrices.with_columns(p, [{name: columns[name] for name in more} for columns in x])
     names = [name for step in steps for name in step] if chosen is None else list(chosen)
     g = gram_matrices.grams(p if chosen is None else gram_matrices.selected(p, names), residuals)
     assert list(g.names) == names

@@ -89,7 +89,7 @@ def test_what_is_named_on_a_real_record(session: Session) -> None:
     """
     mass = next(knock for knock in knock_out.out(session) if knock.name == "inertia")
     plain, lighter = (
-        diagnose.diagnose(chosen, diagnose.Options(advice=False), lambda _: None).found
+        diagnose.diagnose(chosen, diagnose.Options(advice=False), lambda _: None).result
         for chosen in (session, mass.session)
     )
     named = {effect.name: effect for effect in plain.named}

@@ -64,11 +64,11 @@ def test_our_recordings_survive_the_folder(tmp_path: Path, text: str, stage: str
 def test_setpoints_by_the_reference_alone(recordings: list[Path], original: Path) -> None:
     """Within 1e-5 A and 1e-9 rad of those that the controller had, as the description promises."""
     own, again = load(recordings), load([original])
-    for one, other in zip(own.logs, again.logs, strict=True):
-        assert one.setpoints is not None and other.setpoints is not None
-        apart = np.abs(one.setpoints - other.setpoints).max(axis=0)
+    for log, other in zip(own.logs, again.logs, strict=True):
+        assert log.setpoints is not None and other.setpoints is not None
+        apart = np.abs(log.setpoints - other.setpoints).max(axis=0)
         assert apart[0] < 1e-12 and apart[1] < 1e-9 and apart[2] < 1e-5 and apart[3] < 1e-5
-        assert np.abs(one.setpoints[:, 2]).max() > 0.3 and np.abs(one.setpoints[:, 3]).max() > 1.0
+        assert np.abs(log.setpoints[:, 2]).max() > 0.3 and np.abs(log.setpoints[:, 3]).max() > 1.0
 
 
 def test_a_folder_of_recordings_is_the_recordings(recordings: list[Path]) -> None:

@@ -79,6 +79,6 @@ def test_something_unknown_makes_the_names_less_sure_and_leaves_the_rest() -> No
 
 def test_a_wrong_controller_holds_the_whole_gap() -> None:
     empty: Any = SimpleNamespace(kind="linear", notes=(), cannot_tell=(), travel_per_unit=1.0, travel_unit="m", logs=())
-    found = diagnose._unsearched(empty, "controller", "the integral gain")
-    assert (found.verdict, found.reason, found.blocks["controller"]) == ("controller", "the integral gain", 1.0)
-    assert found.gap.unit == "m" and found.effects == ()
+    result = diagnose._unsearched(empty, "controller", "the integral gain")
+    assert (result.verdict, result.reason, result.blocks["controller"]) == ("controller", "the integral gain", 1.0)
+    assert result.gap.unit == "m" and result.effects == ()

@@ -77,8 +77,10 @@ def test_whitened_noise_is_flat() -> None:
     noise = [
         ModelResidual(0.03 * source.standard_normal(20000), 0.01 * source.standard_normal(20000)) for _ in range(3)
     ]
-    found = whitening.whitener(noise, (0.0, 0.0), SETUP.dt)
-    flat = dataclasses.replace(found, effort=found.effort * np.hypot(1.0, found.frequency * SETUP.dt / ROLL_OFF))
+    whitener = whitening.whitener(noise, (0.0, 0.0), SETUP.dt)
+    flat = dataclasses.replace(
+        whitener, effort=whitener.effort * np.hypot(1.0, whitener.frequency * SETUP.dt / ROLL_OFF)
+    )
     white = whitening.whitened(flat, noise[0], SETUP.dt)[:, 0]
     assert 0.85 < white.var() < 1.15
 

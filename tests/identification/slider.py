@@ -54,5 +54,5 @@ def errors(rows: NDArray[Any]) -> list[ReversalError]:
 
 def worst(rows: NDArray[Any]) -> tuple[float, float]:
     """Largest lag and lead of all reversals (um)."""
-    found = errors(rows)
-    return min(error.negative for error in found) * 1e6, max(error.positive for error in found) * 1e6
+    at_reversals = errors(rows)
+    return min(error.negative for error in at_reversals) * 1e6, max(error.positive for error in at_reversals) * 1e6

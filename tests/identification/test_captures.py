@@ -48,38 +48,38 @@ def silent(_done: int, _total: int) -> None:
 
 
 def solved(captures: list[Capture], setup: Setup) -> list[float]:
-    found = identify("least-squares", captures, setup.file, silent, {}).parameters
-    return [found[name].value for name in ("inertia", "viscous", "coulomb")]
+    parameters = identify("least-squares", captures, setup.file, silent, {}).parameters
+    return [parameters[name].value for name in ("inertia", "viscous", "coulomb")]
 
 
 def test_a_sound_recording_comes_as_it_is(columns: dict[str, Array], ball_screw: Setup) -> None:
-    (found,) = prepared([recording(columns, steady=[1.0, 9.0])], ball_screw)
-    np.testing.assert_array_equal(found.position, columns["measured"])
-    np.testing.assert_array_equal(found.current, columns["measured_current"])
-    assert found.reference is not None and found.excitation is None
-    assert (found.current_column, found.dt, found.steady) == ("measured_current", pytest.approx(DT), (1.0, 9.0))
-    assert found.notes == ()
-    assert solved([found], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
+    (capture,) = prepared([recording(columns, steady=[1.0, 9.0])], ball_screw)
+    np.testing.assert_array_equal(capture.position, columns["measured"])
+    np.testing.assert_array_equal(capture.current, columns["measured_current"])
+    assert capture.reference is not None and capture.excitation is None
+    assert (capture.current_column, capture.dt, capture.steady) == ("measured_current", pytest.approx(DT), (1.0, 9.0))
+    assert capture.notes == ()
+    assert solved([capture], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
 
 
 @pytest.mark.parametrize("rows", [slice(9000, 9400), slice(9000, 9010), slice(0, 3), slice(19000, 19950)])
 def test_a_gap_splits_and_the_rest_is_used(columns: dict[str, Array], ball_screw: Setup, rows: slice) -> None:
     left = {name: np.delete(values, rows) for name, values in columns.items()}
-    found = prepared([recording(left)], ball_screw)
+    parts = prepared([recording(left)], ball_screw)
     if rows.start == 0:
-        assert [len(part.time) for part in found] == [ROWS - 3] and found[0].notes == ()
+        assert [len(part.time) for part in parts] == [ROWS - 3] and parts[0].notes == ()
         return
-    assert len(found) == (1 if rows.stop == 19950 else 2)  # 50 rows are too few
-    assert len(found[0].time) == rows.start and found[0].time[0] == 0.0
-    assert Topic.GAPS in topics(found[0].notes)
-    assert f"from {DT * (rows.start - 1):.6g} to {DT * rows.stop:.6g} s" in found[0].notes[0]
-    if len(found) == 1:
-        assert topics(found[0].notes[1:]) == {Topic.LEFT_OUT} and "380 rows" in found[0].notes[1]
+    assert len(parts) == (1 if rows.stop == 19950 else 2)  # 50 rows are too few
+    assert len(parts[0].time) == rows.start and parts[0].time[0] == 0.0
+    assert Topic.GAPS in topics(parts[0].notes)
+    assert f"from {DT * (rows.start - 1):.6g} to {DT * rows.stop:.6g} s" in parts[0].notes[0]
+    if len(parts) == 1:
+        assert topics(parts[0].notes[1:]) == {Topic.LEFT_OUT} and "380 rows" in parts[0].notes[1]
     else:
-        assert len(found[1].time) == ROWS - rows.stop
-        assert Topic.GAPS not in topics(found[1].notes)  # once for one record
-        assert found[1].name == f"made.h5 (part 2 of 2, from {DT * rows.stop:.6g} s)"
-    assert solved(found, ball_screw) == pytest.approx([J, D, TC], rel=0.02)
+        assert len(parts[1].time) == ROWS - rows.stop
+        assert Topic.GAPS not in topics(parts[1].notes)  # once for one record
+        assert parts[1].name == f"made.h5 (part 2 of 2, from {DT * rows.stop:.6g} s)"
+    assert solved(parts, ball_screw) == pytest.approx([J, D, TC], rel=0.02)
 
 
 def test_windows_and_excitation_go_with_their_part(columns: dict[str, Array], ball_screw: Setup) -> None:
@@ -93,12 +93,12 @@ def test_windows_and_excitation_go_with_their_part(columns: dict[str, Array], ba
 
 def test_numbers_that_are_none(columns: dict[str, Array], ball_screw: Setup) -> None:
     """Two rows are bridged, a block splits; both are noted."""
-    (found,) = prepared(
+    (capture,) = prepared(
         [spoilt(columns, lambda c: c["measured_current"].__setitem__(slice(500, 502), np.nan))], ball_screw
     )
-    assert len(found.time) == ROWS - 2
-    assert Topic.LEFT_OUT in topics(found.notes) and "row 501" in found.notes[0]
-    assert solved([found], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
+    assert len(capture.time) == ROWS - 2
+    assert Topic.LEFT_OUT in topics(capture.notes) and "row 501" in capture.notes[0]
+    assert solved([capture], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
     both = prepared([spoilt(columns, lambda c: c["measured"].__setitem__(slice(500, 900), np.nan))], ball_screw)
     assert [len(part.time) for part in both] == [500, ROWS - 900]
     with pytest.raises(IdentificationError) as caught:
@@ -153,8 +153,8 @@ def test_a_spoilt_recording_is_refused(
 
 
 def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw: Setup) -> None:
-    (found,) = prepared([spoilt(columns, lambda c: c["measured_current"].__imul__(1e3))], ball_screw, doubtful=True)
-    assert topics(found.notes) == {Topic.LIMIT, Topic.UNITS} and "in mA" in found.notes[-1]
+    (capture,) = prepared([spoilt(columns, lambda c: c["measured_current"].__imul__(1e3))], ball_screw, doubtful=True)
+    assert topics(capture.notes) == {Topic.LIMIT, Topic.UNITS} and "in mA" in capture.notes[-1]
     (strange,) = implausible({"inertia": 11.0, "viscous": 130.0, "coulomb": 900.0}, ball_screw)
     assert "inertia is 11, 0.01 in the stage file; viscous is 130, 0.14" in strange
     assert strange.endswith("(currents a thousand times too large)")
@@ -174,8 +174,8 @@ def test_with_doubtful_it_is_noted_instead(columns: dict[str, Array], ball_screw
 def test_what_was_found_is_compared_by_decades(
     ball_screw: Setup, values: tuple[float, float, float], cause: str | None
 ) -> None:
-    found = implausible(dict(zip(("inertia", "viscous", "coulomb"), values, strict=True)), ball_screw)
-    assert (found == []) if cause is None else (cause in found[0])
+    doubts = implausible(dict(zip(("inertia", "viscous", "coulomb"), values, strict=True)), ball_screw)
+    assert (doubts == []) if cause is None else (cause in doubts[0])
 
 
 @pytest.mark.parametrize("factor", [0.4, 1.0, 2.5])
@@ -216,10 +216,10 @@ def test_stamps_that_jitter_are_resampled(columns: dict[str, Array], ball_screw:
     jitter = np.random.default_rng(2).uniform(-0.2 * DT, 0.2 * DT, ROWS)
     time = columns["time"] + jitter
     moved = {name: np.interp(time, columns["time"], values) for name, values in columns.items()}
-    (found,) = prepared([recording({**moved, "time": time})], ball_screw)
-    assert topics(found.notes) == {Topic.RESAMPLED} and "every 0.5 ms" in found.notes[0]
-    np.testing.assert_allclose(found.position, columns["measured"], atol=3e-3)
-    assert solved([found], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
+    (capture,) = prepared([recording({**moved, "time": time})], ball_screw)
+    assert topics(capture.notes) == {Topic.RESAMPLED} and "every 0.5 ms" in capture.notes[0]
+    np.testing.assert_allclose(capture.position, columns["measured"], atol=3e-3)
+    assert solved([capture], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
     rounded = {**columns, "time": np.round(columns["time"], 5)}  # digits only
     assert prepared([recording(rounded)], ball_screw)[0].notes == ()
 
@@ -227,10 +227,10 @@ def test_stamps_that_jitter_are_resampled(columns: dict[str, Array], ball_screw:
 def test_a_late_position_belongs_to_an_earlier_row(columns: dict[str, Array], ball_screw: Setup) -> None:
     late = {**columns, "measured": np.concatenate([columns["measured"][:1]] * 3 + [columns["measured"]])[:ROWS]}
     late["measured"][3:] = columns["measured"][:-3]
-    (found,) = prepared([recording(late, nm=3)], ball_screw)
-    np.testing.assert_array_equal(found.position, columns["measured"][: ROWS - 3])
-    np.testing.assert_array_equal(found.current, columns["measured_current"][: ROWS - 3])
-    assert topics(found.notes) == {Topic.DELAY} and "3 periods" in found.notes[0]
+    (capture,) = prepared([recording(late, nm=3)], ball_screw)
+    np.testing.assert_array_equal(capture.position, columns["measured"][: ROWS - 3])
+    np.testing.assert_array_equal(capture.current, columns["measured_current"][: ROWS - 3])
+    assert topics(capture.notes) == {Topic.DELAY} and "3 periods" in capture.notes[0]
 
 
 def test_the_current_can_be_chosen(columns: dict[str, Array], ball_screw: Setup) -> None:
@@ -261,6 +261,6 @@ def test_columns_of_a_log_without_a_header(columns: dict[str, Array], ball_screw
     )
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", fmt="%.9g")
     words = {"time": "1:ms", "position": "3:counts", "current": "4:mA"}
-    (found,) = prepared(opened([tmp_path / "log.csv"], ball_screw, words), ball_screw)
-    np.testing.assert_allclose(found.position, columns["measured"], atol=1e-6)
-    assert solved([found], ball_screw) == pytest.approx([J, D, TC], rel=0.02)
+    (capture,) = prepared(opened([tmp_path / "log.csv"], ball_screw, words), ball_screw)
+    np.testing.assert_allclose(capture.position, columns["measured"], atol=1e-6)
+    assert solved([capture], ball_screw) == pytest.approx([J, D, TC], rel=0.02)

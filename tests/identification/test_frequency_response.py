@@ -66,7 +66,7 @@ def identified(sines: list[Capture]) -> IdentificationResult:
 
 @pytest.fixture(scope="module")
 def lines(sines: list[Capture]) -> dict[tuple[float, float], Curve]:
-    taken = [curves(one, SETUP.file)[0][0] for one in sines]
+    taken = [curves(sine, SETUP.file)[0][0] for sine in sines]
     return {(curve.amplitude, float(curve.frequency[0])): curve for curve in taken}
 
 

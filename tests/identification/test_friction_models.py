@@ -94,40 +94,42 @@ RECOVERED = [
 @pytest.mark.parametrize(("law", "more"), RECOVERED, ids=[law for law, _ in RECOVERED])
 def test_each_model_finds_its_own_parameters_again(law: str, more: dict[str, float]) -> None:
     """From 8 s with noise of a hundredth of the friction; the filter, not the law, sets how well."""
-    found = fit_member(law, [made(law, 3)], FILE)
-    assert found.parameters["inertia"].value == pytest.approx(95.0, rel=0.01)
+    fit = fit_member(law, [made(law, 3)], FILE)
+    assert fit.parameters["inertia"].value == pytest.approx(95.0, rel=0.01)
     if law != "rheology":  # its creep is viscous, too
-        assert found.parameters["viscous"].value == pytest.approx(200.0, rel=0.05)
-    assert found.parameters["coulomb"].value == pytest.approx(COULOMB, rel=0.03)
-    assert found.parameters["offset"].value == pytest.approx(-3.0, abs=0.1)
+        assert fit.parameters["viscous"].value == pytest.approx(200.0, rel=0.05)
+    assert fit.parameters["coulomb"].value == pytest.approx(COULOMB, rel=0.03)
+    assert fit.parameters["offset"].value == pytest.approx(-3.0, abs=0.1)
     for name, value in more.items():
-        assert found.parameters[name].value == pytest.approx(value, rel=0.15), name
-        assert found.parameters[name].low < found.parameters[name].value < found.parameters[name].high
-    assert found.details["count"] == FAMILY[law].size == 3 + len(FAMILY[law].linear) + len(FAMILY[law].searched)
-    assert found.details["force_residual_percent"] < 1.5
+        assert fit.parameters[name].value == pytest.approx(value, rel=0.15), name
+        assert fit.parameters[name].low < fit.parameters[name].value < fit.parameters[name].high
+    assert fit.details["count"] == FAMILY[law].size == 3 + len(FAMILY[law].linear) + len(FAMILY[law].searched)
+    assert fit.details["force_residual_percent"] < 1.5
 
 
 @pytest.mark.parametrize("law", ["stribeck", "dahl", "lugre"])
 def test_the_law_that_made_the_force_is_chosen(law: str) -> None:
     steps: list[tuple[int, int]] = []
-    found = friction_models.identify([made(law, 5)], FILE, lambda done, total: steps.append((done, total)))
-    assert found.details["chosen"] == law
+    result = friction_models.identify([made(law, 5)], FILE, lambda done, total: steps.append((done, total)))
+    assert result.details["chosen"] == law
     assert steps == [(k, 7) for k in range(1, 8)]
-    assert [row["name"] for row in found.details["models"]] == list(FAMILY)
-    assert isinstance(found.notes[0], Note) and found.notes[0].topic is Topic.MODEL_CHOICE
-    assert found.changes["mechanics.bias"] == -found.parameters["offset"].value
-    simplest = found.details["models"][0]
-    best = next(row for row in found.details["models"] if row["name"] == law)
+    assert [row["name"] for row in result.details["models"]] == list(FAMILY)
+    assert isinstance(result.notes[0], Note) and result.notes[0].topic is Topic.MODEL_CHOICE
+    assert result.changes["mechanics.bias"] == -result.parameters["offset"].value
+    simplest = result.details["models"][0]
+    best = next(row for row in result.details["models"] if row["name"] == law)
     assert best["force_residual_percent"] < 0.9 * simplest["force_residual_percent"]
     assert best["held_out"]["later_half"] < simplest["held_out"]["later_half"]
 
 
 def test_each_parameter_costs_the_logarithm_of_the_rows_worth() -> None:
     """G. Schwarz, Annals of Statistics 6(2), 1978: at the same residual two models differ by their count alone."""
-    one = friction_fit.FrictionFit("stribeck", np.zeros(5), np.zeros(1), np.ones(100), np.zeros((100, 5)), [(0.0, 1.0)])
-    simple = one._replace(name="coulomb-viscous")
+    stribeck = friction_fit.FrictionFit(
+        "stribeck", np.zeros(5), np.zeros(1), np.ones(100), np.zeros((100, 5)), [(0.0, 1.0)]
+    )
+    simple = stribeck._replace(name="coulomb-viscous")
     assert comparison.bic(simple, 50.0) == pytest.approx(4.0 * np.log(50.0))
-    assert comparison.bic(one, 50.0) - comparison.bic(simple, 50.0) == pytest.approx(2.0 * np.log(50.0))
+    assert comparison.bic(stribeck, 50.0) - comparison.bic(simple, 50.0) == pytest.approx(2.0 * np.log(50.0))
 
 
 def test_intervals_hold_the_truth() -> None:
@@ -135,25 +137,25 @@ def test_intervals_hold_the_truth() -> None:
     truth = {"inertia": 95.0, "viscous": 200.0, "coulomb": COULOMB, "offset": -3.0}
     held = 0
     for seed in range(24):
-        found = fit_member("dahl", [made("dahl", seed, 1.0)], FILE).parameters
-        held += sum(found[name].low <= value <= found[name].high for name, value in truth.items())
+        parameters = fit_member("dahl", [made("dahl", seed, 1.0)], FILE).parameters
+        held += sum(parameters[name].low <= value <= parameters[name].high for name, value in truth.items())
     assert 85 <= held <= 95
 
 
 @pytest.mark.parametrize("law", ["coulomb-viscous", "stribeck", "dahl", "lugre", "gms"])
 def test_what_was_found_goes_into_a_stage_file_and_comes_back(law: str, tmp_path: Path) -> None:
-    found = fit_member(law, [made(law, 3)], FILE)
+    fit = fit_member(law, [made(law, 3)], FILE)
     written = tmp_path / "stage.yaml"
-    write(CONFIG / "emps.yaml", written, found.changes)
+    write(CONFIG / "emps.yaml", written, fit.changes)
     p = load_stage(written).stage
-    assert p.mechanics.inertia == pytest.approx(found.parameters["inertia"].value, rel=1e-6)
-    assert p.mechanics.bias == pytest.approx(-found.parameters["offset"].value, rel=1e-6)
-    assert stage.sliding(p.friction) == pytest.approx(found.parameters["coulomb"].value, rel=1e-6)
+    assert p.mechanics.inertia == pytest.approx(fit.parameters["inertia"].value, rel=1e-6)
+    assert p.mechanics.bias == pytest.approx(-fit.parameters["offset"].value, rel=1e-6)
+    assert stage.sliding(p.friction) == pytest.approx(fit.parameters["coulomb"].value, rel=1e-6)
     if law == "lugre":
-        assert p.friction.bristle.damping == pytest.approx(found.parameters["bristle_damping"].value, rel=1e-6)
-        assert p.friction.bristle.stribeck.rise == pytest.approx(found.parameters["stribeck_rise"].value, rel=1e-6)
+        assert p.friction.bristle.damping == pytest.approx(fit.parameters["bristle_damping"].value, rel=1e-6)
+        assert p.friction.bristle.stribeck.rise == pytest.approx(fit.parameters["stribeck_rise"].value, rel=1e-6)
     if law == "stribeck":
-        assert p.friction.stribeck.velocity == pytest.approx(found.parameters["stribeck_velocity"].value, rel=1e-6)
+        assert p.friction.stribeck.velocity == pytest.approx(fit.parameters["stribeck_velocity"].value, rel=1e-6)
 
 
 def late(capture: Capture) -> Capture:
@@ -169,11 +171,11 @@ def test_a_delay_that_is_given_is_taken_out() -> None:
     """With it the answer is that of the record whose rows belong together; without, it is off by more than it says."""
     together, apart = made("dahl", 3), late(made("dahl", 3))
     right = fit_member("dahl", [together], FILE).parameters
-    found = fit_member("dahl", [apart], FILE, -DT)
+    shifted = fit_member("dahl", [apart], FILE, -DT)
     for name in ("inertia", "viscous", "coulomb"):
         half = 0.5 * (right[name].high - right[name].low)
-        assert found.parameters[name].value == pytest.approx(right[name].value, abs=0.5 * half)
-    assert found.parameters["delay"][:3] == (-DT, -DT, -DT)
+        assert shifted.parameters[name].value == pytest.approx(right[name].value, abs=0.5 * half)
+    assert shifted.parameters["delay"][:3] == (-DT, -DT, -DT)
     wrong = fit_member("dahl", [apart], FILE).parameters
     assert not wrong["inertia"].low < 95.0 < wrong["inertia"].high
 
@@ -182,7 +184,7 @@ def test_what_a_delay_would_change_is_what_it_changes() -> None:
     """The change that the note gives for 0.1 ms, against a second fit with that delay."""
     law = "coulomb-viscous"
     plain, moved = (fit_member(law, [made(law, 3)], FILE, delay) for delay in (0.0, 1e-4))
-    inertia = [found.parameters["inertia"].value for found in (plain, moved)]
+    inertia = [fit.parameters["inertia"].value for fit in (plain, moved)]
     note = next(note for note in plain.notes if isinstance(note, Note) and note.topic is Topic.DELAY)
     noted = float(note.split("inertia by ")[1].split(" %")[0])
     assert noted == pytest.approx(100.0 * abs(inertia[1] / inertia[0] - 1.0), rel=0.15)
@@ -214,16 +216,16 @@ def test_a_parameter_that_is_not_identified_is_noted() -> None:
     x, v, a = (30.0 * column for column in slow(2))
     force = 95.0 * a + 200.0 * v + 20.0 * np.sign(v)
     capture = Capture("fast", clock(len(x)), x, force / GAIN, DT, encoder_step=5e-8)
-    found = fit_member("lugre", [capture], FILE)
-    assert Topic.NOT_IDENTIFIED in topics(found.notes)
+    fit = fit_member("lugre", [capture], FILE)
+    assert Topic.NOT_IDENTIFIED in topics(fit.notes)
 
 
 def test_several_captures_are_one_fit() -> None:
-    two = fit_member("dahl", [made("dahl", 3), made("dahl", 4)], FILE)
-    one = fit_member("dahl", [made("dahl", 3)], FILE)
-    ranges = [found.parameters["range"].high / found.parameters["range"].low for found in (one, two)]
+    double = fit_member("dahl", [made("dahl", 3), made("dahl", 4)], FILE)
+    single = fit_member("dahl", [made("dahl", 3)], FILE)
+    ranges = [fit.parameters["range"].high / fit.parameters["range"].low for fit in (single, double)]
     assert ranges[1] < ranges[0]
-    assert two.parameters["coulomb"].value == pytest.approx(COULOMB, rel=0.01)
+    assert double.parameters["coulomb"].value == pytest.approx(COULOMB, rel=0.01)
 
 
 def test_a_blind_motion_is_refused() -> None:
@@ -240,8 +242,8 @@ def test_operators_go_through_the_points_they_are_bundled_from() -> None:
     s = friction.relaxed(p)
     assert [friction.stops(p, s, float(dx)) for dx in np.diff(places)] == pytest.approx(forces[1:].tolist(), rel=1e-12)
     rise = np.concatenate([[0.0], np.cumsum([10.0, 6.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.25])])
-    found = friction_memory.Table(table(nodes(1e-4)), table(rise - 0.5 * rise[-1]))
-    assert (found.force[0], found.force[-1]) == (-12.0, 12.0)
+    memory = friction_memory.Table(table(nodes(1e-4)), table(rise - 0.5 * rise[-1]))
+    assert (memory.force[0], memory.force[-1]) == (-12.0, 12.0)
 
 
 @pytest.fixture(scope="module")
@@ -271,11 +273,11 @@ SERVO = Servo(160.18, 243.45, 10.0)
 
 def test_the_published_model_without_its_delay_is_better_than_published(emps: Capture) -> None:
     """Four parameters, as they stand in the paper; a delay of one sample alone makes it half as bad again."""
-    found = errors(simulated(published(), SERVO, emps), emps)
-    assert all(ours < theirs for ours, theirs in zip(found, PUBLISHED, strict=True))
-    assert found == pytest.approx((0.00107, 0.1214, 4.21, 4.508), rel=0.02)
+    without_delay = errors(simulated(published(), SERVO, emps), emps)
+    assert all(ours < theirs for ours, theirs in zip(without_delay, PUBLISHED, strict=True))
+    assert without_delay == pytest.approx((0.00107, 0.1214, 4.21, 4.508), rel=0.02)
     delayed = errors(simulated(published(delay=1), SERVO, emps), emps)
-    assert all(with_delay > 1.3 * without for with_delay, without in zip(delayed, found, strict=True))
+    assert all(with_delay > 1.3 * without for with_delay, without in zip(delayed, without_delay, strict=True))
 
 
 def test_half_the_integration_step_changes_no_figure(emps: Capture) -> None:

@@ -103,13 +103,13 @@ def test_emps_honest_deviations_are_larger(published: RegressionResult) -> None:
 
 def test_emps_with_directions_is_published(emps: Record) -> None:
     """The same source: M 95.1540, Fv 166.71 forward and 240.42 backward, Fc 20.144 and 20.628, residual 3.1117 %."""
-    found = solved(*emps, model=RegressionModel(directions=True))
-    values = [found.inertia.value, *(estimate.value for estimate in found.more.values())]
+    solution = solved(*emps, model=RegressionModel(directions=True))
+    values = [solution.inertia.value, *(estimate.value for estimate in solution.more.values())]
     assert values == pytest.approx([95.1540, 166.71, 240.42, 20.144, 20.628], rel=2e-3)
-    assert found.viscous.value == pytest.approx(0.5 * (values[1] + values[2]), rel=1e-12)
-    assert found.coulomb.value == pytest.approx(0.5 * (values[3] + values[4]), rel=1e-12)
-    assert found.offset.value == pytest.approx(0.5 * (values[3] - values[4]), rel=1e-12)
-    assert 3.0 < found.residual_percent < 3.15
+    assert solution.viscous.value == pytest.approx(0.5 * (values[1] + values[2]), rel=1e-12)
+    assert solution.coulomb.value == pytest.approx(0.5 * (values[3] + values[4]), rel=1e-12)
+    assert solution.offset.value == pytest.approx(0.5 * (values[3] - values[4]), rel=1e-12)
+    assert 3.0 < solution.residual_percent < 3.15
 
 
 @pytest.mark.parametrize(
@@ -124,12 +124,12 @@ def test_a_robots_joints_have_the_published_friction(
     if not path.exists():
         pytest.skip(f"the robot's record is not beside this repository (../shared/data/ur10e_joints/{path.name})")
     rows = np.loadtxt(path, delimiter=",")
-    found = solved(rows[:, 0], rows[:, joint], gain * rows[:, 12 + joint], model=RegressionModel(gravity=gravity))
-    assert found.viscous.value == pytest.approx(viscous, rel=within)
-    assert found.coulomb.value == pytest.approx(coulomb, rel=within)
-    assert found.residual_percent < 5.0
-    assert {Topic.RESAMPLED, Topic.METHOD, Topic.STANDSTILL} <= topics(found.notes)
-    words = " ".join(found.notes)
+    solution = solved(rows[:, 0], rows[:, joint], gain * rows[:, 12 + joint], model=RegressionModel(gravity=gravity))
+    assert solution.viscous.value == pytest.approx(viscous, rel=within)
+    assert solution.coulomb.value == pytest.approx(coulomb, rel=within)
+    assert solution.residual_percent < 5.0
+    assert {Topic.RESAMPLED, Topic.METHOD, Topic.STANDSTILL} <= topics(solution.notes)
+    words = " ".join(solution.notes)
     assert "every 10.7 ms" in words and "9.36" in words and "one row of 10" in words
 
 
@@ -139,7 +139,7 @@ def test_gravity_and_direction_are_separated() -> None:
     q, v, a = Multisine(1.5, 0.2, 2.0, base=5.0, periods=3.5).at(time)
     forward = np.where(v > 0.0, 1.2, 1.0)
     force = 2.0 * a + 5.0 * forward * v + 3.0 * forward * np.sign(v) + 7.0 * np.sin(q) - 2.0 * np.cos(q)
-    found = solved(time, q, force, model=RegressionModel(gravity=True, directions=True))
+    solution = solved(time, q, force, model=RegressionModel(gravity=True, directions=True))
     expected = {
         "viscous_forward": 6.0,
         "viscous_backward": 5.0,
@@ -148,8 +148,8 @@ def test_gravity_and_direction_are_separated() -> None:
         "gravity_sine": 7.0,
         "gravity_cosine": -2.0,
     }
-    assert {name: one.value for name, one in found.more.items()} == pytest.approx(expected, rel=5e-3)
-    assert found.inertia.value == pytest.approx(2.0, rel=5e-3)
+    assert {name: estimate.value for name, estimate in solution.more.items()} == pytest.approx(expected, rel=5e-3)
+    assert solution.inertia.value == pytest.approx(2.0, rel=5e-3)
 
 
 def test_the_recipe_follows_rate_and_noise() -> None:
@@ -157,11 +157,11 @@ def test_the_recipe_follows_rate_and_noise() -> None:
     slow = made()
     coarse = slow._replace(position=np.round(slow.position / 2e-4) * 2e-4)
     assert (design_filter(slow.position, 1e-3).cutoff, design_filter(slow.position, 1e-3).decimate) == (100.0, 10)
-    found = solved(*coarse)
+    solution = solved(*coarse)
     cutoff = design_filter(coarse.position, 1e-3).cutoff
     assert 8.0 < cutoff < 40.0
-    assert found.inertia.value == pytest.approx(TRUE[0], rel=0.02)
-    assert found.viscous.value == pytest.approx(TRUE[1], rel=0.02)
+    assert solution.inertia.value == pytest.approx(TRUE[0], rel=0.02)
+    assert solution.viscous.value == pytest.approx(TRUE[1], rel=0.02)
 
 
 def test_a_late_stamp_is_resampled_and_a_gap_splits() -> None:
@@ -181,9 +181,9 @@ def test_deviations_hold_under_coloured_noise() -> None:
     runs = [solved(*coloured(seed)) for seed in range(40)]
     for parameter in (2, 3):
         estimates = [run[:4][parameter] for run in runs]
-        spread = float(np.std([one.value for one in estimates]))
-        assert 0.65 * spread < float(np.mean([one.deviation for one in estimates])) < 1.5 * spread
-        assert float(np.mean([one.white for one in estimates])) < 0.5 * spread
+        spread = float(np.std([estimate.value for estimate in estimates]))
+        assert 0.65 * spread < float(np.mean([estimate.deviation for estimate in estimates])) < 1.5 * spread
+        assert float(np.mean([estimate.white for estimate in estimates])) < 0.5 * spread
 
 
 def coloured(seed: int) -> Record:
@@ -203,17 +203,17 @@ def test_emps_does_not_hang_on_the_cut_off(
     """Nobody tunes the result: from 60 to 150 Hz no parameter moves by more than its deviation."""
     for cutoff in (60.0, 150.0):
         filtered_with(monkeypatch, cutoff, 10)
-        for found, reference in zip(solved(*emps)[:4], published[:4], strict=True):
-            assert abs(found.value - reference.value) < reference.white
+        for estimate, reference in zip(solved(*emps)[:4], published[:4], strict=True):
+            assert abs(estimate.value - reference.value) < reference.white
 
 
 def test_its_own_equation_is_solved() -> None:
-    found = solved(*made())
-    assert [estimate.value for estimate in found[:4]] == pytest.approx(TRUE, rel=2e-3)
-    assert found.residual_percent < 0.5
-    assert 1.0 <= found.condition < 10.0
-    np.testing.assert_allclose(np.diag(found.correlation), 1.0)
-    np.testing.assert_allclose(found.correlation, found.correlation.T)
+    solution = solved(*made())
+    assert [estimate.value for estimate in solution[:4]] == pytest.approx(TRUE, rel=2e-3)
+    assert solution.residual_percent < 0.5
+    assert 1.0 <= solution.condition < 10.0
+    np.testing.assert_allclose(np.diag(solution.correlation), 1.0)
+    np.testing.assert_allclose(solution.correlation, solution.correlation.T)
 
 
 def test_deviation_is_the_spread_over_repetitions(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -280,13 +280,13 @@ def test_a_capture_with_gravity_is_found_with_units() -> None:
     force = np.asarray(2.0 * a + 5.0 * v + 3.0 * np.sign(v) + 7.0 * np.sin(q) - 2.0 * np.cos(q), dtype=np.float64)
     file = load_stage(Path(__file__).parents[2] / "config" / "emps.yaml").file
     capture = Capture("joint", time, np.asarray(q, dtype=np.float64), force / file.motor.force_constant, 1e-3)
-    found = identify([capture], file, gravity=True).parameters
-    assert {name: one.unit for name, one in found.items()} == {
+    parameters = identify([capture], file, gravity=True).parameters
+    assert {name: parameter.unit for name, parameter in parameters.items()} == {
         **{"inertia": "kg", "viscous": "N s/m", "coulomb": "N", "offset": "N"},
         **{"gravity_sine": "N", "gravity_cosine": "N"},
     }
-    assert found["gravity_sine"].value == pytest.approx(7.0, rel=5e-3)
-    assert found["gravity_sine"].low < found["gravity_sine"].value < found["gravity_sine"].high
+    assert parameters["gravity_sine"].value == pytest.approx(7.0, rel=5e-3)
+    assert parameters["gravity_sine"].low < parameters["gravity_sine"].value < parameters["gravity_sine"].high
 
 
 def rolling(noise: float, seed: int) -> Record:
@@ -304,9 +304,9 @@ def rolling(noise: float, seed: int) -> Record:
 @pytest.mark.parametrize("noise", [0.1, 2.0])
 def test_friction_that_builds_up_over_a_distance_is_noted(noise: float) -> None:
     """Its answer is off by more than its interval, and a note says so; with friction of sgn(v) there is none."""
-    found = solved(*rolling(noise, 2))
-    assert abs(found.coulomb.value - TRUE[2]) > 1.96 * found.coulomb.deviation
-    assert Topic.AFTER_REVERSALS in topics(found.notes)
+    solution = solved(*rolling(noise, 2))
+    assert abs(solution.coulomb.value - TRUE[2]) > 1.96 * solution.coulomb.deviation
+    assert Topic.AFTER_REVERSALS in topics(solution.notes)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1, 2.0, 10.0])

@@ -124,8 +124,8 @@ def test_its_own_model_is_solved() -> None:
 def test_only_full_strokes_count() -> None:
     """Three periods from rest: five strokes between six reversals, up and down in turn."""
     strokes = full_strokes(slow(Machine(SETUP)), 0.72)
-    assert [one.direction for one in strokes] == [-1.0, 1.0, -1.0, 1.0, -1.0]
-    assert [one.duration for one in strokes] == pytest.approx([10.0] * 5, abs=0.3)
+    assert [stroke.direction for stroke in strokes] == [-1.0, 1.0, -1.0, 1.0, -1.0]
+    assert [stroke.duration for stroke in strokes] == pytest.approx([10.0] * 5, abs=0.3)
     for stroke in strokes:
         assert 94.0 * MICRON < stroke.displacement[-1] <= 95.5 * MICRON
 

@@ -39,14 +39,14 @@ def uncompensated(stage_b: Setup) -> NDArray[Any]:
 
 
 @pytest.fixture(scope="module")
-def found(stage_b: Setup, uncompensated: NDArray[Any]) -> IdentificationResult:
+def identified(stage_b: Setup, uncompensated: NDArray[Any]) -> IdentificationResult:
     return identify([capture(uncompensated)], stage_b.file)
 
 
-def form_of(found: IdentificationResult, name: str, which: str | None = None) -> Form:
-    described = found.details["forms"][name]
+def form_of(identified: IdentificationResult, name: str, which: str | None = None) -> Form:
+    described = identified.details["forms"][name]
     values = (described[which] if which else described)["parameters"]
-    return FORMS[name]._make(one["value"] for one in values.values())
+    return FORMS[name]._make(parameter["value"] for parameter in values.values())
 
 
 def errors_with(
@@ -61,9 +61,9 @@ def test_uncompensated_the_axis_lags_by_4_to_5_um(uncompensated: NDArray[Any]) -
     assert positive < 0.8  # what the jumps of the acceleration do
 
 
-def test_the_papers_form_with_a_physical_static_friction(stage_b: Setup, found: IdentificationResult) -> None:
-    form = form_of(found, "exponential")
-    assert 5.2 < found.details["largest_force"] < 5.4
+def test_the_papers_form_with_a_physical_static_friction(stage_b: Setup, identified: IdentificationResult) -> None:
+    form = form_of(identified, "exponential")
+    assert 5.2 < identified.details["largest_force"] < 5.4
     assert 4.5 < form.static < 1.06 * 5.4
     negative, positive = errors_with(stage_b, form)
     assert -0.4 * 4.76 < negative < -1.2
@@ -71,32 +71,32 @@ def test_the_papers_form_with_a_physical_static_friction(stage_b: Setup, found: 
 
 
 def test_the_displacement_form_is_better_and_both_are_below_tustins(
-    stage_b: Setup, found: IdentificationResult
+    stage_b: Setup, identified: IdentificationResult
 ) -> None:
-    negative, positive = errors_with(stage_b, form_of(found, "displacement"))
+    negative, positive = errors_with(stage_b, form_of(identified, "displacement"))
     assert 0.3 < max(-negative, positive) < 0.8
-    ours = max(-errors_with(stage_b, form_of(found, "exponential"))[0], 1.3)
+    ours = max(-errors_with(stage_b, form_of(identified, "exponential"))[0], 1.3)
     for which in (None, "unbounded"):  # a jump, and the dip that least squares would rather have
-        tustin = errors_with(stage_b, form_of(found, "symmetric", which))
+        tustin = errors_with(stage_b, form_of(identified, "symmetric", which))
         assert max(-tustin[0], tustin[1]) > 1.5 * ours
         assert tustin[1] > 2.0  # positive error
 
 
 @pytest.mark.parametrize("speed", [2.5e-3, 5e-3])
-def test_it_holds_at_the_other_speeds(stage_b: Setup, found: IdentificationResult, speed: float) -> None:
+def test_it_holds_at_the_other_speeds(stage_b: Setup, identified: IdentificationResult, speed: float) -> None:
     bare = errors_with(stage_b, None, speed)
-    negative, positive = errors_with(stage_b, form_of(found, "displacement"), speed)
+    negative, positive = errors_with(stage_b, form_of(identified, "displacement"), speed)
     assert -5.0 < bare[0] < -4.0
     assert max(-negative, positive) < 0.8
 
 
 @pytest.mark.parametrize("acceleration", [0.05, 0.1, 0.2])
 def test_the_displacement_form_transfers_to_other_accelerations(
-    stage_b: Setup, found: IdentificationResult, acceleration: float
+    stage_b: Setup, identified: IdentificationResult, acceleration: float
 ) -> None:
     """What friction adds to the error of the same loop without any; the jumps of ``M a`` are in both."""
     bare = friction_adds(stage_b, None, acceleration)
-    ours = friction_adds(stage_b, form_of(found, "displacement"), acceleration)
+    ours = friction_adds(stage_b, form_of(identified, "displacement"), acceleration)
     assert 3.8 < bare < 6.0
     assert ours < 0.75 and ours < 0.16 * bare
 
@@ -111,43 +111,43 @@ def friction_adds(stage_b: Setup, form: Form | None, acceleration: float) -> flo
     return float(np.max(np.abs(rows["measured"] - without["measured"])[turning])) * 1e6
 
 
-def test_a_form_over_time_does_not_transfer(stage_b: Setup, found: IdentificationResult) -> None:
-    gaussian = form_of(found, "gaussian")
+def test_a_form_over_time_does_not_transfer(stage_b: Setup, identified: IdentificationResult) -> None:
+    gaussian = form_of(identified, "gaussian")
     assert friction_adds(stage_b, gaussian, 0.1) < 0.8
     assert friction_adds(stage_b, gaussian, 0.2) > 1.5
 
 
-def test_half_the_integration_step_gives_the_same_errors(stage_b: Setup, found: IdentificationResult) -> None:
+def test_half_the_integration_step_gives_the_same_errors(stage_b: Setup, identified: IdentificationResult) -> None:
     fine = stage_b._replace(file=stage_b.file._replace(simulation=stage_b.file.simulation._replace(substeps=20)))
-    form = form_of(found, "displacement")
+    form = form_of(identified, "displacement")
     coarse = worst(recorded(stage_b, trapezoid(), form))
     assert worst(recorded(stage_b, trapezoid(), form, fine)) == pytest.approx(coarse, abs=0.05)
 
 
-def test_the_unbounded_fit_is_unphysical_and_noted(found: IdentificationResult) -> None:
-    free = found.details["forms"]["exponential"]["unbounded"]
+def test_the_unbounded_fit_is_unphysical_and_noted(identified: IdentificationResult) -> None:
+    free = identified.details["forms"]["exponential"]["unbounded"]
     assert 7.0 < free["parameters"]["static"]["value"] < 9.0  # 8.2 N in the design's own trials
-    assert free["residual_rms"] < found.details["forms"]["exponential"]["residual_rms"]
-    assert any(isinstance(note, Note) and note.topic is Topic.PRECISION for note in found.notes)
+    assert free["residual_rms"] < identified.details["forms"]["exponential"]["residual_rms"]
+    assert any(isinstance(note, Note) and note.topic is Topic.PRECISION for note in identified.notes)
 
 
-def test_the_comparison_orders_the_forms(found: IdentificationResult) -> None:
-    residual = {name: one["residual_percent"] for name, one in found.details["forms"].items()}
+def test_the_comparison_orders_the_forms(identified: IdentificationResult) -> None:
+    residual = {name: fit["residual_percent"] for name, fit in identified.details["forms"].items()}
     assert residual["displacement"] < residual["gaussian"] < residual["exponential"] < residual["symmetric"]
     assert 1.0 < residual["displacement"] < 5.0 and 20.0 < residual["symmetric"] < 60.0
 
 
-def test_the_found_form_is_a_block_of_the_stage_file(tmp_path: Path, found: IdentificationResult) -> None:
+def test_the_found_form_is_a_block_of_the_stage_file(tmp_path: Path, identified: IdentificationResult) -> None:
     units = {"form": "", "velocity": " m/s", "slip": " m", "static": " N", "positive": " N", "negative": " N"}
-    block = {key: f"{value!r}{units[key]}".strip("'") for key, value in found.changes["compensation"].items()}
+    block = {key: f"{value!r}{units[key]}".strip("'") for key, value in identified.changes["compensation"].items()}
     text = SLIDER.read_text(encoding="utf-8").replace("drives/stagectl", f"{SLIDER.parent}/drives/stagectl")
     path = tmp_path / "slider.yaml"
     path.write_text(text + "\n" + yaml.safe_dump({"compensation": block}), encoding="utf-8")
-    assert load_stage(path).file.compensation == form_of(found, "displacement")
+    assert load_stage(path).file.compensation == form_of(identified, "displacement")
 
 
 def test_progress_grows_to_its_end_and_the_seed_does_not_matter(
-    stage_b: Setup, uncompensated: NDArray[Any], found: IdentificationResult
+    stage_b: Setup, uncompensated: NDArray[Any], identified: IdentificationResult
 ) -> None:
     reported: list[tuple[int, int]] = []
     other = identify(
@@ -155,25 +155,25 @@ def test_progress_grows_to_its_end_and_the_seed_does_not_matter(
     )
     done = [step for step, _ in reported]
     assert done == sorted(done) and reported[-1][0] == reported[-1][1] and len(reported) > 50
-    first = form_of(found, "exponential")._asdict()
+    first = form_of(identified, "exponential")._asdict()
     for name in ("after", "static"):
         assert other.parameters[name].value == pytest.approx(first[name], rel=2e-3)
     assert other.parameters["after"].value != first["after"]  # another seed is another search
     assert Topic.ACCELERATION_BOUND in topics(other.notes)
 
 
-def test_the_intervals_hold_the_plants_own_stribeck_curve(found: IdentificationResult) -> None:
+def test_the_intervals_hold_the_plants_own_stribeck_curve(identified: IdentificationResult) -> None:
     """The fit never sees these: 4.5 N, 5.3 N at rest, 3 mm/s.
 
     The form is not the plant's law: its rise acts on all of the friction, the plant's on what slips only.  So the
     static force comes out 3 % high, beyond its interval.
     """
-    assert 5.3 < found.parameters["static"].value < 1.05 * 5.3
+    assert 5.3 < identified.parameters["static"].value < 1.05 * 5.3
     for name, truth in (("velocity", 3e-3), ("positive", 4.5), ("negative", 4.5)):
-        one = found.parameters[name]
-        assert one.low < truth < one.high
-        assert one.high - one.low < 1.1 * one.value
-    assert [found.parameters[name].unit for name in ("velocity", "slip", "static")] == ["m/s", "m", "N"]
+        parameter = identified.parameters[name]
+        assert parameter.low < truth < parameter.high
+        assert parameter.high - parameter.low < 1.1 * parameter.value
+    assert [identified.parameters[name].unit for name in ("velocity", "slip", "static")] == ["m/s", "m", "N"]
 
 
 def test_what_the_capture_does_not_tell_has_a_wide_interval() -> None:
@@ -236,20 +236,20 @@ def test_the_raw_force_would_not_do(stage_b: Setup, uncompensated: NDArray[Any])
 
 
 def test_a_commanded_current_is_shifted_and_noted(
-    stage_b: Setup, uncompensated: NDArray[Any], found: IdentificationResult
+    stage_b: Setup, uncompensated: NDArray[Any], identified: IdentificationResult
 ) -> None:
-    one = reversals(capture(uncompensated, "current"), stage_b.file)
-    fit = fitted("displacement", gathered([one]), 1)
-    assert fit.form[:3] == pytest.approx(form_of(found, "displacement")[:3], rel=0.03)
-    assert topics(one.notes) == {Topic.STAND_IN} and "0.909 ms" in one.notes[0]
+    shifted = reversals(capture(uncompensated, "current"), stage_b.file)
+    fit = fitted("displacement", gathered([shifted]), 1)
+    assert fit.form[:3] == pytest.approx(form_of(identified, "displacement")[:3], rel=0.03)
+    assert topics(shifted.notes) == {Topic.STAND_IN} and "0.909 ms" in shifted.notes[0]
 
 
-def test_dwells_are_taken_in(stage_b: Setup, found: IdentificationResult) -> None:
-    one = reversals(capture(recorded(stage_b, trapezoid(dwell=0.2))), stage_b.file)
-    fit = fitted("displacement", gathered([one]), 1)
-    assert len(one.reversals) == 3
+def test_dwells_are_taken_in(stage_b: Setup, identified: IdentificationResult) -> None:
+    dwelling = reversals(capture(recorded(stage_b, trapezoid(dwell=0.2))), stage_b.file)
+    fit = fitted("displacement", gathered([dwelling]), 1)
+    assert len(dwelling.reversals) == 3
     assert fit.form.static == pytest.approx(5.3, rel=0.06)
-    assert fit.form[1] == pytest.approx(form_of(found, "displacement")[1], rel=0.2)
+    assert fit.form[1] == pytest.approx(form_of(identified, "displacement")[1], rel=0.2)
 
 
 @pytest.mark.parametrize(
@@ -263,9 +263,9 @@ def test_dwells_are_taken_in(stage_b: Setup, found: IdentificationResult) -> Non
     ],
 )
 def test_a_motion_without_constant_friction_is_refused(stage_b: Setup, motion: Trajectory, reason: Refusal) -> None:
-    one = synthetic(Displacement(3e-3, 16e-6, 5.3, 4.5, 4.5), stage_b, motion)
+    unfit = synthetic(Displacement(3e-3, 16e-6, 5.3, 4.5, 4.5), stage_b, motion)
     with pytest.raises(IdentificationError) as caught:
-        identify([one], stage_b.file)
+        identify([unfit], stage_b.file)
     assert caught.value.reason is reason
 
 

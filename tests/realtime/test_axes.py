@@ -31,7 +31,7 @@ class Group:
         monkeypatch.setattr(time, "sleep", self._spend)
         setup = varied(setup, substeps=1)
         self.manned = {name: AxisController(name, setup) for name in "xy"}
-        orders = tuple(one.orders()._replace(wire=None) for one in self.manned.values())
+        orders = tuple(controller.orders()._replace(wire=None) for controller in self.manned.values())
         capacity = self.manned["x"].ring.capacity
         self.loop = Loop(Post(orders, setup.dt, 0, None, len(COLUMNS), capacity, coupled))
         for axis in self.loop.axes:

@@ -91,9 +91,9 @@ class Bench:
     def order(self, order: Order) -> bool:
         board = self.manned.board
         number = board.order(order)
-        found = self.axis.board.next_order()
-        assert found == order
-        self.axis.board.answer(self.axis.take(found))
+        next_order = self.axis.board.next_order()
+        assert next_order == order
+        self.axis.board.answer(self.axis.take(next_order))
         self.axis.show()
         assert board.verdict(number) in (TAKEN, REFUSED)
         return board.verdict(number) == TAKEN

@@ -43,7 +43,7 @@ def test_bode_and_describing_function() -> None:
     assert {"5 A sine", "7 A sine", "9 A sine"} <= set(labels) and any(
         "identified: J = 0.01" in label for label in labels
     )
-    line = next(one for one in gain.lines if drawn(one).shape == (2, 3))
+    line = next(candidate for candidate in gain.lines if drawn(candidate).shape == (2, 3))
     curve = result.details["curves"][0]
     np.testing.assert_allclose(drawn(line)[1], 20.0 * np.log10(curve["gain"]))
     assert coherence.get_xlabel() == "frequency [Hz]" and len(phase.lines) >= 5

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from stagectl.gap.result.diagnosis import Coordinate, Spans, Trace
+from stagectl.report.constants import MOST_ROWS
 from stagectl.report.gap import figures
 from stagectl.report.gap import page as gap
 from stagectl.report.gap.chain import chain, drawing
@@ -31,7 +32,7 @@ def _closed() -> Iterator[None]:
 
 
 def texts(verdict: str) -> list[str]:
-    return [one.text or "" for one in ET.fromstring(drawing(FOUND[verdict])).iter(f"{SVG}text")]
+    return [element.text or "" for element in ET.fromstring(drawing(FOUND[verdict])).iter(f"{SVG}text")]
 
 
 @pytest.mark.parametrize(
@@ -74,25 +75,27 @@ def test_the_chain_names_blocks_shares_and_effects() -> None:
 
 
 def test_a_cut_that_was_impossible_is_hatched_and_says_why() -> None:
-    told = FOUND["foreign"]._replace(impossible=(("sensor", "one sensor only"),))
-    tree = ET.fromstring(drawing(told))
-    hatched = [one for one in tree.iter(f"{SVG}rect") if one.get("fill") == "url(#hatch)"]
+    diagnosis = FOUND["foreign"]._replace(impossible=(("sensor", "one sensor only"),))
+    tree = ET.fromstring(drawing(diagnosis))
+    hatched = [rect for rect in tree.iter(f"{SVG}rect") if rect.get("fill") == "url(#hatch)"]
     assert len(hatched) == 3
-    words = " ".join(one.text or "" for one in tree.iter(f"{SVG}text"))
+    words = " ".join(element.text or "" for element in tree.iter(f"{SVG}text"))
     assert "not judged: no measured current" in words and "one sensor only" in words
-    assert "Hatched" in chain(told).caption and "Hatched" not in chain(FOUND["effects"]).caption
+    assert "Hatched" in chain(diagnosis).caption and "Hatched" not in chain(FOUND["effects"]).caption
 
 
 def test_nothing_of_the_chain_overlaps() -> None:
     """Seven px a letter at 13 px is the widest of DejaVu Sans; the lines of a block stay inside it."""
     many = tuple(COGGING._replace(name=f"a_rather_long_name_of_an_effect_{n}", block="drive") for n in range(6))
     tree = ET.fromstring(drawing(found("effects", effects=many)))
-    boxes = [one for one in tree.iter(f"{SVG}rect") if one.get("rx")]
+    boxes = [rect for rect in tree.iter(f"{SVG}rect") if rect.get("rx")]
     assert len(boxes) == len(BLOCKS)
     bottom = float(boxes[1].get("y", 0)) + float(boxes[1].get("height", 0))
-    inside = [one for one in tree.iter(f"{SVG}text") if "effect" in (one.text or "") or one.text == "..."]
-    assert inside and max(float(one.get("y", 0)) for one in inside) < bottom - 4.0
-    assert max(7.0 * len(one.text or "") for one in inside) <= float(boxes[1].get("width", 0))
+    inside = [
+        element for element in tree.iter(f"{SVG}text") if "effect" in (element.text or "") or element.text == "..."
+    ]
+    assert inside and max(float(element.get("y", 0)) for element in inside) < bottom - 4.0
+    assert max(7.0 * len(element.text or "") for element in inside) <= float(boxes[1].get("width", 0))
 
 
 def test_the_picture_is_the_drawing() -> None:
@@ -106,7 +109,7 @@ def test_the_waterfall_ends_at_the_whole() -> None:
     widths = [bar.get_width() for bar in bars]  # type: ignore[attr-defined]
     assert widths == pytest.approx([2.0, 82.0, 9.0, 5.5, 1.5])
     assert [bar.get_x() for bar in bars] == pytest.approx([0.0, 2.0, 84.0, 93.0, 98.5])  # type: ignore[attr-defined]
-    assert [one.get_text() for one in axes.get_yticklabels()][1:3] == ["viscous asymmetry", "cogging"]
+    assert [label.get_text() for label in axes.get_yticklabels()][1:3] == ["viscous asymmetry", "cogging"]
 
 
 def test_spans_are_drawn_where_the_gap_is_open() -> None:
@@ -115,13 +118,13 @@ def test_spans_are_drawn_where_the_gap_is_open() -> None:
     (open_b, open_a) = axes.collections  # from below
     ends = [(path.get_extents().x0, path.get_extents().x1) for path in open_a.get_paths()]
     assert ends == [(1.0, 2.5), (4.0, 4.5)] and not open_b.get_paths()
-    assert [one.get_text() for one in axes.get_yticklabels()] == ["b", "a"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["b", "a"]
 
 
 def test_many_captures_are_cut_to_those_that_are_open_longest() -> None:
     captures = tuple(Spans(f"{n}.csv", ((0.0, 0.1 * n),), 9.0) for n in range(60))
     drawn = figures.most_open(found("effects", captures=captures))
-    assert [one.file for one in drawn] == [f"{n}.csv" for n in range(60 - figures.MOST_ROWS, 60)]
+    assert [span.file for span in drawn] == [f"{n}.csv" for n in range(60 - MOST_ROWS, 60)]
 
 
 def test_the_window_holds_the_largest_gap() -> None:
@@ -153,4 +156,4 @@ def test_a_coordinate_is_drawn_as_travel() -> None:
 def test_coordinates_stand_largest_first() -> None:
     rows = (Coordinate("time", 0.02), Coordinate("speed", 0.8), Coordinate("direction", 0.4))
     (axes,) = figures.coordinates(found("effects", coordinates=rows)).axes
-    assert [one.get_text() for one in axes.get_yticklabels()] == ["time", "direction", "speed"]  # from below
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["time", "direction", "speed"]  # from below

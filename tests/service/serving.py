@@ -104,21 +104,21 @@ class Served:
         return [entry["fault"] for entry in self.ask("GET", "faults")]
 
     def until(self, wanted: Callable[[dict[str, Any]], bool], seconds: float = 120.0, name: str = "") -> dict[str, Any]:
-        end, found = time.monotonic() + seconds, dict[str, Any]()
+        end, axis = time.monotonic() + seconds, dict[str, Any]()
         while time.monotonic() < end:
             with contextlib.suppress(Exception):  # it may be starting again
-                found = self.axis(name)
-                if wanted(found):
-                    return found
+                axis = self.axis(name)
+                if wanted(axis):
+                    return axis
             time.sleep(0.02)
-        raise AssertionError((found, self.log))
+        raise AssertionError((axis, self.log))
 
     def child(self, module: str) -> int:
         """Process id of the service's child that runs this module."""
         assert self.process is not None
-        found = child_of(self.process.pid, module)
-        assert found is not None, (module, self.log)
-        return found
+        process = child_of(self.process.pid, module)
+        assert process is not None, (module, self.log)
+        return process
 
     def kill(self, module: str = "") -> None:
         """Signal 9 to a child, or to the service itself."""

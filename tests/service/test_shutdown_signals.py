@@ -97,10 +97,10 @@ def test_it_answers_while_its_real_time_process_is_restarted(machine: Served) ->
     try:
         for _ in range(10):
             began = time.monotonic()
-            found = machine.ask("GET", "status")
+            status = machine.ask("GET", "status")
             assert time.monotonic() - began < ANSWER
-            (axis,) = found["axes"]
-            assert axis["state"] == "connecting" and not found["alive"]
+            (axis,) = status["axes"]
+            assert axis["state"] == "connecting" and not status["alive"]
             assert axis["state_words"].startswith("restarting") and axis["speed"] == 0.0
         with pytest.raises(RefusedError, match="is starting"):
             machine.ask("POST", "enable")

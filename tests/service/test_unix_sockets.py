@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from stagectl.runtime_folder import short_name
 from stagectl.service.axis_controller import ServiceError
 from stagectl.service.unix_sockets import serving
 
@@ -29,8 +30,8 @@ def test_an_ordinary_file_is_left_alone(tmp_path: Path, kind: socket.SocketKind)
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_a_killed_service_left_is_replaced_and_what_serves_is_not(tmp_path: Path, kind: socket.SocketKind) -> None:
     path = tmp_path / "socket"
-    with socket.socket(socket.AF_UNIX, kind) as dead:
-        dead.bind(os.fspath(path))
+    with socket.socket(socket.AF_UNIX, kind) as dead, short_name(path) as name:
+        dead.bind(name)
     with serving(path, kind):
         with pytest.raises(ServiceError), serving(path, kind):
             pass
@@ -49,8 +50,8 @@ def test_another_ones_name_is_not_removed(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can make another user's socket")
 def test_another_users_socket_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "socket"
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
-        other.bind(os.fspath(path))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other, short_name(path) as name:
+        other.bind(name)
     os.chown(path, 12345, 12345)
     with pytest.raises(ServiceError), serving(path, socket.SOCK_STREAM):
         pass

@@ -54,7 +54,10 @@ def _rounds(truth: Truth, verdict: str, named: list[Entry]) -> list[Record]:
     """Whatever it said first: after one experiment it is right, and asks for no more."""
     strict, right = truth._replace(poor=False), [Entry(name, (), 0.9, False) for name in truth.hidden]
     said = [(verdict, named), ("effects", right)]
-    return [{"naming": naming(strict, {"verdict": one}, each, considered(strict, each))} for one, each in said]
+    return [
+        {"naming": naming(strict, {"verdict": verdict_said}, named_then, considered(strict, named_then))}
+        for verdict_said, named_then in said
+    ]
 
 
 def _entry(name: str, random: np.random.Generator, chance: float) -> Entry | None:

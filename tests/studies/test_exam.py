@@ -25,12 +25,12 @@ ASKED = exam.Asked(6, 77, ("null-law", "single-2", "pair", "left-out", "alien"))
 def test_the_plan() -> None:
     made = plan(300, 4)
     assert made == plan(300, 4) and made != plan(300, 5)
-    groups = Counter(one.stratum.split("-")[0] for one in made)
+    groups = Counter(trial.stratum.split("-")[0] for trial in made)
     assert sum(groups.values()) == 300 and min(groups.values()) >= 30
-    single = Counter(one.effects[0] for one in made if one.stratum.startswith("single"))
+    single = Counter(trial.effects[0] for trial in made if trial.stratum.startswith("single"))
     assert set(single) == set(EFFECTS) and max(single.values()) - min(single.values()) <= 1
-    assert len({one.seed for one in made}) == 300
-    assert Counter(one.stratum for one in made[:60]).most_common(1)[0][1] < 20  # mixed
+    assert len({trial.seed for trial in made}) == 300
+    assert Counter(trial.stratum for trial in made[:60]).most_common(1)[0][1] < 20  # mixed
     for planned_trial in made:
         assert not any(len(pair & set(planned_trial.effects)) > 1 for pair in EXACT)
         assert set(planned_trial.effects) <= set(planned_trial.exclude) or planned_trial.stratum != "left-out"
@@ -83,7 +83,7 @@ def test_six_trials(sat: Path) -> None:
 def test_the_same_bytes_from_one_worker(sat: Path, tmp_path: Path) -> None:
     """Records hold no time and no salt: one worker writes what two wrote, one of whom was killed."""
     planned = exam.prepared(tmp_path, ASKED, MANNER, resume=False)
-    chosen = [one for one in planned if one.number == 4]
+    chosen = [trial for trial in planned if trial.number == 4]
     for planned_trial in chosen:
         run_trial.sit(Job(planned_trial, str(tmp_path), MANNER))
         name = f"trials/{planned_trial.number:04d}/record.json"

@@ -57,8 +57,8 @@ def test_no_method_is_told_the_truth(evidence: ball_screw.Evidence) -> None:
     assert sum(believed.friction.operators.weight) == pytest.approx(0.8)
     for run in evidence.runs.values():
         assert run.setup.stage.mechanics.inertia == believed.mechanics.inertia
-    for one in (capture for captures in evidence.captures.values() for capture in captures):
-        counts = one.position / one.encoder_step
+    for recorded in (capture for captures in evidence.captures.values() for capture in captures):
+        counts = recorded.position / recorded.encoder_step
         assert np.max(np.abs(counts - np.round(counts))) < 1e-6  # the encoder's position, not the model's
 
 

@@ -43,9 +43,9 @@ def sat(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]
 def test_two_rounds_and_no_third(sat: tuple[dict[str, Any], Path]) -> None:
     record, folder = sat
     assert (record["state"], record["reasons"]) == ("scored", [])
-    assert [one["experiment"] for one in record["rounds"]] == ["", "asked-1", "asked-2"]
-    assert [one["naming"]["top1"] for one in record["rounds"]] == [False, False, True]
-    assert [one["naming"]["covered"] for one in record["rounds"]] == [True, True, True]
+    assert [answer["experiment"] for answer in record["rounds"]] == ["", "asked-1", "asked-2"]
+    assert [answer["naming"]["top1"] for answer in record["rounds"]] == [False, False, True]
+    assert [answer["naming"]["covered"] for answer in record["rounds"]] == [True, True, True]
     assert record["rounds"][2]["answer"]["next_experiment"] == "asked-3"
     assert record["answer"]["next_experiment"] == "asked-1"  # the record's own answer is the first
     assert record["naming"]["top1"]  # and on three sines alone both names are one answer

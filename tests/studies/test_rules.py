@@ -103,17 +103,17 @@ def test_when_the_gap_is_open() -> None:
     """Half of the truth and as much beside it: precision, recall and F1 are 1/2."""
     rows = np.zeros(400, dtype=bool)
     rows[100:200] = True
-    told = {"effects": [{"name": "dwell"}], "noise_free": {"a-1.csv": "a-1.csv", "a-2.csv": "a-1.csv"}}
+    truth_file = {"effects": [{"name": "dwell"}], "noise_free": {"a-1.csv": "a-1.csv", "a-2.csv": "a-1.csv"}}
     arrays = {"where/dwell/a-1.csv": rows}
-    spans_of = [{"file": name, "spans": [[0.075, 0.125]]} for name in told["noise_free"]]
-    judgement = spans.judged(told, arrays, spans_of)
+    spans_of = [{"file": name, "spans": [[0.075, 0.125]]} for name in truth_file["noise_free"]]
+    judgement = spans.judged(truth_file, arrays, spans_of)
     assert {name: judgement[name] for name in ("precision", "recall", "f1")} == {
         "precision": 0.5,
         "recall": 0.5,
         "f1": 0.5,
     }
-    assert spans.judged(told, arrays, spans_of[:1])["recall"] == 0.25
-    assert spans.judged(told, arrays, [])["f1"] == 0.0
+    assert spans.judged(truth_file, arrays, spans_of[:1])["recall"] == 0.25
+    assert spans.judged(truth_file, arrays, [])["f1"] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ def summary() -> dict[str, Any]:
 
 
 def row(summary: dict[str, Any], name: str) -> dict[str, Any]:
-    line: dict[str, Any] = next(one for one in summary["rows"] if one["name"].strip() == name)
+    line: dict[str, Any] = next(row for row in summary["rows"] if row["name"].strip() == name)
     return line
 
 

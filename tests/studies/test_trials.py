@@ -136,9 +136,9 @@ def test_truth(staged: tuple[trials.Trial, Path]) -> None:
 
 
 def test_the_same_seed_is_the_same_trial() -> None:
-    one, other = (trials.draw(21, "pair", PAIR) for _ in range(2))
-    assert repr(one) == repr(other)
-    a, b = (trials.noisy(trial, 3) for trial in (one, other))
+    first, again = (trials.draw(21, "pair", PAIR) for _ in range(2))
+    assert repr(first) == repr(again)
+    a, b = (trials.noisy(trial, 3) for trial in (first, again))
     assert np.array_equal(a.position, b.position) and np.array_equal(a.current, b.current)
     assert not np.array_equal(a.current, trials.noisy(trials.draw(22, "pair", PAIR), 3).current[: a.current.size])
 

@@ -85,13 +85,13 @@ def test_the_twin_names_what_is_off_and_its_death_changes_nothing(command: Comma
         os.kill(child(killed.pid, "stagectl.twin.process"), signal.SIGKILL)
         _, said_killed = killed.communicate(timeout=120)
         assert killed.returncode == 0, said_killed
-    found = json.loads(out)["twin"]
-    assert [entry["name"] for entry in found["named"]] == ["viscous"]
-    assert found["named"][0]["share"] == pytest.approx(0.2, abs=0.005)
-    assert found["residual"]["controller"] == 0.0
-    assert found["residual"]["drive"] < 0.004  # A, a count of the drive's report
+    answer = json.loads(out)["twin"]
+    assert [entry["name"] for entry in answer["named"]] == ["viscous"]
+    assert answer["named"][0]["share"] == pytest.approx(0.2, abs=0.005)
+    assert answer["residual"]["controller"] == 0.0
+    assert answer["residual"]["drive"] < 0.004  # A, a count of the drive's report
     whole, cut = open_recording(tmp_path / "whole.h5").samples, open_recording(tmp_path / "killed.h5").samples
-    assert (found["rows"], found["skipped_rows"], found["ended"]) == (len(whole), 0, "complete")
+    assert (answer["rows"], answer["skipped_rows"], answer["ended"]) == (len(whole), 0, "complete")
     assert "twin: the machine differs from the model: viscous +20 %" in output
     assert "ended early (exit -9)" in said_killed
     for column in ("measured", "command", "current"):

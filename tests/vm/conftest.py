@@ -47,8 +47,8 @@ def guest(vcan: str) -> None:
 @pytest.fixture(scope="session")
 def drive(guest: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Traced]:
     folder = tmp_path_factory.mktemp("drive")
-    with traced(stage_file(folder), folder) as found:
-        yield found
+    with traced(stage_file(folder), folder) as virtual:
+        yield virtual
 
 
 @pytest.fixture(scope="session")

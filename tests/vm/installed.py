@@ -50,14 +50,14 @@ class Installed:
 
     def until(self, wanted: Callable[[dict[str, Any]], bool], seconds: float = 60.0) -> dict[str, Any]:
         """Wait for the axis to be as `wanted`; the service may be starting meanwhile."""
-        end, found = time.monotonic() + seconds, dict[str, Any]()
+        end, axis = time.monotonic() + seconds, dict[str, Any]()
         while time.monotonic() < end:
             with contextlib.suppress(Exception):
-                found = self.axis()
-                if wanted(found):
-                    return found
+                axis = self.axis()
+                if wanted(axis):
+                    return axis
             time.sleep(0.05)
-        raise AssertionError((found, self.journal()[-20:]))
+        raise AssertionError((axis, self.journal()[-20:]))
 
     def ready(self) -> None:
         """Without power, whatever was before."""

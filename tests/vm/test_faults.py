@@ -53,12 +53,12 @@ def test_the_axis_stops_in_time(machine: Installed, drive: Traced, setup: Setup,
     trace = drive.trace()
     drive.clear()
     _judge(row, setup, trace, began, bound)
-    found = machine.until(lambda axis: axis["state"] in ("fault", "offline", "disabled"))
+    stopped = machine.until(lambda axis: axis["state"] in ("fault", "offline", "disabled"))
     said = machine.faults()[-1]
     if row.name == "controller-dead":
         assert said == "process_died"
     else:
-        assert found["state"] != "disabled" and said == found["fault"]
+        assert stopped["state"] != "disabled" and said == stopped["fault"]
         assert not row.required.reasons or said in [reason.name.lower() for reason in row.required.reasons]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from stagectl.runtime_folder import short_name
 from stagectl.web import client
 from stagectl.web.client import ControlError, ask
 
@@ -17,7 +18,8 @@ def stuck(tmp_path: Path) -> Iterator[Path]:
     """Socket of a service that is there and says nothing."""
     path = tmp_path / "s"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listening:
-        listening.bind(str(path))
+        with short_name(path) as name:
+            listening.bind(name)
         listening.listen()
         yield path
 
@@ -26,13 +28,13 @@ def stuck(tmp_path: Path) -> Iterator[Path]:
 def test_a_service_that_is_stuck_is_not_waited_for(
     stuck: Path, monkeypatch: pytest.MonkeyPatch, method: str, what: str
 ) -> None:
-    monkeypatch.setattr(client, "_ANSWER_TIME", 0.2)
+    monkeypatch.setattr(client, "ANSWER_TIME", 0.2)
     with pytest.raises(ControlError, match=r"systemctl restart stagectl"):
         ask(stuck, method, what)
 
 
 def test_a_motion_is_waited_for(stuck: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(client, "_ANSWER_TIME", 0.1)
-    monkeypatch.setattr(client, "_MOTION_TIME", 0.4)
+    monkeypatch.setattr(client, "ANSWER_TIME", 0.1)
+    monkeypatch.setattr(client, "MOTION_TIME", 0.4)
     with pytest.raises(ControlError, match=r"for 0\.4 s"):
         ask(stuck, "POST", "/v1/home?axis=x")

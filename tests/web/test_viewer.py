@@ -14,8 +14,9 @@ from stagectl.service.axis_controller import COLUMNS, STARTING, AxisController
 from stagectl.service.machine import machine
 from stagectl.service.service import Service, ServicePaths
 from stagectl.web.capture_client import ReceivedCapture, trigger, unpacked
+from stagectl.web.limits import RATE
 from stagectl.web.status_feed import StatusFeed
-from stagectl.web.viewer import RATE, Viewer
+from stagectl.web.viewer import Viewer
 from tests.conftest import CONFIG
 from tests.web.conftest import Write
 

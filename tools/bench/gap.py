@@ -35,7 +35,7 @@ def rows(place: Path, rounds: int) -> list[Row]:
     stage_trial(draw(1, "single", Drawn(effects=("viscous_asymmetry",), scale=1.0)), place)
     session = load_session.load([place / "captures"])
     begin = time.perf_counter()
-    found = diagnose.diagnose(session, diagnose.Options(), lambda _: None).found
+    found = diagnose.diagnose(session, diagnose.Options(), lambda _: None).result
     taken = time.perf_counter() - begin
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     along = "kernels.tied along 20 s of a sine, 4 sub-steps a period"

@@ -97,8 +97,9 @@ def wake_up(seconds: float, rounds: int) -> Found:
     except (SystemExit, subprocess.CalledProcessError) as error:
         return [], {"loop wake-up against cyclictest": str(error).strip().splitlines()[-1]}
     method = (
-        f"how late a period of 1 ms begins, SCHED_FIFO, memory locked, one CPU; {rounds} slices of {seconds:g} s in "
-        "turn; cyclictest is C and counts in us, ours is the Python metronome of the loop"
+        "how late a period of 1 ms begins, with SCHED_FIFO, memory locked, on one CPU; in turn, "
+        f"{rounds} slices of {seconds:g} s each; cyclictest is written in C and counts whole microseconds, ours is the "
+        "loop's metronome in Python"
     )
     lines = []
     for name, words in (("metronome", ""), ("with spin", ", 50 us of spin")):

@@ -77,8 +77,8 @@ _CAPTION = "Theirs over ours, median and quartiles of the rounds: to the right o
 
 def _circumstances(found: dict[str, Any]) -> str:
     return (
-        f"Measured {found['date']} on {found['machine']}, load {found['load']:g}, ours and theirs in turn: a busy "
-        "machine disturbs both alike, so the ratios count, and not the times."
+        f"Measured {found['date']} on {found['machine']}, load {found['load']:g}.  Ours and theirs take turns, "
+        "and a busy machine disturbs both alike: compare the ratios, not the times."
     )
 
 

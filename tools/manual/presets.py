@@ -8,15 +8,16 @@ HEAD = """# Drives
 
 A drive must offer **cyclic synchronous torque mode** (CiA 402, mode 10), a position latched at SYNC, and mappable PDOs.
 Its EDS or DCF file says where the objects are; the stage file says which one takes the current, and what a count is.
-`stagectl drive probe` reads that from the drive, finds its family below, and prints the lines; `--write` keeps them:
+`stagectl drive probe` reads both from the drive, finds its family in the table below, and prints the lines for the
+stage file. `--write` puts them there:
 
 ```sh
 stagectl drive probe config/ball-screw.yaml
 stagectl drive presets
 ```
 
-Nothing is written to the drive, no state is changed. The EDS that the stage file names is compared with what the drive
-says of itself. Exit code 1: something must be looked at first.
+It writes nothing to the drive and changes no state. It compares the EDS that the stage file names with the identity
+that the drive reports. Exit code 1 means that something needs your attention first.
 
 !!! warning "Read, never assumed"
     Option codes (0x605A, 0x605E, 0x6007) differ by maker: they are read back at each start, and shown in words. The
@@ -36,22 +37,22 @@ An ODrive speaks its own protocol over a serial line (`kind: odrive`): see `conf
 
 def pages() -> dict[str, str]:
     """Markdown by file name."""
-    table = "".join(f"{_row(one)}\n" for one in PRESETS)
-    return {"drives.md": HEAD + table + "".join(_section(one) for one in PRESETS) + ODRIVE}
+    table = "".join(f"{_row(preset)}\n" for preset in PRESETS)
+    return {"drives.md": HEAD + table + "".join(_section(preset) for preset in PRESETS) + ODRIVE}
 
 
-def _row(one: Preset) -> str:
-    vendor = "any" if one.vendor is None else f"0x{one.vendor:04X}"
-    rated = f"0x{one.rated >> 8:04X}:{one.rated & 0xFF:02X}"
-    return f"| [`{one.name}`](#{one.name}) | {one.family} | {vendor} | {rated} | {one.standing} |"
+def _row(preset: Preset) -> str:
+    vendor = "any" if preset.vendor is None else f"0x{preset.vendor:04X}"
+    rated = f"0x{preset.rated >> 8:04X}:{preset.rated & 0xFF:02X}"
+    return f"| [`{preset.name}`](#{preset.name}) | {preset.family} | {vendor} | {rated} | {preset.standing} |"
 
 
-def _section(one: Preset) -> str:
-    lines = [f"\n## {one.family} {{ #{one.name} }}\n", f"*{one.standing[0].upper()}{one.standing[1:]}.*\n"]
+def _section(preset: Preset) -> str:
+    lines = [f"\n## {preset.family} {{ #{preset.name} }}\n", f"*{preset.standing[0].upper()}{preset.standing[1:]}.*\n"]
     lines += [
-        f"* Command 0x{one.command_object >> 8:04X}, measured current 0x{one.current_object >> 8:04X}, "
-        f"per mille of the {one.rated_words}."
+        f"* Command 0x{preset.command_object >> 8:04X}, measured current 0x{preset.current_object >> 8:04X}, "
+        f"per mille of the {preset.rated_words}."
     ]
-    lines += [f"* {note}" for note in one.notes]
-    lines += ["", "Sources: " + "; ".join(one.documents) + ".", ""]
+    lines += [f"* {note}" for note in preset.notes]
+    lines += ["", "Sources: " + "; ".join(preset.documents) + ".", ""]
     return "\n".join(lines)

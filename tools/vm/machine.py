@@ -93,9 +93,9 @@ def run(image: Path, arguments: list[str], patience: float, results: Path) -> En
         except subprocess.TimeoutExpired:
             _starved(patience)
             return Ended(False, f"the guest did not end within {patience:.0f} s", None)
-        found = _unpack(disks[1], results)
+        unpacked = _unpack(disks[1], results)
     own = f"the guest ended by itself (QEMU's exit code {code})"
-    return Ended(code == PASSED, {PASSED: "", FAILED: "tests failed in the guest"}.get(code, own), found)
+    return Ended(code == PASSED, {PASSED: "", FAILED: "tests failed in the guest"}.get(code, own), unpacked)
 
 
 def _starved(patience: float) -> None:

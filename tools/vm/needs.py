@@ -44,13 +44,13 @@ def present() -> None:
 
 def kernel_package() -> str:
     """Name of Debian's current PREEMPT_RT kernel.  Raises SkipError where apt knows none."""
-    found = _kernel()
-    if not found and os.geteuid() == 0:  # a container's lists may be empty
+    package = _kernel()
+    if not package and os.geteuid() == 0:  # a container's lists may be empty
         subprocess.run(["apt-get", "update", "-q"], check=False, capture_output=True)
-        found = _kernel()
-    if not found:
+        package = _kernel()
+    if not package:
         raise SkipError("apt offers no linux-image-rt-amd64: the guest's kernel comes from Debian's main archive")
-    return found
+    return package
 
 
 def _kernel() -> str:

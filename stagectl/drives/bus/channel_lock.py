@@ -17,7 +17,6 @@ import json
 import os
 import re
 import shlex
-import tempfile
 import time
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +24,7 @@ from typing import NamedTuple
 from stagectl.drives.bus.embedded import folder_of
 from stagectl.drives.drive import Canopen, DriveError, Odrive
 from stagectl.drives.limits import LOCK_NAME, LOCK_PATIENCE, LOCK_PAUSE, LOCK_TEXT
+from stagectl.runtime_folder import runtime_folder
 
 _SHARED = Path("/run/lock")  # FHS 3.0, 5.9: lock files of devices; on some systems for root alone
 _FOR_ALL = 0o666  # a lock file that another user left must not keep us from locking it
@@ -102,8 +102,7 @@ def _folder() -> Path:
     """The folder for all users, else this user's own."""
     if os.access(_SHARED, os.W_OK | os.X_OK):
         return _SHARED
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    folder = Path(runtime) / "stagectl" if runtime else Path(tempfile.gettempdir()) / f"stagectl-{os.getuid()}"
+    folder = runtime_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     return folder
 

@@ -16,14 +16,13 @@ import itertools
 import os
 import socket
 import stat
-import tempfile
 import time
 from pathlib import Path
 
 from stagectl.drives.bus.frames import BusError, SocketBus
 from stagectl.drives.limits import MTIME_SETTLED
+from stagectl.runtime_folder import runtime_folder, short_name
 
-_PATH_LIMIT = 107  # bytes: sun_path of AF_UNIX without its closing zero (unix(7))
 _SUFFIX = ".can"  # of the sockets in a channel's folder; other files there are not touched
 _QUEUE_FULL = (errno.EAGAIN, errno.ENOBUFS)
 _serial = itertools.count()
@@ -37,16 +36,10 @@ class Embedded(SocketBus):
         self.folder = _private(folder_of(channel))
         self._watched = os.fspath(self.folder)  # as text: every frame checks its mtime
         self._path = self.folder / f"{os.getpid()}-{next(_serial)}-{os.urandom(3).hex()}{_SUFFIX}"
-        if len(os.fsencode(self._path)) > _PATH_LIMIT:
-            raise BusError(
-                f"channel = {channel!r}: the socket's path {self._path} has {len(os.fsencode(self._path))} bytes;"
-                f" must lie in [1, {_PATH_LIMIT}] (AF_UNIX); choose a shorter channel name or folder",
-                place=channel,
-                value=len(os.fsencode(self._path)),
-            )
         reader = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
-            reader.bind(os.fspath(self._path))
+            with short_name(self._path) as name:
+                reader.bind(name)
         except OSError as error:
             reader.close()
             raise BusError(
@@ -94,7 +87,8 @@ class Embedded(SocketBus):
         peer.setblocking(False)
         self._peers[name] = peer
         try:
-            peer.connect(os.fspath(self.folder / name))
+            with short_name(self.folder / name) as short:
+                peer.connect(short)
         except OSError as error:
             self._remove(name, error)
 
@@ -119,9 +113,7 @@ def folder_of(channel: str) -> Path:
         return Path(channel)
     if not channel or "/" in channel or channel.startswith("."):
         raise BusError(f"channel = {channel!r}; must be a name without '/' or an absolute folder", place=channel)
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    base = Path(runtime) / "stagectl" if runtime else Path(tempfile.gettempdir()) / f"stagectl-{os.getuid()}"
-    return _private(base) / channel
+    return _private(runtime_folder()) / channel
 
 
 def _private(folder: Path) -> Path:

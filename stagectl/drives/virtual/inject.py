@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import re
 import select
 import socket
@@ -23,6 +22,7 @@ from stagectl.drives.bus.embedded import folder_of, is_socket
 from stagectl.drives.drive import DriveError
 from stagectl.drives.faults import BLOCKS
 from stagectl.drives.limits import INJECT_DATAGRAM, INJECT_TIME
+from stagectl.runtime_folder import short_name
 from stagectl.units import quantity_of
 
 
@@ -41,7 +41,8 @@ class InjectionSocket:
         if is_socket(path):  # a drive that was killed has left it
             path.unlink(missing_ok=True)
         try:
-            self._socket.bind(os.fspath(path))
+            with short_name(path) as name:
+                self._socket.bind(name)
         except OSError as error:
             self._socket.close()
             raise InjectError(
@@ -88,7 +89,8 @@ def ask(path: Path, request: dict[str, Any]) -> dict[str, Any]:
     ):
         ours.bind(f"{folder}/answer")
         try:
-            ours.connect(os.fspath(path))
+            with short_name(path) as name:
+                ours.connect(name)
             ours.send(json.dumps(request).encode())
         except OSError as error:
             raise InjectError(

@@ -13,7 +13,6 @@ from stagectl.gap.experiment_design.motions import CarriedMultisine, carried, mi
 from stagectl.gap.experiment_design.stage_scale import StageScale, scale_of, sine_effort
 from stagectl.trajectories import Dwell
 
-REPEATS, HELD_OUT_REPEATS = 3, 2
 _GROWS = "inertia grows with frequency, viscous friction does not"
 _DWELLS = (0.3, 1.0, 3.0)  # s
 _AFTER = "after dwells of 0.3, 1 and 3 s: friction that grows at rest, and what rings after a step"

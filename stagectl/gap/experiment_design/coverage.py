@@ -25,22 +25,18 @@ class ReferenceMotion(NamedTuple):
     dt: float  # s
 
 
-def uncovered(session: Session) -> tuple[str, ...]:
-    """What no log to find effects from has shown, in words, the most informative first."""
-    return tuple(words for words, _ in _gaps(session))
-
-
 def advised(session: Session, within: OperatingRange) -> tuple[Experiment, str] | None:
     """The experiment of the battery for the first of `uncovered`, with its words; None where all was shown."""
-    gaps = _gaps(session)
-    if not gaps:
+    missing = uncovered(session)
+    if not missing:
         return None
-    words, name = gaps[0]
+    words, name = missing[0]
     by_name = {experiment.name: experiment for experiment in battery.battery_for(within.scale)}
     return by_name[name], f"{words[0].upper()}{words[1:]}."
 
 
-def _gaps(session: Session) -> list[tuple[str, str]]:
+def uncovered(session: Session) -> list[tuple[str, str]]:
+    """What no log to find effects from has shown, the most informative first: in words, and what would show it."""
     motions = [_motion(log, session.dt) for log in session.logs if not log.held_out]
     checked = [(missing(session, motions), experiment) for missing, experiment in CHECKS]
     return [(words, name) for words, name in checked if words]

@@ -215,6 +215,11 @@ def spans(result: DiagnosisResult) -> list[str]:
     return lines
 
 
+def lines(result: DiagnosisResult) -> list[str]:
+    """All that is said below the figures: notes, what is ambiguous, and the next experiment."""
+    return [*remarks(result), *ambiguous(result), *advice(result)]
+
+
 def remarks(result: DiagnosisResult) -> list[str]:
     """Notes, then the limits of these logs."""
     return [*result.notes, *(f"Limit of these logs: {limit}" for limit in result.cannot_tell)]

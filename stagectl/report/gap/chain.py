@@ -19,6 +19,7 @@ from typing import NamedTuple
 from stagectl.gap.effects.library import label
 from stagectl.gap.result.diagnosis import BLOCKS, DiagnosisResult
 from stagectl.number_format import percent
+from stagectl.report.constants import BLOCK_CHARACTERS, BLOCK_LINES
 from stagectl.report.page import Picture
 
 WIDTH, HEIGHT = 980, 268  # px
@@ -26,8 +27,6 @@ _LEFT, _TOP, _WIDE, _HIGH, _SPACE = 108.0, 46.0, 174.0, 152.0, 36.0
 SIGNALS = ("command", "current", "position", "measured")  # after each block: where the loop is cut
 _INK, _SOFT, _LINE = "#1e293b", "#64748b", "#94a3b8"
 _SMALL = f'font-size="12" fill="{_SOFT}"'
-_LINES = 4  # of effects in a block
-_CHARACTERS = 23  # of one line in a block
 _WHY: Mapping[str, str] = {  # reason for a cut that was not possible, where the diagnosis gives none
     "controller": "not judged: no controller or no command is known",
     "drive": "not judged: no measured current",
@@ -72,12 +71,12 @@ def _box(result: DiagnosisResult, number: int, name: str) -> _Box:
     share = result.blocks.get(name)
     if share is None:
         why = _AFTER_CONTROLLER if result.verdict == "controller" else _WHY[name]
-        lines = textwrap.wrap(dict(result.impossible).get(name, why), _CHARACTERS)
+        lines = textwrap.wrap(dict(result.impossible).get(name, why), BLOCK_CHARACTERS)
     else:
         effects = [label(effect.name) for effect in result.named if effect.block == name]
-        lines = [line for effect in effects for line in textwrap.wrap(effect, _CHARACTERS)]
-    if len(lines) > _LINES:
-        lines = [*lines[: _LINES - 1], "..."]
+        lines = [line for effect in effects for line in textwrap.wrap(effect, BLOCK_CHARACTERS)]
+    if len(lines) > BLOCK_LINES:
+        lines = [*lines[: BLOCK_LINES - 1], "..."]
     return _Box(_LEFT + number * (_WIDE + _SPACE), name, share, lines)
 
 

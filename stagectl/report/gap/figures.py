@@ -14,17 +14,14 @@ from numpy.typing import NDArray
 from stagectl.gap.effects.library import coordinate_label, label
 from stagectl.gap.result.diagnosis import NOISE, UNEXPLAINED, DiagnosisResult, Spans, Trace
 from stagectl.number_format import prefix
+from stagectl.report.constants import FLAT, LABEL_CHARACTERS, MOST_ROWS, WINDOW
 from stagectl.report.figures import TARGET, WITH, WITHOUT, drawing, note
 from stagectl.report.panels import DPI as DPI
 
 Array = NDArray[np.float64]
 WIDTH = 5.4  # inch: two fit side by side
-MOST_ROWS = 24  # of the map of spans
-WINDOW = 1.0  # s of a held-out run
 _GREY, _PALE = "#94a3b8", "#e2e8f0"
 _COLOURS = {"parameters": TARGET, UNEXPLAINED: WITHOUT, NOISE: "#cbd5e1"}  # of shares; of an effect: WITH
-_LONGEST = 30  # characters of a row's label
-_FLAT = 1e-15
 
 
 class _Scale(NamedTuple):
@@ -98,8 +95,8 @@ def spans(result: DiagnosisResult) -> Figure:
 def _short(name: str) -> str:
     """A file's name without its ending, its middle left out where it is long."""
     stem = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
-    half = _LONGEST // 2
-    return stem if len(stem) <= _LONGEST else f"{stem[: half - 1]}…{stem[-half:]}"
+    half = LABEL_CHARACTERS // 2
+    return stem if len(stem) <= LABEL_CHARACTERS else f"{stem[: half - 1]}…{stem[-half:]}"
 
 
 def shares(result: DiagnosisResult) -> Figure:
@@ -129,7 +126,7 @@ def _share_label(name: str) -> str:
 
 
 def _wrapped(text: str) -> str:
-    if len(text) <= _LONGEST:
+    if len(text) <= LABEL_CHARACTERS:
         return text
     at = text.rfind(" ", 0, len(text) // 2 + 4)
     return f"{text[:at]}\n{text[at + 1 :]}"
@@ -149,7 +146,7 @@ def window(run: Trace, length: float = WINDOW) -> slice:
     energy = np.concatenate([[0.0], np.cumsum(np.square(before))])
     begin = int(np.argmax(energy[rows:] - energy[:-rows]))
     weight = np.square(before[begin : begin + rows])
-    middle = begin + int(np.average(np.arange(rows), weights=weight + _FLAT * np.max(weight) + 1e-300))
+    middle = begin + int(np.average(np.arange(rows), weights=weight + FLAT * np.max(weight) + 1e-300))
     begin = min(max(middle - rows // 2, 0), len(run.time) - rows)
     return slice(begin, begin + rows)
 

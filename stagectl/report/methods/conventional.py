@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
+from stagectl.report.constants import DENSE, MODEL_POINTS
 from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, embedded
 from stagectl.report.page import Picture
 from stagectl.units import ROTARY
@@ -71,7 +72,7 @@ def _response(axes: tuple[Axes, Axes, Axes], curve: dict[str, Any], colour: str)
     spread = np.array([0.0 if x is None else x for x in curve["deviation"]]) / size
     decibel, degrees = 20.0 * np.log10(size), np.degrees(curve["phase"])
     bars = np.minimum(2.0 * spread / np.sqrt(2.0), 0.9)
-    dense = len(frequency) > 20
+    dense = len(frequency) > DENSE
     marks: dict[str, Any] = {
         "linestyle": "none" if dense else "-",
         "linewidth": 0.8,
@@ -101,7 +102,7 @@ def _models(gain: Axes, phase: Axes, result: IdentificationResult, file: StageFi
     """Kt/(J s + D) by the gain's curve fit, and by the fit that is taken."""
     lowest = min(min(curve["frequency"]) for curve in result.details["curves"])
     highest = max(max(curve["frequency"]) for curve in result.details["curves"])
-    frequency = np.geomspace(lowest, highest, 300)
+    frequency = np.geomspace(lowest, highest, MODEL_POINTS)
     fits = {row["name"]: row for row in result.details["fits"]}
     shown = [("identified", result.details["fits"][-1], TARGET, "-")]
     if "gain curve" in fits:

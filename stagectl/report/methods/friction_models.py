@@ -15,6 +15,7 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.friction.members import FAMILY, Path
 from stagectl.identification.result import IdentificationResult
+from stagectl.report.constants import REVERSAL_BEYOND, REVERSAL_POINTS
 from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT, displacement_unit, drawing, effort_unit, embedded
 from stagectl.report.page import Picture
 
@@ -24,8 +25,6 @@ BARS = (
     ("fastest", "fastest rows, fitted to the slower", WITHOUT),
 )
 COLOURS = ("#334155", "#94a3b8", "#2563eb", "#7c3aed", "#0f766e", "#d97706", "#be123c")
-POINTS = 400
-SETTLED = 1.1  # the curves are drawn until the slowest of them has come this far beyond its range
 
 
 def pictures(result: IdentificationResult, captures: list[Capture], file: StageFile) -> list[Picture]:
@@ -83,7 +82,7 @@ def reversal(rows: Sequence[Mapping[str, Any]], file: StageFile) -> Figure:
     """Friction over the displacement since a full reversal."""
     scale, unit = displacement_unit(file.axis)
     longest = max([row["values"].get("range", 0.0) for row in rows if row["name"] in ("gms", "table")])
-    s = SETTLED * 2.0 * longest * np.linspace(0.0, 1.0, POINTS)
+    s = REVERSAL_BEYOND * 2.0 * longest * np.linspace(0.0, 1.0, REVERSAL_POINTS)
     with drawing(figsize=(5.6, 4.0)) as (figure, axes):
         for row, colour in zip(rows, COLOURS, strict=True):
             axes.plot(scale * s, curve(row, s), color=colour, linewidth=1.3, label=row["words"])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import Characteristic, IdentificationResult
+from stagectl.report.constants import FORCE_SHOWN, MOST_REVERSALS
 from stagectl.report.figures import (
     FAINT,
     TARGET,
@@ -28,9 +29,6 @@ from stagectl.report.figures import (
     weights,
 )
 from stagectl.report.page import Picture
-
-SHOWN = 1.5  # s of force over time
-MOST_REVERSALS = 40  # drawn; more hide each other
 
 
 class _Curves(NamedTuple):
@@ -72,7 +70,7 @@ def _curves(result: IdentificationResult, file: StageFile) -> _Curves:
 def force(p: _Curves) -> Figure:
     """Measured and model force over time, and the residual below."""
     time = p.columns["time"]
-    rows = time < time[0] + SHOWN
+    rows = time < time[0] + FORCE_SHOWN
     measured, residual = p.columns["force"][rows], p.columns["residual"][rows]
     with drawing(2, 1, figsize=(7.2, 4.4), sharex=True, height_ratios=(2, 1)) as (figure, (above, below)):
         above.plot(time[rows], measured, color=TARGET, linewidth=2.4, alpha=0.35, label="measured, Kt i")

@@ -13,6 +13,7 @@ from stagectl.config.stage_blocks import Axis as StageAxis
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
 from stagectl.identification.result import IdentificationResult
+from stagectl.report.constants import NEAR_REVERSAL
 from stagectl.report.figures import FAINT, TARGET, WITH, WITHOUT, drawing, effort_unit, embedded
 from stagectl.report.page import Picture
 
@@ -31,7 +32,6 @@ COLOURS = {
     "symmetric-free": "#ca8a04",
 }
 SHOWN = ("exponential", "displacement", "symmetric", "symmetric-free")
-NEAR = 0.13  # s either side of a crossing
 SLIDER = StageAxis("linear")
 
 
@@ -52,7 +52,7 @@ def pictures(result: IdentificationResult, captures: list[Capture], file: StageF
 def forces_over(over: str, details: Mapping[str, Any], axis: StageAxis = SLIDER) -> Figure:
     """Friction at a reversal and the fitted forms over ``time`` (the paper's Fig. 8) or ``velocity`` (Fig. 9)."""
     curves = {name: np.asarray(values) for name, values in details["curves"].items()}
-    near = np.abs(curves["time"]) <= NEAR
+    near = np.abs(curves["time"]) <= NEAR_REVERSAL
     unit = effort_unit(axis)
     x = 1e3 * curves[over][near] * (axis.travel_per_unit if over == "velocity" else 1.0)
     with drawing(figsize=(5.6, 4.4)) as (figure, axes):

@@ -34,10 +34,11 @@ def write_pages(result: Acceptance, signature: dict[str, Any], path: Path) -> tu
 
 
 def _page(result: Acceptance, signature: dict[str, Any], machine: Path) -> Page:
+    missing = [step for step in result.steps if step.outcome.value != "passed"]
     answer = (
         f"Accepted: all {len(result.steps)} steps were done and passed."
         if result.accepted
-        else "NOT ACCEPTED: " + "; ".join(f"{step.name} {step.outcome.value}" for step in _missing(result)) + "."
+        else "NOT ACCEPTED: " + "; ".join(f"{step.name} {step.outcome.value}" for step in missing) + "."
     )
     return Page(
         f"Acceptance of {result.stage}",
@@ -54,10 +55,6 @@ def _page(result: Acceptance, signature: dict[str, Any], machine: Path) -> Page:
         ],
         result.software,
     )
-
-
-def _missing(result: Acceptance) -> list[StepResult]:
-    return [step for step in result.steps if step.outcome.value != "passed"]
 
 
 def _notes(result: Acceptance, signature: dict[str, Any]) -> list[str]:

@@ -182,8 +182,8 @@ def test_each_begins_with_a_reversal_beyond_presliding(setup: Setup) -> None:
 
 
 def test_the_strong_sine_is_near_the_limit_and_not_on_it(ball_screw: Setup) -> None:
-    found = driven(ball_screw, named(ball_screw, "sine-strong"))
-    peak = np.abs(found["command"]).max() / ball_screw.file.drive.current_limit
+    rows = driven(ball_screw, named(ball_screw, "sine-strong"))
+    peak = np.abs(rows["command"]).max() / ball_screw.file.drive.current_limit
     assert 0.8 < peak < 0.95
     assert "at 85 % of the current limit" in yaml_of(named(ball_screw, "sine-strong"))
     emps = load_stage(CONFIG / "emps.yaml")  # its limit of acceleration comes first, and is said to
@@ -206,9 +206,9 @@ def test_no_fault_on_the_gap_that_is_looked_for(ball_screw: Setup, tmp_path: Pat
     controller = design.design(ball_screw.stage, ball_screw.file.control)
     for name in ("stairs", "scan", "multisine-low", "sine-fast", "steps-large"):
         laid_out = plan(ball_screw, named(ball_screw, name).trajectory, controller.feedforward)
-        found = simulate(ball_screw, laid_out, controller.law, plant)
-        assert np.abs(found["error"]).max() < 0.2 * ball_screw.file.limits.following_error, name
-        assert np.abs(found["command"]).max() < ball_screw.file.drive.current_limit, name
+        rows = simulate(ball_screw, laid_out, controller.law, plant)
+        assert np.abs(rows["error"]).max() < 0.2 * ball_screw.file.limits.following_error, name
+        assert np.abs(rows["command"]).max() < ball_screw.file.drive.current_limit, name
 
 
 def test_multisines_act_while_the_axis_moves_at_constant_speed(setup: Setup) -> None:

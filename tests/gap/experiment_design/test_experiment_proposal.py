@@ -258,7 +258,7 @@ def test_whitened_white_noise_has_a_variance_of_one(session: Session) -> None:
 
 def test_what_the_sines_never_showed(session: Session) -> None:
     """No held speeds, no dwells, no stroke within presliding, no injection; the stairs come first."""
-    words = coverage.uncovered(session)
+    words = [words for words, _ in coverage.uncovered(session)]
     assert len(words) == 4
     assert "speed" in words[0] and "below 5" in words[0]
     assert "standstills" in words[1] and "within presliding" in words[2] and "injected" in words[3]
@@ -281,10 +281,10 @@ def test_what_is_covered_is_not_asked_for(session: Session, ball_screw: Setup) -
                 name=experiment.name, position=rows[:, 0], reference=rows[:, 0], injection=rows[:, 6]
             )
         )
-    assert coverage.uncovered(session._replace(logs=tuple(logs))) == ()
+    assert coverage.uncovered(session._replace(logs=tuple(logs))) == []
     assert experiment_proposal.propose(session._replace(logs=tuple(logs)), {"viscous": session.stage}, NAN) is None
     up = [log._replace(reference=np.cumsum(np.maximum(np.diff(log.position, prepend=0.0), 0.0))) for log in logs]
-    assert "one direction only" in coverage.uncovered(session._replace(logs=tuple(up)))[0]
+    assert "one direction only" in coverage.uncovered(session._replace(logs=tuple(up)))[0][0]
 
 
 def test_logs_that_never_move_are_refused(session: Session) -> None:

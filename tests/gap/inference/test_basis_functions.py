@@ -12,10 +12,10 @@ from stagectl.kernels import effects
 def test_the_way_since_a_reversal_is_that_of_a_triangle() -> None:
     up = np.linspace(0.0, 1.0, 101)
     position = np.concatenate([up, up[-2::-1], up[1:51]])
-    found = basis_functions.since_reversal(position, 0.015)
-    np.testing.assert_allclose(found[50:100], position[50:100], atol=1e-12)
-    np.testing.assert_allclose(found[103:200], 1.0 - position[103:200], atol=1e-12)
-    np.testing.assert_allclose(found[204:], position[204:], atol=1e-12)
+    travel = basis_functions.since_reversal(position, 0.015)
+    np.testing.assert_allclose(travel[50:100], position[50:100], atol=1e-12)
+    np.testing.assert_allclose(travel[103:200], 1.0 - position[103:200], atol=1e-12)
+    np.testing.assert_allclose(travel[204:], position[204:], atol=1e-12)
 
 
 def test_jitter_below_the_threshold_is_no_reversal() -> None:
@@ -35,12 +35,12 @@ def test_hats_are_one_together_and_straight_between() -> None:
 def _folds(signal: float, clusters: int = 2) -> np.ndarray:
     """Two hands of [column, nuisance, residual], the residual `signal` times the column and noise of one."""
     random = np.random.default_rng(11)
-    found = []
+    sums = []
     for _ in range(clusters):
         column, nuisance, noise = random.standard_normal((3, 5000))
         z = np.stack([column, nuisance, signal * column + noise])
-        found.append(z @ z.T)
-    return np.array(found)
+        sums.append(z @ z.T)
+    return np.array(sums)
 
 
 def test_a_function_predicts_what_it_holds() -> None:

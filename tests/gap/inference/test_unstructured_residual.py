@@ -33,7 +33,7 @@ def test_an_effect_left_out_is_told_by_where_it_is(
     stage_trial(draw(4711, "single", Drawn(short=True, effects=(effect,), scale=3.0)), tmp_path)
     session = load_session.load([tmp_path / "captures"])
     options = diagnose.Options(excluded=(effect,), advice=False)
-    diagnosis = diagnose.diagnose(session, options, lambda _: None).found
+    diagnosis = diagnose.diagnose(session, options, lambda _: None).result
     assert diagnosis.verdict in ("unknown", "effects+unknown") and diagnosis.unknown is not None
     assert (diagnosis.unknown.coordinate, diagnosis.unknown.block) == (coordinate, block)
     assert words in diagnosis.sentence and len(diagnosis.unknown.grid) == len(diagnosis.unknown.force) > 3
@@ -43,7 +43,9 @@ def test_what_stays_open_in_the_loop_is_unknown_whatever_lies_along_the_path(tmp
     """A gap between motor and load, left out: what is left may be friction's form, but the loop's gap stays."""
     stage_trial(draw(1418111386, "single", Drawn(short=True, effects=("backlash",), scale=4.0)), tmp_path)
     session = load_session.load([tmp_path / "captures"])
-    diagnosis = diagnose.diagnose(session, diagnose.Options(excluded=("backlash",), advice=False), lambda _: None).found
+    diagnosis = diagnose.diagnose(
+        session, diagnose.Options(excluded=("backlash",), advice=False), lambda _: None
+    ).result
     assert diagnosis.gap.after > 10.0 * diagnosis.gap.floor
     assert diagnosis.verdict == "unknown" and diagnosis.unknown == UNORDERED
     assert "no coordinate predicts most of it" in diagnosis.sentence
@@ -53,7 +55,7 @@ def test_the_noise_of_a_machine_that_ran_once_is_nothing_unknown(tmp_path: Path)
     stage_trial(draw(7, "null-exact", Drawn(short=True)), tmp_path)
     session = load_session.load([tmp_path / "captures"])
     once = session._replace(logs=tuple(log for log in session.logs if log.repeat == 1))
-    diagnosis = diagnose.diagnose(once, diagnose.Options(advice=False), lambda _: None).found
+    diagnosis = diagnose.diagnose(once, diagnose.Options(advice=False), lambda _: None).result
     assert diagnosis.verdict == "none" and "floor not known" in diagnosis.sentence
 
 

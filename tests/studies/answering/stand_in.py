@@ -22,10 +22,10 @@ PERIOD = 0.0005  # s
 
 def diagnose(folder: Path, answer: Path, predictions: Path) -> None:
     lines = yaml.safe_load((folder / "captures.yaml").read_text())["captures"]
-    names = {one["experiment"] for one in lines}
+    names = {line["experiment"] for line in lines}
     asked = sum(name.startswith("asked-") for name in names)
     said = told("cogging", "encoder_eccentricity") if "scan" in names else poorly(asked)
-    spans = [{"file": one["file"], "spans": [[0.0, 1.0]]} for one in lines if one["use"] == "diagnose"]
+    spans = [{"file": line["file"], "spans": [[0.0, 1.0]]} for line in lines if line["use"] == "diagnose"]
     where = {"blocks": {"mechanics": 0.9, "sensor": 0.1}, "coordinates": [], "captures": spans}
     reply = {"verdict": "effects", "where": where, "gap": {"closure": 0.5, "predicted": 0.4}, **said}
     answer.write_text(json.dumps(reply))

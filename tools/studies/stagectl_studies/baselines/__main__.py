@@ -40,35 +40,35 @@ def answer(folder: Path, out: Path, names: Sequence[str], lists: tuple[tuple[str
     from stagectl_studies.baselines import blackbox, ladder, oracle, refit, sparse
     from stagectl_studies.baselines.baseline_common import Answer, Ground, as_json, ground
 
-    session, (excluded, told) = load([folder]), lists
+    session, (excluded, known) = load([folder]), lists
     ways: dict[str, Callable[[Ground], Answer]] = {
         "refit": refit.refit,
         "ladder": ladder.ladder,
         "sparse": sparse.sparse,
         "blackbox": blackbox.blackbox,
-        "oracle": lambda g: oracle.oracle(g, told),
+        "oracle": lambda g: oracle.oracle(g, known),
     }
     agreement = check_command(session)
     g = ground(session, excluded) if agreement.agrees or not agreement.checked else None
     for name in names:
-        found = Answer((), session.stage) if g is None else ways[name](g)
+        baseline = Answer((), session.stage) if g is None else ways[name](g)
         place = out / name
         place.mkdir(parents=True, exist_ok=True)
-        (place / "answer.json").write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
-        _predict(session, found, place / "predictions")
+        (place / "answer.json").write_text(json.dumps(as_json(baseline), indent=1) + "\n", encoding="utf-8")
+        _predict(session, baseline, place / "predictions")
 
 
-def _predict(session: Session, found: Answer, folder: Path) -> None:
+def _predict(session: Session, prediction: Answer, folder: Path) -> None:
     """A CSV for each held-out capture, as `gap diagnose --predictions` writes them."""
     from stagectl.gap.validation.rollouts import write_predictions
     from stagectl.recording.exports import write_columns
 
-    if found.improved is not None:
-        write_predictions(session, found.improved, folder)
+    if prediction.improved is not None:
+        write_predictions(session, prediction.improved, folder)
         return
     folder.mkdir(exist_ok=True)
     held = [log for log in session.logs if log.held_out]
-    for log, position in zip(held, found.predicted, strict=True):
+    for log, position in zip(held, prediction.predicted, strict=True):
         time = session.dt * np.arange(log.rows)
         write_columns(folder / Path(log.name).name, {"time_s": time, "position_rad": position})
 

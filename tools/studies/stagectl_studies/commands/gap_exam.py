@@ -199,9 +199,9 @@ def _page(result: Mapping[str, Any], seconds: Mapping[str, Sequence[float]], out
     from stagectl.report.page import write
     from stagectl_studies.exam import page as pages
 
-    one = result["exam"]
-    strata = f" --strata {','.join(one['strata'])}" if one["strata"] else ""
-    ways = "".join(f" --{name}" for name in ("short", "full", "baselines") if one[name])
-    first = f" --first {one['stopped after']}" if "stopped after" in one else ""
-    command = f"stagectl gap exam --trials {one['trials']}{first} --seed {one['seed']}{strata}{ways} -o {output}"
+    exam = result["exam"]
+    strata = f" --strata {','.join(exam['strata'])}" if exam["strata"] else ""
+    ways = "".join(f" --{name}" for name in ("short", "full", "baselines") if exam[name])
+    first = f" --first {exam['stopped after']}" if "stopped after" in exam else ""
+    command = f"stagectl gap exam --trials {exam['trials']}{first} --seed {exam['seed']}{strata}{ways} -o {output}"
     return write(pages.page(result, seconds, [command]), output / "exam.html")

@@ -107,19 +107,19 @@ def held(root: Path, planned: Sequence[Planned], manner: Manner, run: Runner, sa
 
 def records(root: Path, planned: Sequence[Planned]) -> list[Record]:
     """All records in the order of their numbers; raises ExamError where one is missing."""
-    found = [finished(root, planned_trial.number) for planned_trial in planned]
-    missing = [str(trial.number) for trial, record in zip(planned, found, strict=True) if record is None]
+    finished_records = [finished(root, planned_trial.number) for planned_trial in planned]
+    missing = [str(trial.number) for trial, record in zip(planned, finished_records, strict=True) if record is None]
     if missing:
         raise ExamError(f"{root}: the trials {', '.join(missing)} are not finished; go on with --resume")
-    return [record for record in found if record is not None]
+    return [record for record in finished_records if record is not None]
 
 
 def seconds(root: Path, planned: Sequence[Planned]) -> dict[str, list[float]]:
     """Seconds of staging, diagnosis and scoring, of each trial; beside the scores, as no two exams agree in them."""
-    found: dict[str, list[float]] = {}
+    by_step: dict[str, list[float]] = {}
     for planned_trial in planned:
         path = folder_of(root, planned_trial.number) / TIMES
         times = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         for name, took in times.items():
-            found.setdefault(name, []).append(took)
-    return found
+            by_step.setdefault(name, []).append(took)
+    return by_step

@@ -42,7 +42,7 @@ def confusion(counts: Sequence[Sequence[Any]]) -> Figure:
         for row, column in np.argwhere(table > 0.0):
             axes.text(column, row, f"{table[row, column]:.0f}", ha="center", va="center", fontsize=7.5, color=TARGET)
         axes.set_xticks(range(len(answers)), [called(reply) for reply in answers], rotation=90, fontsize=7.5)
-        axes.set_yticks(range(len(truths)), [called(one) for one in truths], fontsize=7.5)
+        axes.set_yticks(range(len(truths)), [called(hidden) for hidden in truths], fontsize=7.5)
         axes.set_xticks(np.arange(len(answers) - 1) + 0.5, minor=True)
         axes.set_yticks(np.arange(len(truths) - 1) + 0.5, minor=True)
         axes.grid(visible=True, which="minor", color=_PALE, linewidth=0.5)
@@ -72,7 +72,7 @@ def limits(classes: Sequence[Mapping[str, Any]]) -> Figure:
         axes.set_xscale("log", base=2)
         axes.set_xlim(_SHOWN[0] * 0.9, _SHOWN[1] * 1.1)
         axes.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
-        axes.set_yticks(range(len(classes)), [f"{one['class']} ({one['trials']})" for one in reversed(classes)])
+        axes.set_yticks(range(len(classes)), [f"{kind['class']} ({kind['trials']})" for kind in reversed(classes)])
         axes.set_ylim(-0.6, len(classes) - 0.4)
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("size of the effect, times its typical one")
@@ -83,7 +83,7 @@ def limits(classes: Sequence[Mapping[str, Any]]) -> Figure:
 
 def reliability(bins: Sequence[Mapping[str, Any]]) -> Figure:
     """How often an answer is right against how sure it was, with Wilson intervals."""
-    known = [one for one in bins if one["count"]]
+    known = [group for group in bins if group["count"]]
     with rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 3.6))
         axes.plot([0.0, 1.0], [0.0, 1.0], color=_GREY, linewidth=1.0, linestyle="--")

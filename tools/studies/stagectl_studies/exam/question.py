@@ -88,7 +88,7 @@ def asked(place: Place, module: str, words: Sequence[str], manner: Manner) -> st
         folder.mkdir(exist_ok=True)
     command = [sys.executable, "-m", f"{__package__}.sandbox", str(place.folder / LOG), "--module", module]
     command += ["--parent", str(os.getpid())]
-    command += ["--own", str(place.folder / CAPTURES), *(word for one in written for word in ("--out", one))]
+    command += ["--own", str(place.folder / CAPTURES), *(word for folder in written for word in ("--out", folder))]
     command += ["--closed", str(place.root), "--", *words]
     output = place.folder / OUTPUT
     with output.open("ab") as file:

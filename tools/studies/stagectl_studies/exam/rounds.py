@@ -93,11 +93,11 @@ def proposed(answer: Mapping[str, Any]) -> str:
 
 def scored(labels: bytes, place: Place, rounds: Sequence[Round]) -> list[Record]:
     """Each answer by the same rules, the first one among them."""
-    return [_scored(labels, place, one) for one in rounds]
+    return [_scored(labels, place, answered) for answered in rounds]
 
 
-def _scored(labels: bytes, place: Place, one: Round) -> Record:
-    folder = place.folder / one.out
-    answer = None if one.failure else scoring.read(folder / "answer.json")
+def _scored(labels: bytes, place: Place, answered: Round) -> Record:
+    folder = place.folder / answered.out
+    answer = None if answered.failure else scoring.read(folder / "answer.json")
     record = scoring.strictly(labels, answer, folder / "predictions", place.folder / CAPTURES)
-    return {"experiment": one.experiment, "failure": one.failure, **record}
+    return {"experiment": answered.experiment, "failure": answered.failure, **record}

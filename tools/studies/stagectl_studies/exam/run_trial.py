@@ -172,7 +172,7 @@ def _scored(labels: bytes, place: Place, said: Said) -> dict[str, Any]:
     record = scoring.record(labels, answer, folder / ANSWER / "predictions", folder / CAPTURES)
     state = SCORED if answer is not None else FAILED
     why = [failure or "no answer"] if answer is None else []
-    why += [f"after {one.experiment}: {one.failure}" for one in said.rounds[1:] if one.failure]
+    why += [f"after {answered.experiment}: {answered.failure}" for answered in said.rounds[1:] if answered.failure]
     if record["stratum"] in rounds.STRATA:
         record["rounds"] = rounds.scored(labels, place, said.rounds)
     why += filter(None, [said.refused, said.beside])

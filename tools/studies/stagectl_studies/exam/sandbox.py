@@ -74,7 +74,9 @@ def rules(own: Sequence[str], out: Sequence[str], closed: Sequence[str]) -> Rule
 
 def _metadata(path: Sequence[str]) -> list[str]:
     """What packages say of themselves, where libraries look for plug-ins; an editable install has it in its tree."""
-    return [str(found) for place in path for kind in ("*.dist-info", "*.egg-info") for found in Path(place).glob(kind)]
+    return [
+        str(metadata) for place in path for kind in ("*.dist-info", "*.egg-info") for metadata in Path(place).glob(kind)
+    ]
 
 
 def inside(path: str, folders: Sequence[str]) -> bool:

@@ -18,34 +18,34 @@ NOWHERE = Path(os.devnull)  # a folder that holds nothing
 
 def record(labels: bytes, answer: Mapping[str, Any] | None, predictions: Path, captures: Path) -> Record:
     """Everything that counts of one trial; `answer` None: the diagnosis failed, and so has said nothing."""
-    told, arrays = unpacked(labels)
-    truth, said = rules.truth_of(told), answer or {}
+    truth_file, arrays = unpacked(labels)
+    truth, said = rules.truth_of(truth_file), answer or {}
     predictions = predictions if answer is not None else NOWHERE
     every = rules.entries(said)
     named = [entry for entry in every if entry.probability >= rules.NAMED]
     left = rules.considered(truth, named)
     return {
-        "stratum": told["stratum"],
-        "seed": told["seed"],
-        "truth": _truth(told, truth),
+        "stratum": truth_file["stratum"],
+        "seed": truth_file["seed"],
+        "truth": _truth(truth_file, truth),
         "answer": _answer(said, named),
         "naming": naming(truth, said, named, left),
-        "where": _where(told, arrays, said, truth),
-        "gap": _gap(told, arrays, said, (predictions, captures)),
+        "where": _where(truth_file, arrays, said, truth),
+        "gap": _gap(truth_file, arrays, said, (predictions, captures)),
         "probabilities": probabilities(truth, every),
     }
 
 
 def strictly(labels: bytes, answer: Mapping[str, Any] | None, predictions: Path, captures: Path) -> Record:
     """Answer, naming and gap by the rules of a full battery, whatever the trial's own is."""
-    told, arrays = unpacked(labels)
-    truth, said = rules.truth_of(told)._replace(poor=False), answer or {}
+    truth_file, arrays = unpacked(labels)
+    truth, said = rules.truth_of(truth_file)._replace(poor=False), answer or {}
     predictions = predictions if answer is not None else NOWHERE
     named = [entry for entry in rules.entries(said) if entry.probability >= rules.NAMED]
     return {
         "answer": _answer(said, named),
         "naming": naming(truth, said, named, rules.considered(truth, named)),
-        "gap": _gap(told, arrays, said, (predictions, captures)),
+        "gap": _gap(truth_file, arrays, said, (predictions, captures)),
     }
 
 
@@ -109,7 +109,7 @@ def naming(truth: Truth, said: Mapping[str, Any], named: Sequence[Entry], left: 
         "top1": bool(left) and left[0].name in hidden,
         "top1_effects": bool(others) and others[0].name in hidden,
         "covered": bool(left) and bool(hidden & {left[0].name, *left[0].alternatives}),
-        "sizes": [1 + len(one.alternatives) for one in sets],
+        "sizes": [1 + len(entry.alternatives) for entry in sets],
         "only": bool(hits) and all(hits) and len(others) == len(hits),
         "found": hits,
         "all_found": bool(hits) and all(hits),
@@ -125,15 +125,17 @@ def probabilities(truth: Truth, every: Sequence[Entry]) -> list[list[float]]:
     return [[entry.probability, float(entry.name in true)] for entry in every] + [[0.0, 1.0] for _ in missed]
 
 
-def _where(told: Mapping[str, Any], arrays: Mapping[str, Any], said: Mapping[str, Any], truth: Truth) -> Record | None:
+def _where(
+    truth_file: Mapping[str, Any], arrays: Mapping[str, Any], said: Mapping[str, Any], truth: Truth
+) -> Record | None:
     if not truth.hidden:
         return None
     where = said.get("where", {})
-    judgement = spans.judged(told, arrays, where.get("captures", []))
+    judgement = spans.judged(truth_file, arrays, where.get("captures", []))
     blocks = {name: share for name, share in where.get("blocks", {}).items() if share is not None}
     largest = max(blocks, key=lambda name: blocks[name]) if blocks else ""
-    ranked = sorted(where.get("coordinates", []), key=lambda one: -(one["share"] or 0.0))
-    right = {block for effect in told["effects"] for block in rules.BLOCKS[effect["seen_in"]]}
+    ranked = sorted(where.get("coordinates", []), key=lambda coordinate: -(coordinate["share"] or 0.0))
+    right = {block for effect in truth_file["effects"] for block in rules.BLOCKS[effect["seen_in"]]}
     wanted = {name for effect in truth.hidden for name in rules.COORDINATES.get(effect, ())}
     coordinate = ranked[0]["name"] if ranked else ""
     return {

@@ -33,10 +33,10 @@ class SealError(Exception):
 
 def digest(*parts: bytes) -> str:
     """SHA-256 of the parts, one after the other."""
-    found = hashlib.sha256()
+    hashed = hashlib.sha256()
     for part in parts:
-        found.update(part)
-    return found.hexdigest()
+        hashed.update(part)
+    return hashed.hexdigest()
 
 
 def enciphered(content: bytes, salt: bytes) -> bytes:
@@ -104,7 +104,7 @@ def broken(folder: Path, answers: Sequence[Path], register: Path) -> list[str]:
 
 
 def _order(events: Sequence[dict[str, Any]], answers: int) -> list[str]:
-    names, chain = [one["event"] for one in events], ""
+    names, chain = [event["event"] for event in events], ""
     for event in events:
         chain = _link(chain, event["event"], event["sha256"])
         if chain != event["chain"]:

@@ -196,11 +196,11 @@ def _left(record: Mapping[str, Any], when: str) -> float:
 def classes(records: Sequence[Record], known: Mapping[str, float]) -> list[Record]:
     """Of each class of effect: limit, trials, noticed, named."""
     single = [record for record in records if record["stratum"].startswith("single")]
-    between, found = intervals_of(singles(records)), []
+    between, rows = intervals_of(singles(records)), []
     for kind, limit in known.items():
         mine = [record for record in single if CLASS_OF[record["truth"]["hidden"][0]] == kind]
         clear = [record for record in mine if beyond(record, dict(known))]
-        found.append(
+        rows.append(
             {
                 "class": kind,
                 "limit": limit,
@@ -216,7 +216,7 @@ def classes(records: Sequence[Record], known: Mapping[str, float]) -> list[Recor
                 ],
             }
         )
-    return found
+    return rows
 
 
 def by_effect(records: Sequence[Record]) -> dict[str, Record]:

@@ -102,8 +102,8 @@ def reported_share(rig: Rig, without: Rig, trace: Trace, setting: Setting) -> Fl
     m, n = setting.substeps, trace.position.size
     h = rig.loop.period / m
 
-    def seen(one: Rig) -> Floats:
-        d = one.machine.drive
+    def seen(shown_by: Rig) -> Floats:
+        d = shown_by.machine.drive
         at = np.clip(np.arange(n) * m + round(d.reported_shift / h), 0, n * m - 1)
         return np.asarray(trace.fine[at, 3] * d.reported_gain + d.reported_offset + d.offset)
 

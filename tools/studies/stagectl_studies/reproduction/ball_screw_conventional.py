@@ -165,8 +165,10 @@ def _best(e: Evidence) -> tuple[float, float]:
 def _largest(e: Evidence) -> Curve:
     """The response at the largest amplitude."""
     file = e.bench.believed.file
-    found = [curve for name in e.captures if name.startswith("frf-") for curve in curves(e.captures[name][0], file)[0]]
-    still = [curve for curve in found if not curve.moving]
+    responses = [
+        curve for name in e.captures if name.startswith("frf-") for curve in curves(e.captures[name][0], file)[0]
+    ]
+    still = [curve for curve in responses if not curve.moving]
     largest = max(curve.amplitude for curve in still)
     return joined_curve([curve for curve in still if curve.amplitude == largest])
 

@@ -45,14 +45,14 @@ def _references(e: Evidence) -> Part:
 
 
 def _errors(e: Evidence) -> Part:
-    t, found = e.tracking, numbers(e.tracking)
+    t, errors = e.tracking, numbers(e.tracking)
     pictures, rows = [], []
     for motion in t.motions:
         quiet, noisy = (
             [_course(runs[motion, controller], controller) for controller in CONTROLLERS] for runs in (t.quiet, t.noisy)
         )
         pictures += figures.errors(_title(motion), noisy, quiet, t.quiet[motion, "none"].plan.steady)
-        for noise, row in found[motion].items():
+        for noise, row in errors[motion].items():
             cells = [length(row[controller]["peak"], "m") for controller in CONTROLLERS]
             cells[1:] = [
                 f"{cell} ({row[c]['times_lower']:.0f})" for c, cell in zip(CONTROLLERS[1:], cells[1:], strict=True)
@@ -75,14 +75,14 @@ def _errors(e: Evidence) -> Part:
         "friction that changes along its travel, which this plant has not: do not expect such small errors of it.",
     ]
     table = Table("Peak of the tracking error at full amplitude (how many times lower)", head, rows)
-    return Part("figure 13", Section("Fig. 13 - Tracking error", words, pictures, [table]), found)
+    return Part("figure 13", Section("Fig. 13 - Tracking error", words, pictures, [table]), errors)
 
 
 def _inputs(e: Evidence) -> Part:
-    t, found = e.tracking, numbers(e.tracking)
+    t, errors = e.tracking, numbers(e.tracking)
     courses = [(_title(motion), [_course(t.quiet[motion, c], c) for c in ("none", "proposed")]) for motion in t.motions]
     peaks = {
-        motion: {c: found[motion]["without noise"][c]["peak_current"] for c in CONTROLLERS} for motion in t.motions
+        motion: {c: errors[motion]["without noise"][c]["peak_current"] for c in CONTROLLERS} for motion in t.motions
     }
     words = [
         "The paper: the currents of the three. Ours, without noise: friction compensation changes the current's sign "

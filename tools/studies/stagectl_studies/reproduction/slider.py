@@ -49,7 +49,7 @@ class Evidence(NamedTuple):
     releases: dict[str, Run]
     holding: dict[str, Parameter]  # N, by speed
     ringing: dict[str, Release]
-    found: IdentificationResult
+    identified: IdentificationResult
     compensated: dict[tuple[str, str], Run]  # by speed and form, velocity feedforward 1
     errors: dict[tuple[str, str], list[ReversalError]]
 

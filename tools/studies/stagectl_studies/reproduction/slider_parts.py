@@ -124,7 +124,7 @@ def _release(e: Evidence) -> Part:
 
 
 def _models(e: Evidence) -> Part:
-    curves = {name: np.asarray(values) for name, values in e.found.details["curves"].items()}
+    curves = {name: np.asarray(values) for name, values in e.identified.details["curves"].items()}
     near = np.abs(curves["time"]) <= 0.12
     t = 1e3 * curves["time"][near]
     frame = Frame("time from the zero crossing [ms]", "friction [N]", ylim=(-6.5, 6.5))
@@ -152,7 +152,7 @@ def _models(e: Evidence) -> Part:
 
 
 def _forces(e: Evidence) -> Part:
-    details = e.found.details
+    details = e.identified.details
     rows, numbers = [], {}
     for name, form in details["forms"].items():
         for bounds, fit in (("physical", form), ("free", form.get("unbounded"))):
