@@ -51,9 +51,9 @@ class FoundState(NamedTuple):
     error_code: int | None = None  # 0x603F
 
     @property
-    def told(self) -> bool:
-        """Whether the error code is that of a fault: one that comes later is told by its emergency."""
-        return _is_fault(self.statusword) and self.error_code is not None
+    def fault_code(self) -> int | None:
+        """The error code, where it is that of a fault: one that comes later is told by its emergency."""
+        return self.error_code if _is_fault(self.statusword) else None
 
 
 _NMT = {
@@ -162,9 +162,8 @@ def standing_fault(node: int, statusword: int | None, found: FoundState, signs: 
     """A drive without power that is in Fault: what it reports, how a person resets it; empty for other states."""
     if not _is_fault(statusword):
         return ""
-    code = (
-        f"error code 0x603F = 0x{found.error_code:04X} ({cia402.emergency(found.error_code)})" if found.told else None
-    )
+    error = found.fault_code
+    code = None if error is None else f"error code 0x603F = 0x{error:04X} ({cia402.emergency(error)})"
     emergency = emergency_words(signs.emergency) if signs.emergency else None
     parts = filter(None, (f"node {node} is in state {state_words(statusword)}", code, emergency))
     return f"{'; '.join(parts)}. {_HINTS[DriveState.FAULT]}"
