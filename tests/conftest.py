@@ -64,6 +64,28 @@ def movable(text: str) -> str:
     return text.replace("eds: drives/", f"eds: {CONFIG / 'drives'}/")
 
 
+_HALF_SECOND = """\
+    heartbeat: 100 ms
+    heartbeat_timeout: 500 ms
+    rpdo_timeout: 500 ms
+    feedback_timeout: 500 ms
+"""
+
+
+def half_second(text: str) -> str:
+    """A shipped stage file with time-outs that it does not leave to its free distance, and any late cycles."""
+    assert text.count("    kind: canopen\n") == text.count("realtime:\n") == 1
+    text = text.replace("    kind: canopen\n", f"    kind: canopen\n{_HALF_SECOND}")
+    return text.replace("realtime:\n", "realtime:\n  late_limit: 2000\n")
+
+
+@pytest.fixture(scope="session")
+def slow_screw() -> Setup:
+    """Stage A with time-outs of half a second."""
+    path = CONFIG / "ball-screw.yaml"
+    return load_stage(path, text=half_second(path.read_text()))
+
+
 @pytest.fixture(scope="session")
 def ball_screw() -> Setup:
     """Stage A as the repository ships it."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from stagectl.cli.motion import Channel, Json, StageArgument
+from stagectl.cli.motion import Channel, Json, StageArgument, amperes
 from stagectl.cli.process import without_compiler
 from stagectl.cli.show import console, emit, progress, typed, typed_files
 from stagectl.extras import require
@@ -55,8 +55,8 @@ def selftest(
     only: Annotated[list[str] | None, typer.Option("--only", metavar="FAULT", help="These faults only.")] = None,
     signed: Annotated[str, typer.Option(metavar="NAME", help="Name of the person who signs.")] = "",
     current: Annotated[
-        str, typer.Option(help="Test the real drive with at most this current, e.g. '2 A'. It moves!")
-    ] = "",
+        str | None, typer.Option(help="Test the real drive with at most this current, e.g. '2 A'. It moves!")
+    ] = None,
     travel: Annotated[str, typer.Option(help="Distance of one move of the real drive.")] = "5 mm",
 ) -> None:
     """Try each fault in each state, in virtual time; exit 1 if one does not end as required.
@@ -70,8 +70,9 @@ def selftest(
     from stagectl.workflows.motion import drive_present
 
     setup = _checked(stage)
-    with drive_present(setup, console.print) if current else contextlib.nullcontext():
-        tried = result.bench(setup, only, _gentle(setup, current, travel) if current else None)
+    gentle = _gentle(setup, current, travel)
+    with drive_present(setup, console.print) if gentle else contextlib.nullcontext():
+        tried = result.bench(setup, only, gentle)
         with progress("selftest", len(tried.rows) * len(tried.states)) as update:
             estimate = result.run(setup, tried, signed, typed(), update)
     _show_result(estimate, report)
@@ -80,16 +81,18 @@ def selftest(
         raise typer.Exit(1)
 
 
-def _gentle(setup: Any, current: str, travel: str) -> Any:
-    """Current and travel (axis units) for a test of the real drive."""
+def _gentle(setup: Any, current: str | None, travel: str) -> Any:
+    """Current and travel (axis units) for a test of the real drive; None without a current."""
     from stagectl.selftest.remote import Gentle
     from stagectl.units import UnitError, parse
 
-    axis = setup.file.axis
+    axis, most = setup.file.axis, amperes("--current", current)
+    if most is None:
+        return None
     try:
-        return Gentle(parse(current, "A"), parse(travel, axis.travel_unit) / axis.travel_per_unit)
+        return Gentle(most, parse(travel, axis.travel_unit) / axis.travel_per_unit)
     except UnitError as error:
-        raise StageError(f"--current {current} --travel {travel}: {error}") from error
+        raise StageError(f"--travel {travel}: {error}") from error
 
 
 def _show_result(result: dict[str, Any], report: Path | None) -> None:

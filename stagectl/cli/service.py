@@ -248,6 +248,8 @@ def _show(result: dict[str, Any], json: str | None) -> None:
         place = "" if axis["position"] is None else f" at {length(axis['position'], axis['unit'])}"
         home = "" if axis["homed"] else ", not homed"
         console.print(f"{axis['axis']}: {axis['state_words']}{place}{home}; {axis['late_cycles']} late cycles")
+        for warning in axis["warnings"]:
+            console.print(f"  warning: {warning}")
         if axis["fault"]:
             console.print(f"  {axis['fault']}: {axis['words']}")
     if not result["alive"]:

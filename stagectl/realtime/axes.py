@@ -236,10 +236,8 @@ def _report(axis: SingleAxis, stopped: bool) -> None:
     fault = axis.fault or (Fault.OPERATOR if stopped and not axis.motions else Fault.NONE)
     if not axis.motions and fault is not Fault.OPERATOR:
         raise DriveError(axis.reason or axis.board.words)
-    drives = Fault.NONE < fault < Fault.FOLLOWING_ERROR
-    reason = axis.reason if drives else axis.judged.strip()  # the drive's words, or ours
     counts = {"cycles": axis.ring.written, "late": axis.late_rows, "fault": fault}
-    _say("ended", **counts, words=safety.words(fault), reason=reason)
+    _say("ended", **counts, words=safety.words(fault), reason=axis.reason.strip())
 
 
 def _stops() -> list[int]:

@@ -23,7 +23,7 @@ from stagectl.realtime.setpoint_sources import Ramp, Rows, held
 from stagectl.realtime.shared_memory import Move, Order
 from stagectl.realtime.state_entry_actions import enter
 from stagectl.realtime.states import STOPS_GOING_ON, Event, State, event_of, following
-from stagectl.realtime.stops import STOPS
+from stagectl.realtime.stops import STOPS, without_power
 
 _NAN = math.nan
 # A member of an enumeration takes Python 90 ns to look up by its name: here it is done once.
@@ -135,6 +135,8 @@ class Axis(AxisData):
 
     def _unpowered(self, fault: Fault) -> Fault:
         """What is a fault where no power was asked for: not the drive's want of it, but state Fault."""
+        if not self.silent.certain(fault is Fault.FEEDBACK_LOST) and fault is Fault.FEEDBACK_LOST:
+            return _NONE  # one lost frame, where nothing can move: the next SYNC shows
         if fault is Fault.DRIVE_FAULT:
             return fault if self.found_faulty() else _NONE
         old = fault is Fault.EMERGENCY and (self.cycles - self.since) * self.dt < _OLD_TIME
@@ -229,7 +231,11 @@ class Axis(AxisData):
             self.lose_origin("the encoder jumped")
         self.reason = self.drive.explain() if self.drive is not None and fault < Fault.FOLLOWING_ERROR else row.causes
         self.reason = f"{self.judged}{self.reason}"
-        self.board.say(f"{row.words}; {row.category.words}. {self.reason}. Next: {row.next}".replace(". . ", ". "))
+        head = f"{row.words}; {row.category.words}" if self._under_power() else without_power(fault)
+        self.board.say(f"{head}. {self.reason}. Next: {row.next}".replace(". . ", ". "))
+
+    def _under_power(self) -> bool:
+        return self.powered and self.state is not _ENABLING
 
     def take(self, order: Order) -> bool:
         """An order of the service; False where it cannot be given now."""

@@ -14,7 +14,7 @@ from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive, Simulation
-from stagectl.drives.limits import CERTAIN_FAULT_CYCLES
+from stagectl.drives.limits import CERTAIN_FAULT_CYCLES, SILENT_CYCLES
 from stagectl.drives.run_on import AxisLimits
 from stagectl.kernels import law, stage
 from stagectl.realtime import bumpless_transfer, safety
@@ -99,6 +99,7 @@ class AxisData:
         self.lost_origin = ""  # why the axis has lost its home, in words
         self.judged = ""  # what the judge saw of a fault, in numbers
         self.faulty = ConsecutiveCycles(CERTAIN_FAULT_CYCLES)  # the drive shows state Fault
+        self.silent = ConsecutiveCycles(SILENT_CYCLES)  # the drive does not answer
         self.since, self.entered, self.start, self.lost = 0, 0.0, 0.0, math.nan
         self.still = Standstill(0.0)
         self.shown = max(1, round(_SHOWN / self.dt))  # periods between two signs of life

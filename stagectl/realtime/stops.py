@@ -128,3 +128,11 @@ STOPS: dict[Fault, Stop] = {
     ),
     Fault.PARTNER: Stop(Category.RAMP, "another axis of the group has stopped by a fault", "", _RESET),
 }
+
+
+_UNPOWERED = {Fault.DRIVE_FAULT: "the drive is not ready"}  # in Fault, or it does not take power: it says why
+
+
+def without_power(fault: Fault) -> str:
+    """A fault of an axis that had no power, in words: nothing was stopped."""
+    return f"{_UNPOWERED.get(fault, STOPS[fault].words)}; the axis had no power"

@@ -14,7 +14,7 @@ from stagectl.plan import Start
 from stagectl.realtime.axis_data import LAW, Orders
 from stagectl.realtime.bumpless_transfer import flattened
 from stagectl.realtime.shared_memory import AHEAD, Board, Move, Order, Status
-from stagectl.realtime.states import Event, State
+from stagectl.realtime.states import Event, State, why_not
 from stagectl.recording.metadata import portable
 from stagectl.recording.ring import Ring
 from stagectl.service.axis_status import Shown
@@ -117,6 +117,14 @@ class AxisController:
     def state(self) -> State:
         """Its state now."""
         return State(int(self.status.state))
+
+    def refusal(self, event: Event) -> str:
+        """Why the real-time process has just refused an order, by the state and the fault that it saw."""
+        state, words = self.state, self.board.words
+        if event is Event.MOVE and state is State.STANDING:
+            return words
+        why = why_not(event, state)
+        return f"{why}. {words}" if words and state in (State.FAULT, State.OFFLINE) else why
 
     @property
     def shown(self) -> Shown:

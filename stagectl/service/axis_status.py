@@ -6,12 +6,14 @@ import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from stagectl.drives.canopen.cia402 import LIMITED
 from stagectl.drives.drive import Fault
 from stagectl.realtime.shared_memory import Board, Status
 from stagectl.realtime.states import State
 from stagectl.service.limits import NO_ANSWER
 
 SILENT = "no_answer"  # in place of a state: the loop does not say how the axis is
+_LIMIT_ACTIVE = "the drive reports an internal limit (statusword bit 11): of current, speed or position, or a switch"
 _LENGTHS = ("position", "speed", "reference", "error", "stop_distance")
 
 
@@ -48,6 +50,7 @@ def axis_json(shown: Shown, board: Board, now: float, silent: bool) -> dict[str,
         **lengths,
         "current": None if silent else _finite(status.current),
         "statusword": int(status.statusword),
+        "warnings": [_LIMIT_ACTIVE] if int(status.statusword) & LIMITED and not silent else [],
         "homed": bool(status.homed),
         "in_position": status.settled > 0.0 and not silent,
         "progress": status.row / status.rows if status.rows and not silent else None,

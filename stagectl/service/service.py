@@ -28,7 +28,7 @@ from typing import Any
 from stagectl.drives.drive import Canopen, Fault, accepted
 from stagectl.evaluation import DWELL
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order, Status
-from stagectl.realtime.states import Event, State, why_not
+from stagectl.realtime.states import Event, State
 from stagectl.service import processes, single_instance, virtual_drive
 from stagectl.service.axis_controller import AxisController, ServiceError
 from stagectl.service.axis_status import answers, axis_json
@@ -244,7 +244,7 @@ class Service:
 
         Raises ServiceError with the reason where it cannot be given now.
         """
-        state, board = axis.state, axis.board
+        board = axis.board
         if not axis.status.tick:  # it would never see an order from before its start
             raise ServiceError(f"{axis.name}: the real-time process is starting; see `stagectl status`")
         number = board.order(order)
@@ -257,9 +257,7 @@ class Service:
         if verdict != TAKEN:
             if order.stops is not None and order.stops != board.stops:
                 raise ServiceError(f"{axis.name}: stopped before it began")
-            event = Event(order.kind)
-            own = event is Event.MOVE and state is State.STANDING
-            raise ServiceError(f"{axis.name}: {axis.board.words if own else why_not(event, state)}")
+            raise ServiceError(f"{axis.name}: {axis.refusal(Event(order.kind))}")
 
     async def until(self, wanted: Callable[[], bool], timeout: float) -> bool:
         """Wait until it is as `wanted`; False where that takes longer than `timeout` (s)."""

@@ -58,6 +58,7 @@ class Axis(BaseModel):
     error: float | None
     current: float | None
     statusword: int
+    warnings: list[str]
     homed: bool
     in_position: bool
     progress: float | None

@@ -10,6 +10,7 @@ import contextlib
 import http.client
 import itertools
 import json
+import os
 import resource
 import socket
 import subprocess
@@ -168,6 +169,24 @@ KINDS: dict[str, Callable[[Target], Iterator[None]]] = {
 }
 
 
+FULL_DISK, _BALLAST = "full_disk", "ballast"  # an attack, and its file beside the service's own
+SMALL = 1 << 30  # bytes; a larger disk is not the service's alone, and is not filled
+
+
+def full_disk(target: Target) -> Iterator[None]:
+    """The service's disk has no room: what becomes free is taken at once."""
+    folder = target.folder / "state"
+    whole = os.statvfs(folder)
+    assert whole.f_blocks * whole.f_frsize < SMALL, f"{folder} is on a large disk"
+    with (folder / _BALLAST).open("ab", buffering=0) as ballast:
+        while True:
+            for part in (b"x" * (1 << 16), b"x"):
+                with contextlib.suppress(OSError):
+                    while ballast.write(part):
+                        pass
+            yield
+
+
 @contextlib.contextmanager
 def attacked(folder: Path, port: int, *kinds: str) -> Iterator[None]:
     """These attacks go on meanwhile."""
@@ -185,11 +204,12 @@ def attacked(folder: Path, port: int, *kinds: str) -> Iterator[None]:
         for attacker in started:
             attacker.kill()
             attacker.communicate()
+        (folder / "state" / _BALLAST).unlink(missing_ok=True)
 
 
 def main() -> None:
     kind, folder, port = sys.argv[1:]
-    rounds = KINDS[kind](Target(Path(folder), int(port)))
+    rounds = {**KINDS, FULL_DISK: full_disk}[kind](Target(Path(folder), int(port)))
     next(rounds)
     print(READY, flush=True)
     for _ in rounds:

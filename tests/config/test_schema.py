@@ -40,8 +40,8 @@ def test_shipped_trajectories_are_good(path: Path) -> None:
 
 STAGE = (CONFIG / "ball-screw.yaml").read_text()
 VARIANTS = [
-    ("cpu", "late_limit: 2000", "late_limit: 2000\n  cpu: 1"),
-    ("no cpu", "late_limit: 2000", "late_limit: 2000\n  cpu: null"),
+    ("cpu", "priority: 80", "priority: 80\n  cpu: 1"),
+    ("no cpu", "priority: 80", "priority: 80\n  cpu: null"),
     ("encoder step", "counts_per_revolution: 1048576", "step: 1e-5 rad"),
     ("Stribeck with a pure number", "elements: 12", "elements: 12\n  stribeck: {rise: 0.2, velocity: 3 mm/s}"),
     ("Stribeck in percent", "elements: 12", "elements: 12\n  stribeck: {rise: 20 %, velocity: 3 mm/s}"),

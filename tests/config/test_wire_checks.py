@@ -12,7 +12,7 @@ from stagectl.config.stage_file import load_stage
 from stagectl.config.wire_checks import slow_odrive, slow_slcan
 from stagectl.drives.drive import Canopen, Odrive
 from stagectl.problem import ProblemKind
-from tests.conftest import CONFIG, movable
+from tests.conftest import CONFIG, half_second, movable
 from tests.problems import refused
 
 
@@ -56,7 +56,7 @@ def test_the_line_to_an_odrive() -> None:
 def test_what_the_cycle_of_a_canopen_drive_needs(
     tmp_path: Path, old: str, new: str, kind: ProblemKind, key: str
 ) -> None:
-    text = movable((CONFIG / "ball-screw.yaml").read_text())
+    text = half_second(movable((CONFIG / "ball-screw.yaml").read_text()))
     assert text.count(old) == 1
     (tmp_path / "stage.yaml").write_text(text.replace(old, new))
     with refused(ConfigError, kind=kind, key=f"drive.wire.{key}"):

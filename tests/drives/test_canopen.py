@@ -780,3 +780,15 @@ def test_a_drive_that_boots_in_mid_operation_is_told(bench: Workbench, bus: Tapp
         drive.apply(0.0)
     assert Fault.REBOOTED in faults
     assert drive.explain().startswith("node 5: the drive booted in mid operation")
+
+
+@pytest.mark.parametrize(("code", "fault"), [(0x8130, Fault.NONE), (0x8250, Fault.NONE), (0x2310, Fault.EMERGENCY)])
+def test_without_power_a_missed_controller_is_no_fault(bench: Workbench, bus: Tapped, code: int, fault: Fault) -> None:
+    """Another drive's set-up may keep us away; the drive says that it missed us, and nothing has happened."""
+    bench.running("sync")
+    drive = drive_on(bench, bus)
+    drive.sample()
+    bus.before.append(frame(0x085, struct.pack("<HB5x", code, 0x11)))
+    seen = drive.sample().fault
+    assert seen is (fault or Fault.DRIVE_FAULT)  # that it has no power is no fault of the axis
+    assert (f"0x{code:04X}" in drive.explain()) and ("no fault" in drive.explain()) == (fault is Fault.NONE)

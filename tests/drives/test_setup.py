@@ -163,18 +163,23 @@ def test_without_an_option_code_leaving_operational_must_be_accepted(scene: Scen
     assert "ACCEPTED: nmt_reaction" in scene.drive(accept=("nmt_reaction",)).describe()
 
 
+OUTPUT = Brake("output", 0.03, 0.05)
+
+
 def output_brake(scene: Scene, **changes: Any) -> DriveError:
     with pytest.raises(DriveError) as caught:
-        scene.drive(brake=Brake("output", 0.03, 0.05), **changes)
+        scene.drive(brake=OUTPUT, **changes)
     return caught.value
 
 
 def test_a_brake_that_we_set_needs_a_drive_that_holds_without_us(scene: Scene) -> None:
-    """This drive has no 0x60FE: a set-up that gets so far has passed."""
     scene.store(0x605A00, 2, 2)
     assert (output_brake(scene).object_key, output_brake(scene).value) == (0x605A00, 2)
-    assert output_brake(scene, accept=("output_brake",)).object_key == 0x60FE01
+    assert "ACCEPTED: output_brake" in scene.drive(brake=OUTPUT, accept=("output_brake",)).describe()
     scene.store(0x605A00, 6, 2)
+    scene.drive(brake=OUTPUT)
+    assert [scene.node.objects.number(0x60FE, subindex) for subindex in (1, 2)] == [1, 1]  # set, before any power
+    scene.refuses.absent.add(0x60FE01)
     assert output_brake(scene).object_key == 0x60FE01
     scene.store(0x600700, 2, 2)
     scene.refuses.read_only.add(0x600700)

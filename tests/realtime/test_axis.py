@@ -385,3 +385,29 @@ def test_a_move_may_use_the_travel_that_is_left_from_where_the_axis_stands(ball_
     for distance in (0.0901, -0.0101):
         with pytest.raises(TrajectoryError, match=r"limits\.travel"):
             laid_out(manned.move(distance, 0.1, None))
+
+
+def test_one_lost_answer_without_power_is_no_fault(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.DISABLED)
+    for _ in range(3):  # one at a time
+        bench.drive.fault = Fault.FEEDBACK_LOST
+        bench.run(1)
+        bench.drive.fault = Fault.NONE
+        bench.run(1)
+    assert (bench.axis.state, bench.axis.faults) == (State.DISABLED, 0)
+    bench.drive.fault = Fault.FEEDBACK_LOST
+    bench.run(2)
+    assert (bench.axis.state, bench.axis.faults) == (State.FAULT, 1)
+
+
+def test_a_refusal_names_the_state_and_the_fault_that_the_loop_saw(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw)
+    bench.to(State.DISABLED)
+    bench.drive.statusword = 0x08
+    bench.drive.fault = Fault.DRIVE_FAULT
+    bench.run(5)
+    assert not bench.order(Order(Event.ENABLE))
+    refusal = bench.manned.refusal(Event.ENABLE)
+    assert "fault" in refusal and "the drive says why" in refusal
+    assert STOPS[Fault.DRIVE_FAULT].words not in refusal  # it never had power

@@ -8,6 +8,7 @@ import pytest
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import Brake
+from stagectl.drives.drive import Canopen, StartUp
 from stagectl.realtime.shared_memory import Order
 from stagectl.realtime.states import Event, State
 from stagectl.selftest.rig import Rig, RigLoop, motions, usual
@@ -118,3 +119,30 @@ def test_without_its_brake_it_would_drop(upright: Setup) -> None:
     for _ in range(1000):
         bench.loop.period()
     assert bench.dropped(since) > DROP
+
+
+def let_go(bench: Bench) -> None:
+    """Kill -9: only the drive is left, which holds the axis by itself."""
+    bench.rig.time.sleep(3.0)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize(("end", "power"), [(let_go, True), (switched_off, False)])
+def test_a_brake_on_an_output_holds(upright: Setup, end: Callable[[Bench], None], power: bool, moving: bool) -> None:
+    """The drive has no brake of its own: we set it by 0x60FE; where we die, the drive holds under power (0x605A)."""
+    file = upright.file
+    assert isinstance(file.drive.wire, Canopen)
+    wire = file.drive.wire._replace(start_up=(StartUp(0x605A00, 6),))
+    drive = file.drive._replace(wire=wire)
+    bench = Bench(upright._replace(file=file._replace(brake=Brake("output", 0.03, ENGAGE), drive=drive)), moving)
+    assert not bench.rig.node.axis.brake.free
+    bench.to_motion()
+    assert bench.rig.node.axis.brake.free
+    since = len(bench.rig.trace)
+    end(bench)
+    for _ in range(0 if power else 500):
+        bench.loop.period()
+    assert bench.rig.seen.powered == power
+    assert bench.rig.node.axis.brake.free == power
+    assert abs(bench.rig.seen.velocity) < 1e-3
+    assert bench.dropped(since) <= DROP

@@ -19,10 +19,10 @@ GENTLE = Gentle(4.0, 5.0)  # A, rad: 9.5 mm
 
 
 @pytest.fixture
-def machine(ball_screw: Setup) -> tuple[Setup, VirtualNode, End, Timeline]:
+def machine(slow_screw: Setup) -> tuple[Setup, VirtualNode, End, Timeline]:
     """A setup whose plant is coarse, the node that the self-test must not know, our end, and its time."""
-    simulation = ball_screw.file.simulation._replace(substeps=2)
-    setup = ball_screw._replace(file=ball_screw.file._replace(simulation=simulation))
+    simulation = slow_screw.file.simulation._replace(substeps=2)
+    setup = slow_screw._replace(file=slow_screw.file._replace(simulation=simulation))
     time, wire = Timeline(), setup.file.drive.wire
     assert isinstance(wire, Canopen)
     setup = setup._replace(file=setup.file._replace(drive=setup.file.drive._replace(wire=wire._replace(reset="none"))))

@@ -50,6 +50,9 @@ def stage_file(folder: Path, name: str = "stage", **changes: str) -> Path:
     text = (CONFIG / "ball-screw.yaml").read_text()
     for key, value in {**REAL, **changes}.items():
         text, count = re.subn(rf"(?m)^(  +{key}:) [^#\n]*", rf"\1 {value} ", text)
+        if not count:  # the shipped file leaves it to its default, or to the free distance
+            block, indent = ("realtime:", "  ") if key == "late_limit" else ("    kind: canopen", "    ")
+            text, count = re.subn(rf"(?m)^{block}$", f"{block}\n{indent}{key}: {value}", text)
         assert count == 1, key
     path = folder / f"{name}.yaml"
     path.write_text(text.replace("eds: drives/", f"eds: {CONFIG / 'drives'}/"))

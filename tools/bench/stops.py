@@ -1,14 +1,17 @@
 """How soon a stop is answered and carried out while a service is attacked: ``python tools/bench/stops.py [COUNT]``.
 
 A service on a virtual drive is attacked in turn and by all attackers at once (`tests.attacks.attackers`) while its axis
-moves.  Each stop goes over the stop path, as `stagectl stop` gives it.  Counted: answers within `LIMIT` that say that
-the loop has taken the stop, and axes that then stand within their distance.  Figures of a machine that does something
-else say little: the attackers alone want more than one core.
+moves; run by root, its disk is full, too.  Each stop goes over the stop path, as `stagectl stop` gives it.  Counted:
+answers within `LIMIT` that say that the loop has taken the stop, and axes that then stand within their distance.
+Figures of a machine that does something else say little: the attackers alone want more than one core.
 """
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -19,12 +22,13 @@ from typing import NamedTuple
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP, StopLink, beside
-from tests.attacks.attackers import KINDS, attacked
+from tests.attacks.attackers import FULL_DISK, KINDS, attacked
 from tests.service.serving import Served, free_port, served
 
 LIMIT = 0.05  # s
 SPEED, WAY = 5e-3, 2e-3  # m/s of the motion, and m within which it must stand: four times what its ramp needs
 COUNT = 200
+DISK = "64m"  # of the service's state, where it is to be filled
 
 
 class Stop(NamedTuple):
@@ -39,10 +43,12 @@ class Stop(NamedTuple):
 def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else COUNT
     port = free_port()
-    groups = [(kind,) for kind in KINDS] + [tuple(KINDS)]
+    kinds = (*KINDS, FULL_DISK) if os.geteuid() == 0 else tuple(KINDS)
+    groups = [*((kind,) for kind in kinds), kinds]
     stops: list[Stop] = []
     with (
         tempfile.TemporaryDirectory() as folder,
+        _small_disk(Path(folder) / "state", FULL_DISK in kinds),
         served(Path(folder), "--tcp", f"127.0.0.1:{port}") as machine,
     ):
         machine.ask("POST", "recordings", name="prey", before=0.0, seconds=2.0)  # something to export
@@ -54,6 +60,21 @@ def main() -> None:
     good = sum(stop.heeded and stop.answer <= LIMIT and stop.way <= WAY for stop in stops)
     print(f"{good} of {len(stops)} answered within {LIMIT * 1e3:g} ms and stood within {WAY * 1e3:g} mm")
     sys.exit(good < len(stops))
+
+
+@contextlib.contextmanager
+def _small_disk(folder: Path, wanted: bool) -> Iterator[None]:
+    """A disk of the service's own that can be filled; root alone can make one."""
+    folder.mkdir(mode=0o700)
+    if not wanted:
+        print("without root the disk is not filled", flush=True)
+        yield
+        return
+    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={DISK},mode=700", "tmpfs", folder], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "-l", folder], check=True)
 
 
 def _stopped(machine: Served, attack: str, number: int) -> Stop:

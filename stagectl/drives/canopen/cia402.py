@@ -193,6 +193,7 @@ EMERGENCIES: tuple[tuple[int, int, str], ...] = (
     (0xFF00, 0xFF00, "specific to this device: see its manual"),
 )
 HEARTBEAT_LOST, PDO_LENGTH, RPDO_LOST = 0x8130, 0x8210, 0x8250
+CONTROLLER_MISSED = (HEARTBEAT_LOST, RPDO_LOST)  # emergencies by which a drive says that it misses its controller
 COMMUNICATION_ERROR = 0x10  # bit of the error register 0x1001
 GENERIC_ERROR = 0x01
 

@@ -29,7 +29,7 @@ from stagectl.drives.canopen.braking_monitor import (
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.configuration import configured
 from stagectl.drives.canopen.drive_line import DriveLine
-from stagectl.drives.canopen.fault_texts import Deviation
+from stagectl.drives.canopen.fault_texts import Deviation, FoundState
 from stagectl.drives.canopen.object_access import ObjectAccess
 from stagectl.drives.canopen.operation_watch import mode_place
 from stagectl.drives.canopen.power_states import FaultReset, PowerTransition, Standstill
@@ -90,8 +90,7 @@ class CanopenDrive:
         self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
         self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
         self._slow = settings.quick_stop_deceleration * STANDING
-        self._found = _read(setup.objects, cia402.STATUSWORD)  # before it gets power
-        self._error_code = _read(setup.objects, cia402.ERROR_CODE)
+        self._found = FoundState(*(_read(setup.objects, index) for index in (cia402.STATUSWORD, cia402.ERROR_CODE)))
         if brake.control == "output":
             check_output_brake(setup.objects, self._description)
             setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 1)  # set, before any power
@@ -187,10 +186,8 @@ class CanopenDrive:
 
     def pending_fault(self) -> str:
         """The fault in which the drive was found, or is on the way to power, in words; empty where there is none."""
-        found = self._last.statusword if self._walking else self._found
-        if found is None or cia402.state(found) is not DriveState.FAULT:
-            return ""
-        return fault_texts.standing_fault(self._settings.node, found, self._error_code, self._reports.signs)
+        now = self._last.statusword or self._found.statusword
+        return fault_texts.standing_fault(self._settings.node, now, self._found, self._reports.signs)
 
     def reset_fault(self) -> None:
         """Hold bit 7 until the drive's fault is gone, without power.  Raises DriveError where it stays."""
@@ -203,11 +200,10 @@ class CanopenDrive:
             self.apply(0.0)
             due = self._rest(due)
         else:
-            node, statusword = self._settings.node, self._last.statusword
-            raise fault_texts.not_reset(node, statusword, self._error_code, self._reports.signs)
+            raise fault_texts.not_reset(self._settings.node, self._last.statusword, self._found, self._reports.signs)
         self.ask(Power.OFF)
         self.apply(0.0)
-        self._found = self._reports.emergency = self._reports.problem = None
+        self._found, self._reports.emergency, self._reports.problem = FoundState(), None, None
 
     def describe(self) -> dict[str, str]:
         """Identity, time-outs, option codes in words and scales, as read back from the drive."""
@@ -218,9 +214,11 @@ class CanopenDrive:
 
     def explain(self) -> str:
         """The last fault in words, probable causes, next command; on the way to power, where the drive hangs."""
-        node, last = self._settings.node, self._reason or self._last._replace(fault=Fault.NONE)
+        node, last = self._settings.node, self._reason or self._last
         if self._reason is None and (pending := self.pending_fault()):
             return pending
+        if last is not self._reason and last.fault is Fault.DRIVE_FAULT:
+            last = last._replace(fault=Fault.NONE)  # it has no power because nobody asked for it
         if self._walking and self._last.fault is not Fault.BUS:
             return fault_texts.not_enabled(node, self._last, self._reports.signs)
         return fault_texts.explained(node, last, self._reports.signs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
@@ -42,6 +42,18 @@ class DriveSigns(NamedTuple):
     heartbeat_age: float  # s; NaN: none was heard
     nmt: int | None  # NMT state in its last heartbeat
     alive: bool  # its heartbeat was heard after its last answer: power, wiring and bit rate are right
+
+
+class FoundState(NamedTuple):
+    """A drive as its set-up found it; None: it does not say."""
+
+    statusword: int | None = None
+    error_code: int | None = None  # 0x603F
+
+    @property
+    def fault_code(self) -> int | None:
+        """The error code, where it is that of a fault: one that comes later is told by its emergency."""
+        return self.error_code if _is_fault(self.statusword) else None
 
 
 _NMT = {
@@ -146,17 +158,24 @@ def emergency_words(emergency: Emergency) -> str:
     return f"emergency 0x{code:04X} ({meaning}), error register 0x{register:02X}, vendor's bytes {vendor.hex(' ')}"
 
 
-def standing_fault(node: int, statusword: int, error_code: int | None, signs: DriveSigns) -> str:
-    """A drive that is in Fault before it gets power: what it reports, and how a person resets it."""
-    code = None if error_code is None else f"error code 0x603F = 0x{error_code:04X} ({cia402.emergency(error_code)})"
+def standing_fault(node: int, statusword: int | None, found: FoundState, signs: DriveSigns) -> str:
+    """A drive without power that is in Fault: what it reports, how a person resets it; empty for other states."""
+    if not _is_fault(statusword):
+        return ""
+    error = found.fault_code
+    code = None if error is None else f"error code 0x603F = 0x{error:04X} ({cia402.emergency(error)})"
     emergency = emergency_words(signs.emergency) if signs.emergency else None
     parts = filter(None, (f"node {node} is in state {state_words(statusword)}", code, emergency))
     return f"{'; '.join(parts)}. {_HINTS[DriveState.FAULT]}"
 
 
-def not_reset(node: int, statusword: int, error_code: int | None, signs: DriveSigns) -> DriveError:
+def _is_fault(statusword: int | None) -> TypeGuard[int]:
+    return statusword is not None and cia402.state(statusword) is DriveState.FAULT
+
+
+def not_reset(node: int, statusword: int, found: FoundState, signs: DriveSigns) -> DriveError:
     """The error of a drive whose fault stays when it is reset."""
-    reported = standing_fault(node, statusword, error_code, signs)
+    reported = standing_fault(node, statusword, found, signs)
     return DriveError(
         f"the fault reset had no effect: the cause is still there. {reported}",
         node=node,

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 from stagectl.drives.bus.frames import Bus, frame, parse
 from stagectl.drives.canopen import cia402, presets
-from stagectl.drives.canopen.library import SdoAbortedError, SdoCommunicationError, SdoError, canopen
-from stagectl.drives.canopen.network import PumpedNetwork, PumpedNode, check_profile, load_eds
+from stagectl.drives.canopen.network import check_profile, load_eds
+from stagectl.drives.canopen.plain_sdo import PlainSdo, SilentDriveError, number
 from stagectl.drives.canopen.presets import Preset
 from stagectl.drives.canopen.protection import NOT_OFFERED, outlook
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
-from stagectl.drives.limits import PROBE_ANSWER_TIME, SCAN_AT_ONCE, SCAN_TIME, SHOWN_NAME
+from stagectl.drives.limits import SCAN_AT_ONCE, SCAN_TIME, SHOWN_NAME
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 MODES = {0: "profile position", 2: "profile velocity", 3: "profile torque", 5: "homing", 6: "interpolated position"}
@@ -52,28 +52,17 @@ def probe(
 
     Raises DriveError where no node answers, or the node is no CiA 402 drive.
     """
-    network = PumpedNetwork(bus, clock)
-    node = PumpedNode(wire.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
-    network[wire.node] = node
-    node.sdo.RESPONSE_TIMEOUT = PROBE_ANSWER_TIME
+    objects = PlainSdo(wire, bus, clock)
 
     def read(index: int, subindex: int = 0) -> bytes | None:
         try:
-            return bytes(node.sdo.upload(index, subindex))
-        except SdoAbortedError:
-            return None
-        except SdoCommunicationError as error:
+            return objects.read(index, subindex)
+        except SilentDriveError as error:
             raise DriveError(_silent(wire, answering(bus, clock)), place=wire.channel, node=wire.node) from error
-        except SdoError as error:
-            raise DriveError(
-                f"node {wire.node}: object 0x{index:04X}:{subindex:02X} cannot be read: {error}",
-                node=wire.node,
-                object_key=index << 8 | subindex,
-            ) from error
 
-    check_profile(_number(read(cia402.DEVICE_TYPE, 0)) or 0, wire.node)
+    check_profile(number(read(cia402.DEVICE_TYPE, 0)) or 0, wire.node)
     result = _concluded(read, chosen, rated)
-    protection = outlook(wire, lambda index, subindex: _number(read(index, subindex), signed=True), limits)
+    protection = outlook(wire, lambda index, subindex: number(read(index, subindex), signed=True), limits)
     answers = {**result.answers, "protection": protection.words}
     doubts = [] if protection.good else [f"it is not enabled like this: protection {protection.words}"]
     return result._replace(answers=answers, doubts=(*result.doubts, *doubts, *against_eds(wire, read, result.preset)))
@@ -116,7 +105,7 @@ def against_eds(wire: Canopen, read: Read, preset: Preset) -> list[str]:
     od = load_eds(wire.eds, wire.node)
     eds, doubts = od.device_information, []
     for subindex, name, written in ((1, "vendor", eds.vendor_number), (2, "product", eds.product_number)):
-        reported = _number(read(cia402.IDENTITY, subindex))
+        reported = number(read(cia402.IDENTITY, subindex))
         if written is not None and reported is not None and written != reported:
             doubts.append(
                 f"{wire.eds} is for {name} 0x{written:08X}, the drive reports 0x{reported:08X}: take its own EDS"
@@ -130,15 +119,15 @@ def against_eds(wire: Canopen, read: Read, preset: Preset) -> list[str]:
 
 
 def _concluded(read: Read, chosen: Preset | None, rated: float | None) -> ProbeResult:
-    vendor, modes = _number(read(*_IDENTITY)), _number(read(cia402.SUPPORTED_MODES, 0))
+    vendor, modes = number(read(*_IDENTITY)), number(read(cia402.SUPPORTED_MODES, 0))
     preset = chosen or presets.for_vendor(vendor)
-    reported_rated = _number(read(preset.rated >> 8, preset.rated & 0xFF))
+    reported_rated = number(read(preset.rated >> 8, preset.rated & 0xFF))
     current = rated or (reported_rated * 1e-3 if reported_rated else None)
     answers = {**_identity(read), **_state(read, modes), **_stops(read), **_units(read)}
     key = f"rated current (0x{preset.rated >> 8:04X}:{preset.rated & 0xFF:02X})"
     answers[key] = f"{reported_rated * 1e-3:g} A" if reported_rated is not None else NOT_OFFERED
     values = presets.wire_values(preset, current) if current else {}
-    unit = _number(read(UNIT_OF_ACCELERATION, 0))
+    unit = number(read(UNIT_OF_ACCELERATION, 0))
     if unit == RPM_PER_SECOND and values:
         values["deceleration_scale"] = presets.RPM_PER_SECOND
     return ProbeResult(answers, vendor, modes, current, preset, values, tuple(_doubts(preset, modes, current, values)))
@@ -150,7 +139,7 @@ _IDENTITY = (cia402.IDENTITY, 1)
 def _identity(read: Read) -> dict[str, str]:
     answers = {}
     for subindex, name in enumerate(("vendor", "product", "revision", "serial number"), start=1):
-        value = _number(read(cia402.IDENTITY, subindex))
+        value = number(read(cia402.IDENTITY, subindex))
         if value is not None:
             answers[name] = f"0x{value:08X}"
     for index, name in ((cia402.DEVICE_NAME, "device name"), (cia402.SOFTWARE_VERSION, "software version")):
@@ -162,7 +151,7 @@ def _identity(read: Read) -> dict[str, str]:
 
 
 def _state(read: Read, modes: int | None) -> dict[str, str]:
-    statusword = _number(read(cia402.STATUSWORD, 0))
+    statusword = number(read(cia402.STATUSWORD, 0))
     answers = {} if statusword is None else {"state": f"{cia402.state(statusword).words} (0x{statusword:04X})"}
     offered = [words for bit, words in MODES.items() if modes is not None and modes >> bit & 1]
     answers["modes (0x6502)"] = ", ".join(offered) if modes is not None else NOT_OFFERED
@@ -172,17 +161,17 @@ def _state(read: Read, modes: int | None) -> dict[str, str]:
 def _stops(read: Read) -> dict[str, str]:
     answers = {}
     for index, (name, _) in cia402.OPTIONS.items():
-        value = _number(read(index, 0), signed=True)
+        value = number(read(index, 0), signed=True)
         answers[name] = NOT_OFFERED if value is None else f"{value}: {cia402.option(index, value)}"
     return answers
 
 
 def _units(read: Read) -> dict[str, str]:
     answers = {}
-    counts, turns = _number(read(ENCODER, 1)), _number(read(ENCODER, 2))
+    counts, turns = number(read(ENCODER, 1)), number(read(ENCODER, 2))
     if counts and turns:
         answers["encoder (0x608F)"] = f"{counts / turns:.10g} counts per revolution"
-    unit = _number(read(UNIT_OF_ACCELERATION, 0))
+    unit = number(read(UNIT_OF_ACCELERATION, 0))
     if unit is not None:
         answers["unit of accelerations (0x60AA)"] = (
             "rpm/s" if unit == RPM_PER_SECOND else f"0x{unit:08X}, see CiA 303-2"
@@ -201,7 +190,3 @@ def _doubts(preset: Preset, modes: int | None, rated: float | None, values: dict
             "the unit of its stop ramp (0x6085) is not known: look it up, and set drive.wire.deceleration_scale"
         )
     return doubts
-
-
-def _number(raw: bytes | None, signed: bool = False) -> int | None:
-    return None if not raw else int.from_bytes(raw[:8], "little", signed=signed)

@@ -61,8 +61,8 @@ class Reports:
         self._answered = now = self.now()
         if self.rebooted:
             return Fault.REBOOTED
-        if self.emergency is not None:
-            return Fault.EMERGENCY
+        if self.emergency is not None and (self.serving or self.emergency.code not in cia402.CONTROLLER_MISSED):
+            return Fault.EMERGENCY  # without power nobody is missed: another drive's set-up may keep us for seconds
         silence = now - self._heard  # NaN: never heard
         if self.serving and silence > self._timeout:
             self.problem = fault_texts.MUTE.filled(silence)

@@ -62,6 +62,8 @@ class Objects:
         store[cia402.RATED_CURRENT] = {0: rated.to_bytes(4, "little")}
         self._history.clear()
         self.error_code = self.error_register = 0
+        if not communication_only:
+            self.axis.brake.restart()
         self.changed = True
 
     def options(self) -> StopOptions:
@@ -117,6 +119,8 @@ class Objects:
             cia402.TARGET_TORQUE << 8: lambda count: self._aim(count * self._permille),
             TARGET_CURRENT << 8: lambda count: self._aim(count * FINE),
             cia402.ERROR_HISTORY << 8: lambda _: self._history.clear(),
+            cia402.DIGITAL_OUTPUTS << 8 | 1: self._set_outputs,
+            cia402.DIGITAL_OUTPUTS << 8 | 2: self._set_mask,
         }
 
     def _control(self, controlword: int) -> None:
@@ -128,6 +132,12 @@ class Objects:
     def _set_mode(self, mode: int) -> None:
         if mode in _CYCLIC_MODES:  # an RPDO with another mode is ignored; `_check` aborts such an SDO
             self.axis.mode = mode
+
+    def _set_outputs(self, outputs: int) -> None:
+        self.axis.brake.outputs = outputs
+
+    def _set_mask(self, mask: int) -> None:
+        self.axis.brake.mask = mask
 
     def _aim(self, current: float) -> None:
         if self.axis.state is cia402.DriveState.OPERATION_ENABLED:

@@ -16,6 +16,7 @@ from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DeviceCommand, DriveState
 from stagectl.drives.limits import STANDING, STILL_TIME, STOP_GRACE
 from stagectl.drives.simulated import Plant
+from stagectl.drives.virtual.holding_brake import HoldingBrake
 from stagectl.drives.virtual.sensor import Actuator, Sensor
 
 _VOLTAGE, _REMOTE, _FOLLOWS = 0x0010, 0x0200, 0x1000  # bits of the statusword besides the state
@@ -49,7 +50,7 @@ class PowerStage:
     ) -> None:
         """`gain` of the stop's velocity loop (A s/rad | A s/m); `stopped` is called when a stop is over.
 
-        The drive works its `brake` by itself: it holds where there is no power, and takes over before that goes.
+        A `brake` that the drive works itself holds where there is no power, and takes over before that goes.
         """
         self.plant, self._gain, self._stopped = plant, gain, stopped
         self.sensor, self._actuator, self._sto = Sensor(plant), Actuator(), False
@@ -63,7 +64,7 @@ class PowerStage:
         self._reference = 0.0  # velocity on the ramp
         self._began = self._still = 0.0  # rad | m where the stop began; s without motion
         self._elapsed = self._limit = self._engaging = 0.0
-        self._brake, self._free = brake, not brake.present  # the axis can move
+        self.brake = HoldingBrake(brake)
         # The drive's own loop carries the weight as its integral would.
         self._weight = -plant.p.mechanics.bias / plant.p.motor.force_constant if brake.present else 0.0
 
@@ -106,20 +107,22 @@ class PowerStage:
         """Let the received command act from now on."""
         limit = self.options.current_limit
         self.applied = min(max(self.target, -limit), limit) if self._obeys else 0.0
-        self.plant.command(self._actuator(self.applied))
+        if not self._holds:
+            self.plant.command(self._actuator(self.applied))
 
     def advance(self, seconds: float) -> None:
         """Let time go on by a period or less, under the applied command or the drive's own stop."""
-        if not self._free:
-            return  # the brake holds the axis where it is
-        if not self.stopping:
+        self.brake.advance(seconds)
+        if self._holds:
+            self._reference = _towards_zero(self._reference, self.options.deceleration * seconds)
+            current = self._gain * (self._reference - self.sensor.velocity) + self._weight
+            self.plant.command(self._actuator(current))
+        if self.brake.free:
             self.plant.drift(seconds)
-            return
-        self._reference = _towards_zero(self._reference, self.options.deceleration * seconds)
-        current = self._gain * (self._reference - self.sensor.velocity) + self._weight
-        self.plant.command(self._actuator(current))
-        self.plant.drift(seconds)
-        self._watch_stop(seconds)
+        elif self.plant.state.velocity:
+            self.plant.state = self.plant.state._replace(velocity=0.0)  # the brake holds the axis where it is
+        if self.stopping:
+            self._watch_stop(seconds)
 
     def quick_stop(self) -> None:
         """Transition 11: brake as 0x605A requires."""
@@ -181,8 +184,8 @@ class PowerStage:
         self.applied = self.target = self._limit = 0.0
         self.plant.powered = self.enabled
         self.plant.command(0.0)
-        if self._brake.present:
-            self._free = self.enabled
+        if self.brake.by_drive:
+            self.brake.free = self.enabled
             self.plant.state = self.plant.state._replace(velocity=self.plant.state.velocity * self.enabled)
 
     @property
@@ -191,9 +194,14 @@ class PowerStage:
         cyclic = self.mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
         return cyclic and self.state is DriveState.OPERATION_ENABLED and not self.stopping
 
+    @property
+    def _holds(self) -> bool:
+        """Whether its own velocity loop acts: on the ramp, and at rest under power behind it (0x605A from 5 on)."""
+        return self.stopping or self.state is DriveState.QUICK_STOP_ACTIVE
+
     def _leave_for(self, target: DriveState) -> None:
         """Go to another state; where power ends with it, the brake holds first."""
-        if not (self._brake.present and self.enabled and target not in _POWERED):
+        if not (self.brake.by_drive and self.enabled and target not in _POWERED):
             self._enter(target)
         elif not self.stopping:
             self._slow_down(target)
@@ -212,7 +220,7 @@ class PowerStage:
         self._still = self._still + dt if still else 0.0
         if self._still < STILL_TIME and self._elapsed < self._limit:
             return
-        if still and self._brake.present and self._engaging < self._brake.engage:
+        if still and self.brake.by_drive and self._engaging < self.brake.engage:
             self._engaging += dt  # held under power until the brake holds
             return
         stop = StopReport(self._elapsed - self._still, self.plant.state.position - self._began, still)

@@ -27,7 +27,6 @@ STILL_COUNTS, STILL_TIME = 2, 0.2  # encoder counts and s; chosen; an axis that 
 PATIENCE = 3.0  # s; chosen; beyond time-out and ramp: then the axis counts as not stopped, and its power is cut
 LOOK = 0.005  # s; chosen; between two looks at ring or drive
 LOOP_PATIENCE = 30.0  # s; chosen; for a loop to connect, get power and end: a busy computer starts Python slowly
-RESET_TIME = 1.0  # s; chosen; for a fault to go away: longer than any drive wants bit 7 to be held
 
 LONGEST_NAME = 100  # characters; chosen; of the person
 SHORTEST_KEY = 16  # bytes; chosen; 128 bits: a shorter key for the signature can be guessed

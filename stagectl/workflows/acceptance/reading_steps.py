@@ -30,7 +30,7 @@ def identity(bench: Workbench) -> Found:
         check_profile(drive.number(cia402.DEVICE_TYPE) or 0, bench.wire.node)
         bench.drive = _identified(drive)
         preset = for_vendor(drive.number(cia402.IDENTITY, 1))
-        doubts = against_eds(bench.wire, drive.raw, preset)
+        doubts = against_eds(bench.wire, drive.read, preset)
         rated = drive.number(cia402.RATED_CURRENT)
         bench.start = drive.position()
     stated = bench.wire.rated_current
@@ -71,7 +71,7 @@ def _identified(drive: DriveReader) -> dict[str, str]:
         if value is not None:
             known[name] = f"0x{value:08X}"
     for index, name in _TEXTS.items():
-        text = (drive.raw(index) or b"").decode("latin-1").strip("\0 ")
+        text = (drive.read(index) or b"").decode("latin-1").strip("\0 ")
         if text:
             known[name] = "".join(letter if letter.isprintable() else "?" for letter in text)
     return known

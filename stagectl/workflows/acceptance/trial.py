@@ -124,7 +124,10 @@ class Trial:
 
 @contextlib.contextmanager
 def trying(setup: Setup, push: Push) -> Iterator[Trial]:
-    """Connect, switch power on, push; at the end the loop is gone.  Raises DriveError where the drive refuses."""
+    """Connect, switch power on, push; at the end the loop is gone.  Raises DriveError where the drive refuses.
+
+    A fault of the drive is reset: the trial before this one has caused it, as `connected` has found none.
+    """
     rows = np.zeros((len(push.currents), len(law.Setpoint._fields)))
     rows[:, law.SETPOINT_COLUMNS["injection"]] = push.currents
     shared = Shared(Ring.create(rollout.WIDTH), Board.create(len(rows)))
@@ -133,7 +136,7 @@ def trying(setup: Setup, push: Push) -> Iterator[Trial]:
         started("loop", (shared.ring.descriptor, shared.board.descriptor)) as loop,
     ):
         try:
-            loop.send(_post(setup, shared, push))
+            loop.send(_post(setup, shared, push)._replace(reset=True))
             event_of(loop, "ready")
             shared.board.order(boards.Order(Event.ENABLE))
             shared.board.order(laid_on(shared.board, rows))

@@ -124,9 +124,8 @@ class Workbench:
             bus.close()
 
     def ready(self) -> float:
-        """The position (rad | m) before a trial; the fault that the last one caused is reset."""
+        """The position (rad | m) before a trial."""
         with self.reading() as drive:
-            drive.reset_fault()
             return drive.position()
 
     @contextlib.contextmanager
