@@ -35,8 +35,8 @@ def test_the_nominal_axis_is_that_of_the_stage_file(ball_screw: Setup) -> None:
 
 def test_any_range_of_seeds_has_all_conditions() -> None:
     settings = [capture_cases.setting_of(seed) for seed in range(240)]
-    assert {setting.law for setting in settings} == set(friction.LAWS)
-    assert {setting.motion for setting in settings} == set(motions.MOTIONS)
+    pairs = {(setting.law, setting.motion) for setting in settings[48:72]}
+    assert pairs == {(law, motion) for law in friction.LAWS for motion in motions.MOTIONS}
     assert {setting.counts for setting in settings} == {2**20, 20_000, 4_096}
     assert {(setting.duration, setting.row) for setting in settings} == {
         *((10.0, row) for row in (0.5e-3, 1e-3, 5e-3, 10e-3)),
