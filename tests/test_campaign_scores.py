@@ -25,7 +25,7 @@ def outcome(scores: Any, seed: int, inertia: tuple[float, float, float] | None) 
     setting = {"seed": seed, "law": "dahl", "motion": "sine", "counts": 4096, "row": 5e-4, "duration": 10.0}
     setting |= {"column": "command", "reference": True}
     intervals = {} if inertia is None else {"inertia": inertia, "delay": (1.2e-3, 0.9e-3, 1.5e-3)}
-    oracle = {"shape_known": HALF, "law_known": HALF, "estimates": {**TRUTH, "viscous": 0.15}}
+    oracle = {"shape_known": HALF, "law_known": {**HALF, "delay": 1e-4}, "estimates": {**TRUTH, "viscous": 0.15}}
     return scores.Outcome(setting, TRUTH, oracle, 0.5, "" if inertia else "noise", "too coarse", intervals)
 
 
@@ -41,7 +41,9 @@ def test_errors_are_relative_but_that_of_the_delay(scores: Any) -> None:
 
 
 def test_widths_are_over_the_oracles(scores: Any) -> None:
-    assert outcome(scores, 1, (0.0102, 0.0099, 0.0105)).width("inertia", "shape_known") == pytest.approx(3.0)
+    answer = outcome(scores, 1, (0.0102, 0.0099, 0.0105))
+    assert answer.width("inertia", "shape_known") == pytest.approx(3.0)
+    assert answer.width("delay", "law_known") == pytest.approx(3.0)
     assert [outcome(scores, 1, None).oracle_holds(name) for name in HALF] == [True, False, True]
 
 

@@ -46,18 +46,18 @@ _OWN = {  # what `law known` has to find besides the size of the friction
 
 
 class Oracle(NamedTuple):
-    """Half widths of 95 % intervals by parameter, of both estimators, and the estimates of the first."""
+    """Half widths of 95 % intervals by parameter, of both estimators, and their estimates."""
 
     shape_known: dict[str, float]
     law_known: dict[str, float]
-    estimates: dict[str, float]  # of `shape known`, from this log's own noise
+    estimates: dict[str, float]  # of `shape known`, from this log's own noise; the delay is that of `law known`
 
 
 class _Balance(NamedTuple):
     """The averaged balance of torque over n rows."""
 
     regressors: Array  # (n, 4): acceleration, velocity, shape of friction, 1
-    further: Array  # (n, m): sensitivities to the delay and to the law's parameters
+    further: Array  # (n, m): what the delay changes of `torque`, and each of the law's parameters of the friction
     torque: Array  # (n,) N m, as the log's current shows it
     rounding: Array  # (n + 2,) rad, measured minus true position at the rows
 
@@ -71,8 +71,11 @@ def oracle(capture: Capture) -> Oracle:
     density = _density(missed) + _rounding_density(capture, len(missed))
     bent = truth.inertia * np.diff(rounding, 2) / row**2 + truth.viscous * np.diff(rounding)[1:] / row
     shape, estimate = _fit(balance.regressors, missed - bent, density)
-    law, _ = _fit(np.hstack([balance.regressors, balance.further]), missed, density)
-    return Oracle(_named(_NORMAL * shape), _named(_NORMAL * law), _named(known + estimate))
+    law, corrections = _fit(np.hstack([balance.regressors, balance.further]), missed - bent, density)
+    delay = balance.regressors.shape[1]
+    widths = {**_named(_NORMAL * law), "delay": float(_NORMAL * law[delay])}
+    estimates = {**_named(known + estimate), "delay": float(truth.delay - corrections[delay])}
+    return Oracle(_named(_NORMAL * shape), widths, estimates)
 
 
 def _named(values: Array) -> dict[str, float]:

@@ -64,6 +64,13 @@ def _short(law: str, seed: int) -> capture_cases.Setting:
     return capture_cases.setting_of(seed, law)._replace(duration=1.0, row=0.5e-3, lead_in=0.3, motion="chirp")
 
 
+def _even(setting: capture_cases.Setting) -> capture_cases.Capture:
+    """Without ripple and cogging, which no oracle knows."""
+    plant = capture_cases.plant_of(np.random.default_rng(setting.seed), setting)
+    mechanics = plant.mechanics._replace(ripple=0.0, cogging=0.0)
+    return capture_cases.moved(setting, plant._replace(mechanics=mechanics))
+
+
 def test_a_seed_gives_one_log(tmp_path: Path) -> None:
     logs = []
     for name in ("a.csv", "b.csv"):
@@ -79,11 +86,20 @@ def test_a_seed_gives_one_log(tmp_path: Path) -> None:
 def test_the_oracle_holds_the_truth(law: str) -> None:
     """Within four standard deviations where no ripple bends it, and knowing less never narrows an interval."""
     for seed in (11, 12, 13):
-        setting = _short(law, seed)
-        plant = capture_cases.plant_of(np.random.default_rng(seed), setting)
-        even = plant.mechanics._replace(ripple=0.0, cogging=0.0)
-        capture = capture_cases.moved(setting, plant._replace(mechanics=even))
+        capture = _even(_short(law, seed))
         told, truth = oracle.oracle(capture), capture.truth._asdict()
         for name in oracle.PARAMETERS:
             assert abs(told.estimates[name] - truth[name]) < 2.0 * told.shape_known[name]
             assert told.law_known[name] >= told.shape_known[name] > 0.0
+
+
+@pytest.mark.parametrize("column", ["command", "measured"])
+@pytest.mark.parametrize(("row", "seed"), [(0.5e-3, 31), (0.5e-3, 32), (1e-3, 33), (5e-3, 34)])
+def test_the_delay_is_what_the_log_shows(column: str, row: float, seed: int) -> None:
+    """The definition of the package, from the log alone: within 8 us, or four standard deviations where it is noisy."""
+    setting = _short("dahl", seed)._replace(column=column, row=row, counts=2**20, noise=0.01, duration=2.0)
+    capture = _even(setting)
+    shown = oracle.oracle(capture)
+    off = shown.estimates["delay"] - capture.truth.delay
+    assert abs(off) < max(2.0 * shown.law_known["delay"], 8e-6)
+    assert shown.law_known["delay"] < 0.05 * row
