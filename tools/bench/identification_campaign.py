@@ -50,7 +50,7 @@ def main() -> None:
                 setting = capture_cases.setting_of(seed, chosen.only)
                 if (seed, setting.law) in done:
                     continue
-                outcome = _outcome(setting, chosen.keep or Path(folder), chosen.method)
+                outcome = _outcome(setting, chosen.keep or Path(folder), chosen)
                 outcomes.append(outcome)
                 _keep(chosen.json, outcome)
                 print(outcome.line(), file=sys.stderr, flush=True)
@@ -65,6 +65,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", type=lambda text: list(_seeds(text)), metavar="3,17,20-25", help="exactly these")
     parser.add_argument("--only", choices=friction.LAWS, default="", help="every capture with this friction law")
     parser.add_argument("--method", default="simultaneous", help="of stagectl identify")
+    parser.add_argument("--give-delay", action="store_true", help="give the true delay: what is left is the friction's")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="leave the CSVs and their truths there")
     parser.add_argument("--json", type=Path, metavar="FILE", help="one answer a line; an existing file is continued")
     return parser.parse_args()
@@ -89,7 +90,7 @@ def _keep(path: Path | None, outcome: Outcome) -> None:
             file.write(json.dumps(outcome._asdict()) + "\n")
 
 
-def _outcome(setting: capture_cases.Setting, folder: Path, method: str) -> Outcome:
+def _outcome(setting: capture_cases.Setting, folder: Path, chosen: argparse.Namespace) -> Outcome:
     """One capture through everything."""
     capture = capture_cases.capture_of(setting)
     widths, truth = oracle.oracle(capture), capture.truth._asdict()
@@ -99,8 +100,9 @@ def _outcome(setting: capture_cases.Setting, folder: Path, method: str) -> Outco
     about = {"setting": setting._asdict(), "truth": truth}
     log.with_suffix(".json").write_text(json.dumps(about, indent=2), encoding="utf-8")
     stage = sc.load_stage(STAGE_FILE).changed({"encoder.counts_per_revolution": setting.counts})
+    options = {"delay": truth["delay"]} if chosen.give_delay else {}
     begin = time.perf_counter()
-    answer = _identified(stage, log, method)
+    answer = _identified(stage, log, chosen.method, options)
     return Outcome(
         setting=about["setting"],
         truth=truth,
@@ -110,10 +112,10 @@ def _outcome(setting: capture_cases.Setting, folder: Path, method: str) -> Outco
     )
 
 
-def _identified(stage: Any, log: Path, method: str) -> dict[str, Any]:
+def _identified(stage: Any, log: Path, method: str, options: dict[str, float]) -> dict[str, Any]:
     """Intervals by parameter, or why there are none."""
     try:
-        fit = sc.identify(stage, log, method=method)
+        fit = sc.identify(stage, log, method=method, **options)
     except sc.StageError as error:
         reason = getattr(getattr(error, "reason", None), "value", type(error).__name__)
         return {"refused": str(reason), "words": str(error), "intervals": {}}
