@@ -7,7 +7,7 @@ says so.
 from __future__ import annotations
 
 # Ball-screw paper, Fig. 3(a): its equation has Tc, Ts and alpha, and no values.
-STRIBECK_RISE, STRIBECK_VELOCITY = 0.6, 3.0  # (Ts - Tc)/Tc; 1/alpha in rad/s: well inside the speeds of Fig. 5
+STRIBECK_RISE, STRIBECK_VELOCITY = 0.6, 1.0  # (Ts - Tc)/Tc; 1/alpha in rad/s, 2 mm/s: "ultra low"
 STRIBECK_SPEEDS = (0.2, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 60.0)  # mm/s of the table, a decade either side
 STRIBECK_SPAN, STRIBECK_STROKE = 1.5, 40e-3  # s and m: the shorter of the two is moved at each speed
 STRIBECK_RAMP, STRIBECK_REST = 0.4, 0.1  # m/s^2 and s between the speeds

@@ -12,14 +12,17 @@ from stagectl_studies.reproduction import (
     ball_screw,
     ball_screw_conventional,
     ball_screw_proposed,
+    ball_screw_summary,
     ball_screw_tracking,
     chosen,
     slider,
     slider_friction_parts,
     slider_parts,
+    slider_summary,
+    summary,
 )
 from stagectl_studies.reproduction.bench import CONFIG
-from stagectl_studies.reproduction.part import Outcome
+from stagectl_studies.reproduction.part import Outcome, by_name
 from stagectl_studies.reproduction.progress import Course, Tell
 from stagectl_studies.reproduction.tracking import NOISES
 
@@ -75,10 +78,10 @@ def ball_screw_outcome(e: ball_screw.Evidence, course: Course) -> Outcome:
         "Simulated: the machine is a model (config/ball-screw.yaml) with 0.045 A rms of noise on its motor current and "
         "the encoder's steps. No method was told the model's parameters; the operator's data sheet was wrong by a "
         "fifth and more. An error against the truth here is a floor, not a promise for a real stage.",
-        "Figs. 1, 7 and 11 are a photograph and block diagrams. The paper's figures hold no numbers beyond those in "
-        "its text, which stand beside ours.",
+        "The paper's figures hold no numbers beyond those in its text, which stand beside ours.",
     ]
-    return Outcome(answer, notes, [parameters, *conventional, *proposed, *tracking])
+    parts = [parameters, *conventional, *proposed, *tracking]
+    return Outcome(answer, notes, parts, ball_screw_summary.compared(by_name(parts)))
 
 
 def slider_outcome(e: slider.Evidence, course: Course) -> Outcome:
@@ -104,9 +107,9 @@ def slider_outcome(e: slider.Evidence, course: Course) -> Outcome:
         "chosen to agree with them, so these three confirm the model. The errors at the reversals were not.",
         "The mass and the viscous friction that the method takes off the force are wrong by a tenth, as a data sheet's "
         "are; it is told nothing of the rolling friction.",
-        "Figs. 1 and 2 are a photograph and a block diagram (kernels/cascade.py is that diagram).",
     ]
-    return Outcome(answer, notes, [*slider_parts.parts(e), *slider_friction_parts.parts(e)])
+    parts = [*slider_parts.parts(e), *slider_friction_parts.parts(e)]
+    return Outcome(answer, notes, parts, slider_summary.compared(by_name(parts), e.forms.friction))
 
 
 def page(paper: str, outcome: Outcome, path: Path) -> Path:
@@ -117,7 +120,7 @@ def page(paper: str, outcome: Outcome, path: Path) -> Path:
             outcome.answer,
             outcome.notes,
             [],
-            [],
+            [summary.table(outcome.compared)],
             [f".venv/bin/stagectl reproduce {paper}", *_COMMANDS[paper]],
             versions(),
             sections=tuple(part.section for part in outcome.parts),

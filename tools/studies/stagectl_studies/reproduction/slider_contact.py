@@ -24,13 +24,14 @@ from stagectl_studies.reproduction.release import released
 SAME_DECELERATION, SAME_TIME = "same deceleration", "same time"
 PROFILES = (SAME_DECELERATION, SAME_TIME)
 REFERENCE_SPEED = 10.0  # mm/s, at which both profiles are the trajectory file's
+BEFORE = 10e-3  # s over which the force before the reversal is a mean
 HELD = 0.1  # s before the release, of the holding force
 
 
 class Standstill(NamedTuple):
     """What a stop from one speed leaves."""
 
-    reversal: float  # N, output force where the reference reverses
+    reversal: float  # N, output force before the reference reverses
     holding: float  # N
     offset: float  # m, from where it was let go to where it rests
 
@@ -81,7 +82,7 @@ def _standstill(bench: Bench, speed: str, profile: str) -> Standstill:
     constant = bench.machine.stage.motor.force_constant
     ringing = released(rows["time"], rows["measured"], opened, bench.machine.stage.encoder.step)
     return Standstill(
-        current_at(turned, turning(turned)) * constant,
+        current_before(turned, turning(turned)) * constant,
         constant * float(np.mean(rows["measured_current"][before])),
         ringing.offset,
     )
@@ -98,6 +99,8 @@ def turning(run: Run) -> float:
     return float(run.samples["time"][np.flatnonzero((v[:-1] > 0.0) & (v[1:] <= 0.0))[0] + 1])
 
 
-def current_at(run: Run, instant: float) -> float:
-    """Motor current (A) at an `instant` (s)."""
-    return float(np.interp(instant, run.samples["time"], run.samples["measured_current"]))
+def current_before(run: Run, instant: float) -> float:
+    """Mean motor current (A) over the BEFORE seconds to an `instant` (s): the encoder's steps shake single samples."""
+    time = run.samples["time"]
+    inside = (time >= instant - BEFORE) & (time < instant)
+    return float(np.mean(run.samples["measured_current"][inside]))

@@ -11,7 +11,7 @@ from stagectl_studies.reproduction import figures_slider as figures
 from stagectl_studies.reproduction.bench import Run
 from stagectl_studies.reproduction.part import Part
 from stagectl_studies.reproduction.slider import Evidence
-from stagectl_studies.reproduction.slider_contact import SAME_DECELERATION, current_at, opening, turning
+from stagectl_studies.reproduction.slider_contact import SAME_DECELERATION, current_before, opening, turning
 
 LEAST = 560  # px, of the wide figures
 
@@ -28,14 +28,15 @@ def _shown(e: Evidence, run: Run, label: str, instant: float) -> figures.ShownRu
 def _stroke_end(e: Evidence) -> Part:
     runs = [_shown(e, run, f"{speed} mm/s", turning(run)) for speed, run in e.reversals.items()]
     constant = e.bench.machine.stage.motor.force_constant
-    force = {speed: constant * current_at(run, turning(run)) for speed, run in e.reversals.items()}
+    force = {speed: constant * current_before(run, turning(run)) for speed, run in e.reversals.items()}
     words = [
         "The paper: around the end of a stroke the output force differs with the speed before it, does not fall as the "
         "axis slows down, and changes its direction behind the reversal: friction goes on assisting the motion for a "
         "while. Velocity feedforward is 0. The paper gives no numbers here.",
         "Ours, all slowed down at 0.1 m/s²: "
         + ", ".join(f"{value:.2f} N at {speed} mm/s" for speed, value in force.items())
-        + " where the reference reverses, M a of 0.6 N included. The guide's friction follows the speed "
+        + " over the 10 ms before the reference reverses, M a of 0.6 N included. The guide's friction follows the "
+        "speed "
         f"{1e3 * chosen.FRICTION_LAG:.0f} ms late (frictional lag): after a fast stroke it has not yet risen to "
         "Stribeck's peak.",
         "The table: without the lag and at the same deceleration the forces hardly differ; what remains is the loop. "
