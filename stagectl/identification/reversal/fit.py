@@ -129,8 +129,12 @@ def fitted(
 ) -> FormFit:
     """`name` fitted to `data`; `physical` keeps Cs between the constant friction and the largest force seen."""
     low, high = bounds(name, data, physical)
+
+    def cost(z: Array) -> float:
+        return misfit(name, z, data)
+
     minimum = optimize.differential_evolution(
-        lambda z: misfit(name, z, data),
+        cost,
         optimize.Bounds(np.log(low), np.log(high)),
         rng=seed,
         popsize=thresholds.POPULATION,

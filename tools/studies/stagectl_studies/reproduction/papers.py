@@ -16,6 +16,7 @@ from stagectl_studies.reproduction import (
     ball_screw_tracking,
     chosen,
     slider,
+    slider_forms,
     slider_friction_parts,
     slider_parts,
     slider_summary,
@@ -89,7 +90,7 @@ def slider_outcome(e: slider.Evidence, course: Course) -> Outcome:
     course.begin("figures")
     fastest = list(e.reversals)[-1]
     lag, first, second = (
-        slider.extremes(e.turns[fastest, form]) for form in (slider.NONE, slider.FIRST, slider.SECOND)
+        slider.extremes(e.turns[fastest, form]) for form in (slider.NONE, slider_forms.FIRST, slider_forms.SECOND)
     )
     ringing = e.ringing[fastest]
     answer = (

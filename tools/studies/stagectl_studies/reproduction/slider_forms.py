@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stagectl.compensation.legs import Array
 from stagectl.compensation.zero_crossing import Form
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification.capture import Capture
@@ -94,5 +95,5 @@ def _bred(kind: str, rows: fit.ReversalData, seed: int) -> Search:
     return Search(float(np.sqrt(found.cost / len(rows.friction))), found.evaluations, seconds)
 
 
-def _rms(values: fit.Array) -> float:
+def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))

@@ -52,7 +52,7 @@ def _step(bench: Bench, current: float) -> StepResponse:
     open_loop = CurrentSine(current, 4.0 / length, 4.0)  # planned for its length; its current is replaced
     laid_out = plan(believed, open_loop, controller.feedforward)
     rows = laid_out.setpoints.copy()
-    time = bench.machine.dt * np.arange(len(rows))
+    time: Array = bench.machine.dt * np.arange(len(rows), dtype=np.float64)
     on = (time >= chosen.STEP_START) & (time < length)
     rows[:, SETPOINT_COLUMNS["injection"]] = np.where(on, current, 0.0)
     samples = simulate(believed, laid_out._replace(setpoints=rows), controller.law, bench.machine)
