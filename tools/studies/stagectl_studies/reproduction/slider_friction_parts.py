@@ -155,9 +155,10 @@ def _compensation(e: Evidence) -> Part:
         "with or without compensation.",
         "The proposed form, first power: it falls faster than the guide's spring lets go, so the axis leads by "
         f"{_um(turns[FIRST][1])}. A slower decay trades that lead for a lag, from which the loop swings back. "
-        "Second power: no lead at the crossing. Of the largest positive error, "
-        f"{_um(turns[SECOND][1])}, the run without compensation has {_um(turns[NONE][1])}; the rest is the loop's "
-        "swing some 50 ms later, where the guide has slid for long.",
+        "Second power: at the crossing it leads little more than the run without compensation does "
+        f"({_um(turns[NONE][1])}); its largest lead, {_um(turns[SECOND][1])}, comes some 50 ms later, as the loop "
+        "swings "
+        "back: in the new direction the form knows no Stribeck rise. That is not quite the paper's suppression.",
         "Our lag with the proposed form is smaller than the paper's -2.4 µm, as our stage repeats itself and the fit "
         "is "
         "of the same motion. The conventional form gives more positive error than in the paper: it jumps from +Cs to "

@@ -67,7 +67,7 @@ def _contacts(e: Evidence) -> Table:
             " / ".join(f"{1e6 * abs(stop.offset):.1f}" for stop in stops),
         )
         rows.append([f"{1e3 * lag:.0f} ms, {profile}", *cells])
-    title = f"After {' / '.join(speeds)} mm/s, by the friction's lag and the way the axis stops"
+    title = f"After {' / '.join(speeds)} mm/s, by the friction's lag and the way the axis stops; Stribeck's rise alike"
     return Table(title, ["", "force at the reversal [N]", "force at standstill [N]", "back to rest [µm]"], rows)
 
 
