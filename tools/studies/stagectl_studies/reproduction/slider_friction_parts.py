@@ -157,8 +157,7 @@ def _compensation(e: Evidence) -> Part:
         f"{_um(turns[FIRST][1])}. A slower decay trades that lead for a lag, from which the loop swings back. "
         "Second power: at the crossing it leads little more than the run without compensation does "
         f"({_um(turns[NONE][1])}); its largest lead, {_um(turns[SECOND][1])}, comes some 50 ms later, as the loop "
-        "swings "
-        "back: in the new direction the form knows no Stribeck rise. That is not quite the paper's suppression.",
+        "swings back: in the new direction the form knows no Stribeck rise. That is not quite the paper's suppression.",
         "Our lag with the proposed form is smaller than the paper's -2.4 µm, as our stage repeats itself and the fit "
         "is "
         "of the same motion. The conventional form gives more positive error than in the paper: it jumps from +Cs to "
