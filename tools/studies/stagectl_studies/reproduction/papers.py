@@ -103,8 +103,7 @@ def slider_outcome(e: slider.Evidence, course: Course) -> Outcome:
     notes = [
         "Simulated: the machine is a model (config/linear-slider.yaml) with its encoder's steps and the drive's, and "
         f"no noise. Its friction follows the speed {1e3 * chosen.FRICTION_LAG:.0f} ms late, which the stage file's "
-        "does "
-        "not. The paper gives its holding force, its frequency and its travel; mass, stiffness and loop were "
+        "does not. The paper gives its holding force, its frequency and its travel; mass, stiffness and loop were "
         "chosen to agree with them, so these three confirm the model. The errors at the reversals were not.",
         "The mass and the viscous friction that the method takes off the force are wrong by a tenth, as a data sheet's "
         "are; it is told nothing of the rolling friction.",

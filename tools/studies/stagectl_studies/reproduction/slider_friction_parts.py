@@ -163,8 +163,7 @@ def _compensation(e: Evidence) -> Part:
         "of the same motion. The conventional form gives more positive error than in the paper: it jumps from +Cs to "
         "-Cs "
         "at the crossing, while a guide of 40 Hz and some 5 kg is still a spring for 30 ms. How far that throws the "
-        "axis "
-        "depends on loop and stiffness; the paper states neither.",
+        "axis depends on loop and stiffness; the paper states neither.",
     ]
     image = Picture(
         embedded(figures.compensation(runs, turning(e.compensated[fastest, NONE]))),

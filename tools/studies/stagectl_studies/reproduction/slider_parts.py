@@ -36,8 +36,7 @@ def _stroke_end(e: Evidence) -> Part:
         "Ours, all slowed down at 0.1 m/s²: "
         + ", ".join(f"{value:.2f} N at {speed} mm/s" for speed, value in force.items())
         + " over the 10 ms before the reference reverses, M a of 0.6 N included. The guide's friction follows the "
-        "speed "
-        f"{1e3 * chosen.FRICTION_LAG:.0f} ms late (frictional lag): after a fast stroke it has not yet risen to "
+        f"speed {1e3 * chosen.FRICTION_LAG:.0f} ms late (frictional lag): after a fast stroke it has not yet risen to "
         "Stribeck's peak.",
         "The table: without the lag and at the same deceleration the forces hardly differ; what remains is the loop. "
         "The paper speaks of different deceleration profiles and does not give them. Where the axis takes the same "
