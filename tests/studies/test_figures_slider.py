@@ -36,6 +36,6 @@ def test_stroke_end_and_release_draw_the_recording() -> None:
 def test_the_compensation_figure_has_the_papers_sign() -> None:
     rows = recorded(slider(), trapezoid())
     for instant in (0.6, 1.2):  # both turns: lagging is negative
-        _, error = compensation([Compensated("", rows, errors(rows))], instant).axes
+        _, error = compensation([Compensated("none", rows, errors(rows))], instant).axes
         assert -5.0 < np.min(np.asarray(error.lines[0].get_ydata())) < -4.0
         assert error.lines[0].get_label() == "no compensation: -4.6 / +0.6 µm"

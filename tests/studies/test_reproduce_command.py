@@ -9,12 +9,14 @@ from typing import Any
 import pytest
 from stagectl_studies.reproduction import papers
 from stagectl_studies.reproduction.part import Outcome, Part
+from stagectl_studies.reproduction.summary import Compared, Verdict, photograph
 
 from stagectl.report.page import Section, Table
 from tests.cli.conftest import Command
 
 SECTION = Section("Fig. 5 - Speed", ["As <b> in the paper."], [], [Table("", ["D"], [["0.14"]])])
-OUTCOME = Outcome("D is 0.14.", ["Simulated."], [Part("figure 5", SECTION, {"viscous": 0.14})])
+ROWS = [Compared("Fig. 5", "D 0.14", "D 0.1400", Verdict.REPRODUCED), photograph("Fig. 1", "stage")]
+OUTCOME = Outcome("D is 0.14.", ["Simulated."], [Part("figure 5", SECTION, {"viscous": 0.14})], ROWS)
 
 
 @pytest.fixture
@@ -39,9 +41,13 @@ def test_it_writes_a_page_and_its_numbers(command: Command, quick: list[str], tm
     assert "simulated: D is 0.14." in err
     folder = tmp_path / "new" / "folder"
     written = json.loads((folder / f"{paper}.json").read_text(encoding="utf-8"))
-    assert json.loads(out) == written == {"simulated": True, "answer": "D is 0.14.", "figure 5": {"viscous": 0.14}}
+    compared = written.pop("compared")
+    assert json.loads(out) == {"compared": compared, **written}
+    assert written == {"simulated": True, "answer": "D is 0.14.", "figure 5": {"viscous": 0.14}}
+    assert [row["verdict"] for row in compared] == ["reproduced", "not drawn because"]
     page = (folder / f"{paper}.html").read_text(encoding="utf-8")
-    assert "<h2>Fig. 5 - Speed</h2>" in page and "As &lt;b&gt; in the paper." in page
+    assert page.index("not drawn because it is a photograph") < page.index("<h2>Fig. 5 - Speed</h2>")
+    assert "As &lt;b&gt; in the paper." in page
 
 
 def test_an_unknown_paper_is_refused_before_anything_is_written(command: Command, tmp_path: Path) -> None:

@@ -128,11 +128,10 @@ def fitted(
     name: str, data: ReversalData, seed: int, generation: Callable[..., None] | None = None, physical: bool = True
 ) -> FormFit:
     """`name` fitted to `data`; `physical` keeps Cs between the constant friction and the largest force seen."""
-    low, high = _bounds(name, data, physical)
+    low, high = bounds(name, data, physical)
 
     def cost(z: Array) -> float:
-        residual = _residual(name, np.exp(z), data)
-        return float(residual @ residual)
+        return misfit(name, z, data)
 
     minimum = optimize.differential_evolution(
         cost,
@@ -168,8 +167,14 @@ def _residual(name: str, x: Array, data: ReversalData) -> Array:
     return data.friction - _form(name, x, data.constant).along(data.cut)
 
 
-def _bounds(name: str, data: ReversalData, physical: bool) -> tuple[Array, Array]:
-    """Of the shapes by the resolution of the capture, of Cs by its forces."""
+def misfit(name: str, z: Array, data: ReversalData) -> float:
+    """Sum of squares (N^2 m^2 | N^2) that the search makes small; `z` (k,) are logarithms of shapes and Cs."""
+    residual = _residual(name, np.exp(z), data)
+    return float(residual @ residual)
+
+
+def bounds(name: str, data: ReversalData, physical: bool) -> tuple[Array, Array]:
+    """Lowest and highest shapes and Cs (k,): of the shapes by the resolution of the capture, of Cs by its forces."""
     longest = float(np.max(np.where(np.isfinite(data.cut.until), data.cut.until, 0.0)))
     time = (data.resolution, max(longest, 10.0 * data.resolution))
     shapes = {

@@ -19,6 +19,8 @@ from stagectl.identification.simultaneous import method as simultaneous
 from stagectl.trajectories import CurrentSweep, Experiment
 from stagectl_studies.reproduction.bench import CONFIG, NOISE, Bench, Run, captured, carried_out, guessed
 from stagectl_studies.reproduction.progress import Course
+from stagectl_studies.reproduction.step_response import StepResponse, steps
+from stagectl_studies.reproduction.stribeck import StribeckExamination, examined
 from stagectl_studies.reproduction.tracking import MOTIONS, Tracking, tracked
 
 STAGE = "ball-screw.yaml"
@@ -29,7 +31,7 @@ MAIN = "current-sine-1.6hz-5a"
 OTHERS = ("current-sine-0.8hz-5a", "current-sine-1.6hz-3a", "sine-0.8hz")
 CALIBRATED = "delay known"
 DATA_SHEET = (1.2, 0.7, 0.8)  # inertia, viscous and rolling friction over the true ones
-STEPS = {"experiments": 12.0, "frequency responses": 2.0, "conventional": 0.5, "simultaneous": 3.0, "tracking": 2.0}
+STEPS = {"experiments": 14.0, "frequency responses": 2.0, "conventional": 0.5, "simultaneous": 3.0, "tracking": 2.0}
 SEED = 20
 
 
@@ -51,6 +53,8 @@ class Evidence(NamedTuple):
     bench: Bench
     runs: dict[str, Run]
     captures: dict[str, list[Capture]]
+    stribeck: StribeckExamination
+    steps: list[StepResponse]
     response: IdentificationResult
     speed: IdentificationResult
     slow: IdentificationResult
@@ -63,6 +67,7 @@ def evidence(course: Course, extent: Extent = WHOLE, seed: int = SEED) -> Eviden
     machine = load_stage(CONFIG / STAGE)
     bench = Bench(machine, guessed(machine, *DATA_SHEET), seed).noisy(NOISE, 0)
     runs = _experiments(course, bench, extent)
+    further = examined(bench), steps(bench)
     captures = {name: captured(run) for name, run in runs.items()}
     file = bench.believed.file
     sweeps = [capture for name in (*extent.sweeps, MOVING) for capture in captures[name]]
@@ -75,7 +80,7 @@ def evidence(course: Course, extent: Extent = WHOLE, seed: int = SEED) -> Eviden
     tracking = tracked(
         bench, {"conventional": slow, "proposed": proposed[MAIN]}, extent.motions, course.begin("tracking")
     )
-    return Evidence(bench, runs, captures, response, speed, slow, proposed, tracking)
+    return Evidence(bench, runs, captures, *further, response, speed, slow, proposed, tracking)
 
 
 def _experiments(course: Course, bench: Bench, extent: Extent) -> dict[str, Run]:

@@ -1,4 +1,4 @@
-"""Ball-screw paper, sections II to IV.A: response, curve fit, constant and ultra-low speed (Figs. 2 to 6)."""
+"""Ball-screw paper, sections II to IV.A: response, constant and ultra-low speed (Figs. 2, 5 and 6)."""
 
 from __future__ import annotations
 
@@ -6,27 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from stagectl.identification.response import fits
-from stagectl.identification.response.lines import Curve, curves
-from stagectl.identification.response.method import joined_curve
 from stagectl.identification.result import Characteristic
-from stagectl.report.figures import WITH, WITHOUT, embedded
+from stagectl.report.figures import embedded
 from stagectl.report.methods import conventional as shared
 from stagectl.report.page import Picture, Section, Table
-from stagectl.report.panels import CONVENTIONAL, DPI
+from stagectl.report.panels import DPI
 from stagectl_studies.reproduction import figures_conventional as figures
 from stagectl_studies.reproduction import published
 from stagectl_studies.reproduction.ball_screw import SLOW, Evidence
+from stagectl_studies.reproduction.ball_screw_characteristics import characteristics
+from stagectl_studies.reproduction.ball_screw_curve_fit import best, curve_fit
+from stagectl_studies.reproduction.ball_screw_steps import step_response
 from stagectl_studies.reproduction.part import Part, percent
-
-BANDS = (50.0, 100.0, 150.0, 200.0)  # Hz, highest line of a curve fit
-LAGS = (0.0, 0.25e-3, 0.5e-3)  # s, left in the response
-SMOOTH = 201  # samples, 0.1 s: of the ultra-low-speed torque, for the eye only
 
 
 def parts(e: Evidence) -> list[Part]:
-    """Figs. 2 to 6, in their order."""
-    return [_responses(e), _characteristics(e), _curve_fit(e), _constant_speed(e), _ultra_low_speed(e)]
+    """Figs. 2 to 6 and the step response, in their order."""
+    before = [_responses(e), characteristics(e), curve_fit(e), step_response(e)]
+    return [*before, _constant_speed(e), _ultra_low_speed(e)]
 
 
 def truth(e: Evidence) -> Characteristic:
@@ -41,7 +38,7 @@ def truth(e: Evidence) -> Characteristic:
 def _responses(e: Evidence) -> Part:
     response, kt = e.response, e.bench.machine.stage.motor.force_constant
     moving = next(fit["viscous"] for fit in response.details["fits"] if fit["of"] == "axis kept moving")
-    model = _best(e)
+    model = best(e)
     rows: list[list[str]] = []
     numbers: dict[str, Any] = {}
     for curve in response.details["curves"]:
@@ -89,103 +86,6 @@ def _over(curve: dict[str, Any], kt: float, model: tuple[float, float]) -> tuple
     ratio = (measured / figures.linear(f, kt, model))[sound]
     low, high = (int(np.argmin(np.abs(np.log(f[sound] / at)))) for at in (1.0, 10.0))
     return float(20.0 * np.log10(np.abs(ratio[low]))), float(np.degrees(np.angle(ratio[high])))
-
-
-def _characteristics(e: Evidence) -> Part:
-    parameters, capture = e.speed.parameters, e.captures[SLOW][0]
-    torque = np.convolve(
-        e.bench.machine.stage.motor.force_constant * capture.current, np.full(SMOOTH, 1.0 / SMOOTH), mode="same"
-    )
-    inside = slice(SMOOTH, -SMOOTH, 20)
-    scale = e.runs[SLOW].scale
-    pictures = figures.characteristics(
-        e.speed.details["spans"],
-        (parameters["viscous"].value, parameters["coulomb"].value),
-        (scale * capture.position[inside], torque[inside]),
-    )
-    settled = scale * e.slow.details["settled"]
-    words = [
-        "The paper's drawings of what friction depends on: velocity (its equation with Coulomb friction Tc, static "
-        "friction Ts and the Stribeck effect) and displacement after a reversal. Ours are measured on the virtual "
-        "stage. The paper takes the Stribeck effect to matter at ultra-low speed only; stage A is built without it.",
-        f"The paper's width of the unstable region, here the displacement at which 95 % of a full reversal is done: "
-        f"{1e6 * settled:.1f} µm.",
-    ]
-    return Part("figure 3", Section("Fig. 3 - Friction characteristics", words, pictures, []), {"settled": settled})
-
-
-def _curve_fit(e: Evidence) -> Part:
-    file = e.bench.believed.file
-    kt = file.motor.force_constant
-    curve = _largest(e)
-    rows, numbers, drawn = [], {}, []
-    for name, colour, fit in (
-        ("curve fit to the gain", WITHOUT, fits.gain_curve(fits.lines([curve], kt))),
-        ("with friction in the model", WITH, None),
-    ):
-        values = _best(e) if fit is None else (float(fit.values[0]), float(fit.values[1]))
-        numbers[name] = {"inertia": values[0], "viscous": values[1]}
-        drawn.append((f"{name}: D = {values[1]:.3f}", colour, values))
-        rows.append([name, f"{values[0]:.5f}", f"{values[1]:.4f}"])
-    drawn.append(
-        ("paper: D = 0.10", CONVENTIONAL, (published.INERTIA, published.VISCOUS_CURVE_FIT)),
-    )
-    rows.append(["paper, Fig. 4", f"{published.INERTIA:.3f}", f"{published.VISCOUS_CURVE_FIT:.2f}"])
-    rows.append(["paper, constant speed; truth here", f"{published.INERTIA:.3f}", f"{published.VISCOUS:.2f}"])
-    lagged, numbers["lag left in"] = _lags(curve, kt)
-    written = next(line for line in reversed(e.response.details["curves"]) if not line["moving"])
-    words = [
-        "The paper: fitting Kt/(J s + D) to the response at R = 9 gives J 0.010 and D 0.10, where constant speed gives "
-        "D 0.14. Ours, fitted to the gain at the largest amplitude, errs the other way: friction adds 4 Tc/(pi W) to "
-        "what looks like damping, so D comes out too high. No rolling friction can make it come out too low.",
-        "Why the paper's D is low: a lag that is left in the response. Least squares on Kt/H reads D from its real "
-        "part, from which a lag takes away J w² times the lag: the higher the band, the more. The second table shows "
-        "it: 0.25 ms of lag (half a control period and the current loop are of that size) and lines up to 150 Hz give "
-        "the paper's 0.10. Its band and lag are not known; nothing in the plant was tuned to meet its figure.",
-        "Told apart from friction by sines at several amplitudes, and with the delay fitted, D is right.",
-    ]
-    tables = [
-        Table("", ["fit", "J [kg m²]", "D [N m s/rad]"], rows),
-        Table(
-            "D by linear least squares on Kt/H, R = 9 A, with a lag left in the response",
-            ["lines up to", *(f"{1e3 * lag:g} ms" for lag in LAGS)],
-            lagged,
-        ),
-    ]
-    section = Section("Fig. 4 - Curve fitting", words, figures.curve_fit(written, kt, drawn), tables)
-    return Part("figure 4", section, numbers)
-
-
-def _best(e: Evidence) -> tuple[float, float]:
-    """Inertia and viscous friction of the fit to all sines that knows of friction."""
-    row = next(fit for fit in e.response.details["fits"] if fit["name"] == "friction-corrected")
-    return float(row["inertia"]), float(row["viscous"])
-
-
-def _largest(e: Evidence) -> Curve:
-    """The response at the largest amplitude."""
-    file = e.bench.believed.file
-    responses = [
-        curve for name in e.captures if name.startswith("frf-") for curve in curves(e.captures[name][0], file)[0]
-    ]
-    still = [curve for curve in responses if not curve.moving]
-    largest = max(curve.amplitude for curve in still)
-    return joined_curve([curve for curve in still if curve.amplitude == largest])
-
-
-def _lags(curve: Curve, kt: float) -> tuple[list[list[str]], dict[str, Any]]:
-    """D by linear least squares over bands (rows) and lags left in (columns)."""
-    rows, numbers = [], {}
-    for band in BANDS:
-        keep = curve.frequency <= 1.001 * band
-        if np.sum(keep & curve.sound) < 3:
-            continue
-        names = ("frequency", "response", "deviation", "coherence", "velocity", "relay")
-        lines = fits.lines([curve._replace(**{name: getattr(curve, name)[keep] for name in names})], kt)
-        viscous = [float(fits.linear(lines, lag).values[1]) for lag in LAGS]
-        rows.append([f"{band:g} Hz", *(f"{viscou:+.3f}" for viscou in viscous)])
-        numbers[f"{band:g} Hz"] = dict(zip((f"{1e3 * lag:g} ms" for lag in LAGS), viscous, strict=True))
-    return rows, numbers
 
 
 def _constant_speed(e: Evidence) -> Part:

@@ -11,6 +11,9 @@ from stagectl.identification.result import Characteristic
 from stagectl.report.figures import TARGET, WITH, WITHOUT
 from stagectl.report.page import Picture
 from stagectl.report.panels import CONVENTIONAL, SHADES, TRUTH, Frame, Line, picture
+from stagectl_studies.reproduction.published import INERTIA, VISCOUS
+from stagectl_studies.reproduction.step_response import StepResponse, rise
+from stagectl_studies.reproduction.stribeck import StribeckExamination, torque
 
 Array = NDArray[np.float64]
 Model = tuple[float, float]  # inertia (kg m^2), viscous (N m s/rad)
@@ -56,29 +59,73 @@ def responses(curves: list[dict[str, Any]], force_constant: float, model: Model)
 
 
 def characteristics(
-    spans: list[dict[str, Any]], model: tuple[float, float], loop: tuple[Array, Array]
+    spans: list[dict[str, Any]],
+    model: tuple[float, float],
+    loop: tuple[Array, Array],
+    stribeck: StribeckExamination,
 ) -> list[Picture]:
-    """Fig. 3: friction over velocity (`model` = viscous, coulomb), and the loop (position m, torque N m) of rolling."""
+    """Fig. 3: friction over velocity, near zero and at speed, and the loop (position m, torque N m) of rolling.
+
+    `spans` and `model` = (viscous, coulomb) are those of the stage without a Stribeck effect.
+    """
+    speed = np.concatenate([np.linspace(-40.0, -1e-3, 800), np.linspace(1e-3, 40.0, 800)])
     viscous, coulomb = model
-    speed = np.linspace(-40.0, 40.0, 401)
-    sign = np.sign(speed)
-    stribeck = coulomb * (1.0 + 0.6 * np.exp(-np.abs(speed) / 3.0))
+    points = ([span.speed for span in stribeck.spans], [span.force for span in stribeck.spans])
     lines = [
-        Line(speed, sign * (viscous * np.abs(speed) + stribeck), "the equation with $T_s$ = 1.6 $T_c$", TRUTH, "--"),
-        Line(speed, sign * coulomb + viscous * speed, "$D\\omega + T_c$ sgn $\\omega$, as found", WITH),
-        Line([span["speed"] for span in spans], [span["force"] for span in spans], "constant speed", WITHOUT, "o"),
+        Line(speed, torque(stribeck.fitted, speed), "the paper's equation, fitted", WITH),
+        Line(*points, "constant speed, stage with Stribeck", WITHOUT, "o"),
+        Line([span["speed"] for span in spans], [span["force"] for span in spans], "stage A", CONVENTIONAL, "o"),
+        Line(speed, np.sign(speed) * coulomb + viscous * speed, "$D\\omega + T_c$ sgn $\\omega$", TRUTH, "--"),
     ]
-    caption = "Stage A shows no Stribeck effect; the dashed line is what the paper's equation adds near zero speed."
-    position, torque = loop
-    loops = [Line(1e6 * position, torque, "", CONVENTIONAL, "-", 0.8)]
+    frame = Frame("speed [rad/s]", "friction torque [N m]", "(a) over velocity", ylim=(-9.5, 9.5))
+    near = frame._replace(title="(a) near zero speed", xlim=(-9.0, 9.0), ylim=(-3.2, 3.2))
+    caption = "Friction falls from Ts as the axis begins to move, and then rises with D; stage A has no Ts."
+    position, rolling = loop
+    loops = [Line(1e6 * position, rolling, "", CONVENTIONAL, "-", 0.8)]
     return [
-        picture(lines, Frame("speed [rad/s]", "friction torque [N m]", "(a) over velocity"), caption),
+        picture(lines, frame, "Over all speeds of Fig. 5."),
+        picture([line._replace(label="") for line in lines], near, caption),
         picture(
             loops,
             Frame("table position [µm]", "torque [N m]", "(b) over displacement"),
             "Rolling friction: a loop that springs after each reversal and then stays at Tc.",
         ),
     ]
+
+
+def steps(responses: list[StepResponse], force_constant: float, scale: float) -> list[Picture]:
+    """Steps of current: position and speed, and the first-order models; `scale` in m of table travel per rad."""
+    positions, speeds = [], []
+    for shade, step in zip(SHADES, responses, strict=True):
+        t, label = 1e3 * step.time, f"{step.current:g} A"
+        model = rise(step.time, force_constant * step.current, step.inertia, step.viscous)
+        positions += [
+            Line(t, 1e3 * scale * step.position, label, shade),
+            Line(t, 1e3 * scale * model, "", TARGET, "--"),
+        ]
+        frictionless = rise(step.time, force_constant * step.current, INERTIA, VISCOUS)
+        for course, colour, style in ((step.position, shade, "-"), (model, TARGET, "--"), (frictionless, TRUTH, ":")):
+            speeds.append(Line(t[::10], _speed(step.time, course)[::10], label if style == "-" else "", colour, style))
+    axis = "time from the step [ms]"
+    return [
+        picture(
+            positions,
+            Frame(axis, "table position [mm]", "(a) position"),
+            "Dashed: the first-order model fitted to each.",
+        ),
+        picture(
+            speeds,
+            Frame(axis, "speed [rad/s]", "(b) speed"),
+            "Dotted: what J 0.010 and D 0.14 would give without friction.",
+        ),
+    ]
+
+
+def _speed(time: Array, position: Array) -> Array:
+    """By central differences over 10 ms, which takes the encoder's noise off the eye."""
+    wide = round(5e-3 / float(time[1] - time[0]))
+    padded = np.pad(position, wide, mode="reflect", reflect_type="odd")
+    return np.asarray((padded[2 * wide :] - padded[: -2 * wide]) / (2 * wide * (time[1] - time[0])), dtype=np.float64)
 
 
 def curve_fit(curve: dict[str, Any], force_constant: float, fits: list[tuple[str, str, Model]]) -> list[Picture]:

@@ -13,10 +13,23 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stagectl.compensation.legs import Array
-from stagectl.report.figures import STYLE, TARGET
-from stagectl.report.methods.zero_crossing import COLOURS, NAMES
+from stagectl.report.figures import STYLE, TARGET, WITH, WITHOUT
 from stagectl_studies.reproduction.reversal_error import ReversalError
 
+NAMES = {
+    "none": "no compensation",
+    "symmetric": "conventional",
+    "exponential": "proposed, first power",
+    "gaussian": "proposed, second power",
+    "displacement": "over displacement (ours)",
+}
+COLOURS = {
+    "none": "#be123c",
+    "symmetric": WITHOUT,
+    "exponential": WITH,
+    "gaussian": "#7c3aed",
+    "displacement": "#2563eb",
+}
 SERIES = ("#0f766e", "#d97706", "#7c3aed", "#be123c")
 
 
@@ -30,7 +43,7 @@ class ShownRun(NamedTuple):
 
 
 class Compensated(NamedTuple):
-    """One recording of the compensation experiment; `form` names its colour, empty without compensation."""
+    """One recording of the compensation experiment; `form` names its colour."""
 
     form: str
     rows: NDArray[Any]
@@ -83,12 +96,11 @@ def compensation(runs: Sequence[Compensated], instant: float, span: tuple[float,
             inside, t = _around(run, span)
             nearest = min(compensated.errors, key=lambda error: abs(error.time - instant))
             rows = compensated.rows[inside]
-            colour, line = COLOURS.get(compensated.form, "#be123c"), "--" if compensated.form.endswith("-free") else "-"
-            speed.plot(t, 1e3 * _velocity(compensated.rows)[inside], color=colour, linewidth=0.9, linestyle=line)
+            colour = COLOURS[compensated.form]
+            speed.plot(t, 1e3 * _velocity(compensated.rows)[inside], color=colour, linewidth=0.9)
             lead = 1e6 * nearest.way * (rows["measured"] - rows["reference"])
-            name = NAMES.get(compensated.form, "no compensation")
-            label = f"{name}: {1e6 * nearest.negative:+.1f} / {1e6 * nearest.positive:+.1f} µm"
-            lead_axes.plot(t, lead, color=colour, linewidth=1.1, linestyle=line, label=label)
+            label = f"{NAMES[compensated.form]}: {1e6 * nearest.negative:+.1f} / {1e6 * nearest.positive:+.1f} µm"
+            lead_axes.plot(t, lead, color=colour, linewidth=1.1, label=label)
         speed.plot(t, 1e3 * rows["velocity"], color=TARGET, linewidth=0.9, linestyle=":", label="reference")
         speed.set_ylabel("velocity [mm/s]")
         speed.legend(loc="upper right", fontsize=8)
@@ -96,7 +108,7 @@ def compensation(runs: Sequence[Compensated], instant: float, span: tuple[float,
         lead_axes.axhline(0.0, color="#94a3b8", linewidth=0.6)
         lead_axes.set_xlabel("time from the reversal [ms]")
         lead_axes.set_xlim(1e3 * span[0], 1e3 * span[1])
-        lead_axes.legend(loc="lower left", fontsize=8)
+        lead_axes.legend(loc="upper right", fontsize=8)
         _finished(figure, (speed, lead_axes))
     return figure
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from stagectl.report.page import Section
+from stagectl_studies.reproduction.summary import Compared
 
 
 class Part(NamedTuple):
@@ -21,10 +22,18 @@ class Outcome(NamedTuple):
     answer: str
     notes: list[str]
     parts: list[Part]
+    compared: list[Compared]  # every figure and method of the paper
 
     def numbers(self) -> dict[str, Any]:
         """All parts by name, as JSON values."""
-        return {"simulated": True, "answer": self.answer, **{part.name: part.numbers for part in self.parts}}
+        compared = [{**row._asdict(), "verdict": str(row.verdict)} for row in self.compared]
+        head = {"simulated": True, "answer": self.answer, "compared": compared}
+        return {**head, **by_name(self.parts)}
+
+
+def by_name(parts: list[Part]) -> dict[str, Any]:
+    """The numbers of all parts, by name."""
+    return {part.name: part.numbers for part in parts}
 
 
 def percent(value: float, true: float) -> str:

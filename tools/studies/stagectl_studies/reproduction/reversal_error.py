@@ -13,6 +13,7 @@ paper of the linear slider, Fig. 10).
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -29,14 +30,20 @@ class ReversalError(NamedTuple):
     positive: float  # rad | m, >= 0, the largest lead
 
 
-def reversal_errors(position: Array, velocity: Array, measured: Array, dt: float) -> list[ReversalError]:
-    """Each reversal of a reference `position`, `velocity` (n,), from the middle of one leg to that of the next."""
+def reversal_errors(
+    position: Array, velocity: Array, measured: Array, dt: float, within: float = math.inf
+) -> list[ReversalError]:
+    """Each reversal of a reference `position`, `velocity` (n,), from the middle of one leg to that of the next.
+
+    No more of it than `within` (s) either side of the reversal.
+    """
     cut = legs(position, velocity, dt)
     middles = 0.5 * (cut.start + np.minimum(cut.end, dt * len(position)))
     time = dt * np.arange(len(position))
     errors = []
     for leg in cut.reversals().tolist():
-        inside = (time >= middles[leg - 1]) & (time < middles[leg])
+        first, last = max(middles[leg - 1], cut.start[leg] - within), min(middles[leg], cut.start[leg] + within)
+        inside = (time >= first) & (time < last)
         error = cut.way[leg] * (measured[inside] - position[inside])
         negative, positive = float(np.min(error, initial=0.0)), float(np.max(error, initial=0.0))
         errors.append(ReversalError(float(cut.start[leg]), float(cut.way[leg]), negative, positive))
