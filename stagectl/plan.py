@@ -114,8 +114,8 @@ def setpoint_rows(p: Feedforward, seen: Foreseen, stops: Array, force: Array | N
 def _add_effects(setup: Setup, motion: Trajectory, rows: Array, start: Start) -> model_effects.Memory | None:
     """Put the current against the model's further effects into `rows`, with the friction; what they remember then."""
     p, dt = setup.stage, setup.dt
-    if not isinstance(setup.file.compensation, Model):  # a compensator of its own answers all that rubs
-        p = p._replace(friction=model_effects.plain(p).friction)
+    if not isinstance(setup.file.compensation, Model):
+        p = model_effects.rubbing_answered(p)
     if not model_effects.present(p):
         return None
     each = model_effects.steps(p, dt)

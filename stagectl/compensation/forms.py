@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from stagectl.compensation import rolling, zero_crossing
+from stagectl.kernels import friction
 
 
 class Model(NamedTuple):
@@ -28,6 +30,17 @@ class Compensators(NamedTuple):
     gaussian: zero_crossing.Gaussian | None = None
     displacement: zero_crossing.Displacement | None = None
     symmetric: zero_crossing.Symmetric | None = None
+
+
+def recorded(name: str, entries: Mapping[str, Any]) -> Any:
+    """The compensator `name` of a recording's entries (SI): numbers, lists of them, words, and Stribeck's block.
+
+    Raises TypeError or ValueError where they do not fit.
+    """
+    values: dict[str, Any] = {key: tuple(map(float, x)) if isinstance(x, list) else x for key, x in entries.items()}
+    if "stribeck" in values:
+        values["stribeck"] = friction.Stribeck(**values["stribeck"])
+    return FORMS[name](**{key: float(x) if isinstance(x, int) else x for key, x in values.items()})
 
 
 def name_of(compensator: Any) -> str:

@@ -55,6 +55,11 @@ def plain(p: stage.Stage) -> stage.Stage:
     return stage.Stage(drive, motor, mechanics, rolling, stage.Encoder(*p.encoder[:2]))
 
 
+def rubbing_answered(p: stage.Stage) -> stage.Stage:
+    """The model where a compensator of its own answers all that rubs: no effect of the friction is left."""
+    return p._replace(friction=plain(p).friction)
+
+
 def without(p: stage.Stage, places: Iterable[str]) -> stage.Stage:
     """The model with the fields at these dotted `places` neutral."""
     known = plain(p)

@@ -133,7 +133,7 @@ def _diagnosed(place: Path, shown: Shown) -> DiagnosisResult:
             if isinstance(message, Step):
                 update(steps.index(message), len(steps))
 
-        found = pipeline.diagnose(load_session.load([place]), pipeline.Options(advice=False), progress).found
+        found = pipeline.diagnose(load_session.load([place]), pipeline.Options(advice=False), progress).result
         update(len(steps), len(steps))
     result_json.save(found, place)
     return found

@@ -209,6 +209,10 @@ def test_a_constant_may_be_in_the_integrator(folder: Path) -> None:
 DAHL = "  law: dahl\n  coulomb: 1 N m\n  range: 10 um\n"
 FORM = "compensation:\n  form: displacement\n  velocity: 5 rad/s\n  slip: 0.01 rad\n  static: 1 N m\n"
 FORM += "  positive: 0.9 N m\n  negative: 0.8 N m\n\n"
+TABLE = "compensation:\n  form: table\n  displacement: [0 um, 2 um, 20 um]\n  force: [-1 N m, 0 N m, 1 N m]\n\n"
+GMS = "compensation:\n  form: gms\n  weight: [0.4 N m, 0.6 N m]\n  slip: [1 um, 5 um]\n"
+GMS += "  stribeck: {rise: 0.2, velocity: 5 rad/s}\n\n"
+RHEOLOGY = "compensation: {form: rheology, coulomb: 1 N m, range: 15 um, exponent: 3}\n\n"  # steep below 2
 
 
 def _with(text: str, friction: str = "", layers: str = "", before: str = "") -> str:
@@ -223,8 +227,12 @@ def _with(text: str, friction: str = "", layers: str = "", before: str = "") -> 
 
 @pytest.mark.parametrize(
     "changes",
-    [{"layers": "ptc, friction, observer"}, {"friction": DAHL}, {"before": FORM}],
-    ids=["observer", "Dahl's compensation", "a compensation of its own form"],
+    [
+        {"layers": "ptc, friction, observer"},
+        {"friction": DAHL},
+        *({"before": form} for form in (FORM, TABLE, GMS, RHEOLOGY)),
+    ],
+    ids=["observer", "Dahl's compensation", "a compensation of its own form", "table", "gms", "rheology"],
 )
 def test_every_part_of_our_controllers_survives(tmp_path: Path, changes: dict[str, str]) -> None:
     """Written to nominal.yaml and read back: the commands agree to 1e-5 A."""

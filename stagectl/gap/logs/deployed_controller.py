@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from stagectl.compensation import model_effects
-from stagectl.compensation.forms import FORMS
+from stagectl.compensation.forms import FORMS, recorded
 from stagectl.compensation.legs import legs
 from stagectl.gap.logs import nominal_model
 from stagectl.gap.logs.grid import LoggedReference
@@ -75,6 +75,7 @@ def read(file: Block) -> DeployedController | None:
     ahead, advance = _feedforward(c, dt)
     rubbing = ahead.with_friction or c.has("friction_compensation") or c.has("friction_bristle")
     late = c.number("friction_advance_s", _ADVANCE, advance + 0.5 * dt) if rubbing else 0.0
+    form = _form(c)
     return DeployedController(
         _law(c, dt),
         dt,
@@ -83,8 +84,8 @@ def read(file: Block) -> DeployedController | None:
         late,
         c.whole("measurement_delay_samples", quantity(stage.Encoder, "delay_samples"), 0),
         _bristle(c),
-        _form(c),
-        _effects(c, file),
+        form,
+        _effects(c, file, form),
     )
 
 
@@ -175,16 +176,17 @@ def _form(c: Block) -> Any:
     if name not in FORMS or name == "model":
         raise inner.refused("form", f"must be one of {', '.join(form for form in FORMS if form != 'model')}")
     try:
-        return FORMS[name](**{key: float(value) for key, value in numbers.items()})
+        return recorded(name, numbers)
     except (TypeError, ValueError) as error:
         raise c.refused("friction_compensation", f"does not fit the form {name}: {error}") from error
 
 
-def _effects(c: Block, file: Block) -> stage.Stage | None:
-    """The nominal model, where the controller answers its further effects."""
+def _effects(c: Block, file: Block, form: Any) -> stage.Stage | None:
+    """The nominal model, where the controller answers its further effects; with a `form` of its own, but friction's."""
     if c.word("effect_feedforward", ("none", "nominal"), "none") == "none":
         return None
-    return nominal_model.read(file)
+    model = nominal_model.read(file)
+    return model if form is None else model_effects.rubbing_answered(model)
 
 
 def setpoints_of(p: DeployedController, reference: LoggedReference, rows: int, injection: Array | None) -> Array:
