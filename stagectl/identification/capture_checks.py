@@ -17,10 +17,10 @@ from scipy import signal
 from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.clipping import clipped
 from stagectl.identification.result import Note, Topic
 from stagectl.kernels import stage
 from stagectl.number_format import duration, length
+from stagectl.recording.clipping import clipped
 from stagectl.units import LINEAR
 
 TURN = "positive current must move towards positive positions: turn the sign in the log, or go on with --doubtful"

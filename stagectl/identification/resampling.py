@@ -137,10 +137,11 @@ def _gaps(time: Array, pieces: list[NDArray[np.intp]], step: float) -> list[str]
 
 
 def _equally_spaced(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> Part:
-    start, count = float(time[0]), len(time)
-    dt = (float(time[-1]) - start) / (count - 1)
+    start, dt, count = _grid(time)
     steps = np.diff(time)
-    if float(np.max(np.abs(steps - dt))) <= thresholds.JITTER * dt or _only_rounded(time, start, dt):
+    if count == len(time) and (
+        float(np.max(np.abs(steps - dt))) <= thresholds.JITTER * dt or _only_rounded(time, start, dt)
+    ):
         return Part(start, dt, columns, "")
     grid = start + dt * np.arange(count)
     grid[-1] = time[-1]
@@ -154,6 +155,17 @@ def _equally_spaced(time: Array, columns: dict[str, Array], smooth: frozenset[st
         "linearly"
     )
     return Part(start, dt, resampled, Note(Topic.RESAMPLED, text))
+
+
+def _grid(time: Array) -> tuple[float, float, int]:
+    """Start (s), spacing (s) and rows: of the grid that single rows are missing from, else of as many rows as came."""
+    start, length = float(time[0]), float(time[-1] - time[0])
+    row = np.rint((time - start) / float(np.median(np.diff(time))))
+    dt = length / float(row[-1])
+    missing = int(row[-1]) + 1 > len(time) and bool(np.all(np.diff(row) >= 1.0))
+    if missing and float(np.max(np.abs(time - start - dt * row))) <= thresholds.ROUNDED_STAMPS * dt:
+        return start, dt, int(row[-1]) + 1
+    return start, length / (len(time) - 1), len(time)
 
 
 def _only_rounded(time: Array, start: float, dt: float) -> bool:

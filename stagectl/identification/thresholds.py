@@ -33,11 +33,6 @@ FAR_FROM_NOMINAL = 30.0  # factor from the stage file's value, either way, that 
 JUMP = 10.0  # times the step of 99 % of the rows: a misread row
 FROZEN_ROWS, PUSHED_ROWS = 0.05, 0.3  # of the rows: position without change, and of these with a current that moves
 FROZEN_FRICTION = 2.0  # times the stage file's sliding friction: a current that moves the axis
-CLIPPED_SIDE = 0.5  # of the largest current: a limit on the other side may be lower
-CLIPPED_RUN = 5  # consecutive equal rows at the largest current
-CLIPPED_SHARE = 0.005  # of the rows: fewer clipped ones do no harm
-CLIPPED_RISE = 0.01  # of the largest current, in the last fifth of a rise
-CLIPPED_CORNER = 0.38  # rise in the last tenth over that in the last fifth: a flank has 0.5, a rounded top 0.25
 AT_CURRENT_LIMIT = 0.999  # of the drive's current limit, from which a sample is at the limit
 
 # Filter of the linear regressions; Gautier and Poignet 2001 (cut-off), the rest chosen.

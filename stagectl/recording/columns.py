@@ -28,7 +28,8 @@ _CURRENTS = {
 }
 QUANTITIES = ("time", *_LENGTHS, *_CURRENTS)
 CHOICES = ("time", "position", "current", "command", "reference", *(["injection"] if "injection" in _CURRENTS else []))
-_HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z]+))?")
+_HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z][A-Za-z .*·]*))?")
+_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
 _CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
 EXAMPLE = "--columns time=1,position=2:mm,current=14"
 # Notes of a recording about columns that its log does not have.
@@ -105,8 +106,8 @@ def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:
 
 
 def parsed(name: str) -> tuple[str, str] | None:
-    """Quantity and unit in a name such as ``position_mm``; an empty unit where it has none."""
-    match = _HEADER.fullmatch(name)
+    """Quantity and unit in a name such as ``position_mm`` or ``torque [N m]``; an empty unit where it has none."""
+    match = _HEADER.fullmatch(_BRACKETS.sub(r"_\1", name.strip()))
     return (match[1], match[2] or "") if match else None
 
 

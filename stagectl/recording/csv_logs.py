@@ -22,7 +22,7 @@ from stagectl.recording.columns import (
     parsed,
     scales_by_unit,
 )
-from stagectl.recording.csv_layout import WORDS, Layout, layout
+from stagectl.recording.csv_layout import WORDS, Layout, last_rows, layout
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
@@ -50,10 +50,10 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
     scales = _scales(path, names, setup, scales_of_nominal(nominal, beside) if nominal else None)
     known, notes = _known(path, names, scales)
-    table = _table(path, names, list(known), how)
+    table, cut = read_table(path, names, list(known), how)
     columns = {ours: table[name] * scale for name, (ours, scale) in known.items()}
     labels = {ours: name for name, (ours, _) in known.items()}
-    return Log(path, scales, columns, notes, {**about, **({"nominal": nominal} if nominal else {})}, labels)
+    return Log(path, scales, columns, [*notes, *cut], {**about, **({"nominal": nominal} if nominal else {})}, labels)
 
 
 def _headed(how: Layout, chosen: list[Choice]) -> Layout:
@@ -82,11 +82,11 @@ def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) 
     scales, known = of_choices(chosen, setup, path)
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
     labels = [f"column {number}" for number in range(1, how.width + 1)]
-    table = _table(path, labels, [labels[at] for at, _ in places.values()], how)
+    table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how)
     columns = {ours: table[labels[at]] * scale for ours, (at, scale) in places.items()}
     notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
     labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
-    return Log(path, scales, columns, notes, {}, labelled)
+    return Log(path, scales, columns, [*notes, *cut], {}, labelled)
 
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:
@@ -113,7 +113,7 @@ def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales |
     if nominal is not None:
         return nominal
     return scales_by_unit(
-        (name.rsplit("_", 1)[1] for name in names if name.startswith(("position_", "measured_"))), path
+        (about[1] for name in names if (about := parsed(name)) and about[0] in ("position", "measured")), path
     )
 
 
@@ -153,8 +153,8 @@ def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:
     return meaning(*header_parts, scales) if header_parts and header_parts[1] else None
 
 
-def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict[str, Array]:
-    """The wanted columns, (n,) each; an empty cell is NaN."""
+def read_table(path: Path, names: list[str], wanted: list[str], how: Layout) -> tuple[dict[str, Array], list[str]]:
+    """The wanted columns, (n,) each, an empty cell is NaN; and a note on lines that end the file without being rows."""
     reading = arrow().csv.ReadOptions(use_threads=False, column_names=names, skip_rows=how.skipped)
     converting = arrow().csv.ConvertOptions(
         column_types=dict.fromkeys(wanted, arrow().float64()),
@@ -163,6 +163,15 @@ def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict
     )
     parsing = arrow().csv.ParseOptions(delimiter=how.separator)
     causes = (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError)
+    end = last_rows(path, how)
     with RecordingError.instead_of(causes, f"{path}", path, ProblemKind.VALUE):
-        table = arrow().csv.read_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
-    return {name: np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted}
+        with arrow().memory_map(str(path)) as text:
+            source = arrow().BufferReader(text.read_buffer(end.length))
+            table = arrow().csv.read_csv(
+                source, read_options=reading, parse_options=parsing, convert_options=converting
+            )
+        columns = {}
+        for name in dict.fromkeys(wanted):  # one column at a time: a long log is in memory once
+            columns[name] = np.require(table[name].to_numpy(), np.float64, "W")
+            table = table.drop_columns([name])
+    return columns, [end.note] if end.note else []

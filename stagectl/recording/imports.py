@@ -20,6 +20,7 @@ from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
 from stagectl.recording.metadata import versions
+from stagectl.recording.repair import repaired
 from stagectl.recording.scales import read_values
 
 
@@ -63,7 +64,8 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
     return targets
 
 
-def _recording(log: Log) -> Recording:
+def _recording(raw: Log) -> Recording:
+    log = repaired(raw)
     time = _checked(log)
     names = [name for name in rollout.COLUMNS if name in log.columns]
     samples = np.empty(len(time), dtype=[(name, "<f8") for name in names])
@@ -82,12 +84,17 @@ def _recording(log: Log) -> Recording:
         "nm": None,
         "steady": [0.0, duration],
         "duration": duration,
-        "source": {"file": log.path.name, "sha256": hashlib.sha256(log.path.read_bytes()).hexdigest()},
+        "source": {"file": log.path.name, "sha256": _digest(log.path)},
         "notes": [*log.notes, *missing],
         "versions": versions(),
         **log.about,
     }
     return Recording(log.path, meta, samples, True, f"imported from {log.path.name}", 0)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _checked(log: Log) -> Array:

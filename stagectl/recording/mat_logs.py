@@ -94,8 +94,9 @@ def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
             f"{choice.name} in {path} does not hold numbers", path, ProblemKind.VALUE, column=choice.name
         ) from error
     if choice.number:
+        shape, values = values.shape, upright(values)
         if values.ndim != 2 or choice.number > values.shape[1]:
-            reason = f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}"
+            reason = f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {shape}"
             raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
         return np.ascontiguousarray(values[:, choice.number - 1])
     if values.ndim > 1:
@@ -104,6 +105,11 @@ def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
         )
         raise RecordingError(reason, path, ProblemKind.SHAPE, column=choice.name)
     return values.ravel()
+
+
+def upright(values: Array) -> Array:
+    """A table (n, columns); one that lies on its side, (columns, n), is turned."""
+    return values.T if values.ndim == 2 and values.shape[1] > values.shape[0] > 1 else values
 
 
 def _log(path: Path, scales: Scales, columns: dict[str, Array], notes: list[str], about: dict[str, Any]) -> Log:
