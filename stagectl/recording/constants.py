@@ -44,6 +44,33 @@ WRAP_STEP = 0.25  # of the same range: largest ordinary change beside wraps
 MOST_WRAPS = 0.2  # of the rows
 WRAP_DIGITS = 1e-3  # of a counter's range: digits of its jumps
 
+# Guesses about the columns of a log.
+GUESS_BYTES = 1 << 25  # of a text that a guess looks at
+GUESS_BLOCKS = 400  # blocks in which columns are compared: noise and encoder steps matter little there
+GUESS_SLOW = 0.02  # of the largest speed: below it friction changes its sign smoothly
+DERIVATIVE = 0.9  # share of a position's changes that a velocity explains
+SAME_SPEED = 0.05  # spread of a speed over its size: below it every ramp would be its integral
+FOLLOWS = 0.9  # share of a position's variance that its reference explains one to one
+LEAST_DRIVE = 0.15  # share of a column that the motion explains, of one that drives it
+CLEARLY_MORE = 0.3  # difference of two shares that decides between columns
+PROPORTIONAL = 0.9999  # correlation of a current and its torque: one measurement, twice
+LEAD_ROWS = 4  # rows by which one column may run ahead of another
+LEADS = 0.01  # relative difference of two correlations that says which one is ahead
+GOES_WITH = 0.4  # correlation of a command and a current
+SAME_UNIT = 0.1  # relative difference of a ratio from that of two units
+LEAST_CONSTANT = 0.005  # N m/A: a smaller factor between two columns is one of raw units
+LEAST_AXES, LEAST_QUANTITIES = 2, 3  # axes side by side, and quantities of each, that make a file one of several axes
+GRAVITY_DEGREE = 3  # of the polynomial in the position that is no part of what drives
+FAST_IN_RADIANS = 150.0  # rad/s: a number beyond it is a speed in rev/min
+TINY = 1e-9  # a ratio of two efforts that is nothing
+USUAL_STEPS = (0.9e-4, 0.011)  # s between rows of a log: 10 kHz to just under 100 Hz
+MANY_RADIANS = 1000.0  # a longer travel is in counts
+LONG_TRAVEL = 1.0  # a longer travel is in radians, a shorter one in metres
+USUAL_SPEED = 10.0  # turns a second, of a motor in a log
+USUAL_COUNTS = (12, 24)  # powers of two of an encoder's counts a turn
+SURE_BY_NAME, SURE_BY_PHYSICS, SURE_BY_MAGNITUDE, SURE_BY_DEFAULT = 0.95, 0.9, 0.5, 0.3  # how sure a guess is
+LEAST_SURE = 0.5  # a guess that is less sure is not imported unasked
+
 # Currents that are cut off at a limit.
 CLIPPED_SIDE = 0.5  # of the largest current: a limit on the other side may be lower
 CLIPPED_RUN = 5  # consecutive equal rows at the largest current

@@ -58,12 +58,15 @@ def layout(path: Path) -> Layout:
     return Layout(separator, rows[: max(first, 1)], first, count, "," if comma else ".")
 
 
-def last_rows(path: Path, how: Layout) -> End:
-    """Where the last whole row ends: a line that was cut off and a closing word, such as ``EOF``, are left out."""
-    size = path.stat().st_size
+def last_rows(path: Path, how: Layout, most: int = 0) -> End:
+    """Where the last whole row ends: a line that was cut off and a closing word, such as ``EOF``, are left out.
+
+    Of a file longer than `most` bytes, where that is given, the last whole row within these.
+    """
+    size = min(path.stat().st_size, most or path.stat().st_size)
     with path.open("rb") as file:
         file.seek(max(size - TAIL_BYTES, 0))
-        lines = file.read().decode("utf-8", "replace").splitlines(keepends=True)
+        lines = file.read(min(size, TAIL_BYTES)).decode("utf-8", "replace").splitlines(keepends=True)
     dropped: list[str] = []
     while len(lines) > how.skipped + 1 and len(dropped) < TAIL_LINES and not _whole(lines[-1], how):
         dropped.append(lines.pop())

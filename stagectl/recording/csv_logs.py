@@ -29,14 +29,20 @@ from stagectl.recording.scales import Scales, read_values, scales_of_nominal, sc
 from stagectl.units import StageError
 
 
-def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[str, str] | None = None) -> Log:
+def read(
+    path: Path,
+    setup: Setup | None,
+    about: dict[str, Any],
+    words: Mapping[str, str] | None = None,
+    scales: Scales | None = None,
+) -> Log:
     """The log in a CSV file; `words` name its columns where the header does not.
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
     how = _headed(layout(path), choices(words))
     if words:
-        return _chosen(path, how, setup, choices(words))
+        return _chosen(path, how, scales or (scales_of_stage(setup) if setup else None), choices(words))
     names = how.names
     if not names:
         reason = (
@@ -78,8 +84,8 @@ def _preamble(how: Layout) -> str:
     )
 
 
-def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) -> Log:
-    scales, known = of_choices(chosen, setup, path)
+def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice]) -> Log:
+    scales, known = of_choices(chosen, taken, path)
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
     labels = [f"column {number}" for number in range(1, how.width + 1)]
     table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how)
@@ -153,8 +159,13 @@ def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:
     return meaning(*header_parts, scales) if header_parts and header_parts[1] else None
 
 
-def read_table(path: Path, names: list[str], wanted: list[str], how: Layout) -> tuple[dict[str, Array], list[str]]:
-    """The wanted columns, (n,) each, an empty cell is NaN; and a note on lines that end the file without being rows."""
+def read_table(
+    path: Path, names: list[str], wanted: list[str], how: Layout, most: int = 0
+) -> tuple[dict[str, Array], list[str]]:
+    """The wanted columns, (n,) each, an empty cell is NaN; and a note on lines that end the file without being rows.
+
+    Of a file longer than `most` bytes only the rows within these; 0 takes all of it.
+    """
     reading = arrow().csv.ReadOptions(use_threads=False, column_names=names, skip_rows=how.skipped)
     converting = arrow().csv.ConvertOptions(
         column_types=dict.fromkeys(wanted, arrow().float64()),
@@ -163,7 +174,7 @@ def read_table(path: Path, names: list[str], wanted: list[str], how: Layout) -> 
     )
     parsing = arrow().csv.ParseOptions(delimiter=how.separator)
     causes = (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError)
-    end = last_rows(path, how)
+    end = last_rows(path, how, most)
     with RecordingError.instead_of(causes, f"{path}", path, ProblemKind.VALUE):
         with arrow().memory_map(str(path)) as text:
             source = arrow().BufferReader(text.read_buffer(end.length))

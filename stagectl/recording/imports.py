@@ -21,13 +21,19 @@ from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
 from stagectl.recording.metadata import versions
 from stagectl.recording.repair import repaired
-from stagectl.recording.scales import read_values
+from stagectl.recording.scales import Scales, read_values
 
 
-def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | None = None) -> list[Recording]:
+def read(
+    path: Path,
+    setup: Setup | None = None,
+    columns: Mapping[str, str] | None = None,
+    scales: Scales | None = None,
+) -> list[Recording]:
     """The recordings in a file or folder; `setup` is the stage it was recorded on, for its scales.
 
-    `columns` says which column or variable is which, where names do not: ``{"position": "qm:mm"}``.
+    `columns` says which column or variable is which, where names do not: ``{"position": "qm:mm"}``; with them, `scales`
+    may stand in for a stage.
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
@@ -40,9 +46,9 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
         raise RecordingError(f"{path}: no such file or folder", path, ProblemKind.FILE)
     kind = path.suffix.lower()
     if kind == ".csv":
-        return [_recording(csv_logs.read(path, setup, {}, columns))]
+        return [_recording(csv_logs.read(path, setup, {}, columns, scales))]
     if kind == ".mat":
-        return [_recording(mat_logs.read(path, setup, columns))]
+        return [_recording(mat_logs.read(path, setup, columns, scales))]
     reason = (
         f"{path} cannot be imported; these can: .csv with a header of quantities and units "
         "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"

@@ -24,6 +24,7 @@ _EFFORTS = ("measured_current", "command")
 
 def repaired(log: Log) -> Log:
     """The log on sound rows, with a note for all that was done to it."""
+    log = _with_position(log)
     columns, notes = _on_position_rows(log)
     columns, notes = _without_repeats(columns, notes)
     columns["time"], words = recovered(columns["time"])
@@ -32,6 +33,17 @@ def repaired(log: Log) -> Log:
     notes += _unwrap(log, columns)
     notes += _clipped_notes(log, columns)
     return log._replace(columns=columns, notes=notes)
+
+
+def _with_position(log: Log) -> Log:
+    """A log of a velocity with the position that is its integral."""
+    if "measured" in log.columns or "velocity" not in log.columns:
+        return log
+    columns = {name: column for name, column in log.columns.items() if name != "velocity"}
+    speed, steps = log.columns["velocity"], np.diff(log.columns["time"])
+    way = np.cumsum(0.5 * (speed[1:] + speed[:-1]) * steps)
+    words = f"no position: it is the integral of {label(log, 'velocity')}, from 0"
+    return log._replace(columns={**columns, "measured": np.concatenate([[0.0], way])}, notes=[*log.notes, words])
 
 
 def label(log: Log, name: str) -> str:

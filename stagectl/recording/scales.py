@@ -48,6 +48,13 @@ class Scales(NamedTuple):
                 f"a position in {unit} on an axis whose positions are in {inside}: {error}", kind=ProblemKind.UNIT
             ) from error
 
+    def speed(self, unit: str) -> float:
+        """Factor from a velocity in `unit`, such as ``mm/s`` or ``rpm``, to rad/s | m/s."""
+        inside = "m/s" if self.kind == LINEAR else "rad/s"
+        if unit.startswith("counts"):
+            return self.position("counts")
+        return factor(unit or inside, inside)
+
     def current(self, unit: str) -> float:
         """Factor from a current, force, torque or amplifier voltage in `unit` to A.
 

@@ -6,6 +6,7 @@ stamp is further from it than one step of the clock.  Stamps that scatter by mor
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -59,7 +60,7 @@ def _on_grid(time: Array, steps: Array, clock: float) -> tuple[Array, float]:
     dt = float(np.median(time[block:] - time[:-block])) / block
     starts = np.flatnonzero(steps > clock + constants.CLOCK_GAP * dt) + 1
     edges = [0, *starts.tolist(), len(time)]
-    stretches = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    stretches = [slice(a, b) for a, b in itertools.pairwise(edges)]
     longest = max(stretches, key=lambda rows: rows.stop - rows.start)
     count = np.arange(longest.stop - longest.start, dtype=np.float64)
     if len(count) > 2:
