@@ -33,6 +33,7 @@ CLOCK_BLOCK = 256  # rows over which the spacing behind rounded stamps is first 
 CLOCK_GAP = 1.5  # spacings beyond a clock's step: a longer step of rounded stamps is a gap
 CLOCK_ERROR = 0.75  # of a clock's step: rounding errs by a half, beyond three quarters the rows were not equally spaced
 USUAL = 0.99  # quantile that is the usual size of a column's changes
+QUANTILE_ROWS = 1_000_000  # rows from which a quantile is taken
 STEP_LOOK = 20_000  # rows in which the smallest step of a column is looked for
 SPIKE = 10.0  # times the usual distance of a value from the middle of its neighbours
 SPIKE_FORM = 0.2  # of a spike: what its neighbours may differ by from minus half of it

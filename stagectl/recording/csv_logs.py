@@ -57,7 +57,7 @@ def read(
     scales = _scales(path, names, setup, scales_of_nominal(nominal, beside) if nominal else None)
     known, notes = _known(path, names, scales)
     table, cut = read_table(path, names, list(known), how)
-    columns = {ours: table[name] * scale for name, (ours, scale) in known.items()}
+    columns = {ours: _scaled(table.pop(name), scale) for name, (ours, scale) in known.items()}
     labels = {ours: name for name, (ours, _) in known.items()}
     return Log(path, scales, columns, [*notes, *cut], {**about, **({"nominal": nominal} if nominal else {})}, labels)
 
@@ -89,7 +89,7 @@ def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice])
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
     labels = [f"column {number}" for number in range(1, how.width + 1)]
     table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how)
-    columns = {ours: table[labels[at]] * scale for ours, (at, scale) in places.items()}
+    columns = {ours: scale * table[labels[at]] for ours, (at, scale) in places.items()}
     notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
     labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
     return Log(path, scales, columns, [*notes, *cut], {}, labelled)
@@ -159,6 +159,12 @@ def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:
     return meaning(*header_parts, scales) if header_parts and header_parts[1] else None
 
 
+def _scaled(column: Array, scale: float) -> Array:
+    """The same array, scaled: a long log has no room for a second one."""
+    column *= scale
+    return column
+
+
 def read_table(
     path: Path, names: list[str], wanted: list[str], how: Layout, most: int = 0
 ) -> tuple[dict[str, Array], list[str]]:
@@ -176,13 +182,12 @@ def read_table(
     causes = (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError)
     end = last_rows(path, how, most)
     with RecordingError.instead_of(causes, f"{path}", path, ProblemKind.VALUE):
-        with arrow().memory_map(str(path)) as text:
-            source = arrow().BufferReader(text.read_buffer(end.length))
-            table = arrow().csv.read_csv(
-                source, read_options=reading, parse_options=parsing, convert_options=converting
-            )
+        with path.open("rb") as file:  # of a whole file no more than a block is in memory
+            source = file if end.length == path.stat().st_size else arrow().BufferReader(file.read(end.length))
+            table = arrow().csv.read_csv(source, reading, parsing, converting)
         columns = {}
         for name in dict.fromkeys(wanted):  # one column at a time: a long log is in memory once
             columns[name] = np.require(table[name].to_numpy(), np.float64, "W")
             table = table.drop_columns([name])
+            arrow().default_memory_pool().release_unused()
     return columns, [end.note] if end.note else []

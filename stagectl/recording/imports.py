@@ -70,14 +70,14 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
     return targets
 
 
-def _recording(raw: Log) -> Recording:
-    log = repaired(raw)
+def _recording(log: Log) -> Recording:
+    log = repaired(log)
     time = _checked(log)
     names = [name for name in rollout.COLUMNS if name in log.columns]
     samples = np.empty(len(time), dtype=[(name, "<f8") for name in names])
     for name in names:
-        samples[name] = log.columns[name]
-    samples["time"] = time - time[0]
+        samples[name] = log.columns.pop(name)  # a long log is in memory once
+    samples["time"] -= time[0]
     missing = [words for name, words in WITHOUT.items() if name not in names]
     duration, scales = float(time[-1] - time[0]), log.scales
     meta = {
@@ -113,7 +113,7 @@ def _checked(log: Log) -> Array:
             row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)
             reason = f"{log.path} has no {own} in row {row} of its numbers: cut the log there"
             raise RecordingError(reason, log.path, ProblemKind.MISSING, column=own, row=row)
-    if np.any(backwards := np.diff(time) <= 0.0):
+    if np.any(backwards := time[1:] <= time[:-1]):
         row = int(np.argmax(backwards)) + 1
         reason = (
             f"{log.path}: time {time[row]:.9g} s in row {row + 1} follows {time[row - 1]:.9g} s; times must increase "

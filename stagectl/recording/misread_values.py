@@ -20,10 +20,11 @@ def spikes(column: Array, effort: bool) -> NDArray[np.intp]:
     """Rows of single spikes in `column` (n,); of an `effort` only those that no other value comes near."""
     if len(column) < constants.JUDGED_ROWS or not np.all(np.isfinite(column)):
         return np.zeros(0, dtype=np.intp)
-    away = column[1:-1] - 0.5 * (column[2:] + column[:-2])
-    size = np.abs(away)
-    usual = max(_high(size), _smallest_step(column))
-    rows = np.flatnonzero(size > constants.SPIKE * usual) + 1
+    away = column[2:] + column[:-2]  # in place: a long log has little room
+    away *= -0.5
+    away += column[1:-1]
+    limit = constants.SPIKE * max(_high(np.abs(away)), _smallest_step(column))
+    rows = np.flatnonzero((away > limit) | (away < -limit)) + 1
     rows = rows[(rows > 1) & (rows < len(column) - 2)]
     before, here, after = (away[rows - 1 + shift] for shift in (-1, 0, 1))
     back = np.maximum(np.abs(before + 0.5 * here), np.abs(after + 0.5 * here)) <= constants.SPIKE_FORM * np.abs(here)
@@ -64,7 +65,8 @@ def unwrapped(position: Array, size: float) -> Array:
 
 
 def _high(values: Array) -> float:
-    return float(np.quantile(values, constants.USUAL))
+    """The usual size of `values`, of a long log from every so many rows."""
+    return float(np.quantile(values[:: 1 + len(values) // constants.QUANTILE_ROWS], constants.USUAL))
 
 
 def _smallest_step(column: Array) -> float:

@@ -19,7 +19,7 @@ from stagectl.recording.columns import Array
 
 def written_twice(time: Array, columns: Mapping[str, Array]) -> NDArray[np.bool_]:
     """Rows (n,) that repeat the row before them in every column; none where only the stamps repeat."""
-    again = np.concatenate([[False], np.diff(time) == 0.0])
+    again = np.concatenate([[False], time[1:] == time[:-1]])
     if not np.any(again):
         return again
     same = again.copy()
@@ -46,7 +46,7 @@ def recovered(time: Array) -> tuple[Array, str]:
 
 def _even(steps: Array) -> bool:
     usual = float(np.median(steps))
-    return bool(np.all(np.abs(steps - usual) <= constants.EVEN_STEPS * usual))
+    return bool(np.max(steps) - usual <= constants.EVEN_STEPS * usual >= usual - np.min(steps))
 
 
 def _multiples(steps: Array, clock: float) -> bool:
