@@ -20,7 +20,8 @@ from stagectl.units import LINEAR, ROTARY, StageError, factor
 Array = NDArray[np.float64]
 
 # What a quantity of a log becomes; the first three are lengths and times, the rest currents or what drives them.
-_LENGTHS = {"reference": "reference", "position": "measured", "measured": "measured"}
+POSITIONS = ("position", "measured", "motor_position", "load_position")  # the motor's before the load's
+_LENGTHS = {"reference": "reference", **dict.fromkeys(POSITIONS, "measured")}
 _CURRENTS = {
     **dict.fromkeys(("current_command", "force_command", "torque_command", "voltage_command", "command"), "command"),
     **dict.fromkeys(("current", "force", "torque", "measured_current"), "measured_current"),

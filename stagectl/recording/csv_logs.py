@@ -13,6 +13,7 @@ from stagectl.problem import ProblemKind
 from stagectl.recording.arrow import arrow
 from stagectl.recording.columns import (
     EXAMPLE,
+    POSITIONS,
     Array,
     Choice,
     Log,
@@ -118,9 +119,7 @@ def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales |
         return scales_of_stage(setup, nominal.amplifier if nominal else 0.0)
     if nominal is not None:
         return nominal
-    return scales_by_unit(
-        (about[1] for name in names if (about := parsed(name)) and about[0] in ("position", "measured")), path
-    )
+    return scales_by_unit((about[1] for name in names if (about := parsed(name)) and about[0] in POSITIONS), path)
 
 
 def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:
@@ -129,11 +128,15 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
     exported = any(own.get(name) == "measured" for name in names)  # our own export, all columns
     known: dict[str, tuple[str, float]] = {}
     notes = []
+    own_position = any((about := parsed(name)) and about[0] in POSITIONS[:-1] for name in names)
     for name in names:
+        if own_position and (about := parsed(name)) and about[0] == POSITIONS[-1]:
+            notes.append(f"{name} is left out: it is the load's, and the position is taken from the motor")
+            continue
         try:
             ours_and_factor = ((own[name], 1.0) if name in own else None) if exported else _meaning(name, scales)
         except StageError as error:
-            if name.startswith(("time_", "position_")):
+            if name.startswith(("time_", "position_", "motor_position_", "load_position_")):
                 raise RecordingError(f"{name} in {path}: {error}", path, ProblemKind.UNIT, column=name) from error
             notes.append(f"{name} is left out: {error}")
             continue

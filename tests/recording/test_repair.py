@@ -117,3 +117,18 @@ def test_units_in_brackets_and_spaces(tmp_path: Path, header: str) -> None:
     columns = damage.motion(seconds=1.0)
     (recording,) = read(damage.write(tmp_path / "log.csv", columns, header))
     np.testing.assert_allclose(recording.column("measured_current"), 2.0 * columns["current"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("header", ["motor_position_rad,load_position_rad", "load_position_rad,motor_position_rad"])
+def test_the_motor_comes_before_the_load(tmp_path: Path, header: str) -> None:
+    """Of two encoders the motor's is the position; the load's alone is one, too."""
+    columns = damage.motion(seconds=1.0)
+    motor, load = columns["position"], 1.01 * columns["position"]
+    pair = [motor, load] if header.startswith("motor") else [load, motor]
+    table = {"time": columns["time"], "a": pair[0], "b": pair[1]}
+    (recording,) = read(damage.write(tmp_path / "two.csv", table, f"time_s,{header}"))
+    np.testing.assert_allclose(recording.column("measured"), motor, rtol=1e-9, atol=1e-12)
+    assert len(repairs(recording)) == 1
+    alone = {"time": columns["time"], "position": load}
+    (recording,) = read(damage.write(tmp_path / "one.csv", alone, "time_s,load_position_rad"))
+    np.testing.assert_allclose(recording.column("measured"), load, rtol=1e-9, atol=1e-12)
