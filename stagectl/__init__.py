@@ -43,7 +43,7 @@
 
     recording.h5, a CSV with units, a .mat, a folder of captures
               |
-    [10] recording/imports.py           any log as a recording
+    [10] recording/imports.py           any log as a recording: guess/ where it does not say what it holds, repair.py
     [11] identification/captures.py     columns in axis units, split at gaps; capture_checks.py: is it plausible?
               |
     [12] identification/methods.py      the method by its name; each has an `identify`

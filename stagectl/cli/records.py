@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stagectl.cli.motion import Json
 from stagectl.cli.show import console, emit, typed
 from stagectl.extras import require
+
+if TYPE_CHECKING:
+    from stagectl.recording.hdf5 import Recording
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING.h5", help="A recording.")]
 Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING.h5...", help="Recordings.")]
@@ -73,32 +76,59 @@ def export(
 
 
 def import_(
-    source: Annotated[Path, typer.Argument(metavar="FILE", help="A .csv, a .mat, or a folder of captures.")],
+    source: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A .csv, a .mat, a folder of captures, or a folder of logs.")
+    ],
     stage: Annotated[
         Path | None, typer.Option(metavar="STAGE.yaml", help="Stage file with the scales of the columns.")
     ] = None,
     output: Where = None,
     columns: Annotated[
         str | None,
-        typer.Option(metavar="WHICH", help="Assign columns: time=t,position=qm:mm,current=3 (numbers count from 1)."),
+        typer.Option(
+            metavar="WHICH",
+            help="Assign columns: time=t,position=qm:mm,current=-3 (numbers count from 1, a minus turns the sign).",
+        ),
     ] = None,
+    counts: Annotated[float, typer.Option(metavar="N", help="Encoder counts a turn, or a metre.")] = 0.0,
+    force_constant: Annotated[
+        float, typer.Option(metavar="K", help="N m/A or N/A, of a column that is a force.")
+    ] = 0.0,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Take a guess that is not sure.")] = False,
     json: Json = None,
 ) -> None:
-    """Import the log of another program as a recording; reports what is missing.
+    """Import the log of another program; columns and units that it does not name are guessed, and the guess is shown.
+
+    With an output without `.h5`, a file becomes a folder of captures with its YAML.
 
     Example: stagectl import DATA_EMPS.mat -o recordings/emps.h5
     """
     from stagectl.config.stage_file import load_stage
     from stagectl.recording.columns import split
-    from stagectl.recording.imports import read, store
+    from stagectl.recording.guess.guess import Known
+    from stagectl.recording.guess.importing import import_log
 
-    logs = read(source, load_stage(stage) if stage else None, split(columns) if columns else None)
+    words = split(columns) if columns else None
+    logs = import_log(source, load_stage(stage) if stage else None, words, Known(counts, force_constant), yes)
+    paths = _stored([log.recording for log in logs], source, output)
     written = []
-    for recording, path in zip(logs, store(logs, source, output), strict=True):
-        written.append({"file": str(path), "rows": len(recording.samples), "notes": list(recording.meta["notes"])})
-        for note in recording.meta["notes"]:
-            console.print(note)
+    for (recording, guess), path in zip(logs, paths, strict=True):
+        guessed = [part._asdict() for part in guess.columns] if guess else []
+        notes = list(recording.meta["notes"])
+        written.append({"file": str(path), "rows": len(recording.samples), "notes": notes, "guessed": guessed})
+        for note in notes:
+            console.print(note, markup=False)
         names = ", ".join(recording.samples.dtype.names or ())
-        words = f"{len(recording.samples)} rows, {recording.meta['duration']:.4g} s, columns {names}"
-        console.print(f"imported {path}: {words}")
+        size = f"{len(recording.samples)} rows, {recording.meta['duration']:.4g} s, columns {names}"
+        console.print(f"imported {path}: {size}")
     emit({"imported": written}, json)
+
+
+def _stored(recordings: list[Recording], source: Path, output: Path | None) -> list[Path]:
+    """Where the recordings went: files, or one folder of captures where the output of a file is a folder."""
+    from stagectl.recording.exports import export
+    from stagectl.recording.imports import store
+
+    if source.is_dir() or output is None or output.suffix:
+        return store(recordings, source, output)
+    return [export(recordings, "folder", output)[0].path for _ in recordings]

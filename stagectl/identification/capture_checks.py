@@ -17,10 +17,10 @@ from scipy import signal
 from stagectl.config.stage_file import Setup
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
-from stagectl.identification.clipping import clipped
 from stagectl.identification.result import Note, Topic
 from stagectl.kernels import stage
 from stagectl.number_format import duration, length
+from stagectl.recording.clipping import clipped
 from stagectl.units import LINEAR
 
 TURN = "positive current must move towards positive positions: turn the sign in the log, or go on with --doubtful"
@@ -149,7 +149,8 @@ def _motion(capture: Capture) -> _LowPassedMotion:
 
 def _jumps(capture: Capture, setup: Setup) -> list[Note]:
     """A step between two rows that no motion makes: a misread row, or lost rows that the times do not show."""
-    steps = np.abs(np.diff(capture.position))
+    steps = np.diff(capture.position)
+    np.abs(steps, out=steps)
     row, usual = int(np.argmax(steps)), float(np.quantile(steps, 0.99))
     if steps[row] <= max(thresholds.JUMP * usual, thresholds.BEYOND_LIMIT * setup.file.limits.speed * capture.dt):
         return []
@@ -166,6 +167,9 @@ def _jumps(capture: Capture, setup: Setup) -> list[Note]:
 
 def _frozen(capture: Capture, setup: Setup) -> list[Note]:
     """The position does not change in any bit while a current flows that moves the axis: a dead encoder."""
+    stride = max(int(0.25 * thresholds.FROZEN_ROWS * len(capture.position)), 1)  # a frozen stretch holds four of them
+    if np.all(np.diff(capture.position[::stride]) != 0.0):
+        return []
     edges = np.flatnonzero(np.diff(capture.position) != 0.0)
     ends = np.concatenate([[-1], edges, [len(capture.position) - 1]])
     longest = int(np.argmax(np.diff(ends)))

@@ -43,9 +43,7 @@ def parts(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> tup
             int(np.count_nonzero(finite)),
         )
     step = float(np.median(np.diff(time)))
-    used_rows = np.flatnonzero(finite)
-    breaks = np.flatnonzero(np.diff(time[used_rows]) > thresholds.GAP_STEPS * step) + 1
-    pieces = np.split(used_rows, breaks)
+    pieces = _pieces(time, finite, thresholds.GAP_STEPS * step)
     notes += _gaps(time, pieces, step)
     longest = max(map(len, pieces))
     least = max(thresholds.CAPTURE_LEAST_ROWS, round(thresholds.PART_LEAST_SHARE * longest))
@@ -62,6 +60,13 @@ def parts(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> tup
         _equally_spaced(time[rows], {name: column[rows] for name, column in columns.items()}, smooth)
         for rows in selections
     ], notes
+
+
+def _pieces(time: Array, finite: NDArray[np.bool_], longest: float) -> list[NDArray[np.intp]]:
+    """Rows between the gaps that are longer than `longest` (s)."""
+    used_rows = np.flatnonzero(finite)
+    used = time if len(used_rows) == len(time) else time[used_rows]
+    return np.split(used_rows, np.flatnonzero(np.diff(used) > longest) + 1)
 
 
 def _too_few(text: str, notes: list[str], rows: int) -> IdentificationError:
@@ -99,7 +104,7 @@ def check_time(time: Array) -> None:
             value=float(time[row]),
             unit="s",
         )
-    if np.any(backwards := np.diff(time) <= 0.0):
+    if np.any(backwards := time[1:] <= time[:-1]):
         row = int(np.argmax(backwards)) + 1
         count = int(np.count_nonzero(backwards))
         how = "repeats" if time[row] == time[row - 1] else "goes back"
@@ -137,10 +142,10 @@ def _gaps(time: Array, pieces: list[NDArray[np.intp]], step: float) -> list[str]
 
 
 def _equally_spaced(time: Array, columns: dict[str, Array], smooth: frozenset[str]) -> Part:
-    start, count = float(time[0]), len(time)
-    dt = (float(time[-1]) - start) / (count - 1)
     steps = np.diff(time)
-    if float(np.max(np.abs(steps - dt))) <= thresholds.JITTER * dt or _only_rounded(time, start, dt):
+    start, dt, count = _grid(time, steps)
+    uneven = max(float(np.max(steps)) - dt, dt - float(np.min(steps)))
+    if count == len(time) and (uneven <= thresholds.JITTER * dt or _only_rounded(time, start, dt)):
         return Part(start, dt, columns, "")
     grid = start + dt * np.arange(count)
     grid[-1] = time[-1]
@@ -154,6 +159,21 @@ def _equally_spaced(time: Array, columns: dict[str, Array], smooth: frozenset[st
         "linearly"
     )
     return Part(start, dt, resampled, Note(Topic.RESAMPLED, text))
+
+
+def _grid(time: Array, steps: Array) -> tuple[float, float, int]:
+    """Start (s), spacing (s) and rows: of the grid that single rows are missing from, else of as many rows as came."""
+    start, length = float(time[0]), float(time[-1] - time[0])
+    even = start, length / (len(time) - 1), len(time)
+    usual = float(np.median(steps))
+    if float(np.max(steps)) < 1.5 * usual:
+        return even
+    row = np.rint((time - start) / usual)
+    dt = length / float(row[-1])
+    missing = int(row[-1]) + 1 > len(time) and bool(np.all(np.diff(row) >= 1.0))
+    if missing and float(np.max(np.abs(time - start - dt * row))) <= thresholds.ROUNDED_STAMPS * dt:
+        return start, dt, int(row[-1]) + 1
+    return even
 
 
 def _only_rounded(time: Array, start: float, dt: float) -> bool:

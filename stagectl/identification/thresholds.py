@@ -33,11 +33,6 @@ FAR_FROM_NOMINAL = 30.0  # factor from the stage file's value, either way, that 
 JUMP = 10.0  # times the step of 99 % of the rows: a misread row
 FROZEN_ROWS, PUSHED_ROWS = 0.05, 0.3  # of the rows: position without change, and of these with a current that moves
 FROZEN_FRICTION = 2.0  # times the stage file's sliding friction: a current that moves the axis
-CLIPPED_SIDE = 0.5  # of the largest current: a limit on the other side may be lower
-CLIPPED_RUN = 5  # consecutive equal rows at the largest current
-CLIPPED_SHARE = 0.005  # of the rows: fewer clipped ones do no harm
-CLIPPED_RISE = 0.01  # of the largest current, in the last fifth of a rise
-CLIPPED_CORNER = 0.38  # rise in the last tenth over that in the last fifth: a flank has 0.5, a rounded top 0.25
 AT_CURRENT_LIMIT = 0.999  # of the drive's current limit, from which a sample is at the limit
 
 # Filter of the linear regressions; Gautier and Poignet 2001 (cut-off), the rest chosen.
@@ -100,6 +95,14 @@ WELCH_NEIGHBOUR = 0.3  # of the strongest of five bins: weaker ones are leakage
 WELCH_FLOOR = 1e-4  # of the strongest bin's power: weaker ones were not excited
 WELCH_LOWEST = 4.0  # bins: lower ones hold leakage of the mean
 HIGHEST_LINE = 0.4  # of the sampling frequency: highest line that is used
+DWELL_PERIODS = 3  # least number of equal periods that are a dwell of a stepped sine
+DWELL_NOISE, DWELL_FLOOR = 5.0, 0.03  # of the noise, and of the largest value: further from zero is not about it
+DWELL_LENGTH, DWELL_ROWS = 0.015, 1.5  # relative difference of two periods, and rows, within which they are equal
+DWELL_SIZE = 0.15  # relative difference of their peak to peak values
+DWELL_SETTLING = 0.25  # of a dwell's periods, one at least: until the motion has settled
+DWELL_LEFT = 0.2  # of the variance: what a sine may leave of a dwell; a square wave leaves 0.19
+DWELL_BEND = 0.1  # rad by which the phase of a dwell may bend: more is a sweep
+DWELL_POWER = 0.4  # of the record's excitation, least share in dwells: else it is no stepped sine
 SINE_SAMPLES = 12  # least samples of a stretch that a sine is fitted to
 HARMONICS = 9  # harmonics of a sine that are fitted with it, to keep the friction's out of it
 STEADY_SIGN = 0.999  # least share of the velocities in one direction of an axis that is kept moving

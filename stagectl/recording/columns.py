@@ -14,21 +14,31 @@ from numpy.typing import NDArray
 from stagectl.kernels import rollout
 from stagectl.problem import ProblemKind
 from stagectl.recording.hdf5 import RecordingError
-from stagectl.recording.scales import Scales, scales_of_stage
+from stagectl.recording.scales import Scales
 from stagectl.units import LINEAR, ROTARY, StageError, factor
 
 Array = NDArray[np.float64]
 
 # What a quantity of a log becomes; the first three are lengths and times, the rest currents or what drives them.
-_LENGTHS = {"reference": "reference", "position": "measured", "measured": "measured"}
+POSITIONS = ("position", "measured", "motor_position", "load_position")  # the motor's before the load's
+_LENGTHS = {"reference": "reference", **dict.fromkeys(POSITIONS, "measured")}
 _CURRENTS = {
     **dict.fromkeys(("current_command", "force_command", "torque_command", "voltage_command", "command"), "command"),
     **dict.fromkeys(("current", "force", "torque", "measured_current"), "measured_current"),
     **({"injection": "injection"} if "injection" in rollout.COLUMNS else {}),
 }
 QUANTITIES = ("time", *_LENGTHS, *_CURRENTS)
-CHOICES = ("time", "position", "current", "command", "reference", *(["injection"] if "injection" in _CURRENTS else []))
-_HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z]+))?")
+CHOICES = (
+    "time",
+    "position",
+    "velocity",
+    "current",
+    "command",
+    "reference",
+    *(["injection"] if "injection" in _CURRENTS else []),
+)
+_HEADER = re.compile(rf"({'|'.join(sorted(QUANTITIES, key=len, reverse=True))})(?:_([A-Za-z][A-Za-z .*·]*))?")
+_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
 _CHOICE = re.compile(r"\s*(\w+)\s*=\s*([^:\[\]]+?)\s*(?:\[\s*([0-9]{1,4})\s*\])?\s*(?::\s*(.*?)\s*)?")
 EXAMPLE = "--columns time=1,position=2:mm,current=14"
 # Notes of a recording about columns that its log does not have.
@@ -57,6 +67,7 @@ class Choice(NamedTuple):
     name: str  # in the log: a header, a variable, or the number of a column, from 1
     number: int  # of the column within a matrix, from 1; 0: it is a vector
     unit: str  # empty: s, A, and rad or m as the axis has it
+    sign: float = 1.0  # -1: the column is turned
 
 
 def choices(words: Mapping[str, str] | None) -> list[Choice]:
@@ -73,7 +84,9 @@ def choices(words: Mapping[str, str] | None) -> list[Choice]:
                 f"{', '.join(CHOICES)}, such as {EXAMPLE}"
             )
             raise RecordingError(reason, kind=ProblemKind.SYNTAX, column=quantity)
-        columns.append(Choice(match[1], match[2], int(match[3] or 0), match[4] or ""))
+        name = match[2].removeprefix("-")
+        sign = -1.0 if name != match[2] else 1.0
+        columns.append(Choice(match[1], name, int(match[3] or 0), match[4] or "", sign))
     return columns
 
 
@@ -99,14 +112,16 @@ def meaning(quantity: str, unit: str, scales: Scales) -> tuple[str, float]:
     """
     if quantity == "time":
         return "time", factor(unit or "s", "s")
+    if quantity == "velocity":  # of a log without a position, which is its integral
+        return "velocity", scales.speed(unit)
     if quantity in _LENGTHS:
         return _LENGTHS[quantity], scales.position(unit or ("m" if scales.kind == LINEAR else "rad"))
     return _CURRENTS[quantity], scales.current(unit or "A")
 
 
 def parsed(name: str) -> tuple[str, str] | None:
-    """Quantity and unit in a name such as ``position_mm``; an empty unit where it has none."""
-    match = _HEADER.fullmatch(name)
+    """Quantity and unit in a name such as ``position_mm`` or ``torque [N m]``; an empty unit where it has none."""
+    match = _HEADER.fullmatch(_BRACKETS.sub(r"_\1", name.strip()))
     return (match[1], match[2] or "") if match else None
 
 
@@ -126,14 +141,16 @@ def scales_by_unit(units: Iterable[str], path: Path) -> Scales:
     raise RecordingError(reason, path, ProblemKind.UNIT)
 
 
-def of_choices(chosen: list[Choice], setup: Any, path: Path) -> tuple[Scales, dict[str, tuple[Choice, float]]]:
+def of_choices(
+    chosen: list[Choice], taken: Scales | None, path: Path
+) -> tuple[Scales, dict[str, tuple[Choice, float]]]:
     """The axis, and our columns by name: where each is, and its factor into SI.
 
-    The scales are those of the stage, else those that follow from the units of the positions.
+    The scales are those that are `taken`, else those that follow from the units of the positions.
     Raises RecordingError where time or position is not among them.
     """
     units = (choice.unit for choice in chosen if choice.quantity == "position")
-    scales = scales_by_unit(units, path) if setup is None else scales_of_stage(setup, 0.0)
+    scales = taken or scales_by_unit(units, path)
     known: dict[str, tuple[Choice, float]] = {}
     for choice in chosen:
         try:
@@ -144,9 +161,9 @@ def of_choices(chosen: list[Choice], setup: Any, path: Path) -> tuple[Scales, di
         if ours in known:
             reason = f"{path} has two columns for {ours}, {known[ours][0].name} and {choice.name}: name one"
             raise RecordingError(reason, path, ProblemKind.REPEATED, column=ours)
-        known[ours] = (choice, scale)
+        known[ours] = (choice, scale * choice.sign)
     for ours, quantity in (("time", "time"), ("measured", "position")):
-        if ours not in known:
+        if ours not in known and not (ours == "measured" and "velocity" in known):
             reason = f"{path}: --columns names no {quantity}; add {quantity}=COLUMN, as in {EXAMPLE}"
             raise RecordingError(reason, path, ProblemKind.MISSING, column=ours)
     return scales, known

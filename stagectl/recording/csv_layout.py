@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stagectl.problem import ProblemKind
-from stagectl.recording.constants import HEADER_LINES
+from stagectl.recording.constants import HEADER_LINES, SHOWN_CELLS, TAIL_BYTES, TAIL_LINES
 from stagectl.recording.hdf5 import RecordingError
 
 SEPARATORS = (",", ";", "\t")
@@ -31,6 +31,13 @@ class Layout(NamedTuple):
         return self.rows[-1] if self.skipped else []
 
 
+class End(NamedTuple):
+    """Where the rows of a text end."""
+
+    length: int  # bytes up to the end of the last row
+    note: str  # what follows it; empty where nothing does
+
+
 def layout(path: Path) -> Layout:
     """The layout of the text at `path`.
 
@@ -49,6 +56,33 @@ def layout(path: Path) -> Layout:
     comma = separator != "," and any("," in cell for row in numbers for cell in row)
     count = len(numbers[0]) if numbers else len(rows[0])
     return Layout(separator, rows[: max(first, 1)], first, count, "," if comma else ".")
+
+
+def last_rows(path: Path, how: Layout, most: int = 0) -> End:
+    """Where the last whole row ends: a line that was cut off and a closing word, such as ``EOF``, are left out.
+
+    Of a file longer than `most` bytes, where that is given, the last whole row within these.
+    """
+    size = min(path.stat().st_size, most or path.stat().st_size)
+    with path.open("rb") as file:
+        file.seek(max(size - TAIL_BYTES, 0))
+        lines = file.read(min(size, TAIL_BYTES)).decode("utf-8", "replace").splitlines(keepends=True)
+    dropped: list[str] = []
+    while len(lines) > how.skipped + 1 and len(dropped) < TAIL_LINES and not _whole(lines[-1], how):
+        dropped.append(lines.pop())
+    if not (words := [line.strip() for line in dropped if line.strip()]):
+        return End(size, "")
+    shown = words[-1] if len(words[-1]) <= SHOWN_CELLS else f"{words[-1][:SHOWN_CELLS]}..."
+    return End(size - sum(len(line.encode()) for line in dropped), f"its last line is no whole row ({shown}): left out")
+
+
+def _whole(line: str, how: Layout) -> bool:
+    """Whether a line is a row: as many cells as the others, the last one not cut within its number."""
+    cells = [cell.strip() for cell in line.rstrip("\r\n").split(how.separator)]
+    if len(cells) != how.width or not any(cells):
+        return False
+    last = cells[-1].replace(how.decimal, ".")
+    return not last or _number(last) or not _number(f"{last}0")
 
 
 def _read_as_csv(path: Path) -> AbstractContextManager[None]:

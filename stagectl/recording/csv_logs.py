@@ -13,6 +13,7 @@ from stagectl.problem import ProblemKind
 from stagectl.recording.arrow import arrow
 from stagectl.recording.columns import (
     EXAMPLE,
+    POSITIONS,
     Array,
     Choice,
     Log,
@@ -22,21 +23,27 @@ from stagectl.recording.columns import (
     parsed,
     scales_by_unit,
 )
-from stagectl.recording.csv_layout import WORDS, Layout, layout
+from stagectl.recording.csv_layout import WORDS, Layout, last_rows, layout
 from stagectl.recording.exports import header
 from stagectl.recording.hdf5 import RecordingError, quantities
 from stagectl.recording.scales import Scales, read_values, scales_of_nominal, scales_of_stage
 from stagectl.units import StageError
 
 
-def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[str, str] | None = None) -> Log:
+def read(
+    path: Path,
+    setup: Setup | None,
+    about: dict[str, Any],
+    words: Mapping[str, str] | None = None,
+    scales: Scales | None = None,
+) -> Log:
     """The log in a CSV file; `words` name its columns where the header does not.
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
     how = _headed(layout(path), choices(words))
     if words:
-        return _chosen(path, how, setup, choices(words))
+        return _chosen(path, how, scales or (scales_of_stage(setup) if setup else None), choices(words))
     names = how.names
     if not names:
         reason = (
@@ -50,10 +57,10 @@ def read(path: Path, setup: Setup | None, about: dict[str, Any], words: Mapping[
     nominal = about.get("nominal") or (read_values(beside) if beside.is_file() else {})
     scales = _scales(path, names, setup, scales_of_nominal(nominal, beside) if nominal else None)
     known, notes = _known(path, names, scales)
-    table = _table(path, names, list(known), how)
-    columns = {ours: table[name] * scale for name, (ours, scale) in known.items()}
+    table, cut = read_table(path, names, list(known), how)
+    columns = {ours: _scaled(table.pop(name), scale) for name, (ours, scale) in known.items()}
     labels = {ours: name for name, (ours, _) in known.items()}
-    return Log(path, scales, columns, notes, {**about, **({"nominal": nominal} if nominal else {})}, labels)
+    return Log(path, scales, columns, [*notes, *cut], {**about, **({"nominal": nominal} if nominal else {})}, labels)
 
 
 def _headed(how: Layout, chosen: list[Choice]) -> Layout:
@@ -78,15 +85,15 @@ def _preamble(how: Layout) -> str:
     )
 
 
-def _chosen(path: Path, how: Layout, setup: Setup | None, chosen: list[Choice]) -> Log:
-    scales, known = of_choices(chosen, setup, path)
+def _chosen(path: Path, how: Layout, taken: Scales | None, chosen: list[Choice]) -> Log:
+    scales, known = of_choices(chosen, taken, path)
     places = {ours: (_column(path, how, choice), scale) for ours, (choice, scale) in known.items()}
     labels = [f"column {number}" for number in range(1, how.width + 1)]
-    table = _table(path, labels, [labels[at] for at, _ in places.values()], how)
-    columns = {ours: table[labels[at]] * scale for ours, (at, scale) in places.items()}
+    table, cut = read_table(path, labels, [labels[at] for at, _ in places.values()], how)
+    columns = {ours: scale * table[labels[at]] for ours, (at, scale) in places.items()}
     notes = [f"its first {how.skipped} rows are no numbers and are skipped"] if how.skipped > 1 else []
     labelled = {ours: how.names[at] if at < len(how.names) else labels[at] for ours, (at, _) in places.items()}
-    return Log(path, scales, columns, notes, {}, labelled)
+    return Log(path, scales, columns, [*notes, *cut], {}, labelled)
 
 
 def _column(path: Path, how: Layout, choice: Choice) -> int:
@@ -112,9 +119,7 @@ def _scales(path: Path, names: list[str], setup: Setup | None, nominal: Scales |
         return scales_of_stage(setup, nominal.amplifier if nominal else 0.0)
     if nominal is not None:
         return nominal
-    return scales_by_unit(
-        (name.rsplit("_", 1)[1] for name in names if name.startswith(("position_", "measured_"))), path
-    )
+    return scales_by_unit((about[1] for name in names if (about := parsed(name)) and about[0] in POSITIONS), path)
 
 
 def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tuple[str, float]], list[str]]:
@@ -123,11 +128,15 @@ def _known(path: Path, names: list[str], scales: Scales) -> tuple[dict[str, tupl
     exported = any(own.get(name) == "measured" for name in names)  # our own export, all columns
     known: dict[str, tuple[str, float]] = {}
     notes = []
+    own_position = any((about := parsed(name)) and about[0] in POSITIONS[:-1] for name in names)
     for name in names:
+        if own_position and (about := parsed(name)) and about[0] == POSITIONS[-1]:
+            notes.append(f"{name} is left out: it is the load's, and the position is taken from the motor")
+            continue
         try:
             ours_and_factor = ((own[name], 1.0) if name in own else None) if exported else _meaning(name, scales)
         except StageError as error:
-            if name.startswith(("time_", "position_")):
+            if name.startswith(("time_", "position_", "motor_position_", "load_position_")):
                 raise RecordingError(f"{name} in {path}: {error}", path, ProblemKind.UNIT, column=name) from error
             notes.append(f"{name} is left out: {error}")
             continue
@@ -153,8 +162,19 @@ def _meaning(name: str, scales: Scales) -> tuple[str, float] | None:
     return meaning(*header_parts, scales) if header_parts and header_parts[1] else None
 
 
-def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict[str, Array]:
-    """The wanted columns, (n,) each; an empty cell is NaN."""
+def _scaled(column: Array, scale: float) -> Array:
+    """The same array, scaled: a long log has no room for a second one."""
+    column *= scale
+    return column
+
+
+def read_table(
+    path: Path, names: list[str], wanted: list[str], how: Layout, most: int = 0
+) -> tuple[dict[str, Array], list[str]]:
+    """The wanted columns, (n,) each, an empty cell is NaN; and a note on lines that end the file without being rows.
+
+    Of a file longer than `most` bytes only the rows within these; 0 takes all of it.
+    """
     reading = arrow().csv.ReadOptions(use_threads=False, column_names=names, skip_rows=how.skipped)
     converting = arrow().csv.ConvertOptions(
         column_types=dict.fromkeys(wanted, arrow().float64()),
@@ -163,6 +183,14 @@ def _table(path: Path, names: list[str], wanted: list[str], how: Layout) -> dict
     )
     parsing = arrow().csv.ParseOptions(delimiter=how.separator)
     causes = (arrow().ArrowInvalid, arrow().ArrowKeyError, OSError)
+    end = last_rows(path, how, most)
     with RecordingError.instead_of(causes, f"{path}", path, ProblemKind.VALUE):
-        table = arrow().csv.read_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
-    return {name: np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted}
+        with path.open("rb") as file:  # of a whole file no more than a block is in memory
+            source = file if end.length == path.stat().st_size else arrow().BufferReader(file.read(end.length))
+            table = arrow().csv.read_csv(source, reading, parsing, converting)
+        columns = {}
+        for name in dict.fromkeys(wanted):  # one column at a time: a long log is in memory once
+            columns[name] = np.require(table[name].to_numpy(), np.float64, "W")
+            table = table.drop_columns([name])
+            arrow().default_memory_pool().release_unused()
+    return columns, [end.note] if end.note else []

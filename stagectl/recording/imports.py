@@ -20,13 +20,20 @@ from stagectl.recording import capture_attachments, csv_logs, mat_logs
 from stagectl.recording.columns import WITHOUT, Array, Log
 from stagectl.recording.hdf5 import Recording, RecordingError, save
 from stagectl.recording.metadata import versions
-from stagectl.recording.scales import read_values
+from stagectl.recording.repair import repaired
+from stagectl.recording.scales import Scales, read_values
 
 
-def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | None = None) -> list[Recording]:
+def read(
+    path: Path,
+    setup: Setup | None = None,
+    columns: Mapping[str, str] | None = None,
+    scales: Scales | None = None,
+) -> list[Recording]:
     """The recordings in a file or folder; `setup` is the stage it was recorded on, for its scales.
 
-    `columns` says which column or variable is which, where names do not: ``{"position": "qm:mm"}``.
+    `columns` says which column or variable is which, where names do not: ``{"position": "qm:mm"}``; with them, `scales`
+    may stand in for a stage.
 
     Raises RecordingError, with file and row, where it cannot be understood.
     """
@@ -39,9 +46,9 @@ def read(path: Path, setup: Setup | None = None, columns: Mapping[str, str] | No
         raise RecordingError(f"{path}: no such file or folder", path, ProblemKind.FILE)
     kind = path.suffix.lower()
     if kind == ".csv":
-        return [_recording(csv_logs.read(path, setup, {}, columns))]
+        return [_recording(csv_logs.read(path, setup, {}, columns, scales))]
     if kind == ".mat":
-        return [_recording(mat_logs.read(path, setup, columns))]
+        return [_recording(mat_logs.read(path, setup, columns, scales))]
     reason = (
         f"{path} cannot be imported; these can: .csv with a header of quantities and units "
         "(time_s,position_mm,...) or with --columns, .mat, and a folder with captures.yaml"
@@ -64,12 +71,13 @@ def store(recordings: list[Recording], source: Path, output: Path | None) -> lis
 
 
 def _recording(log: Log) -> Recording:
+    log = repaired(log)
     time = _checked(log)
     names = [name for name in rollout.COLUMNS if name in log.columns]
     samples = np.empty(len(time), dtype=[(name, "<f8") for name in names])
     for name in names:
-        samples[name] = log.columns[name]
-    samples["time"] = time - time[0]
+        samples[name] = log.columns.pop(name)  # a long log is in memory once
+    samples["time"] -= time[0]
     missing = [words for name, words in WITHOUT.items() if name not in names]
     duration, scales = float(time[-1] - time[0]), log.scales
     meta = {
@@ -82,12 +90,17 @@ def _recording(log: Log) -> Recording:
         "nm": None,
         "steady": [0.0, duration],
         "duration": duration,
-        "source": {"file": log.path.name, "sha256": hashlib.sha256(log.path.read_bytes()).hexdigest()},
+        "source": {"file": log.path.name, "sha256": _digest(log.path)},
         "notes": [*log.notes, *missing],
         "versions": versions(),
         **log.about,
     }
     return Recording(log.path, meta, samples, True, f"imported from {log.path.name}", 0)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _checked(log: Log) -> Array:
@@ -100,7 +113,7 @@ def _checked(log: Log) -> Array:
             row, own = int(np.argmin(finite)) + 1, log.labels.get(name, name)
             reason = f"{log.path} has no {own} in row {row} of its numbers: cut the log there"
             raise RecordingError(reason, log.path, ProblemKind.MISSING, column=own, row=row)
-    if np.any(backwards := np.diff(time) <= 0.0):
+    if np.any(backwards := time[1:] <= time[:-1]):
         row = int(np.argmax(backwards)) + 1
         reason = (
             f"{log.path}: time {time[row]:.9g} s in row {row + 1} follows {time[row - 1]:.9g} s; times must increase "

@@ -21,34 +21,37 @@ from stagectl.units import LINEAR
 _EMPS = {"t": "time", "qg": "reference", "qm": "measured", "vir": "command"}
 
 
-def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None) -> Log:
+def read(path: Path, setup: Setup | None, words: Mapping[str, str] | None = None, scales: Scales | None = None) -> Log:
     """The log in a MATLAB file; `words` name its variables where their names do not.
 
     Raises RecordingError naming the variables that there are.
     """
-    variables = _variables(path)
+    content = variables(path)
+    taken = scales or (scales_of_stage(setup) if setup else None)
     if words:
-        return _chosen(path, variables, setup, choices(words))
-    if isinstance(variables.get("samples"), dict) and isinstance(variables.get("meta"), str):
-        return _ours(path, variables)
-    if "t" in variables and "qm" in variables:
-        return _emps(path, variables, setup)
-    named = {name: meaning for name in _names(variables) if (meaning := parsed(name.rsplit(".", 1)[-1]))}
+        return _chosen(path, content, taken, choices(words))
+    if isinstance(content.get("samples"), dict) and isinstance(content.get("meta"), str):
+        return _ours(path, content)
+    if "t" in content and "qm" in content:
+        return _emps(path, content, setup)
+    named = {name: meaning for name in flat(content) if (meaning := parsed(name.rsplit(".", 1)[-1]))}
     present = {quantity for quantity, _ in named.values()}
     absent = [quantity for quantity in ("time", "position") if quantity not in present]
     if absent:
         reason = (
             f"{path} has no {' and no '.join(absent)} by that name; it holds "
-            f"{', '.join(_names(variables)) or 'nothing'}: say which is which, such as "
+            f"{', '.join(flat(content)) or 'nothing'}: say which is which, such as "
             "--columns time=t,position=q:mm,current=i"
         )
         raise RecordingError(reason, path, ProblemKind.MISSING, column=absent[0])
-    return _chosen(
-        path, variables, setup, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()]
-    )
+    return _chosen(path, content, taken, [Choice(quantity, name, 0, unit) for name, (quantity, unit) in named.items()])
 
 
-def _variables(path: Path) -> dict[str, Any]:
+def variables(path: Path) -> dict[str, Any]:
+    """Variables of the file by name, structs as dictionaries.
+
+    Raises RecordingError where it cannot be read.
+    """
     try:
         content = loadmat(path, simplify_cells=True)
     except Exception as error:  # scipy raises many kinds on a file that is damaged
@@ -59,17 +62,17 @@ def _variables(path: Path) -> dict[str, Any]:
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 
-def _names(variables: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """Variables, those of structs with a dot."""
-    names = []
-    for name, value in variables.items():
-        names += _names(value, f"{prefix}{name}.") if isinstance(value, dict) else [prefix + name]
-    return names
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Variables by name, those of structs with a dot."""
+    named: dict[str, Any] = {}
+    for name, value in values.items():
+        named |= flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
+    return named
 
 
-def _chosen(path: Path, variables: dict[str, Any], setup: Setup | None, chosen: list[Choice]) -> Log:
-    scales, known = of_choices(chosen, setup, path)
-    columns = {ours: scale * _vector(path, variables, choice) for ours, (choice, scale) in known.items()}
+def _chosen(path: Path, content: dict[str, Any], taken: Scales | None, chosen: list[Choice]) -> Log:
+    scales, known = of_choices(chosen, taken, path)
+    columns = {ours: scale * _vector(path, content, choice) for ours, (choice, scale) in known.items()}
     log = _log(path, scales, columns, [_unit_note(choice, scales) for choice in chosen if not choice.unit], {})
     return log._replace(labels={ours: choice.name for ours, (choice, _) in known.items()})
 
@@ -84,7 +87,7 @@ def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
     value: Any = variables
     for word in choice.name.split("."):
         if not isinstance(value, dict) or word not in value:
-            reason = f"{path} has no {choice.name}; it holds {', '.join(_names(variables)) or 'nothing'}"
+            reason = f"{path} has no {choice.name}; it holds {', '.join(flat(variables)) or 'nothing'}"
             raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
         value = value[word]
     try:
@@ -94,8 +97,9 @@ def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
             f"{choice.name} in {path} does not hold numbers", path, ProblemKind.VALUE, column=choice.name
         ) from error
     if choice.number:
+        shape, values = values.shape, upright(values)
         if values.ndim != 2 or choice.number > values.shape[1]:
-            reason = f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {values.shape}"
+            reason = f"{choice.name}[{choice.number}] in {path}: {choice.name} has shape {shape}"
             raise RecordingError(reason, path, ProblemKind.UNKNOWN, column=choice.name)
         return np.ascontiguousarray(values[:, choice.number - 1])
     if values.ndim > 1:
@@ -104,6 +108,11 @@ def _vector(path: Path, variables: Mapping[str, Any], choice: Choice) -> Array:
         )
         raise RecordingError(reason, path, ProblemKind.SHAPE, column=choice.name)
     return values.ravel()
+
+
+def upright(values: Array) -> Array:
+    """A table (n, columns); one that lies on its side, (columns, n), is turned."""
+    return values.T if values.ndim == 2 and values.shape[1] > values.shape[0] > 1 else values
 
 
 def _log(path: Path, scales: Scales, columns: dict[str, Array], notes: list[str], about: dict[str, Any]) -> Log:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,20 +48,27 @@ class Scales(NamedTuple):
                 f"a position in {unit} on an axis whose positions are in {inside}: {error}", kind=ProblemKind.UNIT
             ) from error
 
+    def speed(self, unit: str) -> float:
+        """Factor from a velocity in `unit`, such as ``mm/s`` or ``rpm``, to rad/s | m/s."""
+        inside = "m/s" if self.kind == LINEAR else "rad/s"
+        if unit.startswith("counts"):
+            return self.position("counts")
+        return factor(unit or inside, inside)
+
     def current(self, unit: str) -> float:
         """Factor from a current, force, torque or amplifier voltage in `unit` to A.
 
         Raises RecordingError where a scale is missing.
         """
         effort = "N" if self.kind == LINEAR else "N m"
-        spelled = "N m" if unit == "Nm" else unit
+        unit = re.sub(r"(?<=N)[ .*·]m$", "m", unit)  # N m, N.m, N*m
         if unit in ("V", "mV"):
             return factor(unit, "V") * self._known(self.amplifier, "a voltage", "drive.amplifier_A_per_V")
         if unit in ("N", "kN", "Nm", "mNm"):
-            return factor(spelled.replace("mNm", "mN m"), effort) / self._known(
+            return factor(re.sub(r"Nm$", "N m", unit), effort) / self._known(
                 self.force_constant, f"an effort in {unit}", "stage.force_constant"
             )
-        return factor(spelled, "A")
+        return factor(unit, "A")
 
     def _known(self, value: float, what: str, key: str) -> float:
         if value == 0.0:

@@ -24,6 +24,7 @@ from stagectl.gap.logs.repeats import Repeat, reconciled
 from stagectl.gap.logs.session import Array, Log, LogError, Session
 from stagectl.gap.logs.sources import RawLog, read_logs
 from stagectl.gap.logs.thresholds import LEAST_SPLINE, SAME_PERIOD
+from stagectl.number_format import duration
 from stagectl.parallel import in_parallel
 from stagectl.recording.columns import WITHOUT
 
@@ -36,7 +37,7 @@ def load(paths: Sequence[Path], stage: Setup | None = None) -> Session:
     """
     raw = read_logs(paths, stage)
     machine = nominal_setup(raw, stage)
-    dt = machine.dt or _period(raw)
+    dt, period_notes = (machine.dt, []) if machine.dt else _period(raw)
     repeats, repeat_notes = reconciled([Repeat(log, _gridded(log, dt)) for log in raw])
     known = _known_setpoints(repeats, machine)
     finished = [_finished(repeat, rows, machine, dt) for repeat, rows in zip(repeats, known, strict=True)]
@@ -52,7 +53,7 @@ def load(paths: Sequence[Path], stage: Setup | None = None) -> Session:
         stage=machine.stage,
         law=machine.law,
         logs=tuple(log for log, _ in finished),
-        notes=(*machine.notes, *repeat_notes, *gathered(notes, len(finished))),
+        notes=(*machine.notes, *period_notes, *repeat_notes, *gathered(notes, len(finished))),
         nominal=machine.nominal,
     )
     return session._replace(cannot_tell=undetermined(session, [repeat.log.start is not None for repeat in repeats]))
@@ -73,24 +74,20 @@ def _named(names: list[str], count: int) -> str:
     return ", ".join(shown[:-1]) + (" and " if len(shown) > 1 else "") + shown[-1]
 
 
-def _period(logs: list[RawLog]) -> float:
-    """The sampling period (s) that all logs share, where no controller gives one.
+def _period(logs: list[RawLog]) -> tuple[float, list[str]]:
+    """The sampling period (s) of all logs where no controller gives one: the longest, where they differ; and a note.
 
-    Raises LogError where they differ.
+    Raises LogError where a log has a single row.
     """
     steps = {log.name: float(np.median(np.diff(log.time))) for log in logs if len(log.time) > 1}
     if len(steps) < len(logs):
         name = next(log.name for log in logs if log.name not in steps)
         raise LogError("short", (name,), f"{name} has one row; record longer")
     low, high = min(steps, key=lambda name: steps[name]), max(steps, key=lambda name: steps[name])
-    if steps[high] > (1.0 + SAME_PERIOD) * steps[low]:
-        raise LogError(
-            "period",
-            (low, high),
-            f"{low} was sampled every {steps[low] * 1e3:.6g} ms, {high} every {steps[high] * 1e3:.6g} ms, and no "
-            "controller.Ts gives the control period; diagnose them separately, or give nominal.yaml",
-        )
-    return steps[logs[0].name]
+    if steps[high] <= (1.0 + SAME_PERIOD) * steps[low]:
+        return steps[logs[0].name], []
+    words = f"{low} was sampled every {duration(steps[low])}, {high} every {duration(steps[high])}"
+    return steps[high], [f"{words}, and no controller.Ts gives the control period: the longest period is taken for all"]
 
 
 def _gridded(log: RawLog, dt: float) -> GriddedLog:

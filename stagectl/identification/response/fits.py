@@ -181,7 +181,11 @@ def _solved(p: Lines, model: Complex, delay: float) -> tuple[Array, float]:
 
 
 def _with_covariance(p: Lines, model: Complex, fit: ResponseFit) -> ResponseFit:
-    """Covariance over the values that are not zero and the delay, from the residual's own size."""
+    """Covariance over the values that are not zero and the delay.
+
+    From the residual's own size, or from the accuracy of a describing function where the residual is smaller: many
+    operators fit a few lines better than their describing functions are true.
+    """
     active = np.append(fit.values > 0.0, True)
     turned = p.effort * np.exp(-1j * p.omega * fit.delay)
     columns = np.column_stack([_real(p, model), _real(p, 1j * p.omega * turned)])[:, active]
@@ -189,5 +193,6 @@ def _with_covariance(p: Lines, model: Complex, fit: ResponseFit) -> ResponseFit:
     length = np.linalg.norm(columns, axis=0)
     inverse = np.linalg.pinv(columns / length) / length[:, None]
     covariance = np.zeros((len(active), len(active)))
-    covariance[np.ix_(active, active)] = inverse @ inverse.T * fit.residual**2 / freedom
+    variance = max(fit.residual**2 / freedom, thresholds.LINE_ACCURACY**2)
+    covariance[np.ix_(active, active)] = inverse @ inverse.T * variance
     return fit._replace(covariance=covariance, residual=fit.residual / math.sqrt(columns.shape[0]), freedom=freedom)

@@ -26,6 +26,7 @@ from scipy import ndimage, signal
 from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture, IdentificationError, Refusal, check_excited
+from stagectl.identification.response.dwells import dwells, injected
 from stagectl.identification.response.sampling_correction import Complex, sampling_correction
 from stagectl.identification.response.spectra import (
     Spectra,
@@ -71,9 +72,11 @@ def curves(capture: Capture, file: StageFile) -> tuple[list[Curve], list[str]]:
     Raises IdentificationError where no span can be used.
     """
     check_excited(capture)
-    if not (spans := capture.meta.get("excitation")):
-        return _welch(capture, file)
     notes: list[str] = []
+    if not (spans := capture.meta.get("excitation")):
+        capture, notes = _stepped(capture)
+        if not (spans := capture.meta.get("excitation")):
+            return _welch(capture, file)
     measured: list[Curve] = []
     for span in spans:
         try:
@@ -84,6 +87,21 @@ def curves(capture: Capture, file: StageFile) -> tuple[list[Curve], list[str]]:
     if not measured:
         raise IdentificationError(f"no excited span can be used: {'; '.join(notes)}", reason)
     return measured, notes
+
+
+def _stepped(capture: Capture) -> tuple[Capture, list[str]]:
+    """The capture with the stepped sines that its data show; as it is where they show none."""
+    if not (stepped := dwells(capture)):
+        return capture, []
+    if not injected(capture):  # then the motion is all that excites, and stays in the velocity
+        capture = capture._replace(excitation=None, reference=None)
+    lines = sorted(dwell.frequency for dwell in stepped)
+    text = (
+        f"{capture.name} does not say what was excited: its current shows {len(stepped)} stretches of one frequency "
+        f"each, {lines[0]:.3g} to {lines[-1]:.3g} Hz, and each is fitted by a sine with its harmonics"
+    )
+    spans = [dwell.span() for dwell in stepped]
+    return capture._replace(meta={**capture.meta, "excitation": spans}), [Note(Topic.METHOD, text)]
 
 
 def _span(capture: Capture, span: dict[str, Any], file: StageFile) -> Curve:
@@ -164,9 +182,9 @@ def _curve(capture: Capture, span: dict[str, Any], measured: tuple[Array, Spectr
 def _welch(capture: Capture, file: StageFile) -> tuple[list[Curve], list[str]]:
     """Welch's method, with the injected current as the instrument where there is one."""
     rate, length = 1.0 / capture.dt, 2 * (len(capture.time) // (thresholds.WELCH_SEGMENTS + 1))
-    injected = capture.excitation is not None and bool(np.ptp(capture.excitation) > thresholds.LEAST_EXCITATION)
     follows = capture.reference is not None and bool(np.ptp(capture.reference) > 0.0)
-    if not injected:  # then the motion is all that excites, and stays in the velocity
+    known = injected(capture)
+    if not known:
         capture = capture._replace(excitation=None, reference=None)
     edges = np.array([0, len(capture.time)])
     speed, current, instrument = signals(capture, edges).T
@@ -192,7 +210,7 @@ def _welch(capture: Capture, file: StageFile) -> tuple[list[Curve], list[str]]:
     relay = np.full(len(frequency), 4.0 / math.pi, dtype=np.complex128)
     moving = keeps_moving(capture, edges)
     curve = Curve(capture.name, "welch", amplitude, moving, *lines, relay, averages, math.nan)
-    return [curve], _welch_notes(capture.name, averages, rate / length, follows and not injected)
+    return [curve], _welch_notes(capture.name, averages, rate / length, follows and not known)
 
 
 def _welch_notes(name: str, averages: int, spacing: float, loop_noise: bool) -> list[str]:

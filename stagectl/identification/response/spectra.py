@@ -101,18 +101,25 @@ def sine(capture: Capture, edges: NDArray[np.int64], frequency: Array) -> Spectr
     mean = np.mean(lines[:, :, 0], axis=0)
     third = float(abs(mean[2] / mean[0])) if count >= 3 and mean[0] != 0.0 else math.nan
     dependence = 1.0 if np.all(segments[0][2] == 1.0) else thresholds.HANN_OVERLAP
-    return Spectra(lines[:, :1, 0], lines[:, :1, 1], lines[:, :1, 2], third, _relay(mean), dependence)
+    speed = velocity(capture)
+    drift = np.array([float(np.mean(speed[a:b])) for a, b, _ in segments])
+    return Spectra(lines[:, :1, 0], lines[:, :1, 1], lines[:, :1, 2], third, _relay(lines[:, :, 0], drift), dependence)
 
 
-def _relay(harmonics: Complex) -> complex:
-    """Fundamental of the sign of a velocity with these `harmonics` (k,), the velocity's own as phase zero.
+def _relay(harmonics: Complex, drift: Array) -> complex:
+    """Fundamental of the sign of a velocity with `harmonics` (segments, k) and means `drift` (segments,), averaged.
 
-    Near standstill the velocity is not a sine: its sign changes early or late, which turns the fundamental.
+    The velocity's own fundamental has phase zero.  Near standstill the velocity is not a sine: its sign changes early
+    or late, which turns the fundamental.  While the axis drifts, as after a sine that began at full size, its sign
+    changes less, which makes the fundamental small.
     """
-    turn = 2j * np.pi * np.arange(4096)[:, None] / 4096.0 * np.arange(1, len(harmonics) + 1)
-    sign = np.sign(np.real(np.exp(turn) @ harmonics))
-    fundamental = 2.0 * np.mean(sign * np.exp(-turn[:, 0])) * np.conj(harmonics[0])
-    return complex(fundamental / abs(harmonics[0])) if harmonics[0] != 0.0 else 4.0 / math.pi
+    turn = np.exp(2j * np.pi * np.arange(4096)[:, None] / 4096.0 * np.arange(1, harmonics.shape[1] + 1))
+    parts = [
+        2.0 * np.mean(np.sign(np.real(turn @ line) + mean) * np.conj(turn[:, 0])) * np.conj(line[0]) / abs(line[0])
+        for line, mean in zip(harmonics, drift, strict=True)
+        if line[0] != 0.0
+    ]
+    return complex(np.mean(parts)) if parts else 4.0 / math.pi
 
 
 def multisine(capture: Capture, edges: NDArray[np.int64], frequency: Array) -> Spectra:

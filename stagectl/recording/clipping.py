@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.identification import thresholds
-from stagectl.identification.capture import Array
+from stagectl.recording import constants
+from stagectl.recording.columns import Array
 
 
 def clipped(current: Array) -> NDArray[np.intp]:
@@ -18,20 +18,20 @@ def clipped(current: Array) -> NDArray[np.intp]:
     """
     largest = float(np.abs(current).max())
     sides = [
-        end for end in (float(current.max()), float(current.min())) if abs(end) >= thresholds.CLIPPED_SIDE * largest
+        end for end in (float(current.max()), float(current.min())) if abs(end) >= constants.CLIPPED_SIDE * largest
     ]
     top = np.any([np.abs(current - end) <= 1e-6 * largest for end in sides], axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(np.int8)))
-    runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= thresholds.CLIPPED_RUN]
+    runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= constants.CLIPPED_RUN]
     rows = np.concatenate([np.arange(a, b) for a, b in runs]) if runs else np.zeros(0, dtype=np.intp)
-    if len(rows) < thresholds.CLIPPED_SHARE * len(current):
+    if len(rows) < constants.CLIPPED_SHARE * len(current):
         return np.zeros(0, dtype=np.intp)
     ends = [0, *(b for _, b in runs)]
     apart = [
-        (end, a) for end, (a, _) in zip(ends, runs, strict=False) if end == 0 or a - end > 4 * thresholds.CLIPPED_RUN
+        (end, a) for end, (a, _) in zip(ends, runs, strict=False) if end == 0 or a - end > 4 * constants.CLIPPED_RUN
     ]  # noise breaks runs
     corners = [corner for end, a in apart if not math.isnan(corner := _corner(current[end:a], current[a]))]
-    return rows if corners and float(np.median(corners)) >= thresholds.CLIPPED_CORNER else np.zeros(0, dtype=np.intp)
+    return rows if corners and float(np.median(corners)) >= constants.CLIPPED_CORNER else np.zeros(0, dtype=np.intp)
 
 
 def _corner(before: Array, top: float) -> float:
@@ -46,4 +46,4 @@ def _corner(before: Array, top: float) -> float:
         float(np.mean(signed[max(count - n * tenth - width, 0) : count - n * tenth + width])) for n in (1, 2)
     )
     rise = largest - early
-    return (largest - late) / rise if rise > thresholds.CLIPPED_RISE * largest else 0.0  # it has been there for long
+    return (largest - late) / rise if rise > constants.CLIPPED_RISE * largest else 0.0  # it has been there for long

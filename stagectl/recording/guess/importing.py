@@ -1,0 +1,94 @@
+"""Any log as recordings: by its own words where it has them, else by a guess that is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from stagectl.config.stage_file import Setup
+from stagectl.problem import ProblemKind
+from stagectl.recording import constants
+from stagectl.recording.guess.guess import Guess, GuessedColumn, Known, guess
+from stagectl.recording.hdf5 import Recording, RecordingError
+from stagectl.recording.imports import read
+from stagectl.recording.scales import Scales, scales_of_stage
+from stagectl.units import LINEAR
+
+_LOGS = (".csv", ".mat")
+
+
+class Imported(NamedTuple):
+    """A recording, and the guess that it rests on; None where the log said what it holds."""
+
+    recording: Recording
+    guess: Guess | None
+
+
+def import_log(
+    path: Path, setup: Setup | None, words: Mapping[str, str] | None, known: Known, unsure: bool
+) -> list[Imported]:
+    """The recordings in a log, a folder of captures or a folder of logs; an `unsure` guess is taken only if told so.
+
+    Raises RecordingError where it cannot be read, or where the guess is not sure.
+    """
+    if path.is_dir() and not (path / "captures.yaml").is_file():
+        logs = [file for file in sorted(path.iterdir()) if file.suffix.lower() in _LOGS]
+        if not logs:
+            reason = f"{path} holds neither captures.yaml nor logs ({' or '.join(_LOGS)}); give a folder that does"
+            raise RecordingError(reason, path, ProblemKind.MISSING)
+        return [imported for log in logs for imported in import_log(log, setup, words, known, unsure)]
+    try:
+        return [Imported(recording, None) for recording in read(path, setup, words)]
+    except RecordingError as error:
+        if path.is_dir() or error.problems[0].kind not in (ProblemKind.MISSING, ProblemKind.UNIT) or _complete(words):
+            raise
+    return [_guessed(path, setup, words or {}, known, unsure)]
+
+
+def _complete(words: Mapping[str, str] | None) -> bool:
+    """Whether the user named all that a log must have: then a refusal is about these words."""
+    return bool(words) and "time" in (words or {}) and bool({"position", "velocity"} & set(words or {}))
+
+
+def _guessed(path: Path, setup: Setup | None, words: Mapping[str, str], known: Known, unsure: bool) -> Imported:
+    taken = guess(path, known)
+    if setup is not None:
+        taken = taken._replace(scales=scales_of_stage(setup), notes=())
+    taken = taken._replace(columns=tuple(part for part in taken.columns if part.quantity not in words))
+    if taken.columns and taken.sure < constants.LEAST_SURE and not unsure:
+        raise _not_sure(path, taken)
+    (recording,) = read(path, setup, {**taken.words, **words}, taken.scales)
+    recording.meta["notes"] = [*map(line, taken.columns), *taken.notes, *recording.meta["notes"]]
+    recording.meta.setdefault("nominal", _nominal(path.stem, taken.scales))
+    return Imported(recording, taken)
+
+
+def line(part: GuessedColumn) -> str:
+    """One guessed column in words."""
+    return f"{part.quantity} is taken from {part.column} in {part.unit}, {100.0 * part.sure:.0f} % sure: {part.why}"
+
+
+def _not_sure(path: Path, taken: Guess) -> RecordingError:
+    said = ",".join(f"{quantity}={where}" for quantity, where in taken.words.items())
+    least = min(taken.columns, key=lambda part: part.sure)
+    lines = "\n  ".join([*map(line, taken.columns), *taken.notes])
+    reason = (
+        f"{path} does not say what its columns are; the guess is\n  {lines}\nand the {least.quantity} is less than "
+        f"{100.0 * constants.LEAST_SURE:.0f} % sure: take it with --yes, or correct it with --columns {said!r}, "
+        "--counts N and --force-constant K"
+    )
+    return RecordingError(reason, path, ProblemKind.VALUE, column=least.quantity)
+
+
+def _nominal(name: str, scales: Scales) -> dict[str, dict[str, object]]:
+    """The scales as nominal.yaml holds them; inertia and controller are for the user to add."""
+    linear = scales.kind == LINEAR
+    block = {
+        "name": name,
+        "kind": scales.kind,
+        "position_unit": "m" if linear else "rad",
+        "force_constant": scales.force_constant or None,
+        "encoder_step": scales.encoder_step or None,
+    }
+    return {"stage": {key: value for key, value in block.items() if value is not None}}

@@ -1,0 +1,123 @@
+"""Logs that say nothing about their columns: guessed from made motions, and from measured records beside this tree."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stagectl.problem import ProblemKind
+from stagectl.recording.guess.guess import Guess, Known, guess
+from stagectl.recording.guess.importing import import_log
+from stagectl.recording.hdf5 import RecordingError
+from tests.problems import refused
+from tests.recording import damage
+
+DATA = Path(os.environ.get("STAGECTL_RECORDS", Path(__file__).resolve().parents[3] / "shared" / "data"))
+UNKNOWN = Known()
+TURN = 2.0 * math.pi
+
+
+def taken(guessed: Guess) -> dict[str, str]:
+    return {part.quantity: f"{part.column}:{part.unit}" for part in guessed.columns}
+
+
+def written(folder: Path, columns: dict[str, damage.Array], header: str = "") -> Path:
+    path = damage.write(folder / "log.csv", columns, header)
+    path.write_text(path.read_text().lstrip("\n"))
+    return path
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3), ("us", 1e6)])
+@pytest.mark.parametrize(("sign", "column"), [(1.0, "4"), (-1.0, "-4")])
+def test_columns_by_physics_alone(tmp_path: Path, unit: str, factor: float, sign: float, column: str) -> None:
+    """Time in any unit, then velocity, position and a current of either sign, with no header."""
+    made = damage.motion()
+    speed = np.gradient(made["position"], made["time"])
+    columns = {"t": factor * made["time"], "v": speed, "x": made["position"], "i": sign * made["current"]}
+    guessed = guess(written(tmp_path, columns), UNKNOWN)
+    assert taken(guessed) == {"time": f"1:{unit}", "position": "3:rad", "current": f"{column}:A"}
+    assert next(part for part in guessed.columns if part.quantity == "position").sure > 0.5
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("rad", 30.0 / math.pi), ("deg", 1.0 / 6.0), ("rev", 60.0)])
+def test_a_speed_in_revolutions_gives_the_position_its_unit(tmp_path: Path, unit: str, factor: float) -> None:
+    made = damage.motion()
+    columns = {"t": made["time"], "x": made["position"], "n": factor * np.gradient(made["position"], made["time"])}
+    path = written(tmp_path, {**columns, "i": made["current"]}, "t,x,motor speed [rpm],i")
+    assert taken(guess(path, UNKNOWN))["position"] == f"2:{unit}"
+
+
+def test_a_command_comes_before_what_is_measured(tmp_path: Path) -> None:
+    """Two columns of one noise level; the measured one is two rows late, and the reference is smoother."""
+    made = damage.motion()
+    late = np.concatenate([made["current"][:2], made["current"][:-2]]) + np.random.default_rng(4).normal(
+        0.0, 0.02, 12000
+    )
+    reference = made["position"] + 0.01 * np.sin(made["time"])
+    rough = made["position"] + np.random.default_rng(5).normal(0.0, 1e-3, 12000)
+    columns = {"t": made["time"], "x": rough, "late": late, "r": reference, "i": made["current"]}
+    assert taken(guess(written(tmp_path, columns), UNKNOWN)) == {
+        "time": "1:s",
+        "position": "2:rad",
+        "reference": "4:rad",
+        "current": "3:A",
+        "command": "5:A",
+    }
+
+
+def test_what_is_not_sure_is_asked_for(tmp_path: Path) -> None:
+    made = damage.motion()
+    columns = {"t": made["time"], "x": np.rint(1e4 * made["position"]), "i": made["current"]}
+    path = written(tmp_path, columns)
+    with refused(RecordingError, file=path, kind=ProblemKind.VALUE, column="current"):
+        import_log(path, None, None, UNKNOWN, unsure=False)
+    ((recording, guessed),) = import_log(path, None, {"current": "3:A"}, Known(counts=1e4 * TURN), unsure=False)
+    assert guessed is not None and recording.meta["axis"]["encoder_step"] == pytest.approx(1e-4)
+    np.testing.assert_allclose(recording.column("measured"), made["position"], atol=1e-4)
+    np.testing.assert_allclose(recording.column("measured_current"), made["current"], rtol=1e-9)
+
+
+def test_without_a_time_nothing_is_guessed(tmp_path: Path) -> None:
+    noise = np.random.default_rng(6).normal(size=(2, 200))
+    path = written(tmp_path, {"a": noise[0], "b": noise[1]})
+    with refused(RecordingError, file=path, kind=ProblemKind.MISSING, column="time"):
+        guess(path, UNKNOWN)
+
+
+RECORDS = [
+    ("odrive/slow2_nocomp_0.mat", {"time": "data[1]:s", "position": "data[2]:counts", "current": "data[3]:A"}),
+    (
+        "hsm150/idf_pos_0.06_1.mat",
+        {"time": "data[1]:s", "position": "data[3]:rad", "current": "data[7]:A", "command": "data[5]:Nm"},
+    ),
+    ("cnc_y_axis/20220531_Y_Axis_Pulse_9Nm_20ms.csv", {"time": "1:ms", "position": "10:counts", "current": "28:A"}),
+    ("linear_servo_loadcell/a3MR.csv", {"time": "1:ms", "velocity": "2:rpm", "current": "3:Nm"}),
+    ("linear_servo_loadcell/a3NI.csv", {"time": "1:s", "velocity": "4:rad/s", "current": "2:A"}),
+    *(
+        (
+            f"ur10e_joints/ur-20_01_22-joint_{joint}.csv",
+            {"time": "1:s", "position": f"{joint + 1}:rad", "current": f"{joint + 13}:A"},
+        )
+        for joint in (1, 2, 3, 4, 6)
+    ),
+]
+
+
+@pytest.mark.parametrize(("file", "expected"), RECORDS)
+def test_measured_records_are_described_as_they_are(file: str, expected: dict[str, str]) -> None:
+    if not (DATA / file).is_file():
+        pytest.skip(f"the measured record {file} is not beside this repository (../shared/data)")
+    ((recording, guessed),) = import_log(DATA / file, None, None, UNKNOWN, unsure=True)
+    assert guessed is not None and expected.items() <= taken(guessed).items()
+    assert np.all(np.isfinite(recording.column("measured"))) and len(recording.samples) > 300
+
+
+def test_a_folder_of_measured_records_comes_in_at_once() -> None:
+    for folder, count in (("emps", 1), ("odrive", 8), ("hsm150", 6), ("cnc_y_axis", 5)):
+        if not (DATA / folder).is_dir():
+            pytest.skip(f"the measured records {folder} are not beside this repository (../shared/data)")
+        assert len(import_log(DATA / folder, None, None, UNKNOWN, unsure=True)) == count
