@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from stagectl.identification.simultaneous import errors_in_variables
 from stagectl.identification.standard_errors import (
     bandwidth,
     covariance,
@@ -42,13 +39,6 @@ def test_the_mean_of_coloured_noise_is_known_as_well_as_theory_says(rho: float) 
     grown = (1.0 + rho) / (1.0 - rho)
     assert float((covariance(ones, noise) / white(ones, noise))[0, 0]) == pytest.approx(grown, rel=0.15)
     assert independent(noise) == pytest.approx(ROWS / grown, rel=0.05)
-
-
-def test_the_noise_of_a_residual_is_separated_from_slower_parts() -> None:
-    """Second differences of white noise have six times its variance; a slow wave cancels."""
-    slow = 5.0 * np.sin(2.0 * math.pi * np.arange(ROWS) / 2000.0)
-    drawn = float(np.mean(errors_in_variables.noise(coloured(0.0) + slow)))
-    assert drawn == pytest.approx(1.0, rel=0.05)
 
 
 def test_long_run_covariance_is_bartletts() -> None:
