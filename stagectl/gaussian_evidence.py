@@ -23,7 +23,7 @@ class Sums(NamedTuple):
 
     gram: Matrix  # X'X, (n, n)
     right: Vector  # X'y, (n,)
-    square: float  # y'y
+    square: float | Vector  # y'y; (k,) of k left sides, with `right` (n, k)
 
     def tempered(self, power: float) -> Sums:
         """The same data with this power of their likelihood, in (0, 1]."""

@@ -169,7 +169,7 @@ WINDOWED_NOISE = 0.01  # noise that the encoder may leave in the acceleration, r
 WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one; chosen
 MOST_ROWS = 120000  # of long captures
 FORGOTTEN = 0.1  # of the stroke: travel, there and back, after which the friction has forgotten how it began
-COLUMN_RIDGE = 1e-12  # of a column's squared length: two elements that never differed share their weight
+COLUMN_RIDGE = 1e-10  # of a column's squared length: two elements that never differed share their weight
 FIT_LEAST_ROWS = 20  # of all captures together
 DRAWN_ROWS = 4000  # that the figures get
 
@@ -196,22 +196,26 @@ FRICTION_SCALES = (  # of ripple, operators, bristles, Stribeck and lag, in Coul
 )
 FIRST_SCALES = (0.05, 0.1, 0.1, 0.1, 0.01)  # with which the search begins
 NO_SCALE = 1e-4  # in Coulomb frictions: a group that is left out
-LEAST_FRICTION = 0.02  # of the rms force: the scale of a friction that is not seen
+LEAST_FRICTION = 0.1  # of the rms force: the least scale of friction; smaller friction is a small scale of it
 
 # Simultaneous: search.  Chosen.
-SCALE_ROUNDS = 2  # along one group after the other
+SCALE_ROUNDS = 1  # along one group after the other, before and after the acceleration's noise is known
+MOST_NOISE = 0.8  # of what no other column explains of the acceleration, which may be noise
 DELAY_SPAN = 3.0  # standard deviations of the prior, either way
 DELAY_NODES, DELAY_ROUNDS = 25, 3  # delays at a time; how often they are put closer
 DELAYS_ENOUGH = 6  # delays that are not improbable
 DELAY_ROOM = 1.5  # times the longest delay of the search: samples that are left at the ends
 DELAY_STEP = 1e-5  # s, of a derivative
 UNLIKELY, UNLIKELY_DELAY = 6.0, 12.0  # of the log evidence below the best
+NOISE_LAG = 4  # rows over which the window's noise is uncorrelated: its length in knot distances, halved
 NOISE_ROUNDS, NOISE_AGREES = 5, 0.02  # until the residual has the variance assumed; relative
+ROUGH_RESIDUAL = 0.1  # of the rms force: the residual of the rough fit that scales the friction
 FIRST_VARIANCE, LEAST_RESIDUAL = 1e-4, 1e-6  # of the force's mean square; of its rms: rounding
 
 # Simultaneous: temper.
 FORM_ERROR = 2e-3  # of the Coulomb friction: what the columns leave of a law, at least; chosen
-MISPLACED = 0.3  # of the Coulomb friction, while the axis is within an encoder step of a reversal; chosen
+MISPLACED, STEPS_MISPLACED = 0.5, 2.0  # of the Coulomb friction, within an encoder step of a reversal; steps; chosen
+ANSWERED_NOISE = 0.3  # of the acceleration's noise in closed loop, in which the controller's answer correlates; chosen
 FORM_VALUES = 8.0  # values that an error of form is worth; calibrated on simulated axes of five laws
 FAR_ROWS = 30  # rows over which the window and a slow residual correlate
 SHORT_FORM_SHARE = 0.3  # of the residual, in a record too short to tell; chosen

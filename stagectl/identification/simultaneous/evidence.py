@@ -9,10 +9,17 @@ from the stage file with their doubt, friction columns (`friction_columns`) of z
 scales are chosen by evidence, and the answer is the average over delays and scales by their evidence.  So its interval
 holds what the friction law does not settle.
 
+**Noise in the acceleration.**  Where noise moved the axis, or the encoder's steps are seen, the residual's noise is in
+the acceleration and not in the current: then ``a`` is the answer to ``i`` and not the reverse, and the likelihood has
+the Jacobian ``n log J``.  To first order that takes ``n v`` from the acceleration's square, ``v = (r^2 - s^2) / J^2``,
+with ``r^2`` the noise of the residual and ``s^2`` the current sensor's share of it (bias-eliminating least squares;
+T. Soederstrom, Errors-in-Variables Methods in System Identification, Springer 2018).
+
 **Temper.**  Rows are worth less than their number: the window correlates neighbours, and what the columns leave of the
 true law repeats in every stroke.  With a residual of variance ``s^2`` of which the share ``f`` is such an error, n rows
 count as ``n / (c + n f / K)``: no record is worth more than K values per unit of error, however long it is.  ``f`` is
-at least that of an error of form of `FORM_ERROR` of the friction, and of a reversal misplaced by an encoder step.
+at least that of an error of form of `FORM_ERROR` of the friction, of a reversal misplaced by an encoder step, and, in
+closed loop, of the noise that the controller answers to: current and acceleration then hold the same noise.
 """
 
 from __future__ import annotations
@@ -26,7 +33,7 @@ from scipy.linalg import cho_solve
 
 from stagectl import gaussian_evidence as gaussian
 from stagectl.config.stage_blocks import StageFile
-from stagectl.identification import thresholds
+from stagectl.identification import standard_errors, thresholds
 from stagectl.identification.capture import Array
 from stagectl.identification.simultaneous import friction_columns
 from stagectl.identification.simultaneous.regressors import (
@@ -36,6 +43,7 @@ from stagectl.identification.simultaneous.regressors import (
     RIPPLE,
     VELOCITY,
     Part,
+    current_noise,
     currents,
     motion,
     step_time,
@@ -85,6 +93,7 @@ class Problem(NamedTuple):
     coulomb: float  # N m | N, about
     file: StageFile
     delay: DelayPrior
+    acceleration_noise: float = 0.0  # sum of squares that `gram` lacks
 
     @property
     def groups(self) -> dict[str, slice]:
@@ -97,13 +106,16 @@ class Problem(NamedTuple):
         rows = self.file.motor.force_constant * currents(self.parts, delays)
         return Forces(delays, rows, self.columns.T @ rows, np.sum(rows * rows, axis=0))
 
+    def residual_square(self, theta: Array, forces: Forces, number: int) -> float:
+        """Sum of squares of the residual at one of the delays."""
+        explained = theta @ self.gram @ theta + self.acceleration_noise * theta[ACCELERATION] ** 2
+        return float(forces.square[number] - 2.0 * theta @ forces.right[:, number] + explained)
+
     def prior(self, scales: Scales) -> gaussian.Prior:
         """Of all columns, with these scales of the groups."""
-        p = self.file.mechanics
         mean, deviation = np.zeros(len(self.gram)), np.full(len(self.gram), self.coulomb)
-        mean[ACCELERATION], mean[VELOCITY] = p.inertia, p.viscous
-        deviation[ACCELERATION] = thresholds.INERTIA_DOUBT * p.inertia
-        deviation[VELOCITY] = thresholds.VISCOUS_DOUBT * p.viscous + thresholds.NATURAL_DAMPING * p.inertia
+        mechanical = [ACCELERATION, VELOCITY]
+        mean[mechanical], deviation[mechanical] = mechanics(self.file)
         for name, scale in zip(GROUPS, scales, strict=True):
             deviation[self.groups[name]] = max(scale, thresholds.NO_SCALE) * self.coulomb
         operators = self.groups["operators"]
@@ -162,25 +174,36 @@ def problem(parts: list[Part], file: StageFile, delay: DelayPrior) -> Problem:
         ]
     )
     force = file.motor.force_constant * currents(parts, np.array([delay.mean]))[:, 0]
-    return Problem(parts, shapes, matrix, matrix.T @ matrix, _coulomb(matrix, force, shapes), file, delay)
+    return Problem(parts, shapes, matrix, matrix.T @ matrix, _coulomb(matrix, force, shapes, file), file, delay)
 
 
-def _coulomb(matrix: Array, force: Array, shapes: friction_columns.Shapes) -> float:
-    """About the Coulomb friction: least squares with one operator."""
-    places = [ACCELERATION, VELOCITY, ONE, FREE + len(shapes.slip) // 2]
-    some = matrix[:, places]
-    size = np.sqrt(np.sum(some * some, axis=0)) + 1e-300
-    weight = np.linalg.lstsq(some / size, force, rcond=None)[0] / size
-    return max(abs(float(weight[-1])), thresholds.LEAST_FRICTION * float(np.sqrt(np.mean(force * force))))
+def _coulomb(matrix: Array, force: Array, shapes: friction_columns.Shapes, file: StageFile) -> float:
+    """About the Coulomb friction: one operator next to the stage file's mechanics with their doubt."""
+    some = matrix[:, [ACCELERATION, VELOCITY, ONE, FREE + len(shapes.slip) // 2]]
+    rms = float(np.sqrt(np.mean(force * force)))
+    power = 1.0 / (thresholds.WINDOW_CORRELATION * (thresholds.ROUGH_RESIDUAL * rms) ** 2)
+    sums = gaussian.Sums(power * some.T @ some, power * some.T @ force, power * float(force @ force))
+    (inertia, viscous), (loose, tight) = mechanics(file)
+    prior = gaussian.independent(np.array([inertia, viscous, 0.0, 0.0]), np.array([loose, tight, rms, rms]))
+    return max(abs(float(gaussian.posterior(sums, prior).mean[-1])), thresholds.LEAST_FRICTION * rms)
+
+
+def mechanics(file: StageFile) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Inertia and viscous friction of the stage file, and the standard deviations of their doubt."""
+    p = file.mechanics
+    viscous = thresholds.VISCOUS_DOUBT * p.viscous + thresholds.NATURAL_DAMPING * p.inertia
+    return (p.inertia, p.viscous), (thresholds.INERTIA_DOUBT * p.inertia, viscous)
 
 
 def answered(p: Problem) -> Answer:
-    """The posterior of all that is not known."""
+    """The posterior of all that is not known, and the problem without the noise in its acceleration."""
     forces = p.forces(p.delay.nodes)
-    fits = _searched(p, forces)
-    best = max(fits, key=lambda fit: float(fit.log_weight.max()))
-    residual = forces.rows[:, best.best] - p.columns @ best.known.mean[:, best.best]
-    share = _form_share(p, residual, best.variance)
+    first = _most_probable(_searched(p, forces, thresholds.FIRST_SCALES))
+    p = _without_noise(p, first, _residual(p, first, forces))
+    fits = _searched(p, forces, first.scales)
+    best = _most_probable(fits)
+    residual = _residual(p, best, forces)
+    share = _form_share(p, best, residual)
     worth = max(thresholds.WINDOW_CORRELATION, _near(residual)) + len(residual) * share / thresholds.FORM_VALUES
     likely = [fit for fit in fits if fit.log_weight.max() > best.log_weight.max() - thresholds.UNLIKELY]
 
@@ -195,6 +218,33 @@ def answered(p: Problem) -> Answer:
     return Answer(fits, [weight / total for weight in weights], worth, share)
 
 
+def _most_probable(fits: list[Fit]) -> Fit:
+    return max(fits, key=lambda fit: float(fit.log_weight.max()))
+
+
+def _residual(p: Problem, fit: Fit, forces: Forces) -> Array:
+    """Residual (rows,) at the most probable delay."""
+    return np.asarray(forces.rows[:, fit.best] - p.columns @ fit.known.mean[:, fit.best], dtype=np.float64)
+
+
+def _without_noise(p: Problem, fit: Fit, residual: Array) -> Problem:
+    """The problem without the noise of its acceleration, as far as the motion still determines the inertia."""
+    sensed = p.file.motor.force_constant**2 * current_noise(p.parts)
+    inertia = float(fit.known.mean[ACCELERATION, fit.best])
+    moved = max(standard_errors.noise(residual) - sensed, 0.0) / inertia**2
+    noise = min(len(residual) * moved, thresholds.MOST_NOISE * _alone(p.gram, ACCELERATION))
+    gram = p.gram.copy()
+    gram[ACCELERATION, ACCELERATION] -= noise
+    return p._replace(gram=gram, acceleration_noise=noise)
+
+
+def _alone(gram: Array, place: int) -> float:
+    """Square of what no other column explains of the one at `place`."""
+    size = np.sqrt(np.diag(gram)) + 1e-300
+    unit = gram / np.outer(size, size) + thresholds.COLUMN_RIDGE * np.eye(len(gram))
+    return float(size[place] ** 2 / np.linalg.inv(unit)[place, place])
+
+
 def _fit(p: Problem, forces: Forces, scales: Scales, worth: float, variance: float) -> Fit:
     rows = len(p.columns)
     power = 1.0 / (worth * variance)
@@ -205,8 +255,8 @@ def _fit(p: Problem, forces: Forces, scales: Scales, worth: float, variance: flo
     return Fit(scales, forces.delays, known, log_weight, variance)
 
 
-def _searched(p: Problem, forces: Forces) -> list[Fit]:
-    """Fits of all scales that a search along one group after the other tries."""
+def _searched(p: Problem, forces: Forces, scales: Scales) -> list[Fit]:
+    """Fits of all scales that a search along one group after the other tries, from these on."""
     tried: dict[Scales, Fit] = {}
     variance = thresholds.FIRST_VARIANCE * float(forces.square.mean()) / len(p.columns)
 
@@ -214,10 +264,9 @@ def _searched(p: Problem, forces: Forces) -> list[Fit]:
         nonlocal variance
         if scales not in tried:
             tried[scales] = _settled(p, forces, scales, variance)
-            variance = tried[scales].variance
+            variance = min(variance, tried[scales].variance)
         return float(tried[scales].log_weight.max())
 
-    scales: Scales = thresholds.FIRST_SCALES
     for _ in range(thresholds.SCALE_ROUNDS):
         for group, choice in enumerate(thresholds.FRICTION_SCALES):
             scales = max(((*scales[:group], size, *scales[group + 1 :]) for size in choice), key=evidence)
@@ -229,9 +278,9 @@ def _settled(p: Problem, forces: Forces, scales: Scales, variance: float) -> Fit
     for _ in range(thresholds.NOISE_ROUNDS):
         fit = _fit(p, forces, scales, thresholds.WINDOW_CORRELATION, variance)
         theta = fit.known.mean[:, fit.best]
-        square = forces.square[fit.best] - 2.0 * theta @ forces.right[:, fit.best] + theta @ p.gram @ theta
+        square = p.residual_square(theta, forces, fit.best)
         least = thresholds.LEAST_RESIDUAL**2 * float(forces.square[fit.best])
-        before, variance = variance, max(float(square), least) / len(p.columns)
+        before, variance = variance, max(square, least) / len(p.columns)
         if abs(variance / before - 1.0) < thresholds.NOISE_AGREES:
             break
     return fit._replace(variance=variance)
@@ -252,21 +301,24 @@ def _narrowed(p: Problem, forces: Forces, log_weight: Callable[[Forces], Array])
     return forces
 
 
-def _form_share(p: Problem, residual: Array, variance: float) -> float:
+def _form_share(p: Problem, fit: Fit, residual: Array) -> float:
     """Share of the residual's variance that is an error of form, which does not average out."""
-    least = (thresholds.FORM_ERROR**2 + _misplaced(p)) * p.coulomb**2 / variance
-    return min(max(least, _repeating(residual)), 1.0)
+    least = (thresholds.FORM_ERROR**2 + _misplaced(p, float(p.shapes.slip[0]))) * p.coulomb**2
+    if any(rows.capture.reference is not None for rows in p.parts):
+        inertia = float(fit.known.mean[ACCELERATION, fit.best])
+        least += thresholds.ANSWERED_NOISE * p.acceleration_noise / len(residual) * inertia**2
+    return min(max(least / fit.variance, _repeating(residual)), 1.0)
 
 
-def _misplaced(p: Problem) -> float:
+def _misplaced(p: Problem, slip: float) -> float:
     """Mean square of the friction's error where reversals are misplaced by an encoder step, over its square."""
     total = 0.0
     for rows in p.parts:
         hidden, span = step_time(rows), rows.q * rows.capture.dt
+        size = min(thresholds.MISPLACED, thresholds.STEPS_MISPLACED * rows.capture.encoder_step / slip)
         speed = motion(rows)[:, VELOCITY]
-        reversals = float(np.sum(np.diff(np.sign(speed)) != 0.0)) / max(len(speed) * rows.places.step, 1)
-        rate = reversals / rows.capture.dt
-        total += rows.rows * 2.0 * thresholds.MISPLACED**2 * rate * hidden * min(1.0, hidden / span)
+        rate = float(np.sum(np.diff(np.sign(speed)) != 0.0)) / (len(speed) * rows.places.step * rows.capture.dt)
+        total += rows.rows * 2.0 * size**2 * rate * hidden * min(1.0, hidden / span)
     return total / sum(rows.rows for rows in p.parts)
 
 

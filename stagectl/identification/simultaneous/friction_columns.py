@@ -139,7 +139,7 @@ def _operator(x: Array, slip: float) -> Array:
     states = np.zeros((1, len(x)))
     led = np.concatenate([x[:1], x[:1], x, x[-1:]])
     presliding.strains(np.array([1.0 / slip]), np.zeros(1), led, states)
-    return states[0]
+    return np.asarray(states[0], dtype=np.float64)
 
 
 def _bristle(x: Array, length: float, exponent: float) -> Array:

@@ -197,3 +197,15 @@ def currents(parts: list[Part], delays: Array) -> Array:
             for p in parts
         ]
     )
+
+
+def current_noise(parts: list[Part]) -> float:
+    """Variance (A^2) that a current sensor's white noise leaves in the filtered current, as fourth differences show it.
+
+    A commanded current has none.  The controller's response to the encoder's rounding counts as such noise, too.
+    """
+    total = 0.0
+    for p in parts:
+        weights, differences = window(p.q, p.capture.dt), np.diff(p.capture.current, 4)
+        total += p.rows * float(weights @ weights) * float(np.mean(differences * differences)) / 70.0
+    return total / sum(p.rows for p in parts)
