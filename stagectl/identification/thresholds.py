@@ -194,13 +194,14 @@ FRICTION_SCALES = (  # of ripple, operators, bristles, Stribeck and lag, in Coul
     (0.0, 0.03, 0.1, 0.3),
     (0.0, 0.01, 0.1),
 )
-FIRST_SCALES = (0.05, 0.1, 0.1, 0.1, 0.01)  # with which the search begins
+FIRST_SCALES = (0.0, 0.1, 0.0, 0.0, 0.0)  # with which the search begins: the simplest law
 NO_SCALE = 1e-4  # in Coulomb frictions: a group that is left out
 LEAST_FRICTION = 0.1  # of the rms force: the least scale of friction; smaller friction is a small scale of it
 
 # Simultaneous: search.  Chosen.
 SCALE_ROUNDS = 1  # along one group after the other, before and after the acceleration's noise is known
 MOST_NOISE = 0.8  # of what no other column explains of the acceleration, which may be noise
+LEAST_INERTIA = 1e-3  # of the stage file's: below it an inertia is not positive
 DELAY_SPAN = 3.0  # standard deviations of the prior, either way
 DELAY_NODES, DELAY_ROUNDS = 25, 3  # delays at a time; how often they are put closer
 DELAYS_ENOUGH = 6  # delays that are not improbable

@@ -94,6 +94,7 @@ class Problem(NamedTuple):
     file: StageFile
     delay: DelayPrior
     acceleration_noise: float = 0.0  # sum of squares that `gram` lacks
+    moved_share: float = 0.0  # of the residual's noise that lies in the acceleration
 
     @property
     def groups(self) -> dict[str, slice]:
@@ -198,9 +199,10 @@ def mechanics(file: StageFile) -> tuple[tuple[float, float], tuple[float, float]
 def answered(p: Problem) -> Answer:
     """The posterior of all that is not known, and the problem without the noise in its acceleration."""
     forces = p.forces(p.delay.nodes)
-    first = _most_probable(_searched(p, forces, thresholds.FIRST_SCALES))
-    p = _without_noise(p, first, _residual(p, first, forces))
-    fits = _searched(p, forces, first.scales)
+    simplest = _settled(p, forces, thresholds.FIRST_SCALES, _rough_variance(p, forces))
+    first = _most_probable(_searched(_without_noise(p, simplest, forces), forces))
+    p = _without_noise(p, first, forces)
+    fits = _searched(p, forces)
     best = _most_probable(fits)
     residual = _residual(p, best, forces)
     share = _form_share(p, best, residual)
@@ -227,15 +229,17 @@ def _residual(p: Problem, fit: Fit, forces: Forces) -> Array:
     return np.asarray(forces.rows[:, fit.best] - p.columns @ fit.known.mean[:, fit.best], dtype=np.float64)
 
 
-def _without_noise(p: Problem, fit: Fit, residual: Array) -> Problem:
+def _without_noise(p: Problem, fit: Fit, forces: Forces) -> Problem:
     """The problem without the noise of its acceleration, as far as the motion still determines the inertia."""
+    residual = _residual(p, fit, forces)
     sensed = p.file.motor.force_constant**2 * current_noise(p.parts)
     inertia = float(fit.known.mean[ACCELERATION, fit.best])
     moved = max(standard_errors.noise(residual) - sensed, 0.0) / inertia**2
     noise = min(len(residual) * moved, thresholds.MOST_NOISE * _alone(p.gram, ACCELERATION))
     gram = p.gram.copy()
     gram[ACCELERATION, ACCELERATION] -= noise
-    return p._replace(gram=gram, acceleration_noise=noise)
+    share = min(noise * inertia**2 / (len(residual) * fit.variance), 1.0)
+    return p._replace(gram=gram, acceleration_noise=noise, moved_share=share)
 
 
 def _alone(gram: Array, place: int) -> float:
@@ -251,14 +255,17 @@ def _fit(p: Problem, forces: Forces, scales: Scales, worth: float, variance: flo
     known = gaussian.posteriors(
         gaussian.Sums(power * p.gram, power * forces.right, power * forces.square), p.prior(scales)
     )
-    log_weight = known.log_evidence - 0.5 * rows / worth * math.log(variance) + p.delay.log_density(forces.delays)
+    inertia = np.maximum(known.mean[ACCELERATION], thresholds.LEAST_INERTIA * p.file.mechanics.inertia)
+    jacobian = rows / worth * p.moved_share * np.log(inertia) - 0.5 * power * p.acceleration_noise * inertia**2
+    log_weight = known.log_evidence - 0.5 * rows / worth * math.log(variance) + jacobian
+    log_weight += p.delay.log_density(forces.delays)
     return Fit(scales, forces.delays, known, log_weight, variance)
 
 
-def _searched(p: Problem, forces: Forces, scales: Scales) -> list[Fit]:
-    """Fits of all scales that a search along one group after the other tries, from these on."""
+def _searched(p: Problem, forces: Forces) -> list[Fit]:
+    """Fits of all scales that a search along one group after the other tries, from the simplest law on."""
     tried: dict[Scales, Fit] = {}
-    variance = thresholds.FIRST_VARIANCE * float(forces.square.mean()) / len(p.columns)
+    variance = _rough_variance(p, forces)
 
     def evidence(scales: Scales) -> float:
         nonlocal variance
@@ -267,10 +274,16 @@ def _searched(p: Problem, forces: Forces, scales: Scales) -> list[Fit]:
             variance = min(variance, tried[scales].variance)
         return float(tried[scales].log_weight.max())
 
+    scales: Scales = thresholds.FIRST_SCALES
     for _ in range(thresholds.SCALE_ROUNDS):
         for group, choice in enumerate(thresholds.FRICTION_SCALES):
             scales = max(((*scales[:group], size, *scales[group + 1 :]) for size in choice), key=evidence)
     return list(tried.values())
+
+
+def _rough_variance(p: Problem, forces: Forces) -> float:
+    """Variance of the residual that the iterations begin with."""
+    return thresholds.FIRST_VARIANCE * float(forces.square.mean()) / len(p.columns)
 
 
 def _settled(p: Problem, forces: Forces, scales: Scales, variance: float) -> Fit:
@@ -318,7 +331,7 @@ def _misplaced(p: Problem, slip: float) -> float:
         size = min(thresholds.MISPLACED, thresholds.STEPS_MISPLACED * rows.capture.encoder_step / slip)
         speed = motion(rows)[:, VELOCITY]
         rate = float(np.sum(np.diff(np.sign(speed)) != 0.0)) / (len(speed) * rows.places.step * rows.capture.dt)
-        total += rows.rows * 2.0 * size**2 * rate * hidden * min(1.0, hidden / span)
+        total += rows.rows * 2.0 * size**2 * rate * hidden * min(1.0, hidden / span) ** 2
     return total / sum(rows.rows for rows in p.parts)
 
 
