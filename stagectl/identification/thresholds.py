@@ -9,7 +9,7 @@ from __future__ import annotations
 # Intervals of 95 %.
 NORMAL_95 = 1.959964  # standard deviations either way; normal distribution, seven digits
 QUANTILE_95 = 0.975  # two-sided quantile of Student's distribution
-TIED = 0.95  # correlation from which two parameters are reported as tied; chosen
+TIED = 0.9  # correlation from which two parameters are reported as tied; chosen
 
 # Records: the least that is accepted, and how they are split.  Chosen.
 CAPTURE_LEAST_ROWS = 100  # rows of a record or of a part between gaps
@@ -216,7 +216,7 @@ FIRST_VARIANCE, LEAST_RESIDUAL = 1e-4, 1e-6  # of the force's mean square; of it
 # Simultaneous: temper.
 FORM_ERROR = 2e-3  # of the Coulomb friction: what the columns leave of a law, at least; chosen
 MISPLACED, STEPS_MISPLACED = 0.5, 2.0  # of the Coulomb friction, within an encoder step of a reversal; steps; chosen
-ANSWERED_NOISE = 0.3  # of the acceleration's noise in closed loop, in which the controller's answer correlates; chosen
+ANSWERED_NOISE = 1.0  # of the acceleration's noise in closed loop, in which the controller's answer correlates; chosen
 FORM_VALUES = 8.0  # values that an error of form is worth; calibrated on simulated axes of five laws
 FAR_ROWS = 30  # rows over which the window and a slow residual correlate
 SHORT_FORM_SHARE = 0.3  # of the residual, in a record too short to tell; chosen

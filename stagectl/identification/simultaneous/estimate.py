@@ -11,7 +11,8 @@ from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
 from stagectl.identification.result import Parameter
-from stagectl.identification.simultaneous.evidence import Answer, DelayPrior, Problem
+from stagectl.identification.simultaneous.evidence import Answer
+from stagectl.identification.simultaneous.model import DelayPrior, Problem
 from stagectl.identification.simultaneous.regressors import ACCELERATION, ONE, RIPPLE, VELOCITY
 from stagectl.units import ROTARY
 

@@ -32,96 +32,11 @@ import numpy as np
 from scipy.linalg import cho_solve
 
 from stagectl import gaussian_evidence as gaussian
-from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import standard_errors, thresholds
 from stagectl.identification.capture import Array
-from stagectl.identification.simultaneous import friction_columns
-from stagectl.identification.simultaneous.regressors import (
-    ACCELERATION,
-    FREE,
-    ONE,
-    RIPPLE,
-    VELOCITY,
-    Part,
-    current_noise,
-    currents,
-    motion,
-    step_time,
-)
-
-GROUPS = ("ripple", "operators", "bristles", "stribeck", "lag")
-Scales = tuple[float, ...]  # of GROUPS, in units of the Coulomb friction
-
-
-class DelayPrior(NamedTuple):
-    """What is known of the delay before the data; a deviation of zero: it is given."""
-
-    mean: float  # s
-    deviation: float  # s
-
-    @property
-    def nodes(self) -> Array:
-        """Delays that the search begins with."""
-        if self.deviation == 0.0:
-            return np.array([self.mean])
-        span = thresholds.DELAY_SPAN * self.deviation
-        return np.asarray(self.mean + np.linspace(-span, span, thresholds.DELAY_NODES), dtype=np.float64)
-
-    def log_density(self, delays: Array) -> Array:
-        """Up to a constant."""
-        if self.deviation == 0.0:
-            return np.zeros(len(delays))
-        return np.asarray(-0.5 * ((delays - self.mean) / self.deviation) ** 2, dtype=np.float64)
-
-
-class Forces(NamedTuple):
-    """The left side at several delays, and its products with the columns."""
-
-    delays: Array  # (k,) s
-    rows: Array  # (rows, k) N m | N
-    right: Array  # (m, k)
-    square: Array  # (k,)
-
-
-class Problem(NamedTuple):
-    """Rows of all captures, and what is known before them."""
-
-    parts: list[Part]
-    shapes: friction_columns.Shapes
-    columns: Array  # (rows, m)
-    gram: Array  # (m, m)
-    coulomb: float  # N m | N, about
-    file: StageFile
-    delay: DelayPrior
-    acceleration_noise: float = 0.0  # sum of squares that `gram` lacks
-    moved_share: float = 0.0  # of the residual's noise that lies in the acceleration
-
-    @property
-    def groups(self) -> dict[str, slice]:
-        """Places of the groups in all columns."""
-        friction = {name: slice(FREE + place.start, FREE + place.stop) for name, place in self.shapes.groups.items()}
-        return {"ripple": RIPPLE, **friction}
-
-    def forces(self, delays: Array) -> Forces:
-        """Left sides at these delays (k,) s."""
-        rows = self.file.motor.force_constant * currents(self.parts, delays)
-        return Forces(delays, rows, self.columns.T @ rows, np.sum(rows * rows, axis=0))
-
-    def residual_square(self, theta: Array, forces: Forces, number: int) -> float:
-        """Sum of squares of the residual at one of the delays."""
-        explained = theta @ self.gram @ theta + self.acceleration_noise * theta[ACCELERATION] ** 2
-        return float(forces.square[number] - 2.0 * theta @ forces.right[:, number] + explained)
-
-    def prior(self, scales: Scales) -> gaussian.Prior:
-        """Of all columns, with these scales of the groups."""
-        mean, deviation = np.zeros(len(self.gram)), np.full(len(self.gram), self.coulomb)
-        mechanical = [ACCELERATION, VELOCITY]
-        mean[mechanical], deviation[mechanical] = mechanics(self.file)
-        for name, scale in zip(GROUPS, scales, strict=True):
-            deviation[self.groups[name]] = max(scale, thresholds.NO_SCALE) * self.coulomb
-        operators = self.groups["operators"]
-        mean[operators] = self.coulomb / (operators.stop - operators.start)
-        return gaussian.independent(mean, deviation)
+from stagectl.identification.simultaneous import temper
+from stagectl.identification.simultaneous.model import Forces, Problem, Scales
+from stagectl.identification.simultaneous.regressors import ACCELERATION, current_noise
 
 
 class Fit(NamedTuple):
@@ -164,38 +79,6 @@ class Answer(NamedTuple):
         return np.asarray(mean), covariance
 
 
-def problem(parts: list[Part], file: StageFile, delay: DelayPrior) -> Problem:
-    """Columns of all `parts`."""
-    free = [motion(p) for p in parts]
-    shapes = friction_columns.shapes(parts, np.vstack(free))
-    matrix = np.vstack(
-        [
-            np.column_stack([rows, friction_columns.columns(p, rows[:, VELOCITY], shapes)])
-            for p, rows in zip(parts, free, strict=True)
-        ]
-    )
-    force = file.motor.force_constant * currents(parts, np.array([delay.mean]))[:, 0]
-    return Problem(parts, shapes, matrix, matrix.T @ matrix, _coulomb(matrix, force, shapes, file), file, delay)
-
-
-def _coulomb(matrix: Array, force: Array, shapes: friction_columns.Shapes, file: StageFile) -> float:
-    """About the Coulomb friction: one operator next to the stage file's mechanics with their doubt."""
-    some = matrix[:, [ACCELERATION, VELOCITY, ONE, FREE + len(shapes.slip) // 2]]
-    rms = float(np.sqrt(np.mean(force * force)))
-    power = 1.0 / (thresholds.WINDOW_CORRELATION * (thresholds.ROUGH_RESIDUAL * rms) ** 2)
-    sums = gaussian.Sums(power * some.T @ some, power * some.T @ force, power * float(force @ force))
-    (inertia, viscous), (loose, tight) = mechanics(file)
-    prior = gaussian.independent(np.array([inertia, viscous, 0.0, 0.0]), np.array([loose, tight, rms, rms]))
-    return max(abs(float(gaussian.posterior(sums, prior).mean[-1])), thresholds.LEAST_FRICTION * rms)
-
-
-def mechanics(file: StageFile) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Inertia and viscous friction of the stage file, and the standard deviations of their doubt."""
-    p = file.mechanics
-    viscous = thresholds.VISCOUS_DOUBT * p.viscous + thresholds.NATURAL_DAMPING * p.inertia
-    return (p.inertia, p.viscous), (thresholds.INERTIA_DOUBT * p.inertia, viscous)
-
-
 def answered(p: Problem) -> Answer:
     """The posterior of all that is not known, and the problem without the noise in its acceleration."""
     forces = p.forces(p.delay.nodes)
@@ -205,8 +88,8 @@ def answered(p: Problem) -> Answer:
     fits = _searched(p, forces)
     best = _most_probable(fits)
     residual = _residual(p, best, forces)
-    share = _form_share(p, best, residual)
-    worth = max(thresholds.WINDOW_CORRELATION, _near(residual)) + len(residual) * share / thresholds.FORM_VALUES
+    share = temper.form_share(p, residual, best.variance, float(best.known.mean[ACCELERATION, best.best]))
+    worth = temper.worth(residual, share)
     likely = [fit for fit in fits if fit.log_weight.max() > best.log_weight.max() - thresholds.UNLIKELY]
 
     def again(fit: Fit, at: Forces) -> Fit:
@@ -312,49 +195,3 @@ def _narrowed(p: Problem, forces: Forces, log_weight: Callable[[Forces], Array])
         low, high = forces.delays[likely[0]] - step, forces.delays[likely[-1]] + step
         forces = p.forces(np.linspace(low, high, thresholds.DELAY_NODES))
     return forces
-
-
-def _form_share(p: Problem, fit: Fit, residual: Array) -> float:
-    """Share of the residual's variance that is an error of form, which does not average out."""
-    least = (thresholds.FORM_ERROR**2 + _misplaced(p, float(p.shapes.slip[0]))) * p.coulomb**2
-    if any(rows.capture.reference is not None for rows in p.parts):
-        inertia = float(fit.known.mean[ACCELERATION, fit.best])
-        least += thresholds.ANSWERED_NOISE * p.acceleration_noise / len(residual) * inertia**2
-    return min(max(least / fit.variance, _repeating(residual)), 1.0)
-
-
-def _misplaced(p: Problem, slip: float) -> float:
-    """Mean square of the friction's error where reversals are misplaced by an encoder step, over its square."""
-    total = 0.0
-    for rows in p.parts:
-        hidden, span = step_time(rows), rows.q * rows.capture.dt
-        size = min(thresholds.MISPLACED, thresholds.STEPS_MISPLACED * rows.capture.encoder_step / slip)
-        speed = motion(rows)[:, VELOCITY]
-        rate = float(np.sum(np.diff(np.sign(speed)) != 0.0)) / (len(speed) * rows.places.step * rows.capture.dt)
-        total += rows.rows * 2.0 * size**2 * rate * hidden * min(1.0, hidden / span) ** 2
-    return total / sum(rows.rows for rows in p.parts)
-
-
-def _correlation(residual: Array) -> Array:
-    """Autocorrelation (n,) of a residual."""
-    centred = residual - residual.mean()
-    product = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2)[: len(centred)]
-    return np.asarray(product / max(float(product[0]), 1e-300), dtype=np.float64)
-
-
-def _near(residual: Array) -> float:
-    """Rows that count as one by the correlation of neighbours: ``1 + 2 sum rho`` up to the first that is negative."""
-    rho = _correlation(residual)
-    negative = np.flatnonzero(rho <= 0.0)
-    return max(1.0, float(2.0 * rho[: negative[0] if len(negative) else len(rho)].sum() - 1.0))
-
-
-def _repeating(residual: Array) -> float:
-    """Share of the residual's variance that comes back later in the record, from the correlation of distant rows."""
-    count = len(residual)
-    far = np.arange(min(thresholds.FAR_ROWS, count // 3), count // 2)
-    if len(far) < thresholds.FAR_ROWS:
-        return thresholds.SHORT_FORM_SHARE
-    rho = _correlation(residual)[far] * count / (count - far)
-    chance = thresholds.WINDOW_CORRELATION / count
-    return math.sqrt(max(0.0, 2.0 * float(np.mean(rho * rho)) - 2.0 * chance))

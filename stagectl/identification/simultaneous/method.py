@@ -26,7 +26,8 @@ from stagectl.identification.capture import Array, Capture, IdentificationError,
 from stagectl.identification.result import Characteristic, IdentificationResult, Note, Progress
 from stagectl.identification.simultaneous import conditions, notes
 from stagectl.identification.simultaneous.estimate import NAMES, Estimate, estimated, known_delay
-from stagectl.identification.simultaneous.evidence import DelayPrior, answered, problem
+from stagectl.identification.simultaneous.evidence import answered
+from stagectl.identification.simultaneous.model import DelayPrior, problem
 from stagectl.identification.simultaneous.regressors import (
     ACCELERATION,
     FREE,

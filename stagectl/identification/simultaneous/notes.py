@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from stagectl.identification import thresholds
 from stagectl.identification.result import Note, Topic
 from stagectl.identification.simultaneous.estimate import NAMES, Estimate
+from stagectl.identification.simultaneous.regressors import controlled
 from stagectl.number_format import duration
 from stagectl.units import LINEAR, ROTARY
 
@@ -113,6 +114,12 @@ def _delay(p: Estimate) -> Iterator[Note]:
         text = (
             "reference: missing in at least one capture; if a controller moved the axis there, its response to the "
             "position's noise shifts delay and inertia together: record the reference, or give --delay"
+        )
+        yield Note(Topic.REFERENCE, text)
+    elif any(controlled(part.capture) for part in p.problem.parts):
+        text = (
+            "reference: a controller moved the axis; its answer to noise is in current and acceleration alike, and "
+            "counts as an error that the intervals include"
         )
         yield Note(Topic.REFERENCE, text)
     if len(columns) > 1:

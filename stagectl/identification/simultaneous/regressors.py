@@ -209,3 +209,8 @@ def current_noise(parts: list[Part]) -> float:
         weights, differences = window(p.q, p.capture.dt), np.diff(p.capture.current, 4)
         total += p.rows * float(weights @ weights) * float(np.mean(differences * differences)) / 70.0
     return total / sum(p.rows for p in parts)
+
+
+def controlled(capture: Capture) -> bool:
+    """Whether a controller made the position follow a reference."""
+    return capture.reference is not None and float(np.ptp(capture.reference)) > 0.0
