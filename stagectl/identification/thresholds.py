@@ -160,7 +160,6 @@ BRAKED = -0.3  # least correlation of current and velocity
 LONGEST_WINDOW = 0.12  # s, over which an acceleration may be averaged
 LOST_ACCELERATION = 0.1  # of the acceleration that may be noise
 FAST_SAMPLING = 2e-3  # s, a sampling time that the message recommends
-SETTLED_EARLY = 0.5  # of the friction below a tenth of the longest slip: it settles, and something else changes
 
 # Simultaneous: columns and windows.
 SHORTEST_KNOTS = 1.5e-3  # s, knot distance: the window passes 125 Hz; chosen
