@@ -23,7 +23,7 @@ class Sums(NamedTuple):
 
     gram: Matrix  # X'X, (n, n)
     right: Vector  # X'y, (n,)
-    square: float  # y'y
+    square: float | Vector  # y'y; (k,) of k left sides, with `right` (n, k)
 
     def tempered(self, power: float) -> Sums:
         """The same data with this power of their likelihood, in (0, 1]."""
@@ -65,6 +65,25 @@ def posterior(sums: Sums, prior: Prior) -> Posterior:
     return Posterior(mean, cho_solve(factor, np.eye(len(mean))), 0.5 * (float(gain) + volume))
 
 
+class Posteriors(NamedTuple):
+    """What is known after each of several data that share their columns."""
+
+    mean: Matrix  # (n, k)
+    factor: tuple[Matrix, bool]  # of the posterior's precision, which they share; for `scipy.linalg.cho_solve`
+    log_evidence: Vector  # (k,)
+
+
+def posteriors(sums: Sums, prior: Prior) -> Posteriors:
+    """`posterior` for k left sides at once: ``right`` is (n, k), ``square`` (k,)."""
+    factor = cho_factor(sums.gram + prior.precision, lower=True)
+    pull = prior.precision @ prior.mean
+    right = sums.right + pull[:, None]
+    mean = cho_solve(factor, right)
+    gain = np.sum(right * mean, axis=0) - pull @ prior.mean - sums.square
+    volume = _log_determinant(prior.precision) - 2.0 * float(np.log(np.diag(factor[0])).sum())
+    return Posteriors(mean, factor, np.asarray(0.5 * (gain + volume)))
+
+
 def without(sums: Sums, prior: Prior, nuisance: slice) -> tuple[Sums, float]:
     """Integrate the parameters `nuisance` out: the sums of the others, and the log of the evidence's factor.
 
@@ -80,5 +99,6 @@ def without(sums: Sums, prior: Prior, nuisance: slice) -> tuple[Sums, float]:
 
 def _log_determinant(precision: Matrix) -> float:
     """Of the part that is known: a parameter without a prior counts as 1."""
-    values = np.linalg.eigvalsh(precision)
+    diagonal = np.diag(precision)
+    values = diagonal if np.array_equal(precision, np.diag(diagonal)) else np.linalg.eigvalsh(precision)
     return float(np.log(values[values > 0.0]).sum())

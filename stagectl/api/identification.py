@@ -20,7 +20,7 @@ from stagectl.extras import require
 from stagectl.identification import capture_checks, captures, methods
 from stagectl.identification.capture import Capture
 from stagectl.identification.compensators import with_compensators
-from stagectl.identification.result import IdentificationResult, Parameter
+from stagectl.identification.result import IdentificationResult, Parameter, biases
 from stagectl.units import Quantity, StageError
 
 if TYPE_CHECKING:
@@ -109,7 +109,8 @@ class IdentifiedModel(ReportedResult):
     def apply(self, stage: DesignedStage | None = None, *, doubtful: bool = False) -> DesignedStage:
         """The stage with these parameters, in memory.
 
-        Raises StageError where there is nothing to apply, or, without `doubtful`, where a value is implausible.
+        Raises StageError where there is nothing to apply, or, without `doubtful`, where a value is implausible
+        or a note tells of a bias.
         """
         target = self.stage if stage is None else stage
         self._check(target.path, doubtful)
@@ -128,9 +129,10 @@ class IdentifiedModel(ReportedResult):
             raise StageError(
                 f"{target}: the method {self.method} finds nothing that a stage file holds; it is unchanged"
             )
-        if self.implausible and not doubtful:
+        reasons = [*self.implausible, *biases(self.estimate.notes)]
+        if reasons and not doubtful:
             raise StageError(
-                f"{target}: nothing is written, as {self.implausible[0]}; doubtful=True (--doubtful) writes it anyway"
+                f"{target}: nothing is written, as {reasons[0]}; doubtful=True (--doubtful) writes it anyway"
             )
 
 

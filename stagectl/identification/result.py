@@ -107,6 +107,10 @@ class Topic(enum.StrEnum):
     WITHHELD = "withheld"  # left out of the stage file's changes
 
 
+BIASING = frozenset({Topic.AFTER_REVERSALS, Topic.REVOLUTION, Topic.TOO_FAST, Topic.UNSETTLED})
+"""Notes on an error that no interval holds: what stands beside one is written only where that is asked for."""
+
+
 class Note(str):
     """A sentence for the user, with a topic that a program can read."""
 
@@ -128,6 +132,11 @@ class IdentificationResult(NamedTuple):
     details: Mapping[str, Any] = NOTHING  # JSON values: correlations, residuals, curves that the figures draw
     notes: tuple[str, ...] = ()  # for the user: what cannot be separated, what is doubtful
     changes: Mapping[str, Any] = NOTHING  # of the stage file, by dotted key, SI: {"mechanics.inertia": 0.0101}
+
+
+def biases(notes: tuple[str, ...]) -> list[str]:
+    """Those of the `notes` that tell of a bias."""
+    return [note for note in notes if isinstance(note, Note) and note.topic in BIASING]
 
 
 def topics(notes: tuple[str, ...]) -> set[Topic]:

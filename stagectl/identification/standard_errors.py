@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from stagectl.identification.capture import Array
-from stagectl.identification.thresholds import LONG_RUN_ROWS, SAME_COLUMN, STIFFEST_SCORES
+from stagectl.identification.thresholds import LONG_RUN_ROWS, NOISE_LAG, SAME_COLUMN, STIFFEST_SCORES
 
 
 def covariance(regressor: Array, residual: Array) -> Array:
@@ -87,3 +87,11 @@ def sandwich(curvature: Array, scores: Array) -> Array:
     rows, width = scores.shape
     freedom = max(rows - width - 2 * LONG_RUN_ROWS, rows // 4)  # the parameters and the weights of the lags use some
     return np.asarray(inverse @ long_run(scores) @ inverse * (rows / freedom), dtype=np.float64)
+
+
+def noise(residual: Array) -> float:
+    """Variance of the noise in a `residual` (n,), whose slower parts cancel in second differences."""
+    if len(residual) <= 2 * NOISE_LAG:
+        return float(np.mean(residual * residual))
+    second = residual[2 * NOISE_LAG :] - 2.0 * residual[NOISE_LAG:-NOISE_LAG] + residual[: -2 * NOISE_LAG]
+    return float(np.mean(second * second)) / 6.0

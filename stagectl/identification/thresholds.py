@@ -9,7 +9,7 @@ from __future__ import annotations
 # Intervals of 95 %.
 NORMAL_95 = 1.959964  # standard deviations either way; normal distribution, seven digits
 QUANTILE_95 = 0.975  # two-sided quantile of Student's distribution
-TIED = 0.95  # correlation from which two parameters are reported as tied; chosen
+TIED = 0.9  # correlation from which two parameters are reported as tied; chosen
 
 # Records: the least that is accepted, and how they are split.  Chosen.
 CAPTURE_LEAST_ROWS = 100  # rows of a record or of a part between gaps
@@ -163,53 +163,68 @@ BRAKED = -0.3  # least correlation of current and velocity
 LONGEST_WINDOW = 0.12  # s, over which an acceleration may be averaged
 LOST_ACCELERATION = 0.1  # of the acceleration that may be noise
 FAST_SAMPLING = 2e-3  # s, a sampling time that the message recommends
-SETTLED_EARLY = 0.5  # of the friction below a tenth of the longest slip: it settles, and something else changes
 
 # Simultaneous: columns and windows.
 SHORTEST_KNOTS = 1.5e-3  # s, knot distance: the window passes 125 Hz; chosen
 LONGEST_KNOTS = 0.03  # s; chosen
-WINDOWED_NOISE = 0.003  # noise that the encoder may leave in the acceleration, relative to its rms; chosen
-NOISE_LAG = 4  # rows over which the window's noise is uncorrelated: the window's length in knot distances, halved
+WINDOWED_NOISE = 0.01  # noise that the encoder may leave in the acceleration, relative to its rms: biases it by 1e-4
 WINDOW_CORRELATION = 3.0  # rows of the window's noise that count as one; chosen
-COLUMN_RIDGE = 1e-12  # of a column's squared length: two elements that never differed share their weight
-INSTRUMENT_RIDGE = 1e-10  # of an instrument's squared length; rounding
-FOLLOWED_REFERENCE = 0.05  # of the stroke, rms, between position and reference; chosen
-INSTRUMENT_RATES = 3  # every third slip's rate of change is an instrument, too: it determines the delay; chosen
-
-# Simultaneous: search for the delay.  Chosen.
-DELAY_PERIODS, DELAY_SPARE = 8.0, 1e-3  # sampling times and s, added: delays are searched within them, either way
-DELAY_NODES, DELAY_NODES_WIDE = 9, 25  # of the interpolation: within a millisecond or two, over the whole range
-DELAY_GRID = 11  # places of the interpolation's centre over the whole range
-DELAY_STEPS = 6  # steps of that centre
-NOISE_SHARES = (1.0, 0.5, 0.25, 0.1)  # of the noise that are tried on the coarse grid
-NOISE_ROUNDS = 4  # until noise and parameters agree
-
-# Simultaneous: slips and rows.  Chosen.
-SLIP_STEPS = 8.0  # encoder steps below which no slip is looked for
-SLIP_STROKE = 0.25  # of a motion: the longest slip that is looked for
-SLIP_RATIO = 1.6  # of neighbouring slips of the coarse grid
-SLIP_HEAD = 0.03  # of the friction that may lie below the range
-ELEMENT_GAIN, ELEMENT_CHANCE = 0.002, 50.0  # rise of the cost without an element: relative, and in variances of a row
-LEAST_ELEMENTS = 3
-EARLY_SLIP = 0.1  # of the longest slip: friction that has settled there settles early
-FINE_SLIPS = 24  # of the fine grid
-LAST_SLIP = 0.05  # of the friction that the longest slip may carry; with more, the grid is widened
-WIDENINGS = 3
-EVEN_COST = 10.0  # rise of the cost that even weights may cause, in variances of a row
-EVEN_HALVINGS = 24  # of the regularisation's strength, 15 decades
-SUM_WEIGHT = 1e3  # weight of the condition on the sum of weights against the data
-COARSE_ROWS, MOST_ROWS = 20000, 120000  # of long captures, for the coarse grid and for the result
-FIT_LEAST_ROWS = 60  # at least two for each unknown
+MOST_ROWS = 120000  # of long captures
+FORGOTTEN = 0.1  # of the stroke: travel, there and back, after which the friction has forgotten how it began
+COLUMN_RIDGE = 1e-10  # of a column's squared length: two elements that never differed share their weight
+FIT_LEAST_ROWS = 20  # of all captures together
 DRAWN_ROWS = 4000  # that the figures get
 
+# Simultaneous: friction columns.  Chosen on simulated axes of five laws.
+SLIP_STEPS = 4.0  # encoder steps below which no slip is looked for
+SLIP_STROKE = 0.1  # of a motion: the longest slip
+SLIP_SPAN = 300.0  # longest over shortest slip at most
+SLIPS, BRISTLES = 20, 5  # stop operators, lengths of bristles
+STRIBECK_OPERATORS = (3, 8, 14)  # stop operators that have Stribeck columns
+STRIBECK_SPEEDS, STRIBECK_COLUMNS = (0.01, 1.5), 6  # of the largest speed, from and to; number
+PATH_STEP = 1e-3  # s: a friction law follows a motion that is sampled at least as fast
+FINE_WINDOW = 2.1e-3  # s, knot distance from which the encoder's steps hide the speed between samples
+
+# Simultaneous: what is known before the data.  Doubts are standard deviations.
+INERTIA_DOUBT, VISCOUS_DOUBT = 0.3, 0.5  # of the stage file's values; as in the diagnosis of the gap
+NATURAL_DAMPING = 0.5  # 1/s times the inertia, added to the doubt of the viscous friction: the stage file's may be 0
+DELAY_PERIODS, DELAY_DOUBT = 2.0, 1e-3  # control periods, and s at least
+FRICTION_SCALES = (  # of ripple, operators, bristles, Stribeck and lag, in Coulomb frictions
+    (0.0, 0.05),
+    (0.03, 0.1, 0.4),
+    (0.0, 0.1, 0.4),
+    (0.0, 0.03, 0.1, 0.3),
+    (0.0, 0.01, 0.1),
+)
+FIRST_SCALES = (0.0, 0.1, 0.0, 0.0, 0.0)  # with which the search begins: the simplest law
+NO_SCALE = 1e-4  # in Coulomb frictions: a group that is left out
+LEAST_FRICTION = 0.1  # of the rms force: the least scale of friction; smaller friction is a small scale of it
+
+# Simultaneous: search.  Chosen.
+SCALE_ROUNDS = 1  # along one group after the other, before and after the acceleration's noise is known
+MOST_NOISE = 0.8  # of what no other column explains of the acceleration, which may be noise
+LEAST_INERTIA = 1e-3  # of the stage file's: below it an inertia is not positive
+DELAY_SPAN = 3.0  # standard deviations of the prior, either way
+DELAY_NODES, DELAY_ROUNDS = 25, 3  # delays at a time; how often they are put closer
+DELAYS_ENOUGH = 6  # delays that are not improbable
+DELAY_ROOM = 1.5  # times the longest delay of the search: samples that are left at the ends
+DELAY_STEP = 1e-5  # s, of a derivative
+UNLIKELY, UNLIKELY_DELAY = 6.0, 12.0  # of the log evidence below the best
+NOISE_LAG = 4  # rows over which the window's noise is uncorrelated: its length in knot distances, halved
+NOISE_ROUNDS, NOISE_AGREES = 5, 0.02  # until the residual has the variance assumed; relative
+ROUGH_RESIDUAL = 0.1  # of the rms force: the residual of the rough fit that scales the friction
+FIRST_VARIANCE, LEAST_RESIDUAL = 1e-4, 1e-6  # of the force's mean square; of its rms: rounding
+
+# Simultaneous: temper.
+FORM_ERROR = 2e-3  # of the Coulomb friction: what the columns leave of a law, at least; chosen
+MISPLACED, STEPS_MISPLACED = 0.5, 2.0  # of the Coulomb friction, within an encoder step of a reversal; steps; chosen
+ANSWERED_NOISE = 1.0  # of the acceleration's noise in closed loop, in which the controller's answer correlates; chosen
+FORM_VALUES = 8.0  # values that an error of form is worth; calibrated on simulated axes of five laws
+FAR_ROWS = 30  # rows over which the window and a slow residual correlate
+SHORT_FORM_SHARE = 0.3  # of the residual, in a record too short to tell; chosen
+
 # Simultaneous: doubts.  Chosen, but for RIPPLE.
-RIPPLE = 12.0  # Wald's statistic above which a ripple is taken out; by chance once in four hundred
-RIPPLE_ROWS = 1000  # rows below which the statistic is not reliable
+RIPPLE = 12.0  # Wald's statistic above which a ripple is reported; by chance once in four hundred
 RIPPLE_TRAVEL = 1.5  # rad, least travel that separates a ripple from the rest
-HIDDEN_SHARE = 0.5  # of the friction, in elements that sampling hides, from which the rest cannot be separated
-HIDDEN_SLIP = 4.0  # times the travel between two rows around a reversal: sampling hides shorter slips
-SLIPPING = 0.99  # of an element's force: from here on it slips
-HAUSMAN = 3.0  # standard deviations; a smaller difference is added to the interval, so nothing is lost
 UNSURE, USELESS = 0.05, 0.2  # half of an interval over its value: reported; left out of the stage file
-SHORTEST_ELEMENT = 0.05  # of the friction, in the shortest element, that is reported
-MISFIT, POOR_FIT = 2.0, 5.0  # residual's variance over that of its noise; percent of the force that is reported
+NOT_EXCITED = 0.5  # half of an interval over that of the prior: the value rests on the stage file

@@ -18,7 +18,7 @@ from stagectl.drives.drive import DriveError
 from stagectl.gap.experiment_design.battery import battery, held_out
 from stagectl.recording.hdf5 import open_recording
 from stagectl.service import virtual_drive
-from stagectl.workflows import campaign
+from stagectl.workflows import campaign, simulated_motion
 from stagectl.workflows import motion as session
 from tests.cli.conftest import Command
 from tests.conftest import CONFIG
@@ -107,7 +107,7 @@ def stopping(at: int, words: str) -> Any:
     count = itertools.count(1)
 
     def pretended(*arguments: Any) -> dict[str, Any]:
-        answer = session.pretend(*arguments)
+        answer = simulated_motion.pretend(*arguments)
         if next(count) != at:
             return answer
         if not words:
@@ -165,7 +165,7 @@ def test_over_the_bus_each_run_has_its_seed_and_its_time(command: Command, monke
 
     def run(motion: Any, *_: Any) -> dict[str, Any]:
         seeds.append(motion.setup.file.simulation.seed)
-        return session.pretend(motion)
+        return simulated_motion.pretend(motion)
 
     monkeypatch.setattr(campaign, "perform", run)
     monkeypatch.setattr("time.time", lambda: next(clock))

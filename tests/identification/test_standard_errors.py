@@ -9,13 +9,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from stagectl.identification.simultaneous import errors_in_variables
 from stagectl.identification.standard_errors import (
     bandwidth,
     covariance,
     independent,
     integrated_autocorrelation,
     long_run,
+    noise,
     white,
 )
 from stagectl.identification.thresholds import LONG_RUN_ROWS
@@ -38,17 +38,16 @@ def test_the_lags_are_andrews_choice(rho: float) -> None:
 @pytest.mark.parametrize("rho", [0.0, 0.6])
 def test_the_mean_of_coloured_noise_is_known_as_well_as_theory_says(rho: float) -> None:
     """Variance of a mean: the textbook's times ``(1 + rho)/(1 - rho)``, of which the rows' worth is the inverse."""
-    noise, ones = coloured(rho), np.ones((ROWS, 1))
+    values, ones = coloured(rho), np.ones((ROWS, 1))
     grown = (1.0 + rho) / (1.0 - rho)
-    assert float((covariance(ones, noise) / white(ones, noise))[0, 0]) == pytest.approx(grown, rel=0.15)
-    assert independent(noise) == pytest.approx(ROWS / grown, rel=0.05)
+    assert float((covariance(ones, values) / white(ones, values))[0, 0]) == pytest.approx(grown, rel=0.15)
+    assert independent(values) == pytest.approx(ROWS / grown, rel=0.05)
 
 
 def test_the_noise_of_a_residual_is_separated_from_slower_parts() -> None:
     """Second differences of white noise have six times its variance; a slow wave cancels."""
     slow = 5.0 * np.sin(2.0 * math.pi * np.arange(ROWS) / 2000.0)
-    drawn = float(np.mean(errors_in_variables.noise(coloured(0.0) + slow)))
-    assert drawn == pytest.approx(1.0, rel=0.05)
+    assert noise(coloured(0.0) + slow) == pytest.approx(1.0, rel=0.05)
 
 
 def test_long_run_covariance_is_bartletts() -> None:

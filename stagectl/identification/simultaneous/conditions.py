@@ -23,7 +23,6 @@ from stagectl.identification.simultaneous.regressors import (
     shortest_knots,
     window,
 )
-from stagectl.identification.simultaneous.slip_distribution import SlipRange
 from stagectl.number_format import duration, length
 
 
@@ -173,45 +172,3 @@ def _same_sign(capture: Capture) -> bool:
     least = max(thresholds.WEAK_ACCELERATION * float(np.abs(a).max()), thresholds.SIGNIFICANT_ACCELERATION * noise)
     moving = (np.abs(v) > thresholds.SLOW_MOTION * float(np.abs(v).max())) & (np.abs(a) > least)
     return int(np.sum(moving & (a * v > 0.0))) >= thresholds.SAME_SIGN_ROWS
-
-
-def check_settles(captures: list[Capture], ends: SlipRange, file: StageFile) -> None:
-    """Check that the friction is constant at the end of the stroke.
-
-    Raises IdentificationError where it still changes: presliding, or friction that follows the speed.
-    """
-    if ends.settles:
-        return
-    largest = max(captures, key=lambda capture: float(np.ptp(capture.position)))
-    stroke, reached = _travel(float(np.ptp(largest.position)), file), _travel(ends.high, file)
-    if ends.early >= thresholds.SETTLED_EARLY:
-        text = (
-            f"{largest.name} moves by {stroke}; {100.0 * ends.early:.0f} % of its friction settles within "
-            f"{_travel(0.1 * ends.high, file)} of a reversal, and the rest still changes after {reached}; all of it "
-            "must have settled after half of the motion. Friction that depends on speed does this (Stribeck, LuGre), "
-            "and so does a spring or a cogging along the axis: fit the speed with friction-models; a larger motion "
-            "helps only if it is rolling friction"
-        )
-    else:
-        text = (
-            f"{largest.name} moves by {stroke}, and the friction still rises after {reached} from a reversal; it must "
-            "have settled after half of the motion, as the reversal must go beyond presliding (first condition of the "
-            "paper): record a larger motion; if the friction still rises, it depends on speed (Stribeck, LuGre): fit "
-            "that with friction-models"
-        )
-    raise IdentificationError(text, Refusal.FRICTION_UNSETTLED, capture=largest.name, value=ends.early)
-
-
-def check_inertia(inertia: float, captures: list[Capture]) -> None:
-    """Raises IdentificationError where the `inertia` (kg m^2 | kg) is not positive."""
-    if inertia <= 0.0:
-        raise IdentificationError(
-            f"inertia = {inertia:.3g}; must be positive: position and current of {captures[0].name} do not belong to "
-            "each other, or have opposite signs (positive current moves towards positive positions), or the motion "
-            "stays in presliding, where friction is a spring: check the columns, or record a larger motion",
-            Refusal.NO_INERTIA,
-            capture=captures[0].name,
-            value=inertia,
-            unit="kg m^2 | kg",
-            admissible="(0, inf)",
-        )

@@ -1,75 +1,83 @@
-"""Notes on what a fit cannot separate and what is doubtful about it, judged from its intervals."""
+"""Notes on an estimate: what it rests on, what it cannot separate, and what is left out of the stage file."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
-import numpy as np
-
-from stagectl.config.stage_blocks import StageFile
 from stagectl.identification import thresholds
-from stagectl.identification.capture import Array
-from stagectl.identification.result import Note, Parameter, Topic
-from stagectl.identification.simultaneous import errors_in_variables as errors
-from stagectl.identification.simultaneous.delay_search import Fit, Problem
-from stagectl.identification.simultaneous.regressors import FREE, ONE
-from stagectl.identification.simultaneous.uncertainty import NAMES, Uncertainty, unresolved
-from stagectl.number_format import duration, length
-from stagectl.units import LINEAR
+from stagectl.identification.result import Note, Topic
+from stagectl.identification.simultaneous.estimate import NAMES, Estimate
+from stagectl.identification.simultaneous.regressors import controlled
+from stagectl.number_format import duration
+from stagectl.units import LINEAR, ROTARY
 
 COLUMNS = {
     "measured_current": "the measured current",
     "current": "the current handed to the drive",
     "command": "the command before its limit",
 }
+STAGE_KEYS = {"inertia": "mechanics.inertia", "viscous": "mechanics.viscous", "coulomb": "friction"}
 
 
-class FittedAxis(NamedTuple):
-    """All that the notes are about."""
-
-    problem: Problem
-    fit: Fit
-    known: Uncertainty
-    parameters: dict[str, Parameter]
-    file: StageFile
-    delay_fitted: bool
-    rippled: bool
-    residual_percent: float
-
-
-def written(p: FittedAxis) -> tuple[Note, ...]:
+def written(p: Estimate) -> tuple[Note, ...]:
     """The notes, the most general one first."""
-    return (
-        *_force_constant(p),
-        *_offset(p),
-        *_delay(p),
-        *_tied(p),
-        *_imprecise(p),
-        *_friction(p),
-        *_ripple(p),
-        *_residual(p),
+    return (*_force_constant(p), *_offset(p), *_delay(p), *_prior(p), *_tied(p), *_imprecise(p), *_ripple(p), *_form(p))
+
+
+def withheld(p: Estimate) -> dict[str, Note]:
+    """Parameters that are not known well enough for a stage file, by their key there, with a note on the reason."""
+    kept_back: dict[str, Note] = {}
+    for name, key in STAGE_KEYS.items():
+        value, low, half = p.parameters[name].value, p.parameters[name].low, p.parameters[name].half
+        if low > 0.0 and half <= thresholds.USELESS * abs(value):
+            continue
+        text = (
+            f"{name}: {value:.3g} ± {half:.2g} is left out of the stage file's changes; its interval must lie above 0 "
+            f"and within ±{100.0 * thresholds.USELESS:.0f} %"
+        )
+        kept_back[key] = Note(Topic.WITHHELD, text)
+    return kept_back
+
+
+def _prior(p: Estimate) -> Iterator[Note]:
+    for name, (value, half) in p.prior.items():
+        if not p.rests_on_prior(name):
+            continue
+        text = (
+            f"{name}: the motion says little of it, so it rests on the stage file's {value:.3g} ± {half:.2g} "
+            f"{p.parameters[name].unit}: record larger accelerations for the inertia, higher speeds for the viscous "
+            "friction, a position sine with its reference for the delay"
+        )
+        yield Note(Topic.NOT_IDENTIFIED, text)
+
+
+def _form(p: Estimate) -> Iterator[Note]:
+    text = (
+        "friction: an average over laws (Maxwell slip, Dahl, bristles with a Stribeck curve); "
+        f"{100.0 * p.answer.form_share:.2g} % of the residual's variance is taken for an error of their form, which "
+        "the intervals include"
     )
+    yield Note(Topic.METHOD, text)
 
 
-def _effort(p: FittedAxis) -> str:
+def _effort(p: Estimate) -> str:
     return "N" if p.file.axis.kind == LINEAR else "N m"
 
 
-def _percent(p: FittedAxis, name: str, half: float) -> str:
+def _percent(p: Estimate, name: str, half: float) -> str:
     return f"{100.0 * half / max(abs(p.parameters[name].value), 1e-300):.2g} %"
 
 
-def _force_constant(p: FittedAxis) -> Iterator[Note]:
+def _force_constant(p: Estimate) -> Iterator[Note]:
     yield Note(
         Topic.FORCE_CONSTANT,
-        f"force constant: not identified; {p.problem.force_constant:g} {_effort(p)}/A is the stage file's. An error "
+        f"force constant: not identified; {p.file.motor.force_constant:g} {_effort(p)}/A is the stage file's. An error "
         "of 1 % there is one of 1 % in inertia, viscous and Coulomb friction alike",
     )
 
 
-def _offset(p: FittedAxis) -> Iterator[Note]:
+def _offset(p: Estimate) -> Iterator[Note]:
     value, half = p.parameters["offset"].value, p.parameters["offset"].half
     if abs(value) <= half:
         text = (
@@ -84,12 +92,12 @@ def _offset(p: FittedAxis) -> Iterator[Note]:
     yield Note(Topic.OFFSET, text)
 
 
-def _delay(p: FittedAxis) -> Iterator[Note]:
+def _delay(p: Estimate) -> Iterator[Note]:
     value, half = p.parameters["delay"].value, p.parameters["delay"].half
     columns = {part.capture.current_column for part in p.problem.parts}
     current = " and ".join(COLUMNS.get(name, name) for name in sorted(columns))
     if not p.delay_fitted:
-        change = abs(p.known.per_delay[0]) * 1e-4
+        change = abs(p.per_delay[0]) * 1e-4
         text = (
             f"delay: taken as {duration(value)} from {current} to the position; 0.1 ms more or less would change the "
             f"inertia by {_percent(p, 'inertia', change)}"
@@ -108,13 +116,19 @@ def _delay(p: FittedAxis) -> Iterator[Note]:
             "position's noise shifts delay and inertia together: record the reference, or give --delay"
         )
         yield Note(Topic.REFERENCE, text)
+    elif any(controlled(part.capture) for part in p.problem.parts):
+        text = (
+            "reference: a controller moved the axis; its answer to noise is in current and acceleration alike, and "
+            "counts as an error that the intervals include"
+        )
+        yield Note(Topic.REFERENCE, text)
     if len(columns) > 1:
         text = "delay: the captures hold different current columns with different delays; identify them separately"
         yield Note(Topic.DELAY, text)
 
 
-def _tied(p: FittedAxis) -> Iterator[Note]:
-    covariance = p.known.covariance
+def _tied(p: Estimate) -> Iterator[Note]:
+    covariance = p.covariance
     names = NAMES if p.delay_fitted else NAMES[:-1]
     for j, name in enumerate(names):
         for k in range(j + 1, len(names)):
@@ -133,7 +147,7 @@ def _tied(p: FittedAxis) -> Iterator[Note]:
             yield Note(Topic.TIED, text)
 
 
-def _imprecise(p: FittedAxis) -> Iterator[Note]:
+def _imprecise(p: Estimate) -> Iterator[Note]:
     for name in ("inertia", "viscous", "coulomb"):
         if p.parameters[name].half > thresholds.UNSURE * abs(p.parameters[name].value):
             text = (
@@ -150,53 +164,18 @@ def _imprecise(p: FittedAxis) -> Iterator[Note]:
         yield Note(Topic.PRECISION, text)
 
 
-def _friction(p: FittedAxis) -> Iterator[Note]:
-    short = unresolved(p.problem, p.fit)
-    if short.share > thresholds.SHORTEST_ELEMENT:
-        place = length(short.slip * p.file.axis.travel_per_unit, p.file.axis.travel_unit)
+def _ripple(p: Estimate) -> Iterator[Note]:
+    travel = max(float(part.capture.position.max() - part.capture.position.min()) for part in p.problem.parts)
+    if p.file.axis.kind != ROTARY or travel < thresholds.RIPPLE_TRAVEL:
+        return
+    turns = travel / (2.0 * math.pi)
+    if p.ripple is None:
         text = (
-            f"friction: {100.0 * short.share:.0f} % of it lies in an element of {place}, the shortest that sampling, "
-            "encoder and speed of reversal resolve; the true slip may be shorter"
-        )
-        yield Note(Topic.SAMPLING, text)
-    if np.any(short.error != 0.0):
-        dt = max(part.capture.dt for part in p.problem.parts)
-        text = (
-            f"friction and viscous: cannot be separated well at a sampling time of {duration(dt)}, as most of the "
-            f"friction reverses between two rows; up to {abs(short.error[2]):.2g} {_effort(p)} may belong to the "
-            "other, which their intervals include: sample faster, or reverse more slowly"
-        )
-        yield Note(Topic.SAMPLING, text)
-
-
-def _ripple(p: FittedAxis) -> Iterator[Note]:
-    if p.rippled:
-        amplitude = math.hypot(*p.fit.theta[ONE + 1 : FREE])
-        text = (
-            f"ripple: {amplitude:.3g} {_effort(p)} once per revolution, found and taken out of the other parameters; "
-            f"the motion covers {_turns(p):.2g} revolutions"
-        )
-    elif p.known.ripple_bias is not None:
-        text = (
-            f"ripple: none is seen over {_turns(p):.2g} revolutions, so none is taken out; one too small to be seen "
-            f"may change the inertia by {_percent(p, 'inertia', p.known.ripple_bias)}"
+            f"ripple: none is seen over {turns:.2g} revolutions; the intervals include one that is too small to be seen"
         )
     else:
-        return
-    yield Note(Topic.RIPPLE, text)
-
-
-def _turns(p: FittedAxis) -> float:
-    return max(float(np.ptp(part.capture.position)) for part in p.problem.parts) / (2.0 * math.pi)
-
-
-def _residual(p: FittedAxis) -> Iterator[Note]:
-    residual: Array = p.fit.residual
-    ratio = float(np.mean(residual * residual)) / max(float(np.mean(errors.noise(residual))), 1e-300)
-    poor = thresholds.POOR_FIT
-    if p.residual_percent > poor or (ratio > thresholds.MISFIT and p.residual_percent > 0.2 * poor):
         text = (
-            f"residual: {p.residual_percent:.2g} % of the force is not explained, {ratio:.2g} times its noise: "
-            "the axis does something that the model does not describe, and the intervals do not cover that"
+            f"ripple: {p.ripple:.3g} {_effort(p)} once per revolution, found and taken out of the other parameters; "
+            f"the motion covers {turns:.2g} revolutions"
         )
-        yield Note(Topic.RESIDUAL, text)
+    yield Note(Topic.RIPPLE, text)

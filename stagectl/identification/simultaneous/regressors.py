@@ -25,7 +25,6 @@ Identification ..., section IV.B).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -33,13 +32,12 @@ from scipy import interpolate, signal
 
 from stagectl.identification import thresholds
 from stagectl.identification.capture import Array, Capture
-from stagectl.kernels import presliding
 
 KNOTS = 3  # knot distances to either side
 HALF = KNOTS + 1  # the same with room for a shift by a fraction of a sample
-BLOCK = 4096  # rows at a time, which keeps the memory of a long capture small
 ACCELERATION, VELOCITY, ONE = 0, 1, 2
-FREE = 5  # columns before the operators: the two of the ripple come after `ONE`
+RIPPLE = slice(3, 5)
+FREE = 5  # columns before those of the friction
 
 
 def window(q: int, dt: float, order: int = 0, shift: float = 0.0) -> Array:
@@ -149,56 +147,56 @@ def thinned(parts: list[Part], most: int) -> list[Part]:
     return [p._replace(places=p.places._replace(number=(p.rows + stride - 1) // stride, stride=stride)) for p in parts]
 
 
-def columns(p: Part, slip: Array, order: int = 0) -> Array:
-    """Regressor (rows, FREE + j) of one capture for elements of these slips (j,), or its derivative of this `order`."""
-    x = p.capture.position - p.capture.position[0]
-    smooth = window(p.q, p.capture.dt, order)
-    matrix = np.full((p.rows, FREE + len(slip)), 1.0 if order == 0 else 0.0)
-    matrix[:, ACCELERATION] = smoothed(x, window(p.q, p.capture.dt, order + 2), p.places)
-    matrix[:, VELOCITY] = smoothed(x, window(p.q, p.capture.dt, order + 1), p.places)
-    matrix[:, ONE + 1] = smoothed(np.sin(p.capture.position), smooth, p.places)
-    matrix[:, ONE + 2] = smoothed(np.cos(p.capture.position), smooth, p.places)
-    for first, block in _operators(p, x, slip, smooth):
-        matrix[first : first + block.shape[1], FREE:] = block.T
-    return matrix
+def motion(p: Part) -> Array:
+    """Columns (rows, `FREE`) of one capture without friction: acceleration, velocity, one, and those of a ripple."""
+    x, dt = p.capture.position - p.capture.position[0], p.capture.dt
+    smooth = window(p.q, dt)
+    return np.column_stack(
+        [
+            smoothed(x, window(p.q, dt, 2), p.places),
+            smoothed(x, window(p.q, dt, 1), p.places),
+            np.ones(p.rows),
+            smoothed(np.sin(p.capture.position), smooth, p.places),
+            smoothed(np.cos(p.capture.position), smooth, p.places),
+        ]
+    )
 
 
-def _operators(p: Part, x: Array, slip: Array, smooth: Array) -> Iterator[tuple[int, Array]]:
-    """First row and smoothed states (j, rows) of the operators, block by block along the motion `x` (n,)."""
-    half = HALF * p.q
-    track, rate, states = _track(x), 1.0 / slip, np.zeros(len(slip))
-    done = p.places.start - half
-    _strained(track[: done + 3], rate, states)
-    tail = _strained(track[done : done + 2 * half + 3], rate, states)
-    done += 2 * half
-    for first in range(0, p.rows, BLOCK):
-        count = min(BLOCK, p.rows - first)
-        more = min(count * p.places.step, len(x) - done)
-        tail = np.hstack([tail, _strained(track[done : done + more + 3], rate, states)])
-        done += more
-        yield first, smoothed(tail, smooth, p.places._replace(start=half, number=count))
-        tail = tail[:, count * p.places.step :]
+def track(p: Part) -> Array:
+    """Position (n,) that a friction law follows: lightly smoothed, more where the encoder's steps are seen.
 
-
-def _track(x: Array) -> Array:
-    """Position (n + 3,) that the operators follow, lightly smoothed (cubic B-spline); two more samples lead, one ends.
-
-    Without it rounding alone would move them to and fro at standstill.
+    Without it rounding alone would move the law to and fro at standstill and around a reversal.
     """
+    x = p.capture.position - p.capture.position[0]
+    q = min(round(0.5 * step_time(p) / p.capture.dt), p.q)
+    if q:
+        weights = window(q, p.capture.dt)
+        half = len(weights) // 2
+        x = np.convolve(np.pad(x, half, mode="edge"), weights, "valid")
+    return _lightly_smoothed(x)
+
+
+def step_time(p: Part) -> float:
+    """Time (s) in which the axis moves by an encoder step from a reversal."""
+    rms = float(np.sqrt(np.mean(acceleration(p.capture, p.q) ** 2)))
+    return math.sqrt(2.0 * p.capture.encoder_step / max(rms, 1e-300))
+
+
+def _lightly_smoothed(x: Array) -> Array:
+    """Position (n,) after a cubic B-spline over three samples."""
     light = x.copy()
     light[1:-1] = (x[:-2] + 4.0 * x[1:-1] + x[2:]) / 6.0
-    return np.concatenate([x[:1], x[:1], light, light[-1:]])
+    return light
 
 
-def _strained(track: Array, rate: Array, states: Array) -> Array:
-    states_over_time = np.zeros((len(rate), max(len(track) - 3, 0)))
-    presliding.strains(rate, states, np.ascontiguousarray(track), states_over_time)
-    return states_over_time
-
-
-def currents(parts: list[Part], delay: float, order: int = 0) -> Array:
-    """Current (rows,) of all captures as it was `delay` (s) earlier, or its time derivative of this `order`."""
-    return np.concatenate([delayed(p.capture.current, delay, p.capture.dt, p.places, order) for p in parts])
+def currents(parts: list[Part], delays: Array) -> Array:
+    """Current (rows, k) of all captures as it was at each of the `delays` (k,) s before."""
+    return np.vstack(
+        [
+            np.column_stack([delayed(p.capture.current, delay, p.capture.dt, p.places) for delay in delays.tolist()])
+            for p in parts
+        ]
+    )
 
 
 def current_noise(parts: list[Part]) -> float:
@@ -213,10 +211,6 @@ def current_noise(parts: list[Part]) -> float:
     return total / sum(p.rows for p in parts)
 
 
-def encoder_noise(parts: list[Part]) -> float:
-    """Variance (rad^2/s^4 | m^2/s^4) that the encoder's rounding leaves in the acceleration."""
-    total = 0.0
-    for p in parts:
-        weights = window(p.q, p.capture.dt, 2)
-        total += p.rows * float(weights @ weights) * p.capture.encoder_step**2 / 12.0
-    return total / sum(p.rows for p in parts)
+def controlled(capture: Capture) -> bool:
+    """Whether a controller made the position follow a reference."""
+    return capture.reference is not None and float(np.ptp(capture.reference)) > 0.0

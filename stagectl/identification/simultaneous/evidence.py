@@ -1,0 +1,197 @@
+"""Parameters, friction and delay of one axis as a linear Gaussian model with priors, averaged over what is not linear.
+
+::
+
+    Kt i(t - tau) = J a + D v + b + ripple + sum_k f_k F_k(x) + noise
+
+For a given delay ``tau`` and given scales of the friction's groups everything is linear, with a Gaussian prior: J, D
+from the stage file with their doubt, friction columns (`friction_columns`) of zero mean and the group's scale.  The
+scales are chosen by evidence, and the answer is the average over delays and scales by their evidence.  So its interval
+holds what the friction law does not settle.
+
+**Noise in the acceleration.**  Where noise moved the axis, or the encoder's steps are seen, the residual's noise is in
+the acceleration and not in the current: then ``a`` is the answer to ``i`` and not the reverse, and the likelihood has
+the Jacobian ``n log J``.  To first order that takes ``n v`` from the acceleration's square, ``v = (r^2 - s^2) / J^2``,
+with ``r^2`` the noise of the residual and ``s^2`` the current sensor's share of it (bias-eliminating least squares;
+T. Soederstrom, Errors-in-Variables Methods in System Identification, Springer 2018).
+
+**Temper.**  Rows are worth less than their number: the window correlates neighbours, and what the columns leave of the
+true law repeats in every stroke.  With a residual of variance ``s^2`` of which the share ``f`` is such an error, n rows
+count as ``n / (c + n f / K)``: no record is worth more than K values per unit of error, however long it is.  ``f`` is
+at least that of an error of form of `FORM_ERROR` of the friction, of a reversal misplaced by an encoder step, and, in
+closed loop, of the noise that the controller answers to: current and acceleration then hold the same noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_solve
+
+from stagectl import gaussian_evidence as gaussian
+from stagectl.identification import standard_errors, thresholds
+from stagectl.identification.capture import Array
+from stagectl.identification.simultaneous import temper
+from stagectl.identification.simultaneous.model import Forces, Problem, Scales
+from stagectl.identification.simultaneous.regressors import ACCELERATION, current_noise
+
+
+class Fit(NamedTuple):
+    """The posterior at several delays, with one choice of scales."""
+
+    scales: Scales
+    delays: Array  # (k,) s
+    known: gaussian.Posteriors
+    log_weight: Array  # (k,) evidence and prior of the delay
+    variance: float  # of the residual, (N m)^2 | N^2
+
+    @property
+    def best(self) -> int:
+        """Number of the most probable delay."""
+        return int(np.argmax(self.log_weight))
+
+
+class Answer(NamedTuple):
+    """The average over delays and scales."""
+
+    fits: list[Fit]
+    weights: list[Array]  # (k,) of each fit; they sum to 1
+    worth: float  # rows that count as one
+    form_share: float  # of the residual's variance that is an error of form
+
+    @property
+    def best(self) -> Fit:
+        """The most probable scales."""
+        return self.fits[int(np.argmax([weight.sum() for weight in self.weights]))]
+
+    def moments(self, sums: Array) -> tuple[Array, Array]:
+        """Mean (r + 1,) and covariance of these sums (r, m) of parameters, and of the delay, which comes last."""
+        values = [np.vstack([sums @ fit.known.mean, fit.delays]) for fit in self.fits]
+        mean = np.sum([value @ weight for value, weight in zip(values, self.weights, strict=True)], axis=0)
+        covariance = np.zeros((len(mean), len(mean)))
+        for value, weight, fit in zip(values, self.weights, self.fits, strict=True):
+            away = value - mean[:, None]
+            covariance += (away * weight) @ away.T
+            covariance[:-1, :-1] += weight.sum() * (sums @ cho_solve(fit.known.factor, sums.T))
+        return np.asarray(mean), covariance
+
+
+def answered(p: Problem) -> Answer:
+    """The posterior of all that is not known, and the problem without the noise in its acceleration."""
+    forces = p.forces(p.delay.nodes)
+    simplest = _settled(p, forces, thresholds.FIRST_SCALES, _rough_variance(p, forces))
+    first = _most_probable(_searched(_without_noise(p, simplest, forces), forces))
+    p = _without_noise(p, first, forces)
+    fits = _searched(p, forces)
+    best = _most_probable(fits)
+    residual = _residual(p, best, forces)
+    share = temper.form_share(p, residual, best.variance, float(best.known.mean[ACCELERATION, best.best]))
+    worth = temper.worth(residual, share)
+    likely = [fit for fit in fits if fit.log_weight.max() > best.log_weight.max() - thresholds.UNLIKELY]
+
+    def again(fit: Fit, at: Forces) -> Fit:
+        return _fit(p, at, fit.scales, worth, fit.variance)
+
+    forces = _narrowed(p, forces, lambda at: again(best, at).log_weight)
+    fits = [again(fit, forces) for fit in likely]
+    top = max(float(fit.log_weight.max()) for fit in fits)
+    weights = [np.exp(fit.log_weight - top) for fit in fits]
+    total = float(sum(weight.sum() for weight in weights))
+    return Answer(fits, [weight / total for weight in weights], worth, share)
+
+
+def _most_probable(fits: list[Fit]) -> Fit:
+    return max(fits, key=lambda fit: float(fit.log_weight.max()))
+
+
+def _residual(p: Problem, fit: Fit, forces: Forces) -> Array:
+    """Residual (rows,) at the most probable delay."""
+    return np.asarray(forces.rows[:, fit.best] - p.columns @ fit.known.mean[:, fit.best], dtype=np.float64)
+
+
+def _without_noise(p: Problem, fit: Fit, forces: Forces) -> Problem:
+    """The problem without the noise of its acceleration, as far as the motion still determines the inertia."""
+    residual = _residual(p, fit, forces)
+    sensed = p.file.motor.force_constant**2 * current_noise(p.parts)
+    inertia = float(fit.known.mean[ACCELERATION, fit.best])
+    moved = max(standard_errors.noise(residual) - sensed, 0.0) / inertia**2
+    noise = min(len(residual) * moved, thresholds.MOST_NOISE * _alone(p.gram, ACCELERATION))
+    gram = p.gram.copy()
+    gram[ACCELERATION, ACCELERATION] -= noise
+    share = min(noise * inertia**2 / (len(residual) * fit.variance), 1.0)
+    return p._replace(gram=gram, acceleration_noise=noise, moved_share=share)
+
+
+def _alone(gram: Array, place: int) -> float:
+    """Square of what no other column explains of the one at `place`."""
+    size = np.sqrt(np.diag(gram)) + 1e-300
+    unit = gram / np.outer(size, size) + thresholds.COLUMN_RIDGE * np.eye(len(gram))
+    return float(size[place] ** 2 / np.linalg.inv(unit)[place, place])
+
+
+def _fit(p: Problem, forces: Forces, scales: Scales, worth: float, variance: float) -> Fit:
+    rows = len(p.columns)
+    power = 1.0 / (worth * variance)
+    known = gaussian.posteriors(
+        gaussian.Sums(power * p.gram, power * forces.right, power * forces.square), p.prior(scales)
+    )
+    inertia = np.maximum(known.mean[ACCELERATION], thresholds.LEAST_INERTIA * p.file.mechanics.inertia)
+    jacobian = rows / worth * p.moved_share * np.log(inertia) - 0.5 * power * p.acceleration_noise * inertia**2
+    log_weight = known.log_evidence - 0.5 * rows / worth * math.log(variance) + jacobian
+    log_weight += p.delay.log_density(forces.delays)
+    return Fit(scales, forces.delays, known, log_weight, variance)
+
+
+def _searched(p: Problem, forces: Forces) -> list[Fit]:
+    """Fits of all scales that a search along one group after the other tries, from the simplest law on."""
+    tried: dict[Scales, Fit] = {}
+    variance = _rough_variance(p, forces)
+
+    def evidence(scales: Scales) -> float:
+        nonlocal variance
+        if scales not in tried:
+            tried[scales] = _settled(p, forces, scales, variance)
+            variance = min(variance, tried[scales].variance)
+        return float(tried[scales].log_weight.max())
+
+    scales: Scales = thresholds.FIRST_SCALES
+    for _ in range(thresholds.SCALE_ROUNDS):
+        for group, choice in enumerate(thresholds.FRICTION_SCALES):
+            scales = max(((*scales[:group], size, *scales[group + 1 :]) for size in choice), key=evidence)
+    return list(tried.values())
+
+
+def _rough_variance(p: Problem, forces: Forces) -> float:
+    """Variance of the residual that the iterations begin with."""
+    return thresholds.FIRST_VARIANCE * float(forces.square.mean()) / len(p.columns)
+
+
+def _settled(p: Problem, forces: Forces, scales: Scales, variance: float) -> Fit:
+    """The fit whose residual has the variance that it assumes."""
+    for _ in range(thresholds.NOISE_ROUNDS):
+        fit = _fit(p, forces, scales, thresholds.WINDOW_CORRELATION, variance)
+        theta = fit.known.mean[:, fit.best]
+        square = p.residual_square(theta, forces, fit.best)
+        least = thresholds.LEAST_RESIDUAL**2 * float(forces.square[fit.best])
+        before, variance = variance, max(square, least) / len(p.columns)
+        if abs(variance / before - 1.0) < thresholds.NOISE_AGREES:
+            break
+    return fit._replace(variance=variance)
+
+
+def _narrowed(p: Problem, forces: Forces, log_weight: Callable[[Forces], Array]) -> Forces:
+    """Left sides at the delays that are not improbable, closer to each other."""
+    if p.delay.deviation == 0.0:
+        return forces
+    for _ in range(thresholds.DELAY_ROUNDS):
+        weight = log_weight(forces)
+        likely = np.flatnonzero(weight > weight.max() - thresholds.UNLIKELY_DELAY)
+        step = float(forces.delays[1] - forces.delays[0])
+        if len(likely) > thresholds.DELAYS_ENOUGH:
+            break
+        low, high = forces.delays[likely[0]] - step, forces.delays[likely[-1]] + step
+        forces = p.forces(np.linspace(low, high, thresholds.DELAY_NODES))
+    return forces

@@ -1,0 +1,161 @@
+"""Friction along a measured path as columns that are linear in what is not known: one prior for many laws.
+
+::
+
+    stop operators     S_j(x)                    Maxwell slip; a dense set also has the curve of any other full reversal
+    bristles           z_l(x), Dahl's exponent 1 and 2
+    Stribeck           S_j(x) exp(-|v| / v_k)    friction that depends on the speed; signed sums give any fall with it
+    lag                d/dt of bristles and of the Stribeck columns: damping of a bristle, frictional lag
+
+A Maxwell slip, Dahl, LuGre, elasto-plastic or GMS axis is a sum of these up to an error of form of some thousandths of
+its friction (`thresholds.FORM_ERROR`).  The scale of each group is not known; `evidence` averages over it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from stagectl.identification import thresholds
+from stagectl.identification.capture import Array
+from stagectl.identification.simultaneous.regressors import (
+    ACCELERATION,
+    VELOCITY,
+    Part,
+    Rows,
+    smoothed,
+    track,
+    window,
+)
+from stagectl.kernels import presliding
+from stagectl.kernels.jit import kernel
+
+
+class Shapes(NamedTuple):
+    """Lengths and speeds of the columns, the same for all captures."""
+
+    slip: Array  # (j,) rad | m, of the stop operators
+    length: Array  # (l,) rad | m, of the bristles
+    speed: Array  # (k,) rad/s | m/s, of the Stribeck columns
+
+    @property
+    def graded(self) -> Array:
+        """Slips of the operators that have Stribeck columns."""
+        return self.slip[list(thresholds.STRIBECK_OPERATORS)]
+
+    @property
+    def groups(self) -> dict[str, slice]:
+        """Places of each group in the columns."""
+        lengths, speeds = len(self.length), len(self.graded) * len(self.speed)
+        sizes = {
+            "operators": len(self.slip),
+            "bristles": 2 * lengths,
+            "stribeck": speeds,
+            "lag": lengths + len(self.speed),
+        }
+        ends = np.cumsum([0, *sizes.values()]).tolist()
+        return {name: slice(first, last) for name, first, last in zip(sizes, ends, ends[1:], strict=False)}
+
+
+def shapes(parts: list[Part], motion: Array) -> Shapes:
+    """Slips from what sampling and encoder resolve to a share of the stroke, and speeds up to beyond the fastest.
+
+    `motion` (rows, 2 or more) has acceleration and velocity of all `parts`.
+    """
+    rms = float(np.sqrt(np.mean(motion[:, ACCELERATION] ** 2)))
+    low = min(
+        max(thresholds.SLIP_STEPS * p.capture.encoder_step, 0.25 * rms * (p.q * p.capture.dt) ** 2) for p in parts
+    )
+    stroke = max(float(np.ptp(p.capture.position)) for p in parts)
+    high = min(max(thresholds.SLIP_STROKE * stroke, 4.0 * low), thresholds.SLIP_SPAN * low)
+    fastest = float(np.abs(motion[:, VELOCITY]).max())
+    return Shapes(
+        np.geomspace(low, high, thresholds.SLIPS),
+        np.geomspace(low, 0.5 * high, thresholds.BRISTLES),
+        fastest * np.geomspace(*thresholds.STRIBECK_SPEEDS, thresholds.STRIBECK_COLUMNS),
+    )
+
+
+class Path(NamedTuple):
+    """A capture's motion at a rate that resolves its reversals."""
+
+    position: Array  # (n,) rad | m
+    velocity: Array  # (n,)
+    dt: float  # s
+    rows: Rows
+
+    def smoothed(self, states: Array, order: int = 0) -> Array:
+        """`states` (n,) filtered as all signals are, or their derivative of this `order`: (rows,)."""
+        return smoothed(states, window(self.rows.q, self.dt, order), self.rows)
+
+
+def path(p: Part, velocity: Array) -> Path:
+    """The motion of one part; `velocity` (rows,) is the windowed one, for where the encoder's steps hide it."""
+    x = track(p)
+    finer = max(1, math.ceil(p.capture.dt / thresholds.PATH_STEP - 1e-9))
+    dt, rows = p.capture.dt / finer, p.places._replace(start=p.places.start * finer, q=p.places.q * finer)
+    if finer > 1:
+        x = np.asarray(CubicSpline(np.arange(len(x)), x)(np.arange((len(x) - 1) * finer + 1) / finer))
+    speed = np.gradient(x, dt)
+    if p.q * p.capture.dt > thresholds.FINE_WINDOW:
+        speed = np.interp(np.arange(len(x)), rows.start + rows.step * np.arange(rows.number), velocity)
+    return Path(np.ascontiguousarray(x), np.asarray(speed, dtype=np.float64), dt, rows)
+
+
+def columns(p: Part, velocity: Array, s: Shapes) -> Array:
+    """Friction columns (rows, m) of one part, in the order of the groups."""
+    return np.column_stack(list(_columns(path(p, velocity), s)))
+
+
+def _columns(p: Path, s: Shapes) -> Iterator[Array]:
+    for slip in s.slip:
+        yield p.smoothed(_operator(p.position, slip))
+    for exponent in (1.0, 2.0):
+        for length in s.length:
+            yield p.smoothed(_bristle(p.position, length, exponent))
+    for slip in s.graded:
+        state = _operator(p.position, slip)
+        for speed in s.speed:
+            yield p.smoothed(state * np.exp(-np.abs(p.velocity) / speed))
+    for length in s.length:
+        yield _unit(p.smoothed(_bristle(p.position, length, 1.0), 1))
+    state = _operator(p.position, float(s.graded[0]))
+    for speed in s.speed:
+        yield _unit(p.smoothed(state * np.exp(-np.abs(p.velocity) / speed), 1))
+
+
+def _unit(column: Array) -> Array:
+    """The column with an rms of 1: a rate has no size of its own."""
+    size = float(np.sqrt(np.mean(column * column)))
+    return column / size if size > 0.0 else column
+
+
+def _operator(x: Array, slip: float) -> Array:
+    """State (n,) of one stop operator along `x` (n,), from rest."""
+    states = np.zeros((1, len(x)))
+    led = np.concatenate([x[:1], x[:1], x, x[-1:]])
+    presliding.strains(np.array([1.0 / slip]), np.zeros(1), led, states)
+    return np.asarray(states[0], dtype=np.float64)
+
+
+def _bristle(x: Array, length: float, exponent: float) -> Array:
+    """State (n,) of one bristle of Dahl's law along `x` (n,), from rest."""
+    states = np.zeros(len(x))
+    _bend(x, 1.0 / length, exponent, states)
+    return states
+
+
+@kernel
+def _bend(x: Any, rate: float, exponent: float, out: Any) -> None:
+    """Fill `out` (n,): ``dz/dx = |w|^n sgn(w)`` with ``w = 1 - sgn(v) z``, exact in each step, n = 1 or 2."""
+    for k in range(1, len(x)):
+        dx = x[k] - x[k - 1]
+        side = 1.0 if dx > 0.0 else -1.0
+        left = 1.0 - side * out[k - 1]
+        move = rate * abs(dx)
+        left = left * math.exp(-move) if exponent == 1.0 else left / (1.0 + abs(left) * move)
+        out[k] = side * (1.0 - left) if dx != 0.0 else out[k - 1]

@@ -1,0 +1,63 @@
+"""How many rows count as one: the window correlates neighbours, and an error of form repeats in every stroke."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stagectl.identification import thresholds
+from stagectl.identification.capture import Array
+from stagectl.identification.simultaneous.model import Problem
+from stagectl.identification.simultaneous.regressors import VELOCITY, controlled, motion, step_time
+
+
+def worth(residual: Array, form_share: float) -> float:
+    """Rows that count as one where this share of the `residual` (n,) is an error of form."""
+    near = max(thresholds.WINDOW_CORRELATION, _near(residual))
+    return near + len(residual) * form_share / thresholds.FORM_VALUES
+
+
+def form_share(p: Problem, residual: Array, variance: float, inertia: float) -> float:
+    """Share of the residual's `variance` that is an error of form, which does not average out."""
+    least = (thresholds.FORM_ERROR**2 + _misplaced(p, float(p.shapes.slip[0]))) * p.coulomb**2
+    if any(controlled(rows.capture) for rows in p.parts):
+        least += thresholds.ANSWERED_NOISE * p.acceleration_noise / len(residual) * inertia**2
+    return min(max(least / variance, _repeating(residual)), 1.0)
+
+
+def _misplaced(p: Problem, slip: float) -> float:
+    """Mean square of the friction's error where reversals are misplaced by an encoder step, over its square."""
+    total = 0.0
+    for rows in p.parts:
+        hidden, span = step_time(rows), rows.q * rows.capture.dt
+        size = min(thresholds.MISPLACED, thresholds.STEPS_MISPLACED * rows.capture.encoder_step / slip)
+        speed = motion(rows)[:, VELOCITY]
+        rate = float(np.sum(np.diff(np.sign(speed)) != 0.0)) / (len(speed) * rows.places.step * rows.capture.dt)
+        total += rows.rows * 2.0 * size**2 * rate * hidden * min(1.0, hidden / span) ** 2
+    return total / sum(rows.rows for rows in p.parts)
+
+
+def _correlation(residual: Array) -> Array:
+    """Autocorrelation (n,) of a residual."""
+    centred = residual - residual.mean()
+    product = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2)[: len(centred)]
+    return np.asarray(product / max(float(product[0]), 1e-300), dtype=np.float64)
+
+
+def _near(residual: Array) -> float:
+    """Rows that count as one by the correlation of neighbours: ``1 + 2 sum rho`` up to the first that is negative."""
+    rho = _correlation(residual)
+    negative = np.flatnonzero(rho <= 0.0)
+    return max(1.0, float(2.0 * rho[: negative[0] if len(negative) else len(rho)].sum() - 1.0))
+
+
+def _repeating(residual: Array) -> float:
+    """Share of the residual's variance that comes back later in the record, from the correlation of distant rows."""
+    count = len(residual)
+    far = np.arange(min(thresholds.FAR_ROWS, count // 3), count // 2)
+    if len(far) < thresholds.FAR_ROWS:
+        return thresholds.SHORT_FORM_SHARE
+    rho = _correlation(residual)[far] * count / (count - far)
+    chance = thresholds.WINDOW_CORRELATION / count
+    return math.sqrt(max(0.0, 2.0 * float(np.mean(rho * rho)) - 2.0 * chance))
