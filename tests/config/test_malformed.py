@@ -76,7 +76,7 @@ def test_every_line_of_a_stage_broken_in_every_way(machine: Path) -> None:
     cases = mutations((CONFIG / "ball-screw.yaml").read_text())
     # Eight thousand take a minute; every eleventh meets each line and, on some line, each way.
     count, refused = the_corpus(load_stage, machine / "stage.yaml", islice(cases, 0, None, 11))
-    assert count >= 700
+    assert count >= 650
     assert 0.8 < refused / count < 0.99  # a loader that refused everything would not be one
 
 
