@@ -20,7 +20,7 @@ from stagectl.trajectories.profiles import SCurve
 
 # Sizes of the ball screw on these motions.
 SCALES = Scales(1.0, 0.14, 0.010, 0.72, 15e-6 / 12e-3 * 2 * math.pi, 30.0, 0.0, 5.2, 3.0, 2 * math.pi, 5e-4)
-MOTIONS = {
+MOTIONS: dict[str, Sine | SCurve] = {
     "sine of 2 mm": Sine(2e-3, 3.2, 2.0, 1.0),
     "sine of 5 mm": Sine(5e-3, 1.6, 2.0, 1.0),
     "sine of 10 mm": Sine(10e-3, 0.8, 2.0, 1.0),

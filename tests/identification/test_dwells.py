@@ -33,8 +33,10 @@ def stepped(frequencies: tuple[float, ...], amplitudes: tuple[float, ...], pause
 
 def made(current: Array, noise: float = 0.045) -> Capture:
     """A record that holds time, position and current, and nothing else."""
-    measured = current + np.random.default_rng(3).normal(0.0, noise, len(current))
-    return Capture("made", DT * np.arange(len(current)), np.cumsum(current) * DT, measured, DT)
+    measured: Array = current + np.random.default_rng(3).normal(0.0, noise, len(current))
+    time: Array = DT * np.arange(len(current))
+    position: Array = np.cumsum(current) * DT
+    return Capture("made", time, position, measured, DT)
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.2, 0.73])

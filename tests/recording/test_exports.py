@@ -27,7 +27,8 @@ from stagectl.recording.exports import FORMATS, export
 from stagectl.recording.hdf5 import Recording, RecordingError, open_recording, save
 from stagectl.recording.imports import read
 from stagectl.trajectories import Recorded, phases
-from stagectl.workflows.motion import prepare, pretend
+from stagectl.workflows.motion import prepare
+from stagectl.workflows.simulated_motion import pretend
 from tests.problems import refused
 
 Array = NDArray[Any]

@@ -14,7 +14,8 @@ from stagectl.problem import ProblemKind
 from stagectl.recording import learned_current
 from stagectl.recording.exports import export
 from stagectl.recording.hdf5 import open_recording
-from stagectl.workflows.motion import blank, prepare, pretend, with_current
+from stagectl.workflows.motion import blank, prepare, with_current
+from stagectl.workflows.simulated_motion import pretend
 from tests import problems
 from tests.conftest import CONFIG
 

@@ -12,7 +12,8 @@ from stagectl.config.stage_file import load_stage
 from stagectl.extras import MissingExtraError
 from stagectl.recording.exports import export
 from stagectl.recording.hdf5 import Recording, open_recording
-from stagectl.workflows.motion import prepare, pretend
+from stagectl.workflows.motion import prepare
+from stagectl.workflows.simulated_motion import pretend
 from tests.conftest import CONFIG
 
 pytest.importorskip("rosbags", reason="rosbags is not installed: pip install rosbags")

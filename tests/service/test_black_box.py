@@ -28,7 +28,8 @@ from stagectl.recording.replay import replay
 from stagectl.service.axis_controller import COLUMNS, AxisController
 from stagectl.service.black_box import AFTER, BlackBoxOrder, Watcher
 from stagectl.service.recordings import about
-from stagectl.workflows.motion import prepare, pretend
+from stagectl.workflows.motion import prepare
+from stagectl.workflows.simulated_motion import pretend
 from tests.conftest import CONFIG
 
 SINE = "type: sine\namplitude: 5 mm\nfrequency: 1.6 Hz\nperiods: 2\nramp: 0.5\n"

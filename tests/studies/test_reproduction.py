@@ -150,10 +150,10 @@ def test_half_the_integrators_step_changes_no_new_figure(evidence: ball_screw.Ev
         assert fine.inertia == pytest.approx(step.inertia, rel=2e-3)
     assert stribeck.examined(bench).fitted == pytest.approx(evidence.stribeck.fitted, rel=2e-3)
     bench = slid.bench._replace(machine=finer(slid.bench.machine))
-    for case, fine in slider_contact.cases(bench, ("10",), (30e-3,), lambda done, total: None).items():
-        assert fine.offset == pytest.approx(slid.contacts[case].offset, abs=0.05e-6)
-        assert fine.holding == pytest.approx(slid.contacts[case].holding, abs=0.01)
-        assert fine.reversal == pytest.approx(slid.contacts[case].reversal, abs=0.02)
+    for case, stood in slider_contact.cases(bench, ("10",), (30e-3,), lambda done, total: None).items():
+        assert stood.offset == pytest.approx(slid.contacts[case].offset, abs=0.05e-6)
+        assert stood.holding == pytest.approx(slid.contacts[case].holding, abs=0.01)
+        assert stood.reversal == pytest.approx(slid.contacts[case].reversal, abs=0.02)
 
 
 def finer(setup: Setup) -> Setup:
@@ -239,7 +239,7 @@ def test_friction_that_follows_late_lets_force_and_displacement_differ_by_speed(
 
     def larger_after_slow(lag: str, profile: str, name: str) -> float:
         slow, fast = (abs(contacts[f"lag {lag} ms, {profile}, {speed} mm/s"][name]) for speed in ("5", "10"))
-        return slow - fast
+        return float(slow - fast)
 
     assert abs(larger_after_slow("0", "same deceleration", "offset")) < 0.05e-6
     assert abs(larger_after_slow("0", "same deceleration", "reversal")) < 0.03

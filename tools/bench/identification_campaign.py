@@ -112,7 +112,7 @@ def _outcome(setting: capture_cases.Setting, folder: Path, chosen: argparse.Name
     )
 
 
-def _identified(stage: Any, log: Path, method: str, options: dict[str, float]) -> dict[str, Any]:
+def _identified(stage: Any, log: Path, method: str, options: dict[str, Any]) -> dict[str, Any]:
     """Intervals by parameter, or why there are none."""
     try:
         fit = sc.identify(stage, log, method=method, **options)

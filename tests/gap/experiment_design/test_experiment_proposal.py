@@ -30,7 +30,8 @@ from stagectl.gap.validation.rollouts import Rollout
 from stagectl.kernels.stage import Stage
 from stagectl.plan import plan
 from stagectl.simulation import simulate
-from stagectl.workflows.motion import prepare, pretend
+from stagectl.workflows.motion import prepare
+from stagectl.workflows.simulated_motion import pretend
 from tests.gap.captured import CONFIG, exported
 
 NOISE = ("  substeps: 10 ", "  current_noise: 50 mA\n  encoder_noise: 20 nm\n  substeps: 10 ")
