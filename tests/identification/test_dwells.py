@@ -34,8 +34,8 @@ def stepped(frequencies: tuple[float, ...], amplitudes: tuple[float, ...], pause
 def made(current: Array, noise: float = 0.045) -> Capture:
     """A record that holds time, position and current, and nothing else."""
     measured: Array = current + np.random.default_rng(3).normal(0.0, noise, len(current))
-    time: Array = DT * np.arange(len(current))
-    position: Array = np.cumsum(current) * DT
+    time = np.asarray(DT * np.arange(len(current)), dtype=np.float64)
+    position = np.asarray(np.cumsum(current) * DT, dtype=np.float64)
     return Capture("made", time, position, measured, DT)
 
 
