@@ -33,6 +33,7 @@ from stagectl.kernels import stage
 from stagectl.selftest.limits import LONGEST
 from stagectl.selftest.matrix import UNSEEN, Bench
 from stagectl.selftest.rig import AxisSample, BaseRig, Motions, Pace, RigLoop, motions
+from stagectl.service.virtual_timeouts import unhurried
 from stagectl.units import StageError
 
 STATES = ("connecting", "enabling", "holding", "moving", "stopping")  # a real drive is not made to trip
@@ -235,9 +236,9 @@ def real(setup: Setup, gentle: Gentle, only: frozenset[str], bus: Bus | None = N
             f"--only {strange[0]}: a real drive is only tried with what comes from the controller's end of the bus: "
             + ", ".join(PROVOCABLE)
         )
+    setup = weakened(unhurried(setup), gentle.current)
     wire = setup.file.drive.wire
     assert isinstance(wire, Canopen)
-    setup = weakened(setup, gentle.current)
     pace = pace_of(setup, gentle)
     ways = motions(setup, pace), motions(setup, pace._replace(distance=-pace.distance))
     bus, home = bus or open_bus(wire.interface, wire.channel, wire.bitrate), list[float]()
