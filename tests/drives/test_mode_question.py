@@ -43,12 +43,12 @@ def heard(setup: Setup, moving: bool) -> tuple[list[float], int]:
     return synced, sum(raw[8:16] == MODE_REQUEST for _, raw in frames)
 
 
-def test_a_moving_axis_is_latched_on_time_and_a_standing_one_is_asked(ball_screw: Setup) -> None:
-    synced, asked = heard(ball_screw, moving=True)
+def test_a_moving_axis_is_latched_on_time_and_a_standing_one_is_asked(slow_screw: Setup) -> None:
+    synced, asked = heard(slow_screw, moving=True)
     assert asked == 0
     for before, after in itertools.pairwise(synced[:PERIODS]):
         assert after - before == pytest.approx(5e-4, abs=1e-9)
-    assert heard(ball_screw, moving=False)[1] >= 2
+    assert heard(slow_screw, moving=False)[1] >= 2
 
 
 @pytest.mark.parametrize(("dt", "bitrate", "fits"), [(5e-4, 1e6, False), (1e-3, 1e6, True), (1e-3, 5e5, False)])

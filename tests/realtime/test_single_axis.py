@@ -28,6 +28,7 @@ from stagectl.realtime.setpoint_sources import Rows, held
 from stagectl.realtime.shared_memory import Board, Move, Order
 from stagectl.realtime.single_axis import SingleAxis
 from stagectl.realtime.states import Event, State
+from stagectl.realtime.stops import STOPS
 from stagectl.recording.ring import Ring
 from stagectl.service.single_motion import Motion, Shared, laid_on, posted
 from stagectl.simulation import simulate
@@ -386,7 +387,8 @@ def test_a_fault_of_ours_is_not_the_drives_to_explain(
 ) -> None:
     jump = Feedback(1.0, 0.0, 0x27, Fault.NONE)
     events, _, _, _ = performed(ball_screw, monkeypatch, Scripted(ball_screw, {50: jump}, clock))
-    assert (events[-1]["fault"], events[-1]["reason"]) == (Fault.FOLLOWING_ERROR, "")
+    causes = STOPS[Fault.FOLLOWING_ERROR].causes  # ours, and nothing of the drive
+    assert (events[-1]["fault"], events[-1]["reason"]) == (Fault.FOLLOWING_ERROR, causes)
 
 
 def test_the_operator_stops_it(ball_screw: Setup, monkeypatch: pytest.MonkeyPatch, clock: Clock) -> None:
