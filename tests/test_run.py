@@ -225,6 +225,20 @@ def test_an_interrupt_stops_the_axis_and_keeps_the_recording(tmp_path: Path) -> 
     assert recording.samples["fault"][-1] == 0 or recording.samples["fault"][-1] == 14
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_alone_is_told_even_where_it_inherits_signals_as_ignored(tmp_path: Path, number: int) -> None:
+    """A shell's background process ignores SIGINT, and Python then raises no KeyboardInterrupt."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with drive(STAGE, tmp_path / "bus"):
+            run = start_moving(tmp_path, "told.h5")
+            os.kill(run.pid, number)
+            assert run.wait(timeout=60) == 1
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert open_recording(tmp_path / "told.h5").complete
+
+
 def test_when_only_the_command_dies_the_loop_stops_the_axis(tmp_path: Path) -> None:
     """kill -9 of `stagectl run` itself: its loop must not go on unattended."""
     with drive(STAGE, tmp_path / "bus") as virtual:

@@ -145,7 +145,7 @@ def test_the_rule_of_the_cascade(ball_screw: Setup) -> None:
     assert control.velocity_bandwidth == 40.0
     assert control.integral_time == 0.01592
     assert control.force_filter == 0.0007958
-    assert control.layers == ("friction",)  # the other law's own default
+    assert control.layers == ("friction", "effects")  # the other law's own default
     assert families.chosen(of(ball_screw, "cascade"), 60.0).force_filter == 0.0  # type: ignore[union-attr]
 
 

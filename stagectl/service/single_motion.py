@@ -14,6 +14,7 @@ import contextlib
 import json
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -127,15 +128,30 @@ def laid_on(board: Board, rows: NDArray[np.float64]) -> boards.Order:
 
 def _follow(loop: Child, ring: Ring, total: int, progress: Progress) -> dict[str, Any]:
     """Show progress from the ring until the loop says that it has ended; hand an interrupt on to it."""
-    while True:
-        try:
-            if loop.readable(0.05):
-                ended = event_of(loop, "ended")
-                progress(ended["cycles"], total)
-                return ended
+    with _handing_on(loop):
+        while not loop.readable(0.05):
             progress(ring.written, total)
-        except KeyboardInterrupt:  # the loop has had the same signal and stops the axis: hear it out
-            loop.signal(signal.SIGINT)
+        ended = event_of(loop, "ended")
+        progress(ended["cycles"], total)
+        return ended
+
+
+@contextlib.contextmanager
+def _handing_on(loop: Child) -> Iterator[None]:
+    """SIGINT and SIGTERM stop the axis, whatever goes on here; then the loop is heard out.
+
+    A KeyboardInterrupt can be lost, and a shell's background process inherits SIGINT as ignored.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    stops = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.signal(number, lambda *_: loop.signal(signal.SIGINT)) for number in stops}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
 def posted(motion: Motion, shared: Shared) -> Post:

@@ -91,7 +91,7 @@ def test_inertia_viscous_and_coulomb_friction_of_the_proposed_method(outcome: Ou
         for method, our in ours.items():
             if method.startswith("simultaneous"):
                 assert our["value"] == pytest.approx(true, rel=0.015 if "3 A" in method else within), (method, name)
-                assert our["low"] < our["value"] < our["high"] < our["value"] * 1.03
+                assert our["low"] < true < our["high"] < our["value"] * 1.10  # the error of the law's form is in it
     assert parameters["viscous"]["paper"] == {"curve fit": 0.10, "constant speed": 0.14, "proposed": 0.14}
     assert parameters["inertia"]["truth"] == parameters["inertia"]["paper"]["proposed"] == 0.010
 
