@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from stagectl.api.arguments import PathLike, paths_of
-from stagectl.api.progress import ProgressOption, Update, reported
+from stagectl.api.progress import ProgressOption, reported
 from stagectl.api.result import ReportedResult, Sheet, drawn, frame
 from stagectl.api.stage import DesignedStage, StageLike, as_stage
 from stagectl.extras import require
@@ -19,7 +19,7 @@ from stagectl.gap.effects.library import excluded
 from stagectl.gap.logs import load_session
 from stagectl.gap.result import patch, result_json
 from stagectl.gap.result.diagnosis import Coordinate, DiagnosisResult, FoundEffect, Gap, NextExperiment, Spans
-from stagectl.gap.steps import BEGINS, Step
+from stagectl.gap.steps import in_percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -179,18 +179,6 @@ def diagnose(
     options = pipeline.Options(excluded(list(exclude)), full, advice)
     logs = load_session.load(places, None if stage is None else as_stage(stage).setup)
     with reported(progress, "diagnosis", 100) as update:
-        outcome = pipeline.diagnose(logs, options, _steps(update))
+        outcome = pipeline.diagnose(logs, options, in_percent(update))
         update(100, 100)
     return GapDiagnosis(places[0], outcome.result, logs, outcome.improved)
-
-
-def _steps(update: Update) -> Callable[[str], None]:
-    """How far it is when a step begins; what is reported between steps is shown next to it."""
-    reached = 0
-
-    def report(message: str) -> None:
-        nonlocal reached
-        reached = BEGINS[message] if isinstance(message, Step) else reached
-        update(reached, 100, str(message))
-
-    return report

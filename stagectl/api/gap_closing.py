@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -83,4 +82,4 @@ def close_gap(
     machine = machine_of(stage, simulate, plant)
     place = unused(f"close-{machine.setup.path.stem}") if folder is None else Path(folder)
     shown = Shown(say or (lambda _: None), partial(reported, progress))
-    return GapClosing(gap_closing.close(gap_closing.Closing(machine, place, rounds, seed, time.time), shown))
+    return GapClosing(gap_closing.close(gap_closing.Closing(machine, place, rounds, seed), shown))

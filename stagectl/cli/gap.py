@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +13,20 @@ from stagectl.cli.motion import Channel, Json, Plant, StageArgument
 from stagectl.cli.show import console, emit
 from stagectl.cli.show import progress as bar
 from stagectl.cli.studies import add
+
+Folder = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the recordings; an existing one is continued."),
+]
+Repeats = Annotated[int, typer.Option(min=1, max=100, help="Repeats of each experiment; the held-out ones take two.")]
+Only = Annotated[list[str] | None, typer.Option(metavar="NAMES", help="Only these experiments, separated by commas.")]
+Skip = Annotated[
+    list[str] | None, typer.Option(metavar="NAMES", help="All but these experiments, separated by commas.")
+]
+Seed = Annotated[
+    int | None,
+    typer.Option(min=0, max=2**31 - 1, help="Seed of the noise; default: from the simulated machine's file."),
+]
 
 gap = typer.Typer(
     help="Where simulator and machine differ, what causes it, how far the gap closes.", no_args_is_help=True
@@ -35,27 +48,13 @@ add(gap, "exam")
 @gap.command()
 def record(
     stage: StageArgument,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FOLDER", help="Folder for the recordings; an existing one is continued."
-        ),
-    ] = None,
-    repeats: Annotated[
-        int, typer.Option(min=1, max=100, help="Repeats of each experiment; the held-out ones take two.")
-    ] = 3,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="NAMES", help="Only these experiments, separated by commas.")
-    ] = None,
-    skip: Annotated[
-        list[str] | None, typer.Option(metavar="NAMES", help="All but these experiments, separated by commas.")
-    ] = None,
+    output: Folder = None,
+    repeats: Repeats = 3,
+    only: Only = None,
+    skip: Skip = None,
     simulate: Simulate = False,
     plant: Plant = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, max=2**31 - 1, help="Seed of the noise; default: from the simulated machine's file."),
-    ] = None,
+    seed: Seed = None,
     channel: Channel = None,
     json: Json = None,
 ) -> None:
@@ -75,14 +74,12 @@ def record(
 
     machine = machine_of(sc.load_stage(stage).on_channel(channel), simulate, plant)
     experiments = many.chosen((*battery(machine.setup), *held_out(machine.setup)), _names(only), _names(skip))
-    runs, folder = many.schedule(experiments, repeats), output or unused(f"gap-{stage.stem}")
+    folder = output or unused(f"gap-{stage.stem}")
     chosen_seed = (machine.plant or machine.setup).file.simulation.seed if seed is None else seed
-    motions = many.laid_out(machine, runs, folder)
-    took = sum(run.experiment.duration for run in runs)
-    console.print(f"{len(runs)} runs of {len(experiments)} experiments, {took / 60.0:.1f} min of motion, to {folder}")
-    result = many.record(
-        many.Campaign(machine, runs, motions, folder, chosen_seed, time.time), Shown(console.print, bar)
-    )
+    campaign = many.planned(machine, experiments, repeats, folder, chosen_seed)
+    runs, took = len(campaign.runs), sum(run.experiment.duration for run in campaign.runs)
+    console.print(f"{runs} runs of {len(experiments)} experiments, {took / 60.0:.1f} min of motion, to {folder}")
+    result = many.record(campaign, Shown(console.print, bar))
     if repeats == 1:
         console.print("one repeat only: chance variation cannot be separated from the gap; use --repeats 3")
     if not result["stopped"]:

@@ -9,7 +9,7 @@ import typer
 
 from stagectl.cli.comparison import Simulate, engine
 from stagectl.cli.motion import Channel, Json, Plant, StageArgument
-from stagectl.cli.show import console, emit, write_page
+from stagectl.cli.show import console, deliver
 from stagectl.extras import require
 
 
@@ -47,6 +47,4 @@ def close(
         progress=True,
         say=console.print,
     )
-    console.print(str(closed))
-    write_page(closed, Path(closed.result["folder"]) / "closed.html")
-    emit(closed.to_json(), json)
+    deliver(closed, Path(closed.result["folder"]) / "closed.html", json)

@@ -14,14 +14,14 @@ feedback, which holds it already.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.compensation.constants import INVERSE_STEPS
 from stagectl.kernels import effects, friction, inverse, stage, transmission
+from stagectl.kernels.fields import get, put
 
 Array = NDArray[np.float64]
 
@@ -64,13 +64,7 @@ def without(p: stage.Stage, places: Iterable[str]) -> stage.Stage:
     """The model with the fields at these dotted `places` neutral."""
     known = plain(p)
     for place in places:
-        block, _, field = place.partition(".")
-        value = attrgetter(place)(known)
-        outer = getattr(p, block)
-        head, _, rest = field.partition(".")
-        if rest:
-            value = getattr(outer, head)._replace(**{rest: value})
-        p = p._replace(**{block: outer._replace(**{head: value})})
+        p = put(p, place, get(known, place))
     return p
 
 
@@ -81,10 +75,10 @@ def steps(p: stage.Stage, dt: float) -> int:
 
 def begun(p: stage.Stage, position: float) -> Memory:
     """The memory of an axis that stands at `position` (rad | m) and has not moved yet."""
-    whole, bare = stage.at_rest(p, position), stage.at_rest(plain(p), position)
-    rest = np.array([[position, 0.0, 0.0]])
-    (demanded, _), (known, _) = (_inverse(model, x, rest, (1.0, 1)) for model, x in ((p, whole), (plain(p), bare)))
-    return Memory(stage.at_rest(p, position), stage.at_rest(plain(p), position), float(demanded[0] - known[0]))
+    known = plain(p)
+    memory = Memory(stage.at_rest(p, position), stage.at_rest(known, position), 0.0)
+    further, _ = _further((p, known), memory.copy(), np.array([[position, 0.0, 0.0]]), (1.0, 1))
+    return memory._replace(at_rest=float(further[0]))
 
 
 def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Array, Memory]:
@@ -94,14 +88,18 @@ def along(p: stage.Stage, memory: Memory, motion: Array, dt: float) -> tuple[Arr
     acts, from the beginning of the first period to the end of the last.
     """
     each = steps(p, dt)
-    whole, at_end = _inverse(p, memory.whole, motion, (dt / each, each))
-    known, plain_at_end = _inverse(plain(p), memory.plain, motion, (dt / each, each))
-    further = whole - known - memory.at_rest
-    means = (0.5 * (further[1:] + further[:-1])).reshape(-1, each).mean(axis=1)
-    return means, Memory(at_end, plain_at_end, memory.at_rest)
+    further, at_end = _further((p, plain(p)), memory, motion, (dt / each, each))
+    further -= memory.at_rest
+    return (0.5 * (further[1:] + further[:-1])).reshape(-1, each).mean(axis=1), at_end
 
 
-def _inverse(p: stage.Stage, x: stage.State, motion: Array, steps: tuple[float, int]) -> tuple[Array, Any]:
-    current = np.empty(len(motion))
-    at_end = inverse.along(p, x, np.ascontiguousarray(motion), steps, current)
-    return current, at_end
+def _further(
+    models: tuple[stage.Stage, stage.Stage], memory: Memory, motion: Array, steps: tuple[float, int]
+) -> tuple[Array, Memory]:
+    """Current (n,) A that the whole of the `models` demands beyond the plain one; the memory at the motion's end."""
+    motion = np.ascontiguousarray(motion)
+    whole, known = np.empty((2, len(motion)))
+    whole_end, known_end = (
+        inverse.along(p, x, motion, steps, out) for p, x, out in zip(models, memory[:2], (whole, known), strict=True)
+    )
+    return whole - known, Memory(whole_end, known_end, memory.at_rest)

@@ -35,6 +35,18 @@ BEGINS = {
 Progress = Callable[[str], None]  # called with each `Step` as it begins, and with a line for what happens within it
 
 
+def in_percent(update: Callable[..., object]) -> Progress:
+    """What shows a diagnosis as `update` (percent done, 100, words): a line between two steps next to the earlier."""
+    reached = 0
+
+    def report(message: str) -> None:
+        nonlocal reached
+        reached = BEGINS[message] if isinstance(message, Step) else reached
+        update(reached, 100, str(message))
+
+    return report
+
+
 class StepTimer:
     """Seconds of each step; passes on what is being done."""
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from stagectl.kernels import effects, friction, friction_effects, plant_with_effects, transmission
 from stagectl.kernels.constants import TURN_SHARE
 from stagectl.kernels.jit import kernel
-from stagectl.kernels.plant import Mechanics, Memory, Stage, State
+from stagectl.kernels.plant import Memory, Stage, State
 from stagectl.kernels.transmission import Bodies
 
 
@@ -29,10 +29,13 @@ class _Given(NamedTuple):
 
 
 class _Opposed(NamedTuple):
-    """What the motor works against, N m | N."""
+    """What the motor works against, and what that remembers after the move."""
 
-    friction: float  # viscous part and all
-    pull: float  # cable and table, less the bias
+    friction: float  # N m | N, viscous part and all
+    pull: float  # N m | N, cable and table, less the bias
+    contact: friction_effects.Contact
+    path: plant_with_effects.Path
+    load: float  # rad | m
 
 
 @kernel
@@ -44,28 +47,35 @@ def along(p: Stage, x: State, motion: Any, steps: tuple[float, int], out: Any) -
     warming and drift are looked at again.
     """
     h, each = steps
-    masses = transmission.coefficients(p.mechanics, x.memory.time, h)
-    held = friction_effects.held(p.friction, x.memory.time, h)
-    for k in range(len(motion)):
-        if k % each == 0:
-            masses = transmission.coefficients(p.mechanics, x.memory.time, h)
-            held = friction_effects.held(p.friction, x.memory.time, h)
-        given = _Given(motion[k, 0], motion[k, 1], motion[k, 2])
-        opposed, x = _opposed(p, (masses, held), x, given)
-        effort, x = _effort(p.mechanics, masses, x, given, opposed)
-        motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * given.position)
-        driving = effort - motor.cogging
-        current = driving / motor.constant - p.drive.offset
-        out[k] = current
-        x = State(x.commands, x.latched, current, given.position, given.velocity, x.force, x.stops, x.bristle, x.memory)
+    for first in range(0, len(motion), each):
+        masses = transmission.coefficients(p.mechanics, x.memory.time, h)
+        held = friction_effects.held(p.friction, x.memory.time, h)
+        for k in range(first, min(first + each, len(motion))):
+            given = _Given(motion[k, 0], motion[k, 1], motion[k, 2])
+            opposed = _opposed(p, (masses, held), x, given)
+            effort, bodies = _effort(masses, x.memory, given, opposed)
+            motor = plant_with_effects.motoring(p.motor, effects.TURN / p.mechanics.pitch * given.position)
+            out[k] = (effort - motor.cogging) / motor.constant - p.drive.offset
+            x = _moved(x, h, out[k], opposed, bodies)
     return x
+
+
+@kernel
+def _moved(x: State, h: float, current: float, opposed: _Opposed, bodies: Bodies) -> State:
+    """The state after a step of `h` (s)."""
+    m, c, path = x.memory, opposed.contact, opposed.path
+    memory = Memory(
+        m.time + h, m.begun, m.acting, m.before, m.heat, bodies.load, bodies.load_velocity, bodies.base,
+        bodies.base_velocity, c.lagged, c.rested, path.cable, path.turned, path.furthest, path.direction,
+    )  # fmt: skip
+    return State(x.commands, x.latched, current, bodies.position, bodies.velocity, c.force, x.stops, c.bristle, memory)
 
 
 @kernel
 def _opposed(
     p: Stage, held: tuple[transmission.Coefficients, friction_effects.Held], x: State, given: _Given
-) -> tuple[_Opposed, State]:
-    """Friction, cable and table after the move to the `given` position, and what they remember."""
+) -> _Opposed:
+    """Friction, cable and table after the move to the `given` position."""
     masses, c = held
     m, h = x.memory, c.h
     load = m.load + h * m.load_velocity if masses.load > 0.0 else given.position
@@ -94,31 +104,21 @@ def _opposed(
         place = plant_with_effects.coordinate(code, p.mechanics.pitch, bodies, path, (x.current, m.time))
         pull += effects.looked_up(p.residual, place)
     viscous = transmission.viscous(p.mechanics, masses, velocity) * velocity
-    memory = Memory(
-        m.time + h, m.begun, m.acting, m.before, m.heat, load, m.load_velocity, m.base, m.base_velocity,
-        contact.lagged, contact.rested, path.cable, path.turned, path.furthest, path.direction,
-    )  # fmt: skip
-    moved = State(
-        x.commands, x.latched, x.current, x.position, x.velocity, contact.force, x.stops, contact.bristle, memory
-    )
-    return _Opposed(contact.force + viscous, pull), moved
+    return _Opposed(contact.force + viscous, pull, contact, path, load)
 
 
 @kernel
-def _effort(
-    _: Mechanics, c: transmission.Coefficients, x: State, given: _Given, opposed: _Opposed
-) -> tuple[float, State]:
+def _effort(c: transmission.Coefficients, m: Memory, given: _Given, opposed: _Opposed) -> tuple[float, Bodies]:
     """Effort (N m | N) on the motor; load and base take their step.
 
     Accelerations are those of `transmission`: on the ground g = effort / inertia, the base takes the recoil of both.
     """
-    m = x.memory
     mu, stiffness, damping = c.base
     feet = stiffness * m.base + damping * m.base_velocity
     spring, load_share, free = 0.0, 0.0, 0.0
     if c.load > 0.0:
         spring = transmission.transmitted(
-            c, Bodies(given.position, given.velocity, m.load, m.load_velocity, m.base, m.base_velocity)
+            c, Bodies(given.position, given.velocity, opposed.load, m.load_velocity, m.base, m.base_velocity)
         )
         load_share = c.load / (c.motor + c.load)
         free = (spring - opposed.pull - c.share * opposed.friction) / c.load
@@ -132,9 +132,5 @@ def _effort(
     load, load_velocity = given.position, given.velocity
     if c.load > 0.0:
         load_velocity = m.load_velocity + h * (free + recoil)
-        load = m.load
-    memory = Memory(
-        m.time, m.begun, m.acting, m.before, m.heat, load, load_velocity, base, base_velocity,
-        m.lagged, m.rested, m.cable, m.turned, m.furthest, m.direction,
-    )  # fmt: skip
-    return effort, State(x.commands, x.latched, x.current, x.position, x.velocity, x.force, x.stops, x.bristle, memory)
+        load = opposed.load
+    return effort, Bodies(given.position, given.velocity, load, load_velocity, base, base_velocity)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import functools
 import hashlib
 import os
 import time
@@ -111,6 +112,14 @@ def laid_out(machine: Machine, runs: tuple[Run, ...], folder: Path) -> dict[str,
     return {name: prepare(machine.setup, place / f"{name}.yaml", frozenset(), folder / f"{name}.h5") for name in texts}
 
 
+def planned(
+    machine: Machine, experiments: tuple[tuple[int, Experiment], ...], repeats: int, folder: Path, seed: int
+) -> Campaign:
+    """The campaign of these numbered `experiments`, laid out: see `chosen`, `schedule` and `laid_out`."""
+    runs = schedule(experiments, repeats)
+    return Campaign(machine, runs, laid_out(machine, runs, folder), folder, seed, time.time)
+
+
 def record(campaign: Campaign, shown: Shown) -> dict[str, Any]:
     """Record what the folder does not hold yet; the result as JSON values.
 
@@ -151,7 +160,7 @@ def _made(campaign: Campaign, left: list[Run], begun: float, shown: Shown) -> st
     """Make the runs that are `left`; why it ended before the last one, an empty string where it did not."""
     counts = [len(campaign.motions[run.experiment.name].plan.setpoints) for run in left]
     unfinished = campaign.folder / "unfinished"
-    say = _once(shown.say)
+    say = functools.cache(shown.say)  # a message may hold for all runs: once is enough
     with shown.bar(f"record {len(left)} runs", sum(counts)) as update, _emptied(unfinished):
         for run, before in zip(left, accumulate(counts, initial=0), strict=False):
             motion = _motion(campaign, run, begun)._replace(recording=unfinished / f"{run.name}.h5")
@@ -263,18 +272,6 @@ def _identical(campaign: Campaign, kept: list[Run]) -> list[str]:
         "of the gap is 0; a simulated machine takes simulation.current_noise and simulation.encoder_noise, and a "
         "virtual drive that was started by hand begins its noise anew at each run: let this command start it"
     ]
-
-
-def _once(say: Say) -> Say:
-    """Report each message once, though it may hold for all runs."""
-    reported: set[str] = set()
-
-    def report(words: str) -> None:
-        if words not in reported:
-            reported.add(words)
-            say(words)
-
-    return report
 
 
 @contextlib.contextmanager

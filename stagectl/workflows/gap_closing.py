@@ -15,8 +15,12 @@ from __future__ import annotations
 import math
 import shutil
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl import paired_comparison
 from stagectl.config.stage_file import Setup, load_stage
 from stagectl.gap import diagnose as pipeline
 from stagectl.gap.effects.library import answered
@@ -27,7 +31,8 @@ from stagectl.gap.logs import load_session
 from stagectl.gap.logs.session import GapError
 from stagectl.gap.result import patch, result_json
 from stagectl.gap.result.diagnosis import DiagnosisResult
-from stagectl.gap.steps import Step
+from stagectl.gap.steps import in_percent
+from stagectl.number_format import length
 from stagectl.workflows import campaign as campaigns
 from stagectl.workflows.layer_comparison import compare
 from stagectl.workflows.motion import Commanded, lay_out
@@ -45,13 +50,12 @@ class Closing(NamedTuple):
     folder: Path
     rounds: int  # at most
     seed: int
-    clock: Any  # () -> s since the epoch
 
 
 class Round(NamedTuple):
     """One round: what was found, and what it was worth on the machine."""
 
-    stage: Path  # with what was found; the one before it where the round was not kept
+    stage: Path  # with what was found, whether or not it was kept
     found: tuple[str, ...]
     diagnosis: str  # its sentence
     foretold: float  # share of the squared gap that closes, in simulation
@@ -106,10 +110,11 @@ def _round(closing: Closing, stage: Path, number: int, shown: Shown) -> Round | 
     target.unlink(missing_ok=True)
     patch.applied(change, target)
     errors = _compared(closing, {BEFORE: setup, AFTER: load_stage(target)}, place / "compared", shown)
-    kept = _level(errors, AFTER) < _level(errors, BEFORE)
+    kept = _smaller(errors)
+    before, after = (length(_level(errors, name), setup.file.axis.travel_unit) for name in (BEFORE, AFTER))
     shown.say(
-        f"round {number}: {found.sentence}  Tracking error on unseen motions: {_level(errors, BEFORE) * 1e9:.0f} -> "
-        f"{_level(errors, AFTER) * 1e9:.0f} nm rms{'' if kept else '; not kept'}"
+        f"round {number}: {found.sentence}  Tracking error on unseen motions: {before} -> {after} rms"
+        f"{'' if kept else '; not kept'}"
     )
     names = tuple(effect.name for effect in found.named)
     return Round(target, names, found.sentence.rstrip("."), found.gap.closure, errors, kept)
@@ -118,23 +123,15 @@ def _round(closing: Closing, stage: Path, number: int, shown: Shown) -> Round | 
 def _recorded(closing: Closing, setup: Setup, place: Path, shown: Shown) -> None:
     machine = closing.machine._replace(setup=setup)
     experiments = campaigns.chosen((*battery(setup), *held_out(setup)), [], [])
-    runs = campaigns.schedule(experiments, REPEATS)
-    motions = campaigns.laid_out(machine, runs, place)
-    result = campaigns.record(campaigns.Campaign(machine, runs, motions, place, closing.seed, closing.clock), shown)
+    result = campaigns.record(campaigns.planned(machine, experiments, REPEATS, place, closing.seed), shown)
     if result["stopped"]:
         raise GapError(f"the recording was stopped: {result['stopped']}; the same command goes on")
 
 
 def _diagnosed(place: Path, shown: Shown) -> DiagnosisResult:
-    with shown.bar("diagnose", len(Step)) as update:
-        steps = list(Step)
-
-        def progress(message: str) -> None:
-            if isinstance(message, Step):
-                update(steps.index(message), len(steps))
-
-        found = pipeline.diagnose(load_session.load([place]), pipeline.Options(advice=False), progress).result
-        update(len(steps), len(steps))
+    with shown.bar("diagnosis", 100) as update:
+        found = pipeline.diagnose(load_session.load([place]), pipeline.Options(advice=False), in_percent(update)).result
+        update(100, 100)
     result_json.save(found, place)
     return found
 
@@ -158,10 +155,23 @@ def _compared(
     return errors
 
 
+def _smaller(errors: dict[str, dict[str, Result]]) -> bool:
+    """Whether the error after is smaller, by more than the repeats vary where they vary."""
+    figures = [paired_comparison.Figures(name, *2 * (_each(errors, name),)) for name in (BEFORE, AFTER)]
+    (change,) = paired_comparison.differences(figures, figures[0], "rms")
+    return change.mean > 0.0 and (change.certain or math.isnan(change.adjusted))
+
+
+def _each(errors: dict[str, dict[str, Result]], variant: str) -> NDArray[np.float64]:
+    """Root of the mean square tracking error (m | rad) over all motions, of each repeat."""
+    rms = np.array([motion[variant]["rms"]["values"] for motion in errors.values()])
+    each: NDArray[np.float64] = np.sqrt(np.mean(rms**2, axis=0))
+    return each
+
+
 def _level(errors: dict[str, dict[str, Result]], variant: str) -> float:
-    """Root of the mean square tracking error (m | rad) over all motions and repeats."""
-    squares = [value * value for motion in errors.values() for value in motion[variant]["rms"]["values"]]
-    return math.sqrt(sum(squares) / len(squares))
+    """The same over all repeats."""
+    return float(np.sqrt(np.mean(_each(errors, variant) ** 2)))
 
 
 def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> Result:
@@ -183,18 +193,14 @@ def _result(closing: Closing, rounds: list[Round], ended: str, shown: Shown) -> 
     effects = tuple(dict.fromkeys(name for done in rounds for name in done.found if name in answered()))
     setups = {BEFORE: load_stage(_version(closing.folder, 0)), AFTER: final}
     errors = _compared(closing, setups, closing.folder / "judged", shown, effects)
-    return {**answer, "errors": errors, "shares": _shares(errors, effects), "levels": _levels(errors)}
+    levels = {name: _level(errors, name) for name in next(iter(errors.values()))}
+    return {**answer, "errors": errors, "shares": _shares(levels, effects), "levels": levels}
 
 
-def _levels(errors: dict[str, dict[str, Result]]) -> dict[str, float]:
-    names = next(iter(errors.values()))
-    return {name: _level(errors, name) for name in names}
-
-
-def _shares(errors: dict[str, dict[str, Result]], effects: tuple[str, ...]) -> dict[str, float]:
+def _shares(levels: dict[str, float], effects: tuple[str, ...]) -> dict[str, float]:
     """What the squared error grows by without each effect, over what all that was found takes from it."""
-    before, after = (_level(errors, name) ** 2 for name in (BEFORE, AFTER))
-    gained = before - after
+    after = levels[AFTER] ** 2
+    gained = levels[BEFORE] ** 2 - after
     if gained <= 0.0:
         return {}
-    return {name: (_level(errors, f"{_WITHOUT}{name}") ** 2 - after) / gained for name in effects}
+    return {name: (levels[f"{_WITHOUT}{name}"] ** 2 - after) / gained for name in effects}

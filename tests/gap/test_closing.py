@@ -62,11 +62,22 @@ def test_an_asymmetry_is_found_applied_and_worth_what_it_takes(tmp_path: Path) -
 
 @pytest.mark.usefixtures("short")
 def test_a_model_that_makes_the_error_larger_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    levels = iter([2.0, 1.0, 2.0, 1.0])  # after, before: of the comparison and of its words
-    monkeypatch.setattr(gap_closing, "_level", lambda *_: next(levels))
-    monkeypatch.setattr(gap_closing, "_compared", lambda *_: {})
+    errors = measured([1e-6] * 3, [2e-6, 2.1e-6, 1.9e-6])
+    monkeypatch.setattr(gap_closing, "_compared", lambda *_: errors)
     closed = close_gap(STAGE, plant=machine(tmp_path), rounds=3, folder=tmp_path / "closed")
     assert closed.result["rounds"] == [] and closed.model == tmp_path / "closed" / "stage-0.yaml"
+
+
+def measured(before: list[float], after: list[float]) -> dict[str, dict[str, dict[str, dict[str, list[float]]]]]:
+    """Rms errors (m) of the repeats of one motion."""
+    return {"motion": {name: {"rms": {"values": values}} for name, values in (("before", before), ("after", after))}}
+
+
+def test_an_error_counts_as_smaller_beyond_what_its_repeats_vary_by() -> None:
+    assert gap_closing._smaller(measured([2e-6, 2.1e-6, 1.9e-6], [1e-6, 1.1e-6, 1.05e-6]))
+    assert not gap_closing._smaller(measured([2e-6, 2.1e-6, 1.9e-6], [1.9e-6, 2.2e-6, 1.7e-6]))  # by chance
+    assert gap_closing._smaller(measured([2e-6] * 3, [1.9e-6] * 3))  # nothing varies: no noise to be seen
+    assert not gap_closing._smaller(measured([1.9e-6] * 3, [2e-6] * 3))
 
 
 def test_the_motions_are_within_the_limits_of_every_stage() -> None:

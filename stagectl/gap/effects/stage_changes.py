@@ -4,31 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from stagectl.gap.effects.effect import Amplitude, Parameters, Shape, Values
 from stagectl.kernels import stage
+from stagectl.kernels.fields import get as get
+from stagectl.kernels.fields import put as put
 from stagectl.kernels.stage import Stage
 
-Block = TypeVar("Block")  # a NamedTuple of parameters
 Change = Callable[[Stage, Values], Stage]
-
-
-def put(p: Block, place: str, value: Any) -> Block:
-    """`p` with the field at the dotted `place` replaced."""
-    name, _, rest = place.partition(".")
-    block: Any = p
-    changed: Block = block._replace(**{name: put(getattr(p, name), rest, value) if rest else value})
-    return changed
-
-
-def get(p: Any, place: str) -> Any:
-    """The field of `p` at the dotted `place`."""
-    for name in place.split("."):
-        p = getattr(p, name)
-    return p
 
 
 def scaled(place: str) -> Change:
