@@ -56,13 +56,9 @@ def posterior(sums: Sums, prior: Prior) -> Posterior:
     Where a parameter has no prior its flat density is taken as 1: the evidence then compares only models that have the
     same such parameters.  Raises numpy.linalg.LinAlgError where neither prior nor data determine a parameter.
     """
-    factor = cho_factor(sums.gram + prior.precision, lower=True)
-    pull = prior.precision @ prior.mean
-    right = sums.right + pull
-    mean = cho_solve(factor, right)
-    gain = right @ mean - pull @ prior.mean - sums.square
-    volume = _log_determinant(prior.precision) - 2.0 * float(np.log(np.diag(factor[0])).sum())
-    return Posterior(mean, cho_solve(factor, np.eye(len(mean))), 0.5 * (float(gain) + volume))
+    alone = posteriors(Sums(sums.gram, sums.right[:, None], np.atleast_1d(sums.square)), prior)
+    identity = np.eye(len(alone.mean))
+    return Posterior(alone.mean[:, 0], cho_solve(alone.factor, identity), float(alone.log_evidence[0]))
 
 
 class Posteriors(NamedTuple):
@@ -82,19 +78,6 @@ def posteriors(sums: Sums, prior: Prior) -> Posteriors:
     gain = np.sum(right * mean, axis=0) - pull @ prior.mean - sums.square
     volume = _log_determinant(prior.precision) - 2.0 * float(np.log(np.diag(factor[0])).sum())
     return Posteriors(mean, factor, np.asarray(0.5 * (gain + volume)))
-
-
-def without(sums: Sums, prior: Prior, nuisance: slice) -> tuple[Sums, float]:
-    """Integrate the parameters `nuisance` out: the sums of the others, and the log of the evidence's factor.
-
-    `prior` is that of the nuisances alone.  The sums that are returned hold for models of the other parameters.
-    """
-    chosen = np.zeros(len(sums.right), dtype=bool)
-    chosen[nuisance] = True
-    cross = sums.gram[np.ix_(chosen, ~chosen)]
-    alone = posterior(Sums(sums.gram[np.ix_(chosen, chosen)], sums.right[chosen], 0.0), prior)
-    gram = sums.gram[np.ix_(~chosen, ~chosen)] - cross.T @ alone.covariance @ cross
-    return Sums(gram, sums.right[~chosen] - cross.T @ alone.mean, sums.square), alone.log_evidence
 
 
 def _log_determinant(precision: Matrix) -> float:

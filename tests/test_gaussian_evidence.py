@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from stagectl.gaussian_evidence import Matrix, Prior, Sums, Vector, independent, posterior, without
+from stagectl.gaussian_evidence import Matrix, Prior, Sums, Vector, independent, posterior
 
 ROWS, COLUMNS = 40, 5
 
@@ -28,19 +28,6 @@ def test_the_evidence_is_the_density_of_the_rows(seed: int) -> None:
     covariance = np.eye(ROWS) + x @ np.linalg.inv(prior.precision) @ x.T
     expected = multivariate_normal(x @ prior.mean, covariance).logpdf(y) + 0.5 * ROWS * np.log(2.0 * np.pi)
     assert posterior(_sums(x, y), prior).log_evidence == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_what_is_integrated_out_changes_neither_evidence_nor_posterior(seed: int) -> None:
-    x, y, _ = _case(seed)
-    random = np.random.default_rng(seed + 100)
-    mean, deviation = random.normal(size=COLUMNS), random.uniform(0.1, 3.0, COLUMNS)
-    whole = posterior(_sums(x, y), independent(mean, deviation))
-    rest, factor = without(_sums(x, y), independent(mean[:2], deviation[:2]), slice(0, 2))
-    part = posterior(rest, independent(mean[2:], deviation[2:]))
-    assert part.log_evidence + factor == pytest.approx(whole.log_evidence, rel=1e-9)
-    assert part.mean == pytest.approx(whole.mean[2:], rel=1e-9)
-    assert part.covariance == pytest.approx(whole.covariance[2:, 2:], rel=1e-9)
 
 
 def test_what_the_data_do_not_excite_stays_at_its_prior() -> None:
