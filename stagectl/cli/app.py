@@ -14,7 +14,7 @@ import os
 import shlex
 import sys
 from keyword import iskeyword
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -52,14 +52,34 @@ VERBS = {
     "gap": ("gap",),
 }
 
+# What the help lists together, by task; a verb that stands in none is listed at the end.
+PANELS = {
+    "Model": ("config", "simulate", "tune", "reproduce"),
+    "Run": ("demo", "run", "learn", "compare"),
+    "Recordings": ("report", "replay", "export", "import"),
+    "Identify": ("identify",),
+    "Diagnose": ("gap",),
+    "Service": (*VERBS["service"], *VERBS["scope"], "inject", "service", "doctor"),
+    "Drive": ("drive", "virtual-drive", "selftest"),
+}
+START = """\
+Real-time control of a precision stage, its simulator, and the gap between the two.  Where to begin:
+
+  without hardware     stagectl demo                            a virtual stage moves; a page shows how well
+                       stagectl serve config/ball-screw.yaml    the same in the browser, live
+  a drive on a bench   stagectl drive probe --help              what the drive is; nothing moves
+  a log that you have  stagectl import --help                   then: stagectl gap diagnose
+
+`stagectl --help` lists all commands, `stagectl COMMAND --help` says what one does."""
+
 
 class Verbs(TyperGroup):
     """A group whose help is a list in plain text: rich would take three times as long as all the rest."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Without a verb, show the help; typer would leave that to rich."""
+        """Without a verb, show where to begin, or the help of a group; typer would leave that to rich."""
         if not args and self.no_args_is_help and not ctx.resilient_parsing:
-            typer.echo(ctx.get_help())
+            typer.echo(ctx.get_help() if ctx.parent else START)
             ctx.exit(2)
         return super().parse_args(ctx, args)
 
@@ -68,11 +88,19 @@ class Verbs(TyperGroup):
         super(TyperGroup, self).format_help(ctx, formatter)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Each verb with the whole first paragraph of its help."""
-        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
-        with formatter.section("Commands"):
+        """Each verb with the whole first paragraph of its help; those of `stagectl` itself by task."""
+        left = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
+        for title, names in ({} if ctx.parent else PANELS).items():
+            _listed(formatter, title, {name: left.pop(name) for name in names if name in left})
+        _listed(formatter, "Commands", left)
+
+
+def _listed(formatter: Any, title: str, commands: dict[str, Any]) -> None:
+    if commands:
+        with formatter.section(title):
             formatter.write_dl(
-                [(name, inspect.cleandoc(command.help or "").split("\n\n")[0]) for name, command in commands if command]
+                [(name, inspect.cleandoc(command.help or "").split("\n\n")[0]) for name, command in commands.items()],
+                col_max=14,
             )
 
 
@@ -86,7 +114,7 @@ def application(word: str = "") -> typer.Typer:
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.callback()(_nothing)
+    app.callback()(_root)
     for name in [name for name, verbs in VERBS.items() if word in verbs] or VERBS:
         _add(app, importlib.import_module(f"stagectl.cli.{name}"), VERBS[name])
     for group in app.registered_groups:
@@ -107,7 +135,19 @@ def _add(app: typer.Typer, module: Any, verbs: tuple[str, ...]) -> None:
             app.command(verb)(entry)
 
 
-def _nothing() -> None:
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"stagectl {version('stagectl')}")
+        raise typer.Exit
+
+
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
     """Keep a single verb from becoming the whole command."""
 
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from stagectl.cli.app import VERBS
 from stagectl.kernels.rollout import COLUMNS
 from stagectl.recording.hdf5 import Recording
 from stagectl.workflows import motion as session
@@ -21,6 +24,7 @@ from tests.config.corpus import Case, files
 from tests.conftest import CONFIG
 
 STAGE, SINE = CONFIG / "ball-screw.yaml", CONFIG / "trajectories" / "sine-2um.yaml"
+_COMMANDS = {name for names in VERBS.values() for name in names}
 BAD_STAGES = [case for case in files(STAGE.read_text()) if case.refused]
 BAD_MOTIONS = [case for case in files(SINE.read_text()) if case.refused]
 
@@ -77,8 +81,25 @@ def test_no_such_file(command: Command, verb: str) -> None:
     refused(command(verb, "absent.yaml", *([SINE] if verb != "virtual-drive" else [])), "absent.yaml cannot be read")
 
 
+def test_without_a_command_it_shows_where_to_begin(command: Command) -> None:
+    code, out, err = command()
+    assert (code, err) == (2, "") and all(door in out for door in ("stagectl demo", "drive probe", "gap diagnose"))
+
+
+def test_the_version_is_that_of_the_distribution(command: Command) -> None:
+    assert command("--version") == (0, f"stagectl {version('stagectl')}\n", "")
+
+
+def test_the_help_lists_every_command_once_under_its_task(command: Command) -> None:
+    _, out, _ = command("--help")
+    listed = [line.split()[0] for line in out.splitlines() if re.match(r"  [a-z]", line)]
+    assert sorted(set(listed) & _COMMANDS) == sorted(_COMMANDS)
+    assert len([name for name in listed if name in _COMMANDS]) == len(_COMMANDS)
+    assert "\nCommands:" not in out  # a command without a task
+
+
 def test_usage(command: Command) -> None:
-    for arguments in ((), ("--help",), ("config",)):
+    for arguments in (("--help",), ("config",)):
         code, out, err = command(*arguments)
         assert code in (0, 2)
         assert "Usage" in out + err
