@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.config.time_outs import axis_limits
 from stagectl.drives.bus.frames import Bus
@@ -13,6 +12,7 @@ from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import Clock
 from stagectl.drives.drive import Canopen
+from stagectl.drives.homing import Homing
 from stagectl.kernels import rollout
 from stagectl.plan import plan
 from stagectl.realtime import axes

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError, Fault
 from stagectl.drives.faults import FaultType
+from stagectl.drives.homing import Homing
 from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order
 from stagectl.realtime.states import STOPS_GOING_ON, Event, State

@@ -130,6 +130,7 @@ def virtual_node(
         time=time or WALL,
         faults=setup.file.virtual_drive.faults,
         brake=setup.file.brake,
+        mark=setup.file.virtual_drive.mark,
     )
 
 

@@ -84,6 +84,14 @@ simulation:
   clock: wall
 """
 _HOMING = "homing:\n  method: here\n"
+_HOMING_BY_DRIVE = """homing:
+  method: drive
+  number: {number}
+  speed: 5 mm/s
+  slow: 1 mm/s
+  distance: 4 mm
+  position: 3 mm
+"""
 _BRAKE = "brake:\n  control: drive\n  release: {time:g} ms\n  engage: {time:g} ms\n"
 MOTION = "type: sine\namplitude: 1 mm\nfrequency: 2 Hz\nperiods: 1\nramp: 1\n"
 LONG_MOTION = "type: sine\namplitude: 2 mm\nfrequency: 1 Hz\nperiods: 60\nramp: 1\n"
@@ -109,6 +117,7 @@ def write(folder: Path, variant: Variant, wire: Mapping[str, str] | None = None,
     )  # fmt: skip
     files = Files(folder / "stage.yaml", folder / "motion.yaml", folder / "bus", folder / "diary.jsonl")
     text += _HOMING if variant.start_counts else ""
+    text += _HOMING_BY_DRIVE.format(number=37 if variant.homing == "here" else 17) if variant.homing else ""
     text += _BRAKE.format(time=1e3 * variant.brake_time) if variant.gravity and "brake" in StageFile._fields else ""
     files.stage.write_text(text)
     files.motion.write_text(motion)

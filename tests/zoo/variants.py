@@ -46,6 +46,7 @@ class Variant:
     brake_time: float = 0.05  # s from the drive's order until the brake holds, or is open
     fault_stays: bool = False  # its cause is still there: a reset has no effect
     needs_interpolation: bool = False  # 0x60C2:01 must not be 0 when it is enabled
+    homing: str = ""  # how its mode 6 goes: see `homing.py`; empty: it has none
     second_node: bool = False  # a strange drive with node id 6 is on the same bus
     wire: Mapping[str, str] = field(default_factory=dict)  # lines of the stage file's block `drive.wire`
 
@@ -150,10 +151,18 @@ VARIANTS: dict[str, Variant] = {
     "two-nodes": Variant("a strange node is on the same bus", second_node=True),
 }
 
+# Drives that are asked to home themselves; they are tried by `test_homing.py`, as no motion of the table does it.
+HOMINGS = {
+    f"homing-{kind}": Variant(f"homing by the drive: {kind}", homing=kind, values={0x650200: 0x220})
+    for kind in ("switch", "error", "never", "here", "stubborn")
+}
+HOMINGS |= {f"{name}-late": HOMINGS[name].changed(tpdo_age=1) for name in ("homing-switch", "homing-here")}
+HOMINGS["homing-absent"] = Variant("no homing mode", homing="absent")
+
 
 def named(name: str) -> Variant:
     """The variant of this name; ``without:0x605A00`` lacks the object with this key."""
     if name.startswith("without:"):
         key = int(name.removeprefix("without:"), 16)
         return Variant(f"has no 0x{key >> 8:04X}:{key & 0xFF:02X}", absent=(key,))
-    return VARIANTS[name]
+    return HOMINGS[name] if name in HOMINGS else VARIANTS[name]

@@ -32,8 +32,11 @@ REMOTE, LIMITED, FOLLOWS = 1 << 9, 1 << 11, 1 << 12  # statusword: remote, inter
 DIGITAL_OUTPUTS, BRAKE_BIT = 0x60FE, 1  # subindex 1: the outputs, whose bit 0 sets the brake; 2: their mask
 
 PROFILE, SERVO_DRIVE = 402, 0x0002_0000  # low word of 0x1000; its bit for a servo drive
-CYCLIC_SYNCHRONOUS_TORQUE = 10
-CYCLIC_SYNCHRONOUS_TORQUE_BIT = 1 << 9  # in 0x6502
+CYCLIC_SYNCHRONOUS_TORQUE, HOMING = 10, 6  # modes of operation
+CYCLIC_SYNCHRONOUS_TORQUE_BIT, HOMING_BIT = 1 << 9, 1 << 5  # in 0x6502
+HOME_OFFSET, HOMING_METHOD, HOMING_SPEEDS, HOMING_ACCELERATION = 0x607C, 0x6098, 0x6099, 0x609A
+HOMING_START = 1 << 4  # controlword in mode 6
+TARGET_REACHED, HOMING_ATTAINED, HOMING_ERROR = 1 << 10, 1 << 12, 1 << 13  # statusword in mode 6
 TORQUE_PERMILLE = 1e-3  # 0x6071 and 0x6077 count thousandths of the rated value
 
 # NMT (CiA 301): commands and the states that a heartbeat carries
