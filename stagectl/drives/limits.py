@@ -20,6 +20,8 @@ STANDING = 1e-4  # s; chosen; times the ramp's deceleration: speed below which a
 
 YOUNG_HEARTBEAT = 1.0  # s; chosen; a drive heard so lately, after its last answer, is there; decides words alone
 
+OLD_ANSWERS = 3  # answers; SYNC n shows n - 1, and some drives n - 2: so many may precede an order, and one is spare
+
 # A drive under power (canopen/operation_watch.py)
 LEARNING_TIME = 0.05  # s; chosen; from Operation enabled on: statusword bits 9 and 12 that the drive shows are demanded
 STATUS_BIT_TIME = 0.005  # s; chosen; a demanded bit may be missing so long, and for CERTAIN_CYCLES

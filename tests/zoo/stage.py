@@ -58,6 +58,7 @@ friction:
   longest: 50 um
 encoder:
   counts_per_revolution: {counts}
+  delay_samples: {age}
 drive:
   current_lag: 1 ms
   current_limit: {current_limit:g} A
@@ -112,7 +113,8 @@ def write(folder: Path, variant: Variant, wire: Mapping[str, str] | None = None,
     lines = {key: line for key, line in lines.items() if key in KNOWN}
     text = _STAGE.format(
         lead=1e3 * LEAD, force_constant=FORCE_CONSTANT, inertia=INERTIA, viscous=VISCOUS, coulomb=COULOMB,
-        bias=-variant.gravity, counts=COUNTS, current_limit=CURRENT_LIMIT, period=1e3 * PERIOD, travel=1e3 * TRAVEL,
+        bias=-variant.gravity, counts=COUNTS,
+        age=variant.tpdo_age * variant.age_told, current_limit=CURRENT_LIMIT, period=1e3 * PERIOD, travel=1e3 * TRAVEL,
         wire="\n".join(f"    {key}: {value}" for key, value in lines.items()),
     )  # fmt: skip
     files = Files(folder / "stage.yaml", folder / "motion.yaml", folder / "bus", folder / "diary.jsonl")

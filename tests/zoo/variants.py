@@ -39,6 +39,7 @@ class Variant:
     clamp_told: bool = False  # bit 11 of the statusword
     in_motion: str = ""  # what happens once the axis has moved: see `events.py`
     tpdo_age: int = 0  # periods by which the answer is old
+    age_told: bool = False  # the stage file says so
     drops_every: int = 0  # each so many-th SDO response is lost
     sdo_delay: float = 0.0  # s
     extra_pdos: bool = False  # sends TPDO 2 and 3 by event and by SYNC, unasked
@@ -113,6 +114,7 @@ VARIANTS: dict[str, Variant] = {
     "follow-lost": Variant("bit 12 falls in motion: commands are not followed", in_motion="follow-lost"),
     "mode-lost": Variant("leaves the mode in motion", in_motion="mode-lost"),
     "tpdo-late": Variant("the answer is that of the period before", tpdo_age=1),
+    "tpdo-late-told": Variant("the same, and the stage file says so", tpdo_age=1, age_told=True),
     "tpdo-frozen": Variant("from some point the same answer again and again", in_motion="tpdo-frozen"),
     "tpdo-silent": Variant("from some point no answer", in_motion="tpdo-silent"),
     "guarding-only": Variant(

@@ -39,7 +39,7 @@ from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.cycle_time import has_room_for_sdo
 from stagectl.drives.drive import Canopen, Fault, Feedback, Power
 from stagectl.drives.homing import NO_HOMING, Homing
-from stagectl.drives.limits import REPEAT_COMMAND_CYCLES, STANDING
+from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, STANDING
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _SYNC = frame(0x080)
@@ -77,8 +77,7 @@ class CanopenDrive:
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
         self._walking = False  # on the way to it
-        self._closed = False
-        self._silent = False  # no answer to the last SYNC
+        self._closed = self._silent = False  # silent: no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
         setup = configured(settings, bus, encoder_step, dt, clock, limits, homing)
@@ -90,7 +89,7 @@ class CanopenDrive:
         self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
         self._brake = BrakeSequence(brake, dt, self._line.set_brake)
         self._mode = ModeSwitch(self._line, self._command, self._reports)
-        self._homing: DriveHoming | None = None  # that goes on
+        self._homing: DriveHoming | None = None
         self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
         self._slow = settings.quick_stop_deceleration * STANDING
         self._found = FoundState(*(setup.objects.known(index) for index in (cia402.STATUSWORD, cia402.ERROR_CODE)))
@@ -152,8 +151,7 @@ class CanopenDrive:
 
     def _homed(self, now: Feedback) -> Feedback:
         """A step of the drive's homing; the controlword of enabled operation has its start bit."""
-        homing = self._homing
-        if homing is not None:
+        if (homing := self._homing) is not None:
             now, self._walk.controlword = homing.step(now), homing.controlword
         return now
 
@@ -203,9 +201,10 @@ class CanopenDrive:
     def reset_fault(self) -> None:
         """Hold bit 7 until the drive's fault is gone, without power.  Raises DriveError where it stays."""
         begun = due = self._now()
+        gone = ConsecutiveCycles(OLD_ANSWERS)
         while (elapsed := self._now() - begun) < FaultReset.DURATION:
             self.sample()
-            if not self._silent and self._last.statusword & _FAULT_BIT == 0:
+            if gone.certain(not self._silent and self._last.statusword & _FAULT_BIT == 0):
                 break
             self._walk.controlword = FaultReset.controlword(elapsed)
             self.apply(0.0)
@@ -271,7 +270,8 @@ class CanopenDrive:
         state = self._walk.step(now)
         self._mode.shown()
         self._reports.proving = now.fault is Fault.NONE and not self._reports.watch.mode_shown
-        if now.fault is Fault.NONE and not (self._reports.watch.mode_shown and self._brake.released()):
+        proven = self._walk.certain and self._reports.watch.mode_shown
+        if now.fault is Fault.NONE and not (proven and self._brake.released()):
             return now._replace(fault=Fault.DRIVE_FAULT)  # not yet: mode before release, release before motion
         self._reports.serving = now.fault is Fault.NONE
         self._walking = not self._reports.serving
