@@ -23,7 +23,6 @@ from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Way
 from stagectl.drives.bus.frames import Bus, frame
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import FeedbackPdo
 from stagectl.drives.clock import WALL, Clock
@@ -38,7 +37,6 @@ from stagectl.units import StageError
 
 STATES = ("connecting", "enabling", "holding", "moving", "stopping")  # a real drive is not made to trip
 _SYNC = frame(0x080)
-_POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
 _SPAN = 0.01  # s over which a speed is taken; longer where the encoder's step is coarse
 _FRAMES = 1000  # that wait for the loop
 _SEES = 0.2  # s in which the end of a case is looked at
@@ -141,7 +139,7 @@ class Listening:
             window.popleft()
         before, start = window[0]
         speed = (position - start) / (now - before) if now > before else 0.0
-        self.trace.append(AxisSample(now, position, speed, cia402.state(statusword) in _POWERED))
+        self.trace.append(AxisSample(now, position, speed, cia402.state(statusword) in cia402.POWERED))
 
 
 class Attentive:

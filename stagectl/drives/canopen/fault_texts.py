@@ -56,12 +56,6 @@ class FoundState(NamedTuple):
         return self.error_code if _is_fault(self.statusword) else None
 
 
-_NMT = {
-    cia402.INITIALISING: "initialising",
-    cia402.STOPPED: "stopped",
-    cia402.OPERATIONAL: "operational",
-    cia402.PRE_OPERATIONAL: "pre-operational",
-}
 MUTE = Deviation("its heartbeat was not heard for {:.2f} s while its answers went on", alone=True)
 LEFT_OPERATIONAL = Deviation(
     "it left the NMT state operational (its heartbeat says {})",
@@ -223,7 +217,7 @@ def explained(node: int, last: Feedback, signs: DriveSigns) -> str:
 
 def nmt_words(state: int) -> str:
     """An NMT state of a heartbeat (CiA 301) in words."""
-    return _NMT.get(state, f"unknown, 0x{state:02X}")
+    return cia402.NMT_WORDS.get(state, f"unknown, 0x{state:02X}")
 
 
 def _nmt_words(signs: DriveSigns) -> str:

@@ -20,9 +20,7 @@ from stagectl.drives.virtual.holding_brake import HoldingBrake
 from stagectl.drives.virtual.homing import VirtualHoming
 from stagectl.drives.virtual.sensor import Actuator, Sensor
 
-_VOLTAGE, _REMOTE, _FOLLOWS = 0x0010, 0x0200, 0x1000  # bits of the statusword besides the state
-_STOPPING = (DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
-_POWERED = (DriveState.OPERATION_ENABLED, *_STOPPING)
+_VOLTAGE = 0x0010  # bit of the statusword
 
 
 class StopOptions(NamedTuple):
@@ -85,15 +83,15 @@ class PowerStage:
     @property
     def enabled(self) -> bool:
         """Whether current may flow."""
-        return self.state in _POWERED
+        return self.state in cia402.POWERED
 
     @property
     def statusword(self) -> int:
         """Statusword (0x6041) now."""
-        bits: int = self.state.value[1] | _REMOTE | _VOLTAGE
+        bits: int = self.state.value[1] | cia402.REMOTE | _VOLTAGE
         if self._homes:
             return bits | self.homing.bits
-        return bits | _FOLLOWS if self._obeys else bits
+        return bits | cia402.FOLLOWS if self._obeys else bits
 
     def control(self, controlword: int) -> None:
         """Obey a controlword: at most one transition."""
@@ -105,7 +103,7 @@ class PowerStage:
         if command is None:
             return
         target = cia402.TRANSITIONS.get((self.state, command))
-        if self._sto and target in _POWERED:
+        if self._sto and target in cia402.POWERED:
             return
         if target is DriveState.QUICK_STOP_ACTIVE:
             self.quick_stop()
@@ -228,7 +226,7 @@ class PowerStage:
 
     def _leave_for(self, target: DriveState) -> None:
         """Go to another state; where power ends with it, the brake holds first."""
-        if not (self.brake.by_drive and self.enabled and target not in _POWERED):
+        if not (self.brake.by_drive and self.enabled and target not in cia402.POWERED):
             self._enter(target)
         elif not self.stopping:
             self._slow_down(target)
