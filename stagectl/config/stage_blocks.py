@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 from stagectl import design, learning
 from stagectl.compensation.forms import FORMS, Compensators, Model
 from stagectl.config.friction_laws import LAWS, Dahl, Lugre, Operators, Rolling
-from stagectl.config.homing import Homing
 from stagectl.drives.brake import Brake
 from stagectl.drives.drive import Canopen, Odrive, Simulation
 from stagectl.drives.faults import BLOCKS
+from stagectl.drives.homing import Homing
 from stagectl.kernels import effects, plant, stage
 from stagectl.kernels.effects import Harmonic
 from stagectl.kernels.plant import Reported
@@ -82,11 +82,14 @@ class Realtime(NamedTuple):
 
 
 class VirtualDrive(NamedTuple):
-    """Faults of a virtual drive; a real drive ignores this block."""
+    """Faults and mark of a virtual drive; a real drive ignores this block."""
 
     faults: Annotated[
         tuple[Annotated[Any, Tagged("fault", BLOCKS)], ...], "what fails, counted from Operation enabled on"
     ] = ()
+    mark: Annotated[
+        float, Quantity("rad | m", "[-1e6, 1e6]", "reference mark of its homing, from where it is powered on")
+    ] = 0.0
 
 
 class Limits(NamedTuple):

@@ -63,7 +63,11 @@ def _brake(file: StageFile) -> Iterator[Problem]:
 
 def _homing(file: StageFile) -> Iterator[Problem]:
     homing = file.homing
-    if homing.method in ("none", "here"):
+    if homing.by_drive and not isinstance(file.drive.wire, Canopen):
+        yield Problem("only a CANopen drive finds its home itself", _CONFLICT, "homing.method", homing.method)
+    if homing.by_drive and homing.number == 0:
+        yield Problem("needs homing.number, the drive's method (0x6098)", _CONFLICT, "homing.method", homing.method)
+    if not homing.moves:
         return
     if homing.speed == 0.0 or homing.distance == 0.0:
         reason = "needs homing.speed, whose sign is the direction, and homing.distance"

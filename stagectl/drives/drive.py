@@ -76,6 +76,7 @@ class Feedback(NamedTuple):
     statusword: int  # CiA 402 statusword; other drives map theirs onto it
     fault: Fault
     age: float = 0.0  # s, of the position: 0 where it is latched with the cycle
+    busy: bool = False  # the drive still looks for its home, see Power.HOME
 
 
 class Power(enum.Enum):
@@ -84,6 +85,7 @@ class Power(enum.Enum):
     ON = "Operation enabled at zero current"
     QUICK_STOP = "stopped by its own ramp"
     ENGAGE = "Operation enabled until the brake holds, then no voltage"
+    HOME = "looks for its home by itself, then as ON"
     OFF = "no voltage"
 
 
@@ -191,7 +193,11 @@ class Canopen(NamedTuple):
     ] = None
     deceleration_scale: Annotated[
         float,
-        Quantity("rad/s^2 | m/s^2", "[0, 1e6]", "one count of the ramp 0x6085; 0: an encoder count a second squared"),
+        Quantity("rad/s^2 | m/s^2", "[0, 1e6]", "one count of the ramps 0x6085, 0x609A; 0: a count a second squared"),
+    ] = 0.0
+    velocity_scale: Annotated[
+        float,
+        Quantity("rad/s | m/s", "[0, 1e6]", "one count of the homing speeds 0x6099; 0: an encoder count a second"),
     ] = 0.0
     boot_time: Annotated[float, Quantity("s", "[0.1, 120]", "longest time from power or reset to an answer")] = 10.0
     identity: Identity = Identity()

@@ -20,11 +20,19 @@ STANDING = 1e-4  # s; chosen; times the ramp's deceleration: speed below which a
 
 YOUNG_HEARTBEAT = 1.0  # s; chosen; a drive heard so lately, after its last answer, is there; decides words alone
 
+OLD_ANSWERS = 3  # answers; SYNC n shows n - 1, and some drives n - 2: so many may precede an order, and one is spare
+
 # A drive under power (canopen/operation_watch.py)
 LEARNING_TIME = 0.05  # s; chosen; from Operation enabled on: statusword bits 9 and 12 that the drive shows are demanded
 STATUS_BIT_TIME = 0.005  # s; chosen; a demanded bit may be missing so long, and for CERTAIN_CYCLES
 MODE_PERIOD = 0.1  # s; chosen; between two questions for 0x6061, by SDO: 0.1 % of a bus of 1 Mbit/s
 WRONG_MODES = 2  # answers; chosen; that show another mode, one after the other
+
+# Homing by the drive (homing.py, canopen/drive_homing.py)
+SLOW_SHARE = 0.2  # of homing.speed; chosen; speed at the switch where the stage file names none
+SEARCH_TIME = 0.1  # s; chosen; in which a search reaches its speed: its current must not look like an end stop
+HOMING_GRACE = 5.0  # s; chosen; beyond the time of the way: changes of mode, ramps, the drive's own pauses
+STALE_TIME = 0.05  # s; chosen; after the start, statusword bits 12 and 13 may be those of the homing before
 
 # Whether the drive gives what it is told (realtime/envelope.py, realtime/safety.py)
 CURRENT_SHARE = 0.1  # of the command; chosen; by which the measured current may differ: scale of a good drive
@@ -55,6 +63,7 @@ SETUPS = 3  # attempts; chosen; a drive that boots in mid set-up is set up again
 BOOT_ANSWER_TIME, SDO_ANSWER_TIME = 0.3, 1.0  # s; see above; longest wait for one answer
 SDO_TRIES = 3  # requests; chosen; a late answer is not taken for another one (`PumpedSdo`)
 MODE_TIME = 1.0  # s; chosen; 0x6061 is waited for so long; some drives show the mode only once they are enabled
+MODE_REPEAT = 0.3  # s; chosen; an ordered mode that is not shown is ordered again: three questions fit in between
 ROUNDED = 0.01  # of a value; chosen; a drive may round the ramp that is written so much
 INCREMENTS = 1e-6  # of a resolution; rounding of 0x608F, whose two numbers are whole
 

@@ -89,7 +89,7 @@ class OdriveDrive:
         self._settings, self._line, self._dt, self._clock = settings, line, dt, clock
         self._axis = f"axis{settings.axis}"
         self._last = Feedback(0.0, math.nan, 0, Fault.NONE)
-        self._state, self._cycles, self._errors, self._closed = IDLE, 0, 0, False
+        self._state, self._cycles, self._closed = IDLE, 0, False
         try:
             self._description = self._configure()
         except OSError as error:

@@ -30,14 +30,13 @@ _NAN = math.nan
 _NONE = Fault.NONE
 _DISABLED, _ENABLING, _STANDING, _MOVING = State.DISABLED, State.ENABLING, State.STANDING, State.MOVING
 _HOMING, _STOPPING, _FAULT, _ENGAGING = State.HOMING, State.STOPPING, State.FAULT, State.ENGAGING
+_DRIVE_HOMING, _UNLOADED = State.DRIVE_HOMING, (State.ENABLING, State.DRIVE_HOMING)
 _OLD_TIME = 1.0  # s without power in which an emergency is of the time before, and is taken back
 _STOP_TIME, _LOST_TIME = 10.0, 1.0  # s
 
 
 class Axis(AxisData):
     """One axis that acts, period by period."""
-
-    # one period
 
     def sense(self) -> None:
         """Latch the position."""
@@ -80,7 +79,7 @@ class Axis(AxisData):
     def rest(self) -> None:
         """The command where our law does not act; as power comes, what carries the axis once its brake is released."""
         assert self.drive is not None
-        self.drive.apply(self.p.holding if self.state is _ENABLING else 0.0)
+        self.drive.apply(self.p.holding if self.state in _UNLOADED else 0.0)
 
     def _delayed(self) -> Fault:
         """Count a late period; too many in a row are a fault where our law acts."""
@@ -117,6 +116,8 @@ class Axis(AxisData):
         jump = safety.leap(self.limits, self.seen.position - self.asked.reference, passed * self.dt)
         self.current, self.output = 0.0, NO_OUTPUT
         self.asked, self.speed = held(self.seen.position, 0.0), 0.0
+        if self.state is _DRIVE_HOMING:
+            return self.delegated.judge(self.limits, self.seen, passed * self.dt, self._elapsed())
         fault = self.seen.fault
         if jump is not _NONE:
             self.lose_origin("the position jumped while the axis had no power")
@@ -142,15 +143,13 @@ class Axis(AxisData):
         old = fault is Fault.EMERGENCY and (self.cycles - self.since) * self.dt < _OLD_TIME
         return _NONE if old else fault
 
-    # what is going on
-
     def _progress(self) -> None:
         """Whether what goes on has come to its end."""
         state = self.state
         if state is _MOVING or state is _STOPPING:
             if self.source.over:
                 self.happen(Event.DONE)
-        elif state is _HOMING:
+        elif state is _HOMING or state is _DRIVE_HOMING:
             self._seek()
         elif state is _ENABLING:
             self._enabling()
@@ -191,6 +190,9 @@ class Axis(AxisData):
     def _seek(self) -> None:
         """A search that goes on: found, too far, or at rest behind it."""
         search, ramp, seen = self.search, self.source, self.seen
+        if self.state is _DRIVE_HOMING and not seen.busy:
+            self.count_from(-self.p.homing.position - self.offset)
+            self.happen(Event.DONE)
         if search is None or not isinstance(ramp, Ramp):
             return
         current = self.output.current if math.isnan(seen.current) else seen.current
@@ -203,8 +205,6 @@ class Axis(AxisData):
         elif ramp.over and search.found is not None:
             self.count_from(search.found - self.p.homing.position)
             self.happen(Event.DONE)
-
-    # events
 
     def happen(self, event: Event, fault: Fault = Fault.NONE) -> bool:
         """Take an event; False where it is an order that cannot be given now."""
@@ -229,7 +229,8 @@ class Axis(AxisData):
         row = STOPS[fault]
         if fault is Fault.JUMP:
             self.lose_origin("the encoder jumped")
-        self.reason = self.drive.explain() if self.drive is not None and fault < Fault.FOLLOWING_ERROR else row.causes
+        told = fault < Fault.FOLLOWING_ERROR or fault is self.seen.fault
+        self.reason = self.drive.explain() if self.drive is not None and told else row.causes
         self.reason = f"{self.judged}{self.reason}"
         head = f"{row.words}; {row.category.words}" if self._under_power() else without_power(fault)
         self.board.say(f"{head}. {self.reason}. Next: {row.next}".replace(". . ", ". "))

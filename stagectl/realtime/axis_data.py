@@ -7,18 +7,18 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from stagectl.config.homing import Homing
 from stagectl.drives.brake import NO_BRAKE, Brake
 from stagectl.drives.canopen.braking_monitor import ConsecutiveCycles
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, Drive, Fault, Feedback, Odrive, Simulation
+from stagectl.drives.homing import Homing
 from stagectl.drives.limits import CERTAIN_FAULT_CYCLES, SILENT_CYCLES
 from stagectl.drives.run_on import AxisLimits
 from stagectl.kernels import law, stage
 from stagectl.realtime import bumpless_transfer, safety
-from stagectl.realtime.homing import Search
+from stagectl.realtime.homing import DriveSearch, Search
 from stagectl.realtime.setpoint_sources import Hold, Model, Rows, Source, held
 from stagectl.realtime.shared_memory import Board
 from stagectl.realtime.states import POWERED, STOPS_GOING_ON, State
@@ -27,6 +27,7 @@ from stagectl.recording.ring import Ring
 LAW = 40  # an order beside the events: other gains
 NO_OUTPUT = law.Output(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 GONE = (Fault.FEEDBACK_LOST, Fault.BUS, Fault.REBOOTED)  # the drive is not there as it was
+_NOT_GOVERNED = (State.ENABLING, State.ENGAGING, State.DRIVE_HOMING)  # powered, but our law does not act
 _STATE_MASK, _STATE_FAULT = DriveState.FAULT.value
 _HOME = "check the position, then `stagectl enable` and `stagectl home`"
 _UNKNOWN = Feedback(math.nan, math.nan, 0, Fault.NONE)
@@ -91,6 +92,7 @@ class AxisData:
         self.verdict = Fault.NONE  # on this period
         self.offset, self.homed = 0.0, p.homing.method == "none"
         self.search: Search | None = None
+        self.delegated = DriveSearch(p.homing, math.nan)
         self.cycles, self.late, self.late_in_a_row, self.motions = 0, 0, 0, 0
         self.settled, self.stopped = 0.0, StopLength(0.0, 0.0)
         self.ordered = False  # the stop that goes on is an order, no fault
@@ -108,7 +110,7 @@ class AxisData:
     @property
     def powered(self) -> bool:
         """Whether the axis is held, moves, or is being stopped."""
-        return self.state in POWERED or self.state in STOPS_GOING_ON or self.state in (State.ENABLING, State.ENGAGING)
+        return self.state in POWERED or self.state in STOPS_GOING_ON or self.state in _NOT_GOVERNED
 
     def show(self, patience: float = 0.0) -> None:
         """The status, for whoever gives the orders; the next one may take `patience` (s)."""

@@ -46,7 +46,7 @@ class Opening:
         bus = self._bus(p.wire)
         try:
             step, dt = p.stage.encoder.step, p.ramp.dt
-            return CanopenDrive(p.wire, bus, step, dt, limits=p.limits, brake=p.brake)
+            return CanopenDrive(p.wire, bus, step, dt, limits=p.limits, brake=p.brake, homing=p.homing)
         except StageError:
             bus.close()
             raise

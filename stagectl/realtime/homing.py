@@ -1,12 +1,15 @@
 """Finding the home: move slowly to the switch, index or end stop, come to rest, count from that place.
 
 The host does it itself, in the same loop as every motion, so that no other controller's target fights the following
-error.  The place is that of the period in which the signal came: at 1 mm/s and 2 kHz within 0.5 um.
+error; or the drive does (mode of operation 6), and the host watches.  The place of the host's search is that of the
+period in which the signal came: at 1 mm/s and 2 kHz within 0.5 um.
 """
 
 from __future__ import annotations
 
-from stagectl.config.homing import Homing
+from stagectl.drives.drive import Fault, Feedback
+from stagectl.drives.homing import Homing
+from stagectl.realtime import safety
 
 
 class Search:
@@ -40,3 +43,23 @@ class Search:
         if self._p.method == "limit":
             return on
         return on and before is False  # an edge: a start on the index does not show where it begins
+
+
+class DriveSearch:
+    """The drive's own search, watched: how far, how long, with how much current."""
+
+    def __init__(self, p: Homing, start: float) -> None:
+        """From the position `start` (rad | m)."""
+        self._p, self._start, self._before = p, start, start
+
+    def judge(self, limits: safety.Envelope, seen: Feedback, dt: float, elapsed: float) -> Fault:
+        """What is wrong in this period of `dt` (s), `elapsed` (s) after its beginning."""
+        moved, self._before = seen.position - self._before, seen.position
+        if safety.leap(limits, moved, dt) is not Fault.NONE:
+            self._start += moved  # the drive counts from its home now; the axis has not moved so far
+        if seen.fault is not Fault.NONE:
+            return seen.fault
+        if abs(seen.current) > limits.current:
+            return Fault.CURRENT
+        too_far = self._p.moves and abs(seen.position - self._start) > self._p.distance
+        return Fault.HOMING if too_far or elapsed > self._p.longest else Fault.NONE

@@ -107,7 +107,7 @@ def judge(p: Envelope, x: Watch, now: Observation) -> tuple[Fault, Watch]:
 def watched(p: Envelope, x: Watch, now: Observation, limit: float) -> Watch:
     """The memory after this period, whose following error may be `limit` (rad | m)."""
     feedback, reference, error, command, dt = now
-    position, current, _, _, _ = feedback
+    position, current, *_ = feedback
     before, _, from_, beyond, idle, stuck, excess, heat, last, highest, lowest, unfollowed, frozen, anchor = x
     same, share, release = position == before, dt / p.thermal_time, dt / p.current_settling
     # What is measured now flowed under the commands before this one, which begins to act: however long that took.

@@ -11,15 +11,15 @@ from collections.abc import Callable
 
 from stagectl.drives.canopen.power_states import Standstill
 from stagectl.drives.drive import Fault, Power
+from stagectl.drives.limits import SEARCH_TIME
 from stagectl.realtime import bumpless_transfer, safety
 from stagectl.realtime.axis_data import AxisData
-from stagectl.realtime.homing import Search
+from stagectl.realtime.homing import DriveSearch, Search
 from stagectl.realtime.setpoint_sources import Hold, Ramp, held
 from stagectl.realtime.states import POWERED, Event, State
 from stagectl.units import StageError
 
 _CONNECT_TIME = 15.0  # s that a connection may take before the process counts as hung
-_SEARCH_TIME = 0.1  # s in which a search reaches its speed
 
 
 def enter(axis: AxisData, old: State) -> Event | None:
@@ -58,13 +58,13 @@ def _enabling(axis: AxisData, _: State) -> None:
 
 
 def _standing(axis: AxisData, old: State) -> None:
-    """Hold what was asked last, with the friction that is loaded; after enabling, where the axis stands."""
+    """Hold what was asked last, with the friction that is loaded; where another law held the axis, where it stands."""
     axis.settled, axis.search = 0.0, None
-    if old is State.ENABLING:
+    if old in (State.ENABLING, State.DRIVE_HOMING):
         axis.watch = safety.FRESH._replace(heat=axis.watch.heat)
         axis.asked, axis.current = held(axis.seen.position, 0.0), axis.p.holding
         axis.x = bumpless_transfer.loaded(axis.law, axis.asked, axis.seen.position, axis.p.holding)
-    axis.choose_limits(fresh=old in (State.ENABLING, State.HOMING))
+    axis.choose_limits(fresh=old in (State.ENABLING, State.HOMING, State.DRIVE_HOMING))
     axis.speed = 0.0
     axis.source = Hold(axis.asked.reference, axis.asked.friction)
 
@@ -75,11 +75,20 @@ def _homing(axis: AxisData, _: State) -> Event | None:
         axis.count_from(axis.asked.reference - p.position if p.method == "here" else 0.0)
         return Event.DONE
     axis.homed = False
+    if p.by_drive:
+        return Event.DELEGATED
     axis.search = Search(p, axis.asked.reference, axis.dt)
     axis.choose_limits()
-    gentle = min(axis.p.ramp.acceleration, abs(p.speed) / _SEARCH_TIME)  # its current must not look like an end stop
+    gentle = min(axis.p.ramp.acceleration, abs(p.speed) / SEARCH_TIME)  # its current must not look like an end stop
     axis.source = Ramp(axis.p.ramp._replace(acceleration=gentle), axis.asked, 0.0, p.speed)
     return None
+
+
+def _drive_homing(axis: AxisData, _: State) -> None:
+    axis.choose_limits()
+    axis.delegated = DriveSearch(axis.p.homing, axis.seen.position)
+    axis.since = axis.cycles
+    _ask(axis, Power.HOME)
 
 
 def _braking(axis: AxisData, _: State) -> None:
@@ -123,6 +132,7 @@ _ENTRIES: dict[State, Callable[[AxisData, State], Event | None]] = {
     State.ENABLING: _enabling,
     State.STANDING: _standing,
     State.HOMING: _homing,
+    State.DRIVE_HOMING: _drive_homing,
     State.STOPPING: _braking,
     State.QUICK_STOPPING: _quick_stopping,
     State.COASTING: _coasting,

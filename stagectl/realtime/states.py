@@ -7,6 +7,7 @@
                              | reset              | done (it was an order)               `- STOPPING -'
                            FAULT <--failed-- QUICK_STOPPING, COASTING <--- a fault, by its stop category
 
+HOMING --delegated--> DRIVE_HOMING --done--> STANDING: the drive finds its home itself; a stop is then its quick stop.
 STANDING --disable--> ENGAGING --done--> DISABLED: where there is a brake, it holds before power goes.
 A drive that is found in Fault leads from CONNECTING to FAULT: faults are reset by a person.
 
@@ -36,6 +37,7 @@ class State(enum.IntEnum):
     COASTING = 9
     FAULT = 10
     ENGAGING = 11
+    DRIVE_HOMING = 12
 
     @property
     def words(self) -> str:
@@ -57,6 +59,7 @@ class Event(enum.IntEnum):
     DONE = 20  # what was going on has succeeded
     FAILED = 21  # it has not, or a stop that a fault asked for is over
     FAULTED = 22  # the drive was found in a fault, which a person resets
+    DELEGATED = 23  # the drive is to find the home
     COAST = 30  # a fault of stop category 0
     RAMP = 31  # of category 1
     HOLD = 32  # of category 2
@@ -74,6 +77,7 @@ _WORDS = {
     State.QUICK_STOPPING: "the drive brakes on its own ramp",
     State.COASTING: "power is off, the axis coasts",
     State.FAULT: "stopped by a fault, without power",
+    State.DRIVE_HOMING: "its drive looks for its home",
     State.ENGAGING: "is held until its brake holds it, then power is cut",
 }
 
@@ -101,6 +105,9 @@ def _table() -> dict[tuple[State, Event], State]:
         (s.MOVING, e.DONE): s.STANDING,
         (s.HOMING, e.DONE): s.STANDING,
         (s.HOMING, e.FAILED): s.QUICK_STOPPING,
+        (s.HOMING, e.DELEGATED): s.DRIVE_HOMING,
+        (s.DRIVE_HOMING, e.DONE): s.STANDING,
+        (s.DRIVE_HOMING, e.COAST): s.COASTING,
         (s.STOPPING, e.DONE): s.STANDING,
         (s.FAULT, e.RESET): s.CONNECTING,
     }
@@ -108,6 +115,8 @@ def _table() -> dict[tuple[State, Event], State]:
         table |= {(state, e.STOP): s.STOPPING, (state, e.HOLD): s.STOPPING, (state, e.DISABLE): s.QUICK_STOPPING}
     table |= {(state, order): s.QUICK_STOPPING for state in POWERED for order in (e.QUICK_STOP, e.RAMP)}
     table |= {(state, e.COAST): s.COASTING for state in POWERED}
+    by_drive = (e.STOP, e.DISABLE, e.QUICK_STOP, e.RAMP, e.HOLD)  # whatever stops it: our law does not act
+    table |= {(s.DRIVE_HOMING, event): s.QUICK_STOPPING for event in by_drive}
     table |= {(s.STANDING, e.DISABLE): s.ENGAGING, (s.ENGAGING, e.DONE): s.DISABLED}
     for stop in STOPS_GOING_ON:
         table |= {(stop, e.DONE): s.DISABLED, (stop, e.FAILED): s.FAULT, (stop, e.HOLD): stop, (stop, e.RAMP): stop}
@@ -141,6 +150,6 @@ def why_not(event: Event, state: State) -> str:
     first = {Event.ENABLE: "first run `stagectl fault reset`", Event.MOVE: "first run `stagectl enable`"}
     first[Event.HOME] = first[Event.MOVE]
     advice = first.get(event, "see `stagectl status`")
-    if state in (State.MOVING, State.HOMING, State.STOPPING):
+    if state in (State.MOVING, State.HOMING, State.STOPPING, State.DRIVE_HOMING):
         advice = "wait for its end, or run `stagectl stop`"
     return f"{event.name.lower()} is not possible in state {state.name.lower()} ({state.words}); {advice}"

@@ -8,13 +8,12 @@ for a while holds that end itself, and says `ENOUGH`.
 from __future__ import annotations
 
 import os
-import pickle
-import select
 import signal
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from stagectl.recording.beside import order_of, word_of
 from stagectl.recording.constants import BLOCK, POLL
 from stagectl.recording.hdf5 import DamagedError, RecordingError, Writer
 from stagectl.recording.ring import Ring
@@ -92,7 +91,7 @@ def record(order: Order) -> bool:
     tape = Tape(Writer(Path(order.path), order.meta, order.columns), order.width, order.start)
     print("ready", flush=True)
     while True:
-        message = _message(order.alive)
+        message = word_of(order.alive, POLL)  # ENOUGH, or empty: the loop is gone
         over = ring.closed or message is not None
         while ring.written - tape.done >= (1 if over else BLOCK):
             tape.take(*ring.read(tape.done, BLOCK))
@@ -112,18 +111,10 @@ def _say(words: str) -> None:
     print(f"recorder: {words}", file=sys.stderr, flush=True)
 
 
-def _message(alive: int) -> bytes | None:
-    """What the other end of the pipe says: ENOUGH, nothing (None), or that it is gone (empty)."""
-    readable, _, _ = select.select([alive], [], [], POLL)
-    return os.read(alive, 1) if readable else None
-
-
 def main() -> None:
     """Entry of the process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop stops the axis; the recorder sees it to the end
-    try:
-        order: Order = pickle.load(sys.stdin.buffer)
-    except EOFError:  # the run failed before there was anything to record
+    order: Order | None = order_of(signal.SIGINT)
+    if order is None:
         return
     try:
         whole = record(order)

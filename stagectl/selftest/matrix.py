@@ -69,7 +69,8 @@ def virtual(setup: Setup, only: frozenset[str] = frozenset()) -> Bench:
         return Rig(setup, laid_out)
 
     mode = "virtual drive in virtual time"
-    states = tuple(state for state in STATES if setup.file.brake.present or state not in served.OF_A_BRAKE)
+    conditions = {served.OF_A_BRAKE: setup.file.brake.present, served.OF_THE_DRIVE: setup.file.homing.by_drive}
+    states = tuple(state for state in STATES if conditions.get(state, True))
     return Bench(rig, rows, states, laid_out.speed, mode, lambda row: ServedCase(rig(), row, service))
 
 

@@ -19,11 +19,10 @@ from typing import Any, NamedTuple
 from stagectl.config.stage_file import Setup
 from stagectl.drives import faults
 from stagectl.drives.bus import faulty_bus
-from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Way
+from stagectl.drives.bus.faulty_bus import FaultyBus, Way
 from stagectl.drives.bus.frames import Bus, frame
 from stagectl.drives.bus.interfaces import open_bus
 from stagectl.drives.canopen import cia402
-from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.network import load_eds
 from stagectl.drives.canopen.pdo import FeedbackPdo
 from stagectl.drives.clock import WALL, Clock
@@ -38,38 +37,24 @@ from stagectl.units import StageError
 
 STATES = ("connecting", "enabling", "holding", "moving", "stopping")  # a real drive is not made to trip
 _SYNC = frame(0x080)
-_POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
 _SPAN = 0.01  # s over which a speed is taken; longer where the encoder's step is coarse
-_FRAMES = 1000  # that wait for the loop
+_QUEUE = 1000  # frames that wait for the loop
 _SEES = 0.2  # s in which the end of a case is looked at
 _SPEED, _FORCE, _FRICTION = (
     0.3,
     0.5,
     0.7,
 )  # of what the current leaves: for viscous friction, to accelerate; for friction
-_Make = Callable[[Any, FaultyBus], Act]
-
-
-def _share(act: Callable[[float, Any], Act]) -> _Make:
-    return lambda p, bus: act(p.share, bus.random)
-
-
-# Seen from our end of the bus: what the drive receives goes out here.
-RULES: dict[str, tuple[Way, str, _Make]] = {
-    "cable-out": ("both", "", _share(faulty_bus.lose)),
-    "frames-lost": ("both", "", _share(faulty_bus.lose)),
-    "sync-lost": ("out", "sync", _share(faulty_bus.lose)),
-    "command-lost": ("out", "rpdo", _share(faulty_bus.lose)),
-    "feedback-lost": ("in", "tpdo", _share(faulty_bus.lose)),
-    "controller-heartbeat-lost": ("out", "heartbeat", _share(faulty_bus.lose)),
-    "drive-heartbeat-lost": ("in", "heartbeat", _share(faulty_bus.lose)),
-    "frames-duplicated": ("both", "", _share(faulty_bus.double)),
-    "frames-delayed": ("in", "", lambda p, _: faulty_bus.delay(p.delay)),
-    "feedback-short": ("in", "tpdo", _share(faulty_bus.shorten)),
-    "node-stuck": ("in", "tpdo", lambda p, _: faulty_bus.freeze()),
-    "sdo-silent": ("out", "sdo request", lambda p, bus: faulty_bus.lose(1.0, bus.random)),
-}
-PROVOCABLE = (*RULES, "node-reboot", "loop-stalled", "controller-dead", "interface-down")
+# Seen from our end of the bus what the drive receives goes out; what is late is late on its way to us.
+_WAYS: dict[Way, Way] = {"in": "out", "out": "in", "both": "both"}
+_DANGEROUS = ("frames-reordered", "command-corrupted", "feedback-corrupted", "bus-flooded", "sdo-abort")
+PROVOCABLE = (
+    *(name for name in faulty_bus.FRAME_FAULTS if name not in _DANGEROUS),
+    "node-reboot",
+    "loop-stalled",
+    "controller-dead",
+    "interface-down",
+)
 _UNASKED = ("cable-out", "interface-down", "controller-dead")  # nobody else sends SYNC then
 
 
@@ -89,7 +74,7 @@ class Listening:
         slow = wire.quick_stop_deceleration * STANDING
         self._span, self._synced = max(_SPAN, 4.0 * self._step / slow), -math.inf
         self._window: collections.deque[tuple[float, float]] = collections.deque()
-        self.inbox: collections.deque[bytes] = collections.deque(maxlen=_FRAMES)
+        self.inbox: collections.deque[bytes] = collections.deque(maxlen=_QUEUE)
         self.trace: list[AxisSample] = []
         self.down = self.asking = False
 
@@ -141,7 +126,7 @@ class Listening:
             window.popleft()
         before, start = window[0]
         speed = (position - start) / (now - before) if now > before else 0.0
-        self.trace.append(AxisSample(now, position, speed, cia402.state(statusword) in _POWERED))
+        self.trace.append(AxisSample(now, position, speed, cia402.state(statusword) in cia402.POWERED))
 
 
 class Attentive:
@@ -187,8 +172,8 @@ class Remote(BaseRig):
         if name == "node-reboot":
             self._listening.put(frame(0, bytes([cia402.NMT_RESETS["node"], self.settings.node])))
             return
-        way, kinds, make = RULES[name]
-        self._faulty.add(Rule(way, frozenset(kinds.split(",")) if kinds else frozenset(), make(block, self._faulty)))
+        way: Way = "in" if name == "frames-delayed" else _WAYS[faulty_bus.FRAME_FAULTS[name][0]]
+        self._faulty.add(faulty_bus.frame_rule(block, self._faulty, way))
 
     def cut_off(self) -> None:
         """The controller's own interface fails."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.config.time_outs import axis_limits
 from stagectl.drives.bus.frames import Bus
@@ -13,6 +12,7 @@ from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.canopen.drive import CanopenDrive
 from stagectl.drives.clock import Clock
 from stagectl.drives.drive import Canopen
+from stagectl.drives.homing import NO_HOMING, Homing
 from stagectl.kernels import rollout
 from stagectl.plan import plan
 from stagectl.realtime import axes
@@ -95,7 +95,7 @@ def in_virtual_time(job: Orders, setup: Setup) -> Orders:
     """The job where nothing but the fault holds anything up: time-outs and limits as the stage file says; no homing."""
     wire = setup.file.drive.wire
     assert isinstance(wire, Canopen)
-    return job._replace(by_clock=True, homing=Homing(), wire=wire, envelope=envelope(setup))
+    return job._replace(by_clock=True, homing=NO_HOMING, wire=wire, envelope=envelope(setup))
 
 
 class RigLoop(axes.Loop):
@@ -107,7 +107,7 @@ class RigLoop(axes.Loop):
         self._metronome = self.metronome = OversleepingMetronome(rig.setup.dt, rig.time)
 
     def _connect(self, p: Orders) -> CanopenDrive:
-        return self._rig.connect()
+        return self._rig.connect(p.homing)
 
 
 class BaseRig:
@@ -128,11 +128,13 @@ class BaseRig:
         """The controller's end."""
         raise NotImplementedError
 
-    def connect(self) -> CanopenDrive:
+    def connect(self, homing: Homing = NO_HOMING) -> CanopenDrive:
         """The daemon's side.  Raises DriveError."""
         step, dt, file = self.setup.stage.encoder.step, self.setup.dt, self.setup.file
         limits = axis_limits(file)
-        return CanopenDrive(self.settings, self.bus, step, dt, clock=self.time, limits=limits, brake=file.brake)
+        return CanopenDrive(
+            self.settings, self.bus, step, dt, clock=self.time, limits=limits, brake=file.brake, homing=homing
+        )
 
     def begin(self, block: Any) -> None:
         """The fault of this block of `drives.faults`, now."""

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError, Fault
 from stagectl.drives.faults import FaultType
+from stagectl.drives.homing import Homing
 from stagectl.realtime.axis_data import Orders
 from stagectl.realtime.shared_memory import PENDING, TAKEN, Order
 from stagectl.realtime.states import STOPS_GOING_ON, Event, State
@@ -22,6 +22,7 @@ from stagectl.selftest.rig import Rig, RigLoop, in_virtual_time, usual
 from stagectl.service import planning
 from stagectl.service.axis_controller import AxisController
 
+_STARTED = 0.4  # s in which a drive has taken the homing mode, and moves
 _MIDST = 0.005  # s after which a connection is in the middle of its requests
 _MARGIN, _CONTROLLED = 1.5, 0.15  # on braking under control, and s of it beyond its ramp
 _FEW = 3  # periods in which a stop has begun
@@ -40,15 +41,18 @@ KINDS = {
     State.COASTING: "coasting",
     State.FAULT: "faulted",
     State.ENGAGING: "powering",
+    State.DRIVE_HOMING: "moving",
 }
 STATES = {f"service {state.name.lower().replace('_', ' ')}": state for state in KINDS}
-OF_A_BRAKE = frozenset({"service engaging"})  # an axis without one is in it for no period
+OF_A_BRAKE = "service engaging"  # an axis without one is in it for no period
+OF_THE_DRIVE = "service drive homing"  # reached where homing.method is drive
 _UNPOWERED = (State.OFFLINE, State.DISABLED, State.FAULT)
 _ENDS = {  # where a fault may leave the axis, once it has been disabled if it still had power
     State.DISABLED: (State.DISABLED, State.FAULT),
     State.STANDING: (State.FAULT,),
     State.MOVING: (State.FAULT,),
     State.HOMING: (State.FAULT,),
+    State.DRIVE_HOMING: (State.FAULT,),
     State.COASTING: (State.FAULT,),
     State.FAULT: (State.FAULT,),
 }
@@ -61,6 +65,7 @@ class Service(NamedTuple):
     motion: planning.Motion
     orders: Orders
     searching: Orders  # for a home that does not come
+    delegating: Orders  # whose drive finds the home
 
 
 def laid_out(setup: Setup) -> Service:
@@ -68,7 +73,9 @@ def laid_out(setup: Setup) -> Service:
     controller, pace, scale = AxisController("axis", setup), usual(setup), setup.file.axis.travel_per_unit
     motion = planning.laid_out(controller.move(pace.distance * scale, pace.speed * scale, pace.acceleration * scale))
     job = in_virtual_time(controller.orders(), setup)
-    return Service(controller, motion, job, job._replace(homing=Homing("limit", pace.speed, math.inf)))
+    search = Homing("limit", pace.speed, math.inf)
+    by_drive = search._replace(method="drive", number=34)  # upwards, to a mark that is behind it
+    return Service(controller, motion, job, job._replace(homing=search), job._replace(homing=by_drive))
 
 
 class ServedCase(Case):
@@ -81,7 +88,9 @@ class ServedCase(Case):
     def run(self, state: str) -> None:
         """Bring the axis there by orders, let the fault begin, and see what becomes of it."""
         wanted = STATES[state]
-        orders = self._service.searching if wanted is State.HOMING else self._service.orders
+        service = self._service
+        searches = {State.HOMING: service.searching, State.DRIVE_HOMING: service.delegating}
+        orders = searches.get(wanted, service.orders)
         self._loop = RigLoop(self._virtual, orders, self._service.controller.ring, False)
         self._axis = self._loop.axes[0]
         self._axis.show()
@@ -146,8 +155,9 @@ class ServedCase(Case):
         elif state is State.ENGAGING:
             self._take(Order(Event.DISABLE))
         elif state is not State.STANDING:
-            self._take(Order(Event.HOME) if state is State.HOMING else self._move())
-            self._run(BEFORE)
+            homes = state in (State.HOMING, State.DRIVE_HOMING)
+            self._take(Order(Event.HOME) if homes else self._move())
+            self._run(BEFORE if state is not State.DRIVE_HOMING else _STARTED)
         if state is State.STOPPING:
             self._take(Order(Event.STOP))
         elif state is State.QUICK_STOPPING:

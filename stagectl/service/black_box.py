@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import pickle
 import select
 import signal
 import sys
@@ -20,6 +19,7 @@ from typing import Any, NamedTuple
 from stagectl.drives.drive import Fault
 from stagectl.realtime.shared_memory import Board, Status
 from stagectl.realtime.states import State
+from stagectl.recording.beside import order_of, word_of
 from stagectl.recording.hdf5 import RecordingError, Writer
 from stagectl.recording.ring import Ring
 from stagectl.service.limits import BOX_RETRY, BOXES_KEPT
@@ -134,7 +134,7 @@ class Watcher:
     def _wait_for(self, row: int, gone: bool) -> None:
         end = time.monotonic() + _PATIENCE
         while self.ring.written < row and not self.ring.closed and not gone and time.monotonic() < end:
-            gone = _ended(self.p.alive, POLL)
+            gone = word_of(self.p.alive, POLL) == b""
 
 
 def _had_power(status: Status) -> bool:
@@ -147,11 +147,6 @@ def _fresh(folder: Path, stem: str) -> Path:
         number += 1
         path = folder / f"{stem}-{number}.h5"
     return path
-
-
-def _ended(alive: int, timeout: float) -> bool:
-    readable, _, _ = select.select([alive], [], [], timeout)
-    return bool(readable) and os.read(alive, 1) == b""
 
 
 def _say(fault: str, words: str, waiting: bool) -> None:
@@ -169,7 +164,7 @@ def watch(p: BlackBoxOrder) -> None:
         os.write(sys.stdout.fileno(), b"ready\n")
     gone = False
     while not gone:
-        gone = watcher.ring.closed or _ended(p.alive, POLL)
+        gone = watcher.ring.closed or word_of(p.alive, POLL) == b""
         watcher.look(gone)
     while watcher.kept and not select.select([sys.stdin], [], [], BOX_RETRY)[0]:
         watcher.write()
@@ -178,9 +173,7 @@ def watch(p: BlackBoxOrder) -> None:
 
 def main() -> None:
     """Entry of the process; signals to the service's group are none of its business."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-    watch(pickle.load(sys.stdin.buffer))
+    watch(order_of(signal.SIGINT, signal.SIGTERM))
 
 
 if __name__ == "__main__":

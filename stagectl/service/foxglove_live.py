@@ -8,7 +8,6 @@ topic an axis; the time of a message is the wall clock's.
 from __future__ import annotations
 
 import os
-import pickle
 import select
 import signal
 import sys
@@ -17,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stagectl.recording.beside import order_of
 from stagectl.recording.mcap_log import CDR, DEFINITION
 from stagectl.recording.ring import Ring
 
@@ -94,9 +94,7 @@ def _channel(p: Source) -> Any:
 
 def main() -> None:
     """Entry of the process; signals to the service's group are none of its business: it ends with the loop."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-    serve(pickle.load(sys.stdin.buffer))
+    serve(order_of(signal.SIGINT, signal.SIGTERM))
     os._exit(0)  # its server has threads of its own
 
 

@@ -14,7 +14,6 @@ from stagectl.drives.drive import Canopen
 from stagectl.units import StageError
 
 QUEUE = 128  # frames in the interface's queue: ten cycles and more
-_OWN = "stagectl"
 _IN_WHEEL = Path(__file__).parent / "units"  # copied there from systemd/ when the wheel is built
 UNIT, USERS, RULES = "stagectl.service", "stagectl.sysusers", "80-stagectl.rules"
 NETWORK, LINK = "80-stagectl-can.network", "80-stagectl-can.link"

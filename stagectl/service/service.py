@@ -271,7 +271,7 @@ class Service:
     async def settle(self, axis: AxisController) -> bool:
         """Wait for the end of the motion; whether the axis then stays in position for the dwell time."""
         motion, board = axis.motion, axis.board
-        while axis.state in (State.MOVING, State.HOMING):
+        while axis.state in (State.MOVING, State.HOMING, State.DRIVE_HOMING):
             await asyncio.sleep(0.005)
         end = time.monotonic() + _SETTLE
         while axis.state is State.STANDING and axis.board is board:

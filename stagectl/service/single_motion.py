@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError
+from stagectl.drives.homing import Homing
 from stagectl.kernels import law, rollout
 from stagectl.plan import Plan
 from stagectl.realtime import shared_memory as boards

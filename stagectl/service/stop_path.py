@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 from stagectl.realtime import scheduling
 from stagectl.realtime.shared_memory import CUT, HOLD, STOP_PATH, Board
+from stagectl.recording.beside import order_of
 from stagectl.service.axis_status import Shown, answers, axis_json
 from stagectl.service.limits import BURST, LONGEST_REQUEST, LOOK, STOP_PRIORITY, TAKEN, WAITING
 from stagectl.service.stop_link import QUICK_STOP, STATUS, STOP
@@ -144,9 +145,7 @@ def serve(post: StopPost) -> None:
 
 def main() -> None:
     """Entry of the process; signals to the service's group are none of its business: it ends with the loop."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-    post: StopPost = pickle.load(sys.stdin.buffer)
+    post: StopPost = order_of(signal.SIGINT, signal.SIGTERM)
     scheduling.prepare(STOP_PRIORITY, None)  # what is refused is what is refused to the loop, which says so
     gc.enable()
     serve(post)

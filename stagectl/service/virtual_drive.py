@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import struct
 import subprocess
 import time
 from collections.abc import Callable
@@ -12,8 +11,9 @@ from pathlib import Path
 
 from stagectl.config.stage_file import Setup
 from stagectl.drives.bus.channel_lock import holder
-from stagectl.drives.bus.frames import Bus
+from stagectl.drives.bus.frames import Bus, frame, parse
 from stagectl.drives.bus.interfaces import open_bus
+from stagectl.drives.canopen.cia402 import UPLOAD_DEVICE_TYPE
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError, Odrive
 from stagectl.drives.simulated import Plant
@@ -26,19 +26,17 @@ from stagectl.service.child_process import PYTHON
 
 VELOCITY_LOOP = 20.0  # Hz, of the virtual drive's own stops
 _READY = "virtual drive"
-_FRAME = struct.Struct("<IB3x8s")
-_UPLOAD_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"  # SDO: upload 0x1000
 
 
 def answers(wire: Canopen, patience: float = 0.2) -> bool:
     """Whether a node with the wire's id answers on its bus."""
     bus = open_bus(wire.interface, wire.channel, wire.bitrate)
     try:
-        bus.send(_FRAME.pack(0x600 + wire.node, 8, _UPLOAD_DEVICE_TYPE))
+        bus.send(frame(0x600 + wire.node, UPLOAD_DEVICE_TYPE))
         end = time.monotonic() + patience
         while (left := end - time.monotonic()) > 0.0:
-            frame = bus.receive(left)
-            if frame is not None and _FRAME.unpack(frame)[0] == 0x580 + wire.node:
+            raw = bus.receive(left)
+            if raw is not None and parse(raw)[0] == 0x580 + wire.node:
                 return True
         return False
     finally:
@@ -130,6 +128,7 @@ def virtual_node(
         time=time or WALL,
         faults=setup.file.virtual_drive.faults,
         brake=setup.file.brake,
+        mark=setup.file.virtual_drive.mark,
     )
 
 

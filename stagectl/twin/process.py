@@ -10,8 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import pickle
-import select
 import signal
 import sys
 import time
@@ -23,6 +21,7 @@ import numpy as np
 
 from stagectl.gap.logs.session import Array
 from stagectl.kernels import jit, law, rollout, stage
+from stagectl.recording.beside import order_of, word_of
 from stagectl.recording.ring import Ring
 from stagectl.twin.estimate import status_of
 from stagectl.twin.live_model import Twin, TwinBlock, TwinState, pieces, step, twin_of
@@ -126,7 +125,7 @@ def watch(order: TwinOrder) -> None:
     print("ready", flush=True)
     start, shown = time.thread_time(), time.monotonic()
     while True:
-        over = ring.closed or _writer_gone(order.alive)
+        over = ring.closed or word_of(order.alive, POLL_PERIOD) == b""
         follower.catch_up(over)
         if over:
             break
@@ -144,11 +143,6 @@ def _warmed(order: TwinOrder, ring: Ring) -> None:
     step(RingFollower(order, ring).twin, None, rows)
 
 
-def _writer_gone(alive: int) -> bool:
-    readable, _, _ = select.select([alive], [], [], POLL_PERIOD)
-    return bool(readable) and os.read(alive, 1) == b""
-
-
 def _stand_back(avoid: int | None) -> None:
     """The loop comes first: lower priority, and not on its CPU where there is another one."""
     with contextlib.suppress(OSError):
@@ -160,10 +154,8 @@ def _stand_back(avoid: int | None) -> None:
 
 def main() -> None:
     """Entry of the process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop stops the axis; the twin sees it to the end
-    try:
-        order: TwinOrder = pickle.load(sys.stdin.buffer)
-    except EOFError:  # the run failed before there was anything to watch
+    order: TwinOrder | None = order_of(signal.SIGINT)
+    if order is None:
         return
     _stand_back(order.avoid)
     try:

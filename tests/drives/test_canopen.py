@@ -184,7 +184,7 @@ def test_it_enables_from_quick_stop_active(bench: Workbench, bus: Tapped) -> Non
 
 def test_a_vanished_drive_is_feedback_lost(bench: Workbench, bus: Tapped) -> None:
     bench.running("sync")
-    drive = drive_on(bench, bus, feedback_timeout=0.05)
+    drive = drive_on(bench, bus, feedback_timeout=0.05, heartbeat=5.0)  # none between its last answer and its end
     enabled(drive)
     last = drive.sample()
     bench.stop()

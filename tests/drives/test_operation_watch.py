@@ -65,7 +65,7 @@ def test_another_mode_is_told_when_it_is_certain() -> None:
     assert watch.mode(answer(8)) is None
     assert watch.mode(bytes([0x80, 0x61, 0x60, 0, 0, 0, 2, 6])) is None  # aborted
     assert watch.mode(bytes([0x43, 0x41, 0x60, 0, 8, 0, 0, 0])) is None  # of another object
-    assert watch.mode(answer(8)) == fault_texts.WRONG_MODE.filled(8)
+    assert watch.mode(answer(8)) == fault_texts.WRONG_MODE.filled(8, 10)
     assert bytes([0x40, 0x61, 0x60, 0, 0, 0, 0, 0]) == MODE_REQUEST
 
 

@@ -102,17 +102,20 @@ class Workbench:
         self._stack.callback(bus.close)
         return bus
 
-    def node(self, bus: Any = None, clock: Any = "sync", time: Clock = WALL, **changes: Any) -> VirtualNode:
+    def node(
+        self, bus: Any = None, clock: Any = "sync", time: Clock = WALL, mark: float = 0.0, **changes: Any
+    ) -> VirtualNode:
         """A virtual drive, not running yet."""
         plant = Plant(linear_stage(), Simulation(substeps=4), DT)
         bus = bus or self.bus()
-        return VirtualNode(self.settings(**changes), plant, bus, clock, DT, GAIN, self.reports.append, time=time)
+        wire = self.settings(**changes)
+        return VirtualNode(wire, plant, bus, clock, DT, GAIN, self.reports.append, time=time, mark=mark)
 
-    def timed(self, clock: Any = "sync") -> tuple[VirtualNode, End, Timeline]:
+    def timed(self, clock: Any = "sync", mark: float = 0.0) -> tuple[VirtualNode, End, Timeline]:
         """A virtual drive that has booted, our end of its bus, and the time that both go by, which nobody waits for."""
         time = Timeline()
         ours, theirs = Wire(time, 1e6).ends
-        node = self.node(theirs, clock, time)
+        node = self.node(theirs, clock, time, mark)
         theirs.woken_by(node.turn)
         node.boot()
         time.every(0.001, node.turn)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.brake import Brake
 from stagectl.drives.drive import DriveError, Fault, Feedback, Power
+from stagectl.drives.homing import Homing
 from stagectl.drives.simulated import Plant, Simulated
 from stagectl.realtime.axis import Axis
 from stagectl.realtime.shared_memory import REFUSED, TAKEN, Order, Status
@@ -37,12 +37,13 @@ class Drive(Simulated):
 
     def ask(self, power: Power) -> None:
         self.power = power
-        super().ask(power)
+        if power is not Power.HOME:
+            super().ask(power)
 
     def sample(self) -> Feedback:
-        position, current, _, fault, _ = super().sample()
+        position, current, _, fault, *_ = super().sample()
         position = self.frozen if not math.isnan(self.frozen) else position + self.jump
-        return Feedback(position, current, self.statusword, self.fault or fault)
+        return Feedback(position, current, self.statusword, self.fault or fault, busy=self.power is Power.HOME)
 
     def explain(self) -> str:
         return "the drive says why"
@@ -111,7 +112,7 @@ class Bench:
         if state in (State.MOVING, State.STOPPING, State.QUICK_STOPPING, State.COASTING):
             assert self.order(self.manned.start(laid_out(self.manned.move(0.02, 0.05, None)), 1))
             self.run(250)  # at speed
-        if state is State.HOMING:
+        if state in (State.HOMING, State.DRIVE_HOMING):
             assert self.order(Order(Event.HOME))
             self.run(100)
         if state is State.STOPPING:
@@ -128,6 +129,7 @@ class Bench:
         return {name: table[:, k] for k, name in enumerate(COLUMNS)}
 
 
+BY_DRIVE = Homing("drive", 6.0, 2.0, position=1.0, number=34)
 SEARCH = Homing("index", 6.0, 100.0, 0.0, 11, 0.0)
 OTHERS = [(State.MOVING, Fault.FEEDBACK_LOST), (State.MOVING, Fault.REBOOTED), (State.DISABLED, Fault.DRIVE_FAULT)]
 ELSEWHERE = (State.OFFLINE, State.CONNECTING, State.FAULT, State.ENGAGING)  # the last only with a brake
@@ -139,7 +141,7 @@ REACHED = [state for state in State if state not in ELSEWHERE]
     [*((state, fault) for state in REACHED for fault in (Fault.BUS, Fault.EMERGENCY)), *OTHERS],
 )
 def test_a_fault_of_the_drive_ends_without_power_in_every_state(ball_screw: Setup, state: State, fault: Fault) -> None:
-    bench = Bench(ball_screw, SEARCH if state is State.HOMING else Homing())
+    bench = Bench(ball_screw, {State.HOMING: SEARCH, State.DRIVE_HOMING: BY_DRIVE}.get(state, Homing()))
     bench.to(state)
     assert bench.axis.state is state
     before = bench.axis.faults
@@ -366,6 +368,59 @@ def test_homing_on_an_end_stop_feels_the_current(ball_screw: Setup) -> None:
     assert bench.axis.state is State.STANDING
     assert bench.axis.homed
     assert bench.axis.offset == pytest.approx(-1.5, abs=0.01)
+
+
+def test_the_drive_finds_the_home_and_the_axis_is_counted_from_there(ball_screw: Setup) -> None:
+    """The drive moves it, sets its origin anew on the way, and gives it back at rest: the home is at 1 rad."""
+    bench = Bench(ball_screw, BY_DRIVE)
+    bench.to(State.DRIVE_HOMING)
+    assert not bench.axis.homed
+    bench.drive.plant.state = bench.drive.plant.state._replace(position=1.5)
+    bench.drive.jump = -1.25  # its home is at 1.25 rad of what it counted before
+    bench.run(3)
+    assert bench.axis.state is State.DRIVE_HOMING
+    bench.drive.power = Power.ON
+    bench.run(2)
+    assert bench.axis.state is State.STANDING
+    bench.run(400)
+    assert bench.axis.homed
+    assert bench.axis.seen.position == pytest.approx(bench.drive.plant.position - 1.25 + 1.0, abs=1e-5)
+    assert bench.drive.plant.position == pytest.approx(1.5, abs=2e-5)
+    assert bench.manned.status.settled > 0.05
+
+
+@pytest.mark.parametrize(("moved", "fault"), [(1.9, Fault.NONE), (2.1, Fault.HOMING)])
+def test_the_drives_search_ends_at_its_distance(ball_screw: Setup, moved: float, fault: Fault) -> None:
+    bench = Bench(ball_screw, BY_DRIVE)
+    bench.to(State.DRIVE_HOMING)
+    for _ in range(100):
+        state = bench.drive.plant.state
+        bench.drive.plant.state = state._replace(position=state.position + 0.01 * moved, velocity=0.0)
+        bench.run(1)
+    assert bench.axis.fault is fault
+    assert (bench.axis.state is State.DRIVE_HOMING) is (fault is Fault.NONE)
+
+
+def test_the_drives_search_ends_at_its_time(ball_screw: Setup) -> None:
+    bench = Bench(ball_screw, BY_DRIVE)
+    bench.to(State.DRIVE_HOMING)
+    periods = round(BY_DRIVE.longest / bench.axis.dt)
+    bench.run(periods - 120)  # of which it has had a hundred
+    assert bench.axis.state is State.DRIVE_HOMING
+    bench.run(40)
+    assert bench.axis.fault is Fault.HOMING
+
+
+@pytest.mark.parametrize("stop", [Event.STOP, Event.QUICK_STOP, Event.DISABLE])
+def test_a_stop_of_the_drives_search_is_the_drives_ramp(ball_screw: Setup, stop: Event) -> None:
+    bench = Bench(ball_screw, BY_DRIVE)
+    bench.to(State.DRIVE_HOMING)
+    assert bench.order(Order(stop))
+    assert bench.axis.state is State.QUICK_STOPPING
+    assert bench.drive.power is Power.QUICK_STOP
+    bench.until_still()
+    assert bench.axis.state is State.DISABLED
+    assert not bench.axis.homed
 
 
 def test_home_here_needs_no_motion(ball_screw: Setup) -> None:

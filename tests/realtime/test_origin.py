@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import Fault
+from stagectl.drives.homing import Homing
 from stagectl.realtime.shared_memory import Move, Order
 from stagectl.realtime.states import Event, State
 from tests.realtime.test_axis import Bench

@@ -436,7 +436,7 @@ def test_the_canopen_drive_gets_the_stages_step_and_period(ball_screw: Setup, mo
     _, post = ordered(ball_screw)
     monkeypatch.setattr(drive_opening, "open_bus", lambda *names: names)
     monkeypatch.setattr(drive_opening, "listen", lambda wire, bus: None)
-    monkeypatch.setattr(canopen_drive, "CanopenDrive", lambda *order, limits, brake: (*order, brake))
+    monkeypatch.setattr(canopen_drive, "CanopenDrive", lambda *order, limits, brake, homing: (*order, brake))
     opening = drive_opening.Opening(False)
     drive: Any = opening.drive(post.axes[0]._replace(wire=wire))
     opening.close()

@@ -18,6 +18,7 @@ from stagectl.drives.brake import Brake
 from stagectl.drives.bus.frames import frame
 from stagectl.drives.bus.virtual_time import Timeline, Wire
 from stagectl.drives.drive import Canopen
+from stagectl.drives.homing import Homing
 from stagectl.kernels import stage
 from stagectl.realtime import states
 from stagectl.realtime.states import Event, State
@@ -72,7 +73,10 @@ def test_a_moving_axis_stops_as_the_time_outs_say(result: dict[str, Any]) -> Non
 
 def test_the_services_axis_is_tried_in_every_state_of_its_table(result: dict[str, Any]) -> None:
     tried = {case["state"] for case in result["faults"]}
-    states = set(State) - {State.ENGAGING}  # of an axis with a brake: see below
+    states = set(State) - {
+        State.ENGAGING,
+        State.DRIVE_HOMING,
+    }  # of an axis with a brake, or such a drive
     assert {f"service {state.name.lower().replace('_', ' ')}" for state in states} < tried
     cases = {(case["name"], case["state"].removeprefix("service ")): case for case in result["faults"]}
     for state in ("moving", "homing", "stopping"):
@@ -92,6 +96,25 @@ def test_an_axis_whose_brake_engages_is_tried_too(ball_screw: Setup) -> None:
     assert bench.states[-1] == "service engaging"
     cases = list(matrix.matrix(bench._replace(states=bench.states[-1:])))
     assert all(row.passed for row in cases), cases
+
+
+def test_an_axis_that_its_drive_homes_is_tried_too(ball_screw: Setup) -> None:
+    """Where our law does not act: what a lost partner or a fault of the drive's leads to; encoders are its affair."""
+    setup = ball_screw._replace(file=ball_screw.file._replace(homing=Homing("drive", 1.0, 1.0, number=34)))
+    seen = (
+        "cable-out",
+        "controller-dead",
+        "drive-fault",
+        "drive-disabled",
+        "node-reboot",
+        "emergency",
+        "feedback-lost",
+    )
+    bench = matrix.virtual(setup, frozenset(seen))
+    assert bench.states[-1] == "service drive homing"
+    cases = list(matrix.matrix(bench._replace(states=bench.states[-1:])))
+    assert len(cases) == len(seen) and all(row.passed for row in cases), cases
+    assert all(row.stop_time is not None and row.stop_distance > 1e-3 for row in cases)
 
 
 def test_a_state_that_the_table_does_not_lead_to_is_found_out(ball_screw: Setup) -> None:

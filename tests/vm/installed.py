@@ -71,10 +71,16 @@ class Installed:
         """On its way to the farther end of the travel, at `speed` (m/s)."""
         self.ready()
         self.ask("POST", "enable")
+        self.confirm_home()
         end = -40 if self.axis()["position"] > 0.0 else 40
         self.ask("POST", "move", to={"axis": f"{end} mm"}, speed=f"{speed * 1e3:g} mm/s", wait=False)
         self.until(lambda axis: axis["state"] == "moving")
         time.sleep(0.15)  # past the acceleration
+
+    def confirm_home(self) -> None:
+        """An axis that went on while nobody looked has lost its home: confirm where it stands, as a person would."""
+        if not self.axis()["homed"]:
+            self.ask("POST", "home")
 
     def shows(self, name: str) -> str:
         """A property of the unit."""

@@ -65,6 +65,7 @@ def test_the_latency_request_belongs_to_the_group(machine: Installed) -> None:
 def test_it_moves(machine: Installed, drive: Traced) -> None:
     machine.ready()
     machine.verb("enable")
+    machine.confirm_home()
     late = machine.axis()["late_cycles"]  # those of the start
     machine.ask("POST", "move", by={"axis": "2 mm"}, speed="20 mm/s")
     machine.until(lambda axis: axis["in_position"])

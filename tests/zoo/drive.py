@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from tests.zoo.diary import SAMPLE
 from tests.zoo.events import happen
+from tests.zoo.homing import HM, Homing
 from tests.zoo.memory import Memory
 from tests.zoo.monitors import EMERGENCIES, Monitors
 from tests.zoo.pdos import Answers, Pdo
@@ -66,6 +67,7 @@ class Drive:
         self.answers = Answers(self.variant.tpdo_age)
         self.wants_boot = self.deaf = False  # an event wants a boot; commands have no effect
         self.missing_bits = 0  # of the statusword, taken away by an event
+        self.homing, self._starts = Homing(self.variant.homing, self.memory.number), False
         self.monitors.forget()
         self._configure()
 
@@ -80,10 +82,20 @@ class Drive:
         elif key == 0x604000:
             self.power.may_enable = not self.variant.needs_interpolation or self.memory.number(0x60C201) != 0
             self.power.order(int.from_bytes(data, "little"), self.now)
-        elif key == 0x606000:
+            self._order_homing(bool(data[0] & 0x10))
+        elif key == 0x606000 and not (self._enabled and self.homing.kind == "stubborn"):
             self.mode = int.from_bytes(data, "little", signed=True)
         elif key == 0x607100:
             self.target = int.from_bytes(data, "little", signed=True)
+
+    @property
+    def _enabled(self) -> bool:
+        return self.power.state is State.OPERATION_ENABLED
+
+    def _order_homing(self, start: bool) -> None:
+        if start is not self._starts and self.mode == HM and self._enabled:
+            self.homing.order(start)
+        self._starts = start
 
     # ------------------------------------------------------------------ the bus
 
@@ -158,10 +170,11 @@ class Drive:
         if self.power.state in RAMPS:
             speed, braking = self.plant.speed, ramp_torque(self.memory.number(0x608500))
             return -self.variant.motor_sign * math.copysign(braking, speed) / FORCE_CONSTANT if speed else 0.0
-        if self.power.state is not State.OPERATION_ENABLED or self.mode != CST or self.deaf:
+        if not self._enabled or self.mode not in (CST, HM) or self.deaf:
             return 0.0
-        limit = self._limit()
-        return min(max(self.target * _PERMILLE, -limit), limit)
+        limit, homes = self._limit(), self.mode == HM
+        wanted = self.homing.current(self.plant.angle, self.plant.speed) if homes else self.target * _PERMILLE
+        return min(max(wanted, -limit), limit)
 
     def _limit(self) -> float:
         counted = min(self.memory.number(0x607200), self.memory.number(0x607300)) * _PERMILLE
@@ -202,7 +215,7 @@ class Drive:
     def show(self) -> None:
         """The moving objects, as a reader finds them now."""
         sign = -1 if self.memory.number(0x607E00) & 0x80 else 1
-        counts = self.variant.start_counts + round(self.plant.angle * _COUNTS_PER_RAD)
+        counts = self.variant.start_counts + round(self.plant.angle * _COUNTS_PER_RAD) - self.homing.origin
         self.memory.live |= {
             0x604100: self._statusword(),
             0x606100: self._mode_display(),
@@ -214,6 +227,8 @@ class Drive:
     def _statusword(self) -> int:
         following = self.power.state is State.OPERATION_ENABLED and self.mode == CST
         bits = self.power.state.value | 0x10 | _REMOTE | (_FOLLOWS if following else 0)
+        if self.mode == HM and self._enabled:
+            bits |= self.homing.bits
         if self.variant.clamp_told and abs(self.target * _PERMILLE) > self._limit():
             bits |= _LIMIT
         return bits & _WORD & ~self.missing_bits

@@ -56,7 +56,12 @@ def entry(key: int) -> int:
 
 def objects(variant: Variant, node: int) -> list[Object]:
     """All entries, with the values after boot."""
-    table = [*_communication(node), *_pdos(variant, node), *_profile()]
+    table = [
+        *_communication(node),
+        *_pdos(variant, node),
+        *_profile(),
+        *(_homing() if variant.homing not in ("", "absent") else ()),
+    ]
     return [row._replace(value=variant.values.get(row.key, row.value)) for row in table]
 
 
@@ -109,6 +114,16 @@ def _profile() -> list[Object]:
         ),
         *_record(0x608F, "Encoder", (1, "increments", "u32", "rw", COUNTS), (2, "revolutions", "u32", "rw", 1)),
         *_record(0x60C2, "Interpolation time", (1, "value", "u8", "rw", 1), (2, "index", "i8", "rw", -3)),
+    ]  # fmt: skip
+
+
+def _homing() -> list[Object]:
+    return [
+        *_simple(
+            (0x607C, "Home offset", "i32", "rw", 0), (0x6098, "Homing method", "i8", "rw", 1),
+            (0x609A, "Homing acceleration", "u32", "rw", 1000),
+        ),
+        *_record(0x6099, "Homing speeds", (1, "switch", "u32", "rw", 100), (2, "zero", "u32", "rw", 10)),
     ]  # fmt: skip
 
 

@@ -58,6 +58,7 @@ friction:
   longest: 50 um
 encoder:
   counts_per_revolution: {counts}
+  delay_samples: {age}
 drive:
   current_lag: 1 ms
   current_limit: {current_limit:g} A
@@ -84,6 +85,14 @@ simulation:
   clock: wall
 """
 _HOMING = "homing:\n  method: here\n"
+_HOMING_BY_DRIVE = """homing:
+  method: drive
+  number: {number}
+  speed: 5 mm/s
+  slow: 1 mm/s
+  distance: 4 mm
+  position: 3 mm
+"""
 _BRAKE = "brake:\n  control: drive\n  release: {time:g} ms\n  engage: {time:g} ms\n"
 MOTION = "type: sine\namplitude: 1 mm\nfrequency: 2 Hz\nperiods: 1\nramp: 1\n"
 LONG_MOTION = "type: sine\namplitude: 2 mm\nfrequency: 1 Hz\nperiods: 60\nramp: 1\n"
@@ -104,11 +113,13 @@ def write(folder: Path, variant: Variant, wire: Mapping[str, str] | None = None,
     lines = {key: line for key, line in lines.items() if key in KNOWN}
     text = _STAGE.format(
         lead=1e3 * LEAD, force_constant=FORCE_CONSTANT, inertia=INERTIA, viscous=VISCOUS, coulomb=COULOMB,
-        bias=-variant.gravity, counts=COUNTS, current_limit=CURRENT_LIMIT, period=1e3 * PERIOD, travel=1e3 * TRAVEL,
+        bias=-variant.gravity, counts=COUNTS,
+        age=variant.tpdo_age * variant.age_told, current_limit=CURRENT_LIMIT, period=1e3 * PERIOD, travel=1e3 * TRAVEL,
         wire="\n".join(f"    {key}: {value}" for key, value in lines.items()),
     )  # fmt: skip
     files = Files(folder / "stage.yaml", folder / "motion.yaml", folder / "bus", folder / "diary.jsonl")
     text += _HOMING if variant.start_counts else ""
+    text += _HOMING_BY_DRIVE.format(number=37 if variant.homing == "here" else 17) if variant.homing else ""
     text += _BRAKE.format(time=1e3 * variant.brake_time) if variant.gravity and "brake" in StageFile._fields else ""
     files.stage.write_text(text)
     files.motion.write_text(motion)

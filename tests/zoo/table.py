@@ -86,6 +86,7 @@ ROWS = [
     _row("follow-lost", STOPS, "bit 12|does not follow"),
     _row("mode-lost", STOPS, "0x6061|mode of operation|bit 12"),
     _row("tpdo-late", MOVES | REFUSES | STOPS, r"periods? old|\bage\b|too old|delay"),
+    _row("tpdo-late-told", MOVES),
     _row("tpdo-frozen", STOPS, "freeze|frozen|froze|same|stands still|stuck|no new count|does not change"),
     _row("tpdo-silent", STOPS, "TPDO|answer|feedback", never=_ALWAYS_NEVER),  # here a cable may be the cause
     _row("guarding-only", MOVES),

@@ -39,6 +39,7 @@ class Variant:
     clamp_told: bool = False  # bit 11 of the statusword
     in_motion: str = ""  # what happens once the axis has moved: see `events.py`
     tpdo_age: int = 0  # periods by which the answer is old
+    age_told: bool = False  # the stage file says so
     drops_every: int = 0  # each so many-th SDO response is lost
     sdo_delay: float = 0.0  # s
     extra_pdos: bool = False  # sends TPDO 2 and 3 by event and by SYNC, unasked
@@ -46,6 +47,7 @@ class Variant:
     brake_time: float = 0.05  # s from the drive's order until the brake holds, or is open
     fault_stays: bool = False  # its cause is still there: a reset has no effect
     needs_interpolation: bool = False  # 0x60C2:01 must not be 0 when it is enabled
+    homing: str = ""  # how its mode 6 goes: see `homing.py`; empty: it has none
     second_node: bool = False  # a strange drive with node id 6 is on the same bus
     wire: Mapping[str, str] = field(default_factory=dict)  # lines of the stage file's block `drive.wire`
 
@@ -112,6 +114,7 @@ VARIANTS: dict[str, Variant] = {
     "follow-lost": Variant("bit 12 falls in motion: commands are not followed", in_motion="follow-lost"),
     "mode-lost": Variant("leaves the mode in motion", in_motion="mode-lost"),
     "tpdo-late": Variant("the answer is that of the period before", tpdo_age=1),
+    "tpdo-late-told": Variant("the same, and the stage file says so", tpdo_age=1, age_told=True),
     "tpdo-frozen": Variant("from some point the same answer again and again", in_motion="tpdo-frozen"),
     "tpdo-silent": Variant("from some point no answer", in_motion="tpdo-silent"),
     "guarding-only": Variant(
@@ -150,10 +153,18 @@ VARIANTS: dict[str, Variant] = {
     "two-nodes": Variant("a strange node is on the same bus", second_node=True),
 }
 
+# Drives that are asked to home themselves; they are tried by `test_homing.py`, as no motion of the table does it.
+HOMINGS = {
+    f"homing-{kind}": Variant(f"homing by the drive: {kind}", homing=kind, values={0x650200: 0x220})
+    for kind in ("switch", "error", "never", "here", "stubborn")
+}
+HOMINGS |= {f"{name}-late": HOMINGS[name].changed(tpdo_age=1) for name in ("homing-switch", "homing-here")}
+HOMINGS["homing-absent"] = Variant("no homing mode", homing="absent")
+
 
 def named(name: str) -> Variant:
     """The variant of this name; ``without:0x605A00`` lacks the object with this key."""
     if name.startswith("without:"):
         key = int(name.removeprefix("without:"), 16)
         return Variant(f"has no 0x{key >> 8:04X}:{key & 0xFF:02X}", absent=(key,))
-    return VARIANTS[name]
+    return HOMINGS[name] if name in HOMINGS else VARIANTS[name]

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-CHECKOUT = ("stagectl", "config", "pyproject.toml", "README.md", "tests/__init__.py", "tests/vm")
+CHECKOUT = ("stagectl", "config", "systemd", "pyproject.toml", "README.md", "tests/__init__.py", "tests/vm")
 DISKS = 64 << 20  # bytes of the checkout's disk and of the results'
 PASSED, FAILED = 1, 3  # QEMU's exit codes where the guest wrote 0 and 1 to the debug port
 READY = "guest: ready"

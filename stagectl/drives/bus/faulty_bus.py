@@ -6,7 +6,7 @@ import heapq
 import itertools
 import random
 from collections.abc import Callable, Iterator
-from typing import Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from stagectl.drives.bus.frames import Bus, frame, parse
 from stagectl.drives.limits import BABBLE_FRAMES
@@ -118,6 +118,9 @@ class FaultyBus:
         return min([deadline, *(held[0][0] for held in self._held.values() if held)])
 
 
+FrameAct = Callable[[Any, FaultyBus], Act]  # (parameters of the fault, bus)
+
+
 def lose(share: float, chance: random.Random) -> Act:
     """Lose a `share` of the frames."""
     return lambda at, raw: [] if chance.random() < share else [(at, raw)]
@@ -199,3 +202,35 @@ def refuse(bus: FaultyBus) -> Act:
         return []
 
     return act
+
+
+def _share(act: Callable[[float, random.Random], Act]) -> FrameAct:
+    return lambda p, bus: act(p.share, bus.random)
+
+
+# Faults of frames: their way as the drive sees it, their kinds (empty: all), and what befalls them.
+FRAME_FAULTS: dict[str, tuple[Way, tuple[str, ...], FrameAct]] = {
+    "cable-out": ("both", (), _share(lose)),
+    "frames-lost": ("both", (), _share(lose)),
+    "sync-lost": ("in", ("sync",), _share(lose)),
+    "command-lost": ("in", ("rpdo",), _share(lose)),
+    "feedback-lost": ("out", ("tpdo",), _share(lose)),
+    "controller-heartbeat-lost": ("in", ("heartbeat",), _share(lose)),
+    "drive-heartbeat-lost": ("out", ("heartbeat",), _share(lose)),
+    "frames-duplicated": ("both", (), _share(double)),
+    "frames-reordered": ("both", (), _share(swap)),
+    "command-corrupted": ("in", ("rpdo",), _share(flip)),
+    "feedback-corrupted": ("out", ("tpdo",), _share(flip)),
+    "frames-delayed": ("both", (), lambda p, bus: delay(p.delay)),
+    "bus-flooded": ("out", (), _share(babble)),
+    "feedback-short": ("out", ("tpdo",), _share(shorten)),
+    "node-stuck": ("out", ("tpdo",), lambda p, bus: freeze()),
+    "sdo-abort": ("in", ("sdo request",), lambda p, bus: refuse(bus)),
+    "sdo-silent": ("in", ("sdo request",), lambda p, bus: lose(1.0, bus.random)),
+}
+
+
+def frame_rule(block: Any, bus: FaultyBus, way: Way | None = None) -> Rule:
+    """The rule of a fault of FRAME_FAULTS on `bus`; `way`: another than the drive's."""
+    ours, kinds, act = FRAME_FAULTS[block.fault]
+    return Rule(way or ours, frozenset(kinds), act(block, bus))

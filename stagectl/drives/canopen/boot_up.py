@@ -13,13 +13,6 @@ from stagectl.drives.clock import Clock
 from stagectl.drives.drive import DriveError
 from stagectl.drives.limits import BACKLOG, BOOT_ANSWER_TIME, BOOT_UP_TIME, SDO_ANSWER_TIME, SDO_TRIES, STATE_TIME
 
-_STATES = {
-    cia402.STOPPED: "stopped",
-    cia402.OPERATIONAL: "operational",
-    cia402.PRE_OPERATIONAL: "pre-operational",
-    cia402.INITIALISING: "initialising",
-}
-
 
 class BootUp:
     """The way to a drive that answers; afterwards any boot-up message interrupts the set-up."""
@@ -78,7 +71,7 @@ class BootUp:
             self._network.wire.send(frame(REMOTE | 0x700 + self._settings.node))
             self._until(self._now() + STATE_TIME, lambda: self._objects.nmt_state is not None)
         state = self._objects.nmt_state
-        return "unknown" if state is None else _STATES.get(state, f"{state}")
+        return "unknown" if state is None else cia402.NMT_WORDS.get(state, f"{state}")
 
     def _until(self, deadline: float, over: Callable[[], bool]) -> bool:
         """Take frames until `over` or the deadline; whether it was over in time."""

@@ -11,6 +11,10 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterable
+from typing import TypeVar
+
+_Member = TypeVar("_Member", bound=enum.Enum)
 
 # objects of CiA 301
 DEVICE_TYPE, ERROR_REGISTER, ERROR_HISTORY, SYNC_COB_ID = 0x1000, 0x1001, 0x1003, 0x1005
@@ -32,14 +36,23 @@ REMOTE, LIMITED, FOLLOWS = 1 << 9, 1 << 11, 1 << 12  # statusword: remote, inter
 DIGITAL_OUTPUTS, BRAKE_BIT = 0x60FE, 1  # subindex 1: the outputs, whose bit 0 sets the brake; 2: their mask
 
 PROFILE, SERVO_DRIVE = 402, 0x0002_0000  # low word of 0x1000; its bit for a servo drive
-CYCLIC_SYNCHRONOUS_TORQUE = 10
-CYCLIC_SYNCHRONOUS_TORQUE_BIT = 1 << 9  # in 0x6502
+CYCLIC_SYNCHRONOUS_TORQUE, HOMING = 10, 6  # modes of operation
+CYCLIC_SYNCHRONOUS_TORQUE_BIT, HOMING_BIT = 1 << 9, 1 << 5  # in 0x6502
+HOME_OFFSET, HOMING_METHOD, HOMING_SPEEDS, HOMING_ACCELERATION = 0x607C, 0x6098, 0x6099, 0x609A
+HOMING_START = 1 << 4  # controlword in mode 6
+TARGET_REACHED, HOMING_ATTAINED, HOMING_ERROR = 1 << 10, 1 << 12, 1 << 13  # statusword in mode 6
 TORQUE_PERMILLE = 1e-3  # 0x6071 and 0x6077 count thousandths of the rated value
 
 # NMT (CiA 301): commands and the states that a heartbeat carries
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 NMT_RESETS = {"node": 0x81, "communication": 0x82}
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
+NMT_WORDS = {
+    INITIALISING: "initialising",
+    STOPPED: "stopped",
+    OPERATIONAL: "operational",
+    PRE_OPERATIONAL: "pre-operational",
+}
 
 
 class DriveState(enum.Enum):
@@ -59,6 +72,10 @@ class DriveState(enum.Enum):
         """Name as the standard writes it."""
         names = {DriveState.NOT_READY: "Not ready to switch on", DriveState.READY: "Ready to switch on"}
         return names.get(self, self.name.replace("_", " ").capitalize())
+
+
+RAMPS = (DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)  # the drive brakes by itself
+POWERED = (DriveState.OPERATION_ENABLED, *RAMPS)
 
 
 class DeviceCommand(enum.Enum):
@@ -197,6 +214,8 @@ CONTROLLER_MISSED = (HEARTBEAT_LOST, RPDO_LOST)  # emergencies by which a drive 
 COMMUNICATION_ERROR = 0x10  # bit of the error register 0x1001
 GENERIC_ERROR = 0x01
 
+UPLOAD_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"  # SDO: the first question to a node (0x1000)
+
 # SDO abort codes (CiA 301) that are sent or read here.
 NO_OBJECT, NOT_MAPPABLE = 0x0602_0000, 0x0604_0041
 PDO_TOO_LONG, WRONG_LENGTH, NO_SUBINDEX, OUT_OF_RANGE = 0x0604_0042, 0x0607_0010, 0x0609_0011, 0x0609_0030
@@ -227,12 +246,16 @@ def emergency(code: int) -> str:
 
 
 def _matching_state(bits: int) -> DriveState:
-    return next((s for s in DriveState if bits & s.value[0] == s.value[1]), DriveState.NOT_READY)
+    return _matching(DriveState, bits) or DriveState.NOT_READY
 
 
 def _matching_command(bits: int) -> DeviceCommand | None:
-    plain = (c for c in DeviceCommand if c is not DeviceCommand.FAULT_RESET)
-    return next((c for c in plain if bits & c.value[0] == c.value[1]), None)
+    return _matching([c for c in DeviceCommand if c is not DeviceCommand.FAULT_RESET], bits)
+
+
+def _matching(members: Iterable[_Member], bits: int) -> _Member | None:
+    """The first whose value (mask, bits) fits."""
+    return next((member for member in members if bits & member.value[0] == member.value[1]), None)
 
 
 _STATES = [_matching_state(bits) for bits in range(0x70)]

@@ -29,17 +29,24 @@ from stagectl.drives.canopen.pdo_setup import RPDO, TPDO, PdoSetup
 from stagectl.drives.canopen.protection import NOT_OFFERED, Protection, Supervision, milliseconds
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.homing import NO_HOMING, Homing
 from stagectl.drives.limits import MODE_TIME, ROUNDED, SETUPS
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 
-def configured(
-    settings: Canopen, bus: Bus, encoder_step: float, dt: float, clock: Clock, limits: AxisLimits
+def configured(  # noqa: PLR0913 - what a drive is set up by
+    settings: Canopen,
+    bus: Bus,
+    encoder_step: float,
+    dt: float,
+    clock: Clock,
+    limits: AxisLimits,
+    homing: Homing = NO_HOMING,
 ) -> DriveConfiguration:
     """The finished set-up of the drive on `bus`.  Raises DriveError."""
     node = PumpedNode(settings.node, load_eds(settings.eds, settings.node))
     PumpedNetwork(bus, clock)[settings.node] = node
-    setup = DriveConfiguration(settings, node, encoder_step, clock, dt=dt, limits=limits)
+    setup = DriveConfiguration(settings, node, encoder_step, clock, dt=dt, limits=limits, homing=homing)
     setup.run()
     return setup
 
@@ -52,7 +59,7 @@ class DriveConfiguration:
     protection: Protection
     mode_shown = False  # as cyclic synchronous torque, before it has power
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the last four have defaults
         self,
         settings: Canopen,
         node: PumpedNode,
@@ -61,13 +68,14 @@ class DriveConfiguration:
         *,
         dt: float = 0.0,
         limits: AxisLimits = UNKNOWN_AXIS,
+        homing: Homing = NO_HOMING,
     ) -> None:
         """`encoder_step` (rad | m) is one count of the drive's position, `dt` (s) the period.
 
         Objects that follow from `limits` are left alone where nothing is known of the axis.
         """
         self._settings, self._node, self._step, self._dt = settings, node, encoder_step, dt
-        self._limits, self._clock = limits, clock
+        self._limits, self._clock, self._homing = limits, clock, homing
         od = node.object_dictionary
         self._wishes = wished_rpdo(settings, od), wished_tpdo(settings, od)  # refused before the drive is asked
         self.objects = ObjectAccess(settings, node)
@@ -126,7 +134,8 @@ class DriveConfiguration:
         self._set_ramp()
         self.protection = Supervision(objects, self.description, self._limits).run(self.rpdo)
         self._describe_options()
-        obey(objects, Wishes(s, self._limits, self._step, self._dt, objects.offered), self.description)
+        wishes = Wishes(s, self._limits, self._step, self._dt, objects.offered, self._homing)
+        obey(objects, wishes, self.description)
         self._set_mode()
         self._node.nmt.send_command(cia402.NMT_START)
         objects.verify()
@@ -190,14 +199,16 @@ class DriveConfiguration:
 
     def _check_mode(self) -> None:
         modes = self.objects.offered(cia402.SUPPORTED_MODES)
-        if modes is not None and not modes & cia402.CYCLIC_SYNCHRONOUS_TORQUE_BIT:
-            raise DriveError(
-                f"node {self._settings.node} does not offer cyclic synchronous torque mode (0x6502 = 0x{modes:08X});"
-                " enable it in the drive, or use another drive",
-                node=self._settings.node,
-                object_key=cia402.SUPPORTED_MODES << 8,
-                value=modes,
-            )
+        wanted = {cia402.CYCLIC_SYNCHRONOUS_TORQUE_BIT: "cyclic synchronous torque mode", cia402.HOMING_BIT: "homing"}
+        for bit, words in list(wanted.items())[: 1 + self._homing.by_drive]:
+            if modes is not None and not modes & bit:
+                raise DriveError(
+                    f"node {self._settings.node} does not offer {words} (0x6502 = 0x{modes:08X});"
+                    " enable it in the drive, or use another drive",
+                    node=self._settings.node,
+                    object_key=cia402.SUPPORTED_MODES << 8,
+                    value=modes,
+                )
 
     def _set_mode(self) -> None:
         """Ask for the mode; a drive that shows it only once it is enabled is watched from then on."""

@@ -28,23 +28,23 @@ from stagectl.drives.canopen.braking_monitor import (
 )
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.canopen.configuration import configured
+from stagectl.drives.canopen.drive_homing import DriveHoming, ModeSwitch
 from stagectl.drives.canopen.drive_line import DriveLine
 from stagectl.drives.canopen.fault_texts import Deviation, FoundState
-from stagectl.drives.canopen.object_access import ObjectAccess
 from stagectl.drives.canopen.operation_watch import mode_place
 from stagectl.drives.canopen.power_states import FaultReset, PowerTransition, Standstill
 from stagectl.drives.canopen.protection import check_output_brake
 from stagectl.drives.canopen.reports import Reports
 from stagectl.drives.clock import WALL, Clock
 from stagectl.drives.cycle_time import has_room_for_sdo
-from stagectl.drives.drive import Canopen, DriveError, Fault, Feedback, Power
-from stagectl.drives.limits import REPEAT_COMMAND_CYCLES, STANDING
+from stagectl.drives.drive import Canopen, Fault, Feedback, Power
+from stagectl.drives.homing import NO_HOMING, Homing
+from stagectl.drives.limits import OLD_ANSWERS, REPEAT_COMMAND_CYCLES, STANDING
 from stagectl.drives.run_on import UNKNOWN_AXIS, AxisLimits
 
 _SYNC = frame(0x080)
 # A member of an enumeration takes Python 90 ns to look up by its name: what each cycle needs is looked up here.
-_NONE, _ON, _QUICK_STOP, _OPERATION_ENABLED = Fault.NONE, Power.ON, Power.QUICK_STOP, DriveState.OPERATION_ENABLED
-_ENABLED_MASK, _ENABLED = DriveState.OPERATION_ENABLED.value
+_ON, _QUICK_STOP, _OPERATION_ENABLED = Power.ON, Power.QUICK_STOP, DriveState.OPERATION_ENABLED
 _ENABLED_WORD = cia402.DeviceCommand.ENABLE_OPERATION.controlword
 _FAULT_BIT = 0x08  # of Fault and Fault reaction active
 
@@ -52,7 +52,7 @@ _FAULT_BIT = 0x08  # of Fault and Fault reaction active
 class CanopenDrive:
     """The drive protocol over a bus; see `stagectl.drives.drive.Drive`."""
 
-    def __init__(  # noqa: PLR0913 - the last three have defaults
+    def __init__(  # noqa: PLR0913 - the last four have defaults
         self,
         settings: Canopen,
         bus: Bus,
@@ -62,6 +62,7 @@ class CanopenDrive:
         clock: Clock = WALL,
         limits: AxisLimits = UNKNOWN_AXIS,
         brake: Brake = NO_BRAKE,
+        homing: Homing = NO_HOMING,
     ) -> None:
         """Find the drive and configure it; one count is `encoder_step` (rad | m), one period `dt` (s).
 
@@ -76,28 +77,32 @@ class CanopenDrive:
         self._last = Feedback(math.nan, math.nan, 0, Fault.NONE)
         self._reason: Feedback | None = None  # the first fault since Operation was enabled
         self._walking = False  # on the way to it
-        self._brake = BrakeSequence(brake, dt, self._set_brake)
-        self._closed = False
-        self._silent = False  # no answer to the last SYNC
+        self._closed = self._silent = False  # silent: no answer to the last SYNC
         self._braking = BrakingMonitor(self._pace, settings.quick_stop_deceleration)
         self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
-        setup = configured(settings, bus, encoder_step, dt, clock, limits)
+        setup = configured(settings, bus, encoder_step, dt, clock, limits, homing)
         self._description, self._protection = setup.description, setup.protection
         self._command, self._answer = setup.pdos  # as the drive has them, not as they were wished
         self._alive, self._alive_period = setup.protection.alive, setup.protection.period
         self._reports = Reports(settings, dt, self._answer, self._now)
         self._reports.watch.mode_shown = setup.mode_shown
         self._line = DriveLine(bus, settings.node, self._answer.head, self._reports)
+        self._brake = BrakeSequence(brake, dt, self._line.set_brake)
+        self._mode = ModeSwitch(self._line, self._command, self._reports)
+        self._homing: DriveHoming | None = None
         self._mode_at, self._has_room = mode_place(setup.tpdo), has_room_for_sdo(dt, settings.bitrate)
         self._slow = settings.quick_stop_deceleration * STANDING
-        self._found = FoundState(*(_read(setup.objects, index) for index in (cia402.STATUSWORD, cia402.ERROR_CODE)))
+        self._found = FoundState(*(setup.objects.known(index) for index in (cia402.STATUSWORD, cia402.ERROR_CODE)))
         if brake.control == "output":
             check_output_brake(setup.objects, self._description)
-            setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 1)  # set, before any power
-            setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, 2)
+            for subindex in (1, 2):  # set, before any power; the mask
+                setup.objects.write(cia402.BRAKE_BIT, cia402.DIGITAL_OUTPUTS, subindex)
 
     def ask(self, power: Power) -> None:
         """Bring the drive to `power` with the periods that follow."""
+        self._homing = DriveHoming(self._mode) if power is Power.HOME else None
+        if self._homing:
+            return
         self._walk = self._transition(power)
         self._braking = BrakingMonitor(self._pace, self._settings.quick_stop_deceleration)
         self._reports.serving = self._reports.proving = False
@@ -106,6 +111,7 @@ class CanopenDrive:
             self._reason = None
             self._unheard = ConsecutiveCycles(REPEAT_COMMAND_CYCLES)
             self._reports.begin()
+            self._mode.back()
 
     def _transition(self, power: Power) -> PowerTransition:
         """The way to `power`; where an axis stands under power, its brake is set before that goes."""
@@ -119,9 +125,6 @@ class CanopenDrive:
         if not (stopped or self._brake.keeps_enabled):
             word = cia402.DeviceCommand.SWITCH_ON.controlword  # disable operation: the drive works its brake
         return PowerTransition(Power.OFF, still, self._brake.engaging, word)
-
-    def _set_brake(self, engaged: bool) -> None:
-        self._line.write(cia402.DIGITAL_OUTPUTS, 1, cia402.BRAKE_BIT * engaged)
 
     def sample(self) -> Feedback:
         """SYNC, and the drive's answer to it; never raises."""
@@ -144,7 +147,13 @@ class CanopenDrive:
         elif self._mode_at:
             self._reports.show_mode(raw[self._mode_at])
         now = Feedback(counts * self._step, current, statusword, self._reports.fault(statusword))
-        return self._noted(self._walked(now) if self._walking else now)
+        return self._noted(self._walked(now) if self._walking else self._homed(now))
+
+    def _homed(self, now: Feedback) -> Feedback:
+        """A step of the drive's homing; the controlword of enabled operation has its start bit."""
+        if (homing := self._homing) is not None:
+            now, self._walk.controlword = homing.step(now), homing.controlword
+        return now
 
     def _supervise(self) -> None:
         """During a quick stop: cut the power of an axis that is not braked; release a drive that is silent."""
@@ -192,9 +201,10 @@ class CanopenDrive:
     def reset_fault(self) -> None:
         """Hold bit 7 until the drive's fault is gone, without power.  Raises DriveError where it stays."""
         begun = due = self._now()
+        gone = ConsecutiveCycles(OLD_ANSWERS)
         while (elapsed := self._now() - begun) < FaultReset.DURATION:
             self.sample()
-            if not self._silent and self._last.statusword & _FAULT_BIT == 0:
+            if gone.certain(not self._silent and self._last.statusword & _FAULT_BIT == 0):
                 break
             self._walk.controlword = FaultReset.controlword(elapsed)
             self.apply(0.0)
@@ -258,8 +268,10 @@ class CanopenDrive:
     def _walked(self, now: Feedback) -> Feedback:
         """A step towards Operation enabled; once there, no fault later leads there again by itself."""
         state = self._walk.step(now)
+        self._mode.shown()
         self._reports.proving = now.fault is Fault.NONE and not self._reports.watch.mode_shown
-        if now.fault is Fault.NONE and not (self._reports.watch.mode_shown and self._brake.released()):
+        proven = self._walk.certain and self._reports.watch.mode_shown
+        if now.fault is Fault.NONE and not (proven and self._brake.released()):
             return now._replace(fault=Fault.DRIVE_FAULT)  # not yet: mode before release, release before motion
         self._reports.serving = now.fault is Fault.NONE
         self._walking = not self._reports.serving
@@ -275,11 +287,3 @@ class CanopenDrive:
         due = max(due + self._dt, self._now() - self._dt)
         self._clock.sleep(max(due - self._now(), 0.0))
         return due
-
-
-def _read(objects: ObjectAccess, index: int) -> int | None:
-    """An integer object; None where the drive does not give it."""
-    with contextlib.suppress(DriveError):
-        value: int | None = objects.offered(index)
-        return value
-    return None

@@ -13,7 +13,8 @@ from stagectl.drives.limits import BACKLOG, MODE_PERIOD
 
 _WRITE = struct.Struct("<BHBI")  # SDO: expedited download
 _SDO, _NMT_COMMAND = 0x600, 0x000
-_WORD, _LONG = 0x2B, 0x23  # SDO: two bytes, four bytes
+_SIZES = {cia402.MODE: 0x2F, cia402.CONTROLWORD: 0x2B}  # SDO: one byte, two bytes
+_LONG = 0x23  # four bytes
 
 
 class DriveLine:
@@ -55,9 +56,12 @@ class DriveLine:
 
     def write(self, index: int, subindex: int, value: int) -> None:
         """Write an object by SDO without waiting for the answer."""
-        size = _WORD if index == cia402.CONTROLWORD else _LONG
         with contextlib.suppress(OSError):
-            self._bus.send(frame(_SDO + self._node, _WRITE.pack(size, index, subindex, value)))
+            self._bus.send(frame(_SDO + self._node, _WRITE.pack(_SIZES.get(index, _LONG), index, subindex, value)))
+
+    def set_brake(self, engaged: bool) -> None:
+        """Set or release a brake at the drive's digital outputs, without waiting for the answer."""
+        self.write(cia402.DIGITAL_OUTPUTS, 1, cia402.BRAKE_BIT * engaged)
 
     def ask_for_mode(self, now: float) -> None:
         """Ask for 0x6061 by SDO each MODE_PERIOD.  Raises OSError."""

@@ -56,12 +56,6 @@ class FoundState(NamedTuple):
         return self.error_code if _is_fault(self.statusword) else None
 
 
-_NMT = {
-    cia402.INITIALISING: "initialising",
-    cia402.STOPPED: "stopped",
-    cia402.OPERATIONAL: "operational",
-    cia402.PRE_OPERATIONAL: "pre-operational",
-}
 MUTE = Deviation("its heartbeat was not heard for {:.2f} s while its answers went on", alone=True)
 LEFT_OPERATIONAL = Deviation(
     "it left the NMT state operational (its heartbeat says {})",
@@ -74,7 +68,7 @@ OTHER_CONTROLLER = Deviation(
 )
 OTHER_MAPPING = Deviation("its TPDO has {} bytes, must have {}; probable cause: another master mapped it")
 WRONG_MODE = Deviation(
-    "its mode of operation is {} (0x6061), must be 10 (cyclic synchronous torque)",
+    "its mode of operation is {} (0x6061), must be {} (10: cyclic synchronous torque, 6: homing)",
     "Probable causes: a service tool or another controller wrote 0x6060, or an input of the drive selects the mode."
     f" Take it away, then reset: {_RESET}",
 )
@@ -82,6 +76,16 @@ UNSHOWN_MODE = Deviation(
     "it has power, but shows the mode of operation {} (0x6061) where 10 (cyclic synchronous torque) was ordered",
     "Probable causes: the drive does not take the mode (0x6060), or its firmware does not report it. Compare both with"
     " `stagectl drive dump STAGE.yaml`; a drive that does not show its mode is not moved",
+)
+UNTAKEN_MODE = Deviation(
+    "it does not take the mode of operation {} (0x6060) under power, but shows {} (0x6061)",
+    "Probable causes: the drive changes its mode only without power, or an input selects it. See the drive's manual, or"
+    " home by another homing.method",
+)
+HOMING_FAILED = Deviation(
+    "it reports an error of its homing (statusword bit 13)",
+    "Probable causes: homing.number (0x6098) is a method that it does not have, its switch or index is not connected,"
+    " or the direction is wrong. Compare with the drive's manual, then `stagectl fault reset`",
 )
 LOST_BITS = {
     9: Deviation(
@@ -107,6 +111,7 @@ WHAT = {
     Fault.EMERGENCY: "the drive sent an emergency",
     Fault.BUS: "the bus failed",
     Fault.REBOOTED: "the drive booted in mid operation",
+    Fault.HOMING: "its homing (mode of operation 6) has failed",
 }
 CAUSES = {
     Fault.NONE: "Nothing to be done",
@@ -125,6 +130,7 @@ CAUSES = {
         "Probable causes: a dip of its supply, its watchdog, or an NMT reset by another master. Its configuration and"
         f" its origin are gone with it. Check the supply, then configure it anew: {_RESET}"
     ),
+    Fault.HOMING: HOMING_FAILED.causes,
     Fault.BUS: (
         "Probable causes: interface down or bus off. See 'ip -details link', bring it up again,"
         " then start the run again"
@@ -211,7 +217,7 @@ def explained(node: int, last: Feedback, signs: DriveSigns) -> str:
 
 def nmt_words(state: int) -> str:
     """An NMT state of a heartbeat (CiA 301) in words."""
-    return _NMT.get(state, f"unknown, 0x{state:02X}")
+    return cia402.NMT_WORDS.get(state, f"unknown, 0x{state:02X}")
 
 
 def _nmt_words(signs: DriveSigns) -> str:

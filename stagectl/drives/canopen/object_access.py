@@ -70,6 +70,13 @@ class ObjectAccess:
                 return None
             raise
 
+    def known(self, index: int) -> int | None:
+        """An integer object; None where the drive does not give it, for whatever reason."""
+        try:
+            return int(self.read(index))
+        except DriveError:
+            return None
+
     def write(self, value: int, index: int, subindex: int = 0) -> None:
         """Write an integer.  Raises DriveError, with the drive's abort code where it refuses."""
         action = f"write of {value} (0x{value & 0xFFFFFFFF:X})"

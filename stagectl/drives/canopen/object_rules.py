@@ -14,7 +14,8 @@ from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.object_access import Held, ObjectAccess
 from stagectl.drives.canopen.protection import NOT_OFFERED, lacks
 from stagectl.drives.drive import Accepted, Canopen, DriveError
-from stagectl.drives.limits import INCREMENTS
+from stagectl.drives.homing import NO_HOMING, Homing
+from stagectl.drives.limits import INCREMENTS, ROUNDED, SEARCH_TIME
 from stagectl.drives.run_on import AxisLimits
 
 _INVERTED = 0xE0  # bits of 0x607E: position, velocity and, with some makers, torque
@@ -30,6 +31,7 @@ class Wishes(NamedTuple):
     encoder_step: float  # rad | m
     dt: float  # s
     offered: Callable[[int, int], int | None]  # value of an object, None where it is missing
+    homing: Homing = NO_HOMING
 
 
 class Rule(NamedTuple):
@@ -105,6 +107,20 @@ def _near(value: int, wanted: int) -> bool:
     return abs(value - wanted) <= max(INCREMENTS * wanted, 0.5)
 
 
+def _rounded(value: int, wanted: int) -> bool:
+    return abs(value - wanted) <= max(ROUNDED * wanted, 1)
+
+
+def _speed(p: Wishes, speed: float) -> int | None:
+    """In counts of 0x6099; a search that does not move has none."""
+    return max(1, round(speed / (p.settings.velocity_scale or p.encoder_step))) if p.homing.moves else None
+
+
+def _ramp(p: Wishes) -> int | None:
+    scale = p.settings.deceleration_scale or p.encoder_step
+    return max(1, round(abs(p.homing.speed) / SEARCH_TIME / scale)) if p.homing.moves else None
+
+
 def _upright(value: int, wanted: int) -> bool:
     return not value & _INVERTED
 
@@ -138,10 +154,30 @@ RULES = (
     ),
 )  # fmt: skip
 
+HOMING_RULES = (  # where the drive finds its home itself
+    Rule(
+        cia402.HOMING_METHOD << 8, "homing method", lambda p: p.homing.number, _equal, True,
+        "name one that the drive has in homing.number",
+    ),
+    Rule(
+        cia402.HOMING_SPEEDS << 8 | 1, "homing speed", lambda p: _speed(p, abs(p.homing.speed)), _rounded, True,
+        "correct homing.speed, or drive.wire.velocity_scale",
+    ),
+    Rule(
+        cia402.HOMING_SPEEDS << 8 | 2, "homing speed at the switch", lambda p: _speed(p, p.homing.slowly), _rounded,
+        True, "correct homing.slow, or drive.wire.velocity_scale",
+    ),
+    Rule(cia402.HOMING_ACCELERATION << 8, "homing acceleration", _ramp, None, True),
+    Rule(
+        cia402.HOME_OFFSET << 8, "home offset", lambda p: 0, _equal, True,
+        "set it to 0 in the drive: homing.position says what the home is",
+    ),
+)  # fmt: skip
+
 
 def obey(objects: ObjectAccess, p: Wishes, description: dict[str, str]) -> None:
     """Let the drive hold what the table wants.  Raises DriveError with the object that cannot be."""
-    for rule in RULES:
+    for rule in (*RULES, *(HOMING_RULES if p.homing.by_drive else ())):
         _obey(rule, objects, p, description)
     for entry in p.settings.start_up:
         index, subindex = entry.object >> 8, entry.object & 0xFF

@@ -55,13 +55,20 @@ class OperationWatch:
         self._learning_periods = periods(LEARNING_TIME, dt)
         self._patience = periods(STATUS_BIT_TIME, dt, CERTAIN_CYCLES)
         self._shown = 0  # bits that the drive has shown under power, ever
-        self.mode_shown, self.last_mode = False, 0  # whether it has ever shown the right one; the last that it showed
+        self.wanted = cia402.CYCLIC_SYNCHRONOUS_TORQUE  # mode of operation
+        self.mode_shown, self.last_mode = False, 0  # whether it has shown the wanted one; the last that it showed
         self.begin()
 
     def begin(self) -> None:
         """Power is being switched on: learn again what the drive shows under it."""
         self._demanded, self._learned, self._lost, self._wrong = 0, 0, 0, 0
         self.mask, self.expected = _ENABLED_MASK, _NEVER
+
+    def want(self, mode: int) -> None:
+        """Another mode of operation is ordered; in homing, bit 12 has a meaning of its own and is not demanded."""
+        self.wanted, self.mode_shown, self._wrong = mode, False, 0
+        homing = mode == cia402.HOMING
+        self.mask, self.expected = _ENABLED_MASK, _ENABLED if homing else _NEVER
 
     @property
     def unshown(self) -> tuple[int, ...]:
@@ -77,6 +84,7 @@ class OperationWatch:
         self._lost = self._lost + 1 if missing else 0
         if self._lost >= self._patience:
             return LOST_BITS[(missing & -missing).bit_length() - 1]
+        self.mask = _ENABLED_MASK | self._demanded
         self.expected = _NEVER if missing else _ENABLED | self._demanded
         return None
 
@@ -88,11 +96,11 @@ class OperationWatch:
 
     def shown_mode(self, mode: int) -> Deviation | None:
         """What is wrong with a mode of operation (0x6061) that the drive shows, once that is certain."""
-        right = mode == cia402.CYCLIC_SYNCHRONOUS_TORQUE
+        right = mode == self.wanted
         self.last_mode = mode
         self.mode_shown = self.mode_shown or right  # some show it only under power; none moves before
         self._wrong = 0 if right or not self.mode_shown else self._wrong + 1
-        return WRONG_MODE.filled(mode) if self._wrong >= WRONG_MODES else None
+        return WRONG_MODE.filled(mode, self.wanted) if self._wrong >= WRONG_MODES else None
 
     def _learn(self, statusword: int) -> None:
         self._shown |= statusword

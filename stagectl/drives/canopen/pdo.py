@@ -11,7 +11,6 @@ from stagectl.drives.canopen.library import canopen
 from stagectl.drives.canopen.pdo_mapping import CODES
 from stagectl.drives.drive import Canopen, DriveError
 
-_FIXED = {cia402.MODE << 8: cia402.CYCLIC_SYNCHRONOUS_TORQUE}  # fields of the RPDO that never change
 _DUMMIES = 0x20  # indices below are CiA 301's placeholders
 _WIDTHS = {8: "B", 16: "H", 32: "I", 64: "Q"}  # of objects that the EDS does not know
 
@@ -66,10 +65,16 @@ class CommandPdo:
         self._control = 2 + objects.index(cia402.CONTROLWORD << 8)
         self._struct = struct.Struct(f"<IB3x{codes}{8 - length}x")
         fill = pdo.fill or (0,) * len(objects)
-        fields = (_FIXED.get(key, value) for key, value in zip(objects, fill, strict=True))
-        self._fields = [pdo.identifier, length, *fields]
+        self._fields = [pdo.identifier, length, *fill]
+        self._modes = [place for place, key in enumerate(objects, start=2) if key == cia402.MODE << 8]
+        self.order_mode(cia402.CYCLIC_SYNCHRONOUS_TORQUE)
         self._scale = settings.command_scale
         self._low, self._high = _interval(codes[self._command - 2])
+
+    def order_mode(self, mode: int) -> None:
+        """The mode of operation that goes out from now on, where it is mapped."""
+        for place in self._modes:
+            self._fields[place] = mode
 
     def encode(self, controlword: int, current: float) -> bytes:
         """The frame; `current` (A) in counts, halves upwards, saturated.  Raises ValueError on NaN."""

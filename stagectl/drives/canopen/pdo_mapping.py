@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from stagectl.drives.canopen import cia402
@@ -72,28 +72,32 @@ def check(od: canopen.ObjectDictionary, number: Number, index: int, subindex: in
 def received(number: Number, od: canopen.ObjectDictionary) -> list[Rpdo]:
     """The RPDOs that exist, compiled from the object dictionary."""
     pdos = []
-    for n in range(_COUNT):
-        identifier, kind = number(cia402.RPDO_PARAMETER + n, 1), number(cia402.RPDO_PARAMETER + n, 2)
-        objects, codes, length = _mapped(od, number, cia402.RPDO_MAPPING + n)
-        if identifier & INVALID or not objects:
-            continue
-        head = struct.pack("<I", identifier & 0x7FF)
+    for n, identifier, kind, objects, codes, length in _existing(
+        number, od, cia402.RPDO_PARAMETER, cia402.RPDO_MAPPING
+    ):
         deadline = number(cia402.RPDO_PARAMETER + n, _EVENT_TIMER) * 1e-3
-        pdos.append(Rpdo(head, length, struct.Struct("<8x" + codes), objects, kind <= 240, deadline))
+        layout = struct.Struct("<8x" + codes)
+        pdos.append(Rpdo(struct.pack("<I", identifier), length, layout, objects, kind <= 240, deadline))
     return pdos
 
 
 def sent(number: Number, od: canopen.ObjectDictionary) -> list[Tpdo]:
     """The TPDOs that exist, compiled from the object dictionary."""
-    pdos = []
+    existing = _existing(number, od, cia402.TPDO_PARAMETER, cia402.TPDO_MAPPING)
+    return [
+        Tpdo((identifier, length), struct.Struct(f"<IB3x{codes}{8 - length}x"), objects, every)
+        for _, identifier, every, objects, codes, length in existing
+    ]
+
+
+def _existing(
+    number: Number, od: canopen.ObjectDictionary, parameter: int, mapping: int
+) -> Iterator[tuple[int, int, int, tuple[int, ...], str, int]]:
+    """Place, identifier, transmission type, objects, struct codes and length of each PDO of a direction that exists."""
     for n in range(_COUNT):
-        identifier, every = number(cia402.TPDO_PARAMETER + n, 1), number(cia402.TPDO_PARAMETER + n, 2)
-        objects, codes, length = _mapped(od, number, cia402.TPDO_MAPPING + n)
-        if identifier & INVALID or not objects:
-            continue
-        layout = struct.Struct(f"<IB3x{codes}{8 - length}x")
-        pdos.append(Tpdo((identifier & 0x7FF, length), layout, objects, every))
-    return pdos
+        identifier, objects, codes, length = number(parameter + n, 1), *_mapped(od, number, mapping + n)
+        if not identifier & INVALID and objects:
+            yield n, identifier & 0x7FF, number(parameter + n, 2), objects, codes, length
 
 
 def _check_identifier(present: int, value: int) -> None:

@@ -7,7 +7,7 @@ import math
 from stagectl.drives.canopen import cia402
 from stagectl.drives.canopen.cia402 import DriveState
 from stagectl.drives.drive import Fault, Feedback, Power
-from stagectl.drives.limits import RESET_EDGES, RESET_HOLD, RESET_PAUSE, STANDING, STANDSTILL_CYCLES
+from stagectl.drives.limits import OLD_ANSWERS, RESET_EDGES, RESET_HOLD, RESET_PAUSE, STANDING, STANDSTILL_CYCLES
 
 _OFF = cia402.DeviceCommand.DISABLE_VOLTAGE.controlword
 _ORDERS = {Power.QUICK_STOP: cia402.DeviceCommand.QUICK_STOP.controlword}
@@ -41,10 +41,17 @@ class PowerTransition:
     def __init__(self, power: Power, still: Standstill, engaging: int = 0, holding: int = _OFF) -> None:
         """Where a brake takes `engaging` periods to hold, the controlword is `holding` so long before power is cut."""
         self.power, self._still, self._engaging = power, still, engaging
+        self._answers = 0  # since this power was asked for
         self.controlword = holding if engaging else _ORDERS.get(power, _OFF)
+
+    @property
+    def certain(self) -> bool:
+        """Whether the statusword is later than the order: the first answers may show the time before it."""
+        return self._answers > OLD_ANSWERS
 
     def step(self, now: Feedback) -> DriveState:
         """Read this period's feedback; the state of the drive."""
+        self._answers += 1
         state, stands = cia402.state(now.statusword), self._still.stands(now.position)
         if self.power is Power.ON and now.fault is not Fault.FEEDBACK_LOST:
             self.controlword = _towards_enabled(state, stands)

@@ -20,10 +20,8 @@ MODES = {0: "profile position", 2: "profile velocity", 3: "profile torque", 5: "
 MODES |= {7: "cyclic synchronous position", 8: "cyclic synchronous velocity", 9: "cyclic synchronous torque"}
 UNIT_OF_ACCELERATION = 0x60AA
 RPM_PER_SECOND = 0x00C0_0300  # of 0x60AA, as CiA 303-2 writes it
-ENCODER = 0x608F
 _NODES = 126  # highest id that is asked; 127 is our own
 _REQUEST, _ANSWER = 0x600, 0x580  # SDO, less the node id
-_UPLOAD_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
 
 Read = Callable[[int, int], bytes | None]
 
@@ -73,7 +71,7 @@ def answering(bus: Bus, clock: Clock = WALL) -> list[int]:
     nodes = set()
     for first in range(1, _NODES + 1, SCAN_AT_ONCE):
         for node in range(first, min(first + SCAN_AT_ONCE, _NODES + 1)):
-            bus.send(frame(_REQUEST + node, _UPLOAD_DEVICE_TYPE))
+            bus.send(frame(_REQUEST + node, cia402.UPLOAD_DEVICE_TYPE))
         end = clock.now() + SCAN_TIME
         while (left := end - clock.now()) > 0.0:
             raw = bus.receive(left)
@@ -168,7 +166,7 @@ def _stops(read: Read) -> dict[str, str]:
 
 def _units(read: Read) -> dict[str, str]:
     answers = {}
-    counts, turns = number(read(ENCODER, 1)), number(read(ENCODER, 2))
+    counts, turns = number(read(cia402.ENCODER, 1)), number(read(cia402.ENCODER, 2))
     if counts and turns:
         answers["encoder (0x608F)"] = f"{counts / turns:.10g} counts per revolution"
     unit = number(read(UNIT_OF_ACCELERATION, 0))

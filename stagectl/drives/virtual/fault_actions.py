@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import collections
-import random
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from stagectl.drives.bus import faulty_bus
-from stagectl.drives.bus.faulty_bus import Act, FaultyBus, Rule, Undo, Way, added
+from stagectl.drives.bus.faulty_bus import FRAME_FAULTS, FaultyBus, Rule, Undo, added, frame_rule
 from stagectl.drives.canopen import cia402
 from stagectl.drives.clock import SkewedClock
 from stagectl.drives.limits import JUMP_PERIOD, STORM_PERIOD
@@ -67,17 +66,16 @@ class DriveParts(NamedTuple):
 _Action = Callable[[DriveParts, Any, float], Undo]
 
 
-def _rule(m: DriveParts, way: Way, kinds: str, act: Act) -> Undo:
-    """Apply `act` to the frames of these `kinds`, separated by commas; empty: to all."""
-    return m.bus.add(Rule(way, frozenset(kinds.split(",")) if kinds else frozenset(), act))
+def _of_frames(m: DriveParts, p: Any, now: float) -> Undo:
+    return m.bus.add(frame_rule(p, m.bus))
 
 
-def _frames(way: Way, kinds: str, make: Callable[[float, random.Random], Act]) -> _Action:
-    return lambda m, p, now: _rule(m, way, kinds, make(p.share, m.bus.random))
+def _cut_off(m: DriveParts) -> Undo:
+    return m.bus.add(Rule("both", frozenset(), faulty_bus.lose(1.0, m.bus.random)))
 
 
 def _bus_off(m: DriveParts, p: Any, now: float) -> Undo:
-    undo = _rule(m, "both", "", faulty_bus.lose(1.0, m.bus.random))
+    undo = _cut_off(m)
 
     def recover() -> None:
         undo()
@@ -87,7 +85,7 @@ def _bus_off(m: DriveParts, p: Any, now: float) -> Undo:
 
 
 def _power_off(m: DriveParts, p: Any, now: float) -> Undo:
-    undo = _rule(m, "both", "", faulty_bus.lose(1.0, m.bus.random))
+    undo = _cut_off(m)
     m.axis.power_cycled()
 
     def back() -> None:
@@ -196,20 +194,7 @@ def _skewed(m: DriveParts, p: Any, now: float) -> Undo:
     return lambda: m.clock.run_at(1.0)
 
 
-ACTIONS: dict[str, _Action] = {
-    "cable-out": _frames("both", "", faulty_bus.lose),
-    "frames-lost": _frames("both", "", faulty_bus.lose),
-    "sync-lost": _frames("in", "sync", faulty_bus.lose),
-    "command-lost": _frames("in", "rpdo", faulty_bus.lose),
-    "feedback-lost": _frames("out", "tpdo", faulty_bus.lose),
-    "controller-heartbeat-lost": _frames("in", "heartbeat", faulty_bus.lose),
-    "drive-heartbeat-lost": _frames("out", "heartbeat", faulty_bus.lose),
-    "frames-duplicated": _frames("both", "", faulty_bus.double),
-    "frames-reordered": _frames("both", "", faulty_bus.swap),
-    "command-corrupted": _frames("in", "rpdo", faulty_bus.flip),
-    "feedback-corrupted": _frames("out", "tpdo", faulty_bus.flip),
-    "frames-delayed": lambda m, p, now: _rule(m, "both", "", faulty_bus.delay(p.delay)),
-    "bus-flooded": _frames("out", "", faulty_bus.babble),
+ACTIONS: dict[str, _Action] = dict.fromkeys(FRAME_FAULTS, _of_frames) | {
     "bus-off": _bus_off,
     "encoder-off": _encoder_off,
     "encoder-stuck": _encoder(_stuck),
@@ -228,11 +213,7 @@ ACTIONS: dict[str, _Action] = {
     "current-reversed": _current(lambda m, p: lambda current: p.factor * current),
     "current-weak": _current(lambda m, p: lambda current: p.factor * current),
     "current-late": _current(lambda m, p: sensor.late(max(1, round(p.delay / m.dt)))),
-    "node-stuck": lambda m, p, now: _rule(m, "out", "tpdo", faulty_bus.freeze()),
     "node-reboot": _reboot,
     "statusword-garbage": _statusword,
-    "feedback-short": _frames("out", "tpdo", faulty_bus.shorten),
-    "sdo-abort": lambda m, p, now: _rule(m, "in", "sdo request", faulty_bus.refuse(m.bus)),
-    "sdo-silent": lambda m, p, now: _rule(m, "in", "sdo request", faulty_bus.lose(1.0, m.bus.random)),
     "clock-skewed": _skewed,
 }

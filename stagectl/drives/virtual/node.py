@@ -52,11 +52,13 @@ class VirtualNode:
         time: Clock = WALL,
         faults: Iterable[Any] = (),
         brake: Brake = NO_BRAKE,
+        mark: float = 0.0,
     ) -> None:
         """Build the node from `settings.eds` around `plant`, whose own delay line must hold nd - 1 periods.
 
         `quick_stop_gain` (A s/rad | A s/m) is that of the drive's own stop; `report` takes one line in plain
-        words, with distances as `distance` writes them; `faults` are of `stagectl.drives.faults`.  Raises DriveError.
+        words, with distances as `distance` writes them; `faults` are of `stagectl.drives.faults`; its reference
+        mark is `mark` (rad | m) from where it was powered on.  Raises DriveError.
         """
         _check(plant, dt)
         self._clock = SkewedClock(time)
@@ -66,16 +68,15 @@ class VirtualNode:
         self._network = PumpedNetwork(self._bus, self._clock)
         self._node: canopen.LocalNode = canopen.LocalNode(settings.node, load_eds(settings.eds, settings.node))
         self._network[settings.node] = self._node
-        self.axis = PowerStage(plant, quick_stop_gain, self._stopped, brake)
+        self.axis = PowerStage(plant, quick_stop_gain, self._stopped, brake, mark)
         self.objects = Objects(settings, self._node, self.axis)
         self._heartbeat = Watchdog(cia402.HEARTBEAT_LOST, "no heartbeat from the controller")
         self._command = Watchdog(cia402.RPDO_LOST, "no cyclic command (RPDO) from the controller")
         self._pending: dict[bytes, tuple[pdo_mapping.Rpdo, bytes]] = {}
         self._syncs = 0
         self._plant_time = self._synced = self._looked = self._clock.now()
-        repeats = PeriodicActions()
-        machine = DriveParts(self._bus, self.axis, self.objects, self._clock, dt, self.trip, self._reboot, repeats)
-        self.faults = FaultSchedule(machine, report)
+        parts = self._bus, self.axis, self.objects, self._clock, dt, self.trip, self._reboot, PeriodicActions()
+        self.faults = FaultSchedule(DriveParts(*parts), report)
         self.faults.standing(faults)
         self._configure()
 
@@ -125,7 +126,7 @@ class VirtualNode:
         """Compile what the object dictionary says; again whenever it was written."""
         objects, od = self.objects, self._node.object_dictionary
         objects.changed = False
-        self.axis.options = objects.options()
+        self.axis.options, self.axis.homing.options = objects.options(), objects.homing()
         self._rpdos = {pdo.head: pdo for pdo in pdo_mapping.received(objects.number, od)}
         sent = pdo_mapping.sent(objects.number, od)
         self._tpdos = [(pdo, [objects.reader(key) for key in pdo.objects]) for pdo in sent]
@@ -261,8 +262,7 @@ class VirtualNode:
     def _hear(self, partner: Watchdog) -> None:
         if not partner.alive(self._clock.now()):
             return
-        fault = self.axis.state in (cia402.DriveState.FAULT, cia402.DriveState.FAULT_REACTION_ACTIVE)
-        if not (fault or self._heartbeat.tripped or self._command.tripped):
+        if not (self.axis.faulty or self._heartbeat.tripped or self._command.tripped):
             self.objects.error_over()
 
     def _reaction(self, index: int) -> str:

@@ -9,15 +9,17 @@ from typing import Any
 from stagectl.drives.canopen import cia402, pdo_mapping
 from stagectl.drives.canopen.library import SdoAbortedError, canopen
 from stagectl.drives.drive import Canopen, DriveError
+from stagectl.drives.virtual.homing import DIRECTIONS, HomingOptions
 from stagectl.drives.virtual.power_stage import PowerStage, StopOptions
 
 TARGET_CURRENT, ACTUAL_CURRENT = 0x2071, 0x2077  # vendor objects, finer than per mille of the rated current
 FINE = 1e-5  # A a count of them
 _HISTORY = 8  # entries of 0x1003
-_CYCLIC_MODES = (0, cia402.CYCLIC_SYNCHRONOUS_TORQUE)
+_MODES = (0, cia402.HOMING, cia402.CYCLIC_SYNCHRONOUS_TORQUE)
 _ADMITTED = {  # what an interval in the EDS cannot say
     cia402.QUICK_STOP_OPTION: (0, 1, 2, 5, 6),
-    cia402.MODE: _CYCLIC_MODES,
+    cia402.MODE: _MODES,
+    cia402.HOMING_METHOD: (0, *DIRECTIONS),
     cia402.ERROR_HISTORY: (0,),  # clears it
 }
 
@@ -78,6 +80,16 @@ class Objects:
             current_limit=math.inf if permille == 0xFFFF else permille * self._permille,
         )
 
+    def homing(self) -> HomingOptions:
+        """Method, speed and ramp of the drive's own homing, in SI units."""
+        step, number = self.axis.sensor.step, self.number
+        return HomingOptions(
+            method=number(cia402.HOMING_METHOD),
+            speed=number(cia402.HOMING_SPEEDS, 1) * step,
+            acceleration=number(cia402.HOMING_ACCELERATION) * step,
+            offset=number(cia402.HOME_OFFSET),
+        )
+
     def error(self, code: int, register: int) -> None:
         """Note an error in 0x603F, 0x1001 and 0x1003, and send it as an emergency."""
         self.error_code, self.error_register = code, self.error_register | register
@@ -130,7 +142,7 @@ class Objects:
             self.error_over()
 
     def _set_mode(self, mode: int) -> None:
-        if mode in _CYCLIC_MODES:  # an RPDO with another mode is ignored; `_check` aborts such an SDO
+        if mode in _MODES:  # an RPDO with another mode is ignored; `_check` aborts such an SDO
             self.axis.mode = mode
 
     def _set_outputs(self, outputs: int) -> None:

@@ -17,11 +17,10 @@ from stagectl.drives.canopen.cia402 import DeviceCommand, DriveState
 from stagectl.drives.limits import STANDING, STILL_TIME, STOP_GRACE
 from stagectl.drives.simulated import Plant
 from stagectl.drives.virtual.holding_brake import HoldingBrake
+from stagectl.drives.virtual.homing import VirtualHoming
 from stagectl.drives.virtual.sensor import Actuator, Sensor
 
-_VOLTAGE, _REMOTE, _FOLLOWS = 0x0010, 0x0200, 0x1000  # bits of the statusword besides the state
-_STOPPING = (DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
-_POWERED = (DriveState.OPERATION_ENABLED, *_STOPPING)
+_VOLTAGE = 0x0010  # bit of the statusword
 
 
 class StopOptions(NamedTuple):
@@ -46,15 +45,23 @@ class PowerStage:
     """Power stage and plant; `advance` is one control period of it."""
 
     def __init__(
-        self, plant: Plant, gain: float, stopped: Callable[[StopReport], None], brake: Brake = NO_BRAKE
+        self,
+        plant: Plant,
+        gain: float,
+        stopped: Callable[[StopReport], None],
+        brake: Brake = NO_BRAKE,
+        mark: float = 0.0,
     ) -> None:
         """`gain` of the stop's velocity loop (A s/rad | A s/m); `stopped` is called when a stop is over.
+
+        The reference mark of its homing is at `mark` (rad | m).
 
         A `brake` that the drive works itself holds where there is no power, and takes over before that goes.
         """
         self.plant, self._gain, self._stopped = plant, gain, stopped
         self.sensor, self._actuator, self._sto = Sensor(plant), Actuator(), False
         self.options = StopOptions(2, 2, 3, 1.0, math.inf)
+        self.homing = VirtualHoming(self.sensor, mark)
         self.state = DriveState.SWITCH_ON_DISABLED
         self.mode = 0
         self.target = 0.0  # A, last received
@@ -76,24 +83,27 @@ class PowerStage:
     @property
     def enabled(self) -> bool:
         """Whether current may flow."""
-        return self.state in _POWERED
+        return self.state in cia402.POWERED
 
     @property
     def statusword(self) -> int:
         """Statusword (0x6041) now."""
-        bits: int = self.state.value[1] | _REMOTE | _VOLTAGE
-        follows = self._obeys
-        return bits | _FOLLOWS if follows else bits
+        bits: int = self.state.value[1] | cia402.REMOTE | _VOLTAGE
+        if self._homes:
+            return bits | self.homing.bits
+        return bits | cia402.FOLLOWS if self._obeys else bits
 
     def control(self, controlword: int) -> None:
         """Obey a controlword: at most one transition."""
         reset = controlword & ~self.controlword & 0x80
+        if self._homes and (controlword ^ self.controlword) & cia402.HOMING_START:
+            self.homing.order(bool(controlword & cia402.HOMING_START))
         self.controlword = controlword
         command = DeviceCommand.FAULT_RESET if reset and self.state is DriveState.FAULT else cia402.command(controlword)
         if command is None:
             return
         target = cia402.TRANSITIONS.get((self.state, command))
-        if self._sto and target in _POWERED:
+        if self._sto and target in cia402.POWERED:
             return
         if target is DriveState.QUICK_STOP_ACTIVE:
             self.quick_stop()
@@ -114,7 +124,11 @@ class PowerStage:
         """Let time go on by a period or less, under the applied command or the drive's own stop."""
         self.brake.advance(seconds)
         if self._holds:
-            self._reference = _towards_zero(self._reference, self.options.deceleration * seconds)
+            if self._homes:
+                self.homing.advance(seconds)
+                self._reference = self.homing.reference
+            else:
+                self._reference = _towards_zero(self._reference, self.options.deceleration * seconds)
             current = self._gain * (self._reference - self.sensor.velocity) + self._weight
             self.plant.command(self._actuator(current))
         if self.brake.free:
@@ -133,9 +147,14 @@ class PowerStage:
             self._enter(DriveState.QUICK_STOP_ACTIVE)
             self._slow_down(DriveState.QUICK_STOP_ACTIVE if option >= 5 else DriveState.SWITCH_ON_DISABLED)
 
+    @property
+    def faulty(self) -> bool:
+        """Whether an error has stopped it."""
+        return self.state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+
     def trip(self) -> None:
         """Transition 13: an error inside the drive; brake as 0x605E says, then Fault."""
-        if self.state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE):
+        if self.faulty:
             return
         if self.enabled and self.options.fault_reaction != 0:
             self._enter(DriveState.FAULT_REACTION_ACTIVE)
@@ -156,6 +175,7 @@ class PowerStage:
         self._enter(DriveState.SWITCH_ON_DISABLED)
         self.mode = self.controlword = 0
         self.plant.restart()
+        self.homing.restart()
 
     def power_cycled(self) -> None:
         """As after power-on, the machine staying where it is and coasting on."""
@@ -196,12 +216,17 @@ class PowerStage:
 
     @property
     def _holds(self) -> bool:
-        """Whether its own velocity loop acts: on the ramp, and at rest under power behind it (0x605A from 5 on)."""
-        return self.stopping or self.state is DriveState.QUICK_STOP_ACTIVE
+        """Whether its own velocity loop acts: on the ramp, at rest under power behind it, and in homing."""
+        return self.stopping or self.state is DriveState.QUICK_STOP_ACTIVE or self._homes
+
+    @property
+    def _homes(self) -> bool:
+        """Whether it is in the homing mode under power."""
+        return self.mode == cia402.HOMING and self.state is DriveState.OPERATION_ENABLED and not self.stopping
 
     def _leave_for(self, target: DriveState) -> None:
         """Go to another state; where power ends with it, the brake holds first."""
-        if not (self.brake.by_drive and self.enabled and target not in _POWERED):
+        if not (self.brake.by_drive and self.enabled and target not in cia402.POWERED):
             self._enter(target)
         elif not self.stopping:
             self._slow_down(target)

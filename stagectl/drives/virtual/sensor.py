@@ -26,10 +26,17 @@ class Sensor:
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
         self._distortions: list[Distortion] = []
+        self.step = plant.p.encoder.step  # rad | m
+        self.origin = 0  # counts, of the position that the drive shows as 0
 
     @property
     def counts(self) -> int:
-        """Position in encoder counts."""
+        """Position in encoder counts, from the home that homing has found."""
+        return self.machine_counts - self.origin
+
+    @property
+    def machine_counts(self) -> int:
+        """Position in encoder counts, from power-on."""
         counts = self._plant.position_counts
         for distortion in self._distortions:
             counts = distortion.counts(counts)

@@ -3,7 +3,7 @@
 import { ask } from "./link.js";
 
 const at = (id) => document.getElementById(id);
-const POWERED = ["standing", "moving", "homing", "stopping"];
+const POWERED = ["standing", "moving", "homing", "drive_homing", "stopping"];
 
 export class Orders {
   constructor() {
@@ -51,7 +51,7 @@ export class Orders {
 
   take(now, all) {
     const state = now.state, powered = POWERED.includes(state);
-    const moving = all.some((one) => ["moving", "homing", "stopping", "enabling", "no_answer"].includes(one.state));
+    const moving = all.some((one) => ["moving", "homing", "drive_homing", "stopping", "enabling", "no_answer"].includes(one.state));
     at("enable").disabled = !["disabled", "offline"].includes(state);
     at("disable").disabled = !powered;
     at("home").disabled = state !== "standing";

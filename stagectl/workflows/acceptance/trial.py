@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.config.homing import Homing
 from stagectl.config.stage_file import Setup
 from stagectl.drives.drive import DriveError, Fault
+from stagectl.drives.homing import Homing
 from stagectl.kernels import feedback, law, rollout
 from stagectl.realtime import safety
 from stagectl.realtime import shared_memory as boards
