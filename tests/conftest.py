@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -26,6 +27,9 @@ Command = Callable[..., tuple[int, str, str]]
 ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "config"
 SOURCES = os.pathsep.join(str(ROOT / place) for place in (".", "tools/studies"))  # for a child's PYTHONPATH
+
+# Started in the background by a script, Ctrl-C is ignored, and every child would ignore it, too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The files that take longest, about in order.  Begun first, none of them runs alone at the end of the suite.
 LONGEST = (

@@ -7,7 +7,6 @@ import http.client
 import os
 import resource
 import signal
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -41,8 +40,8 @@ def children(machine: Served) -> list[str]:
     return sorted(line[3].decode() for line in lines if len(line) > 3)
 
 
-def left_behind() -> list[Path]:
-    return sorted(Path(tempfile.gettempdir()).glob("stagectl-export-*"))
+def left_behind(machine: Served) -> list[Path]:
+    return sorted(machine.temporary.glob("stagectl-export-*"))
 
 
 def stopped(machine: Served, what: str) -> float:
@@ -69,7 +68,7 @@ def on_the_way(machine: Served) -> None:
 
 @pytest.mark.parametrize("kinds", [*((kind,) for kind in KINDS), tuple(KINDS)], ids="-".join)
 def test_a_stop_gets_through(machine: Served, kinds: tuple[str, ...]) -> None:
-    processes, held, files = children(machine), machine.descriptors(), left_behind()
+    processes, held, files = children(machine), machine.descriptors(), left_behind(machine)
     with attacked(machine.folder, PORT, *kinds):
         for number in range(STOPS):
             on_the_way(machine)
@@ -78,7 +77,7 @@ def test_a_stop_gets_through(machine: Served, kinds: tuple[str, ...]) -> None:
         assert owner_reads(machine)  # at once with all who have no key
     assert within(PATIENCE, lambda: children(machine) == processes), (children(machine), processes)
     assert within(PATIENCE, lambda: machine.descriptors() == held), (machine.descriptors(), held)
-    assert left_behind() == files
+    assert left_behind(machine) == files
     assert machine.axis()["faults"] == 0
     assert "Traceback" not in machine.log
 

@@ -52,6 +52,7 @@ class Served:
         self.stage = lasting(folder)
         self.stages = stages or (str(self.stage),)
         self.socket = folder / "control.sock"
+        self.temporary = folder / "temporary"  # its own: what it leaves there is not another's
         self.process: subprocess.Popen[str] | None = None
         self.drive: subprocess.Popen[str] | None = None
 
@@ -77,8 +78,12 @@ class Served:
         return [*words, "--state", str(self.folder / "state"), "--channel", str(self.folder / "bus"), *self.arguments]
 
     def start(self) -> None:
+        self.temporary.mkdir(exist_ok=True)
+        surroundings = {**os.environ, "TMPDIR": str(self.temporary)}
         with (self.folder / "log").open("a") as log:
-            self.process = subprocess.Popen(self.command, cwd=ROOT, stderr=log, text=True, start_new_session=True)
+            self.process = subprocess.Popen(
+                self.command, cwd=ROOT, stderr=log, text=True, start_new_session=True, env=surroundings
+            )
         end = time.monotonic() + 300.0  # the machine is shared
         while time.monotonic() < end:
             with contextlib.suppress(Exception):
