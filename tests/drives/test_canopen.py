@@ -272,16 +272,17 @@ def test_a_drive_that_hangs_is_explained(bench: Workbench, bus: Tapped, monkeypa
 
 
 class Doubled(Tapped):
-    """A bus on which late answers to the first SDO request come before the one to the second."""
+    """A bus on which late answers about the first object come before the answer about the second."""
 
     def __init__(self, bus: Embedded, late: list[bytes]) -> None:
         super().__init__(bus)
-        self.late, self.answers = late, 0
+        self.late, self.asked = late, list[bytes]()
 
     def send(self, raw: bytes) -> None:
-        if parse(raw)[0] == 0x605:
-            self.answers += 1
-            self.before += self.late * (self.answers == 2)
+        cob_id, request = parse(raw)[:2]
+        if cob_id == 0x605 and request[1:4] not in self.asked:  # a repeated request asks about the same object
+            self.asked.append(request[1:4])
+            self.before += self.late * (len(self.asked) == 2)
         super().send(raw)
 
 
